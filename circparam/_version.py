@@ -1,0 +1,3 @@
+"""The version, alone in a file so that the build and ``--version`` import nothing else."""
+
+__version__ = "0.1.0"
