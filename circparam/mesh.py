@@ -15,6 +15,7 @@ from circparam.arrays import (
     IntArray,
     cross2,
     first_of_runs,
+    group_count,
     group_sum,
     next_half_edge,
     ranges,
@@ -271,13 +272,13 @@ def border_loops(patches: Patches) -> Loops:
     at = np.full(patches.n_vertices, -1)
     at[flat[h]] = np.arange(len(h))
     follower = at[flat[next_half_edge(h)]]
-    _, labels = csgraph.connected_components(
+    _, components = csgraph.connected_components(
         sps.coo_matrix(
             (np.ones(len(h), bool), (np.arange(len(h)), follower)), shape=(len(h), len(h))
         ),
         directed=False,
     )
-    labels = labels.astype(np.int64)
+    labels = components.astype(np.int64)
     head = first_of_runs(np.sort(labels))
     head = np.argsort(labels, kind="stable")[head]  # the lowest half-edge of each loop
     # list ranking: steps from each half-edge to its loop's head, doubled until all have arrived
@@ -291,7 +292,7 @@ def border_loops(patches: Patches) -> Loops:
             break
         steps = steps + steps[jump]
         jump = further
-    size = np.bincount(labels)
+    size = group_count(labels, len(head))
     position = np.where(is_head, 0, size[labels] - steps)
     order = np.lexsort((position, labels))
     start = np.r_[0, np.cumsum(size)].astype(np.int64)

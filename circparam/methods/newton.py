@@ -1,0 +1,219 @@
+"""Relax layouts by projected Newton on the symmetric Dirichlet energy, all charts in one system.
+
+Every chart has its own step length, energy and stopping test; the Hessian is one block matrix. A step never
+reaches the first collapse of a face, so a layout that starts without a flipped face ends without one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_count, group_min, group_sum
+from circparam.mesh import Patches
+from circparam.methods import dirichlet
+from circparam.methods.blocks import (
+    DIRECT_LIMIT,
+    BlockPattern,
+    TwoLevel,
+    aggregates,
+    conjugate_gradients,
+)
+from circparam.progress import Monitor
+
+ARMIJO = 1e-4
+SAFETY = 0.9  # share of the way to the first collapse that a step may go
+BAD_START = 20.0  # energy above which the SLIM proxy leads better than the Hessian
+PROXY_STEPS = 4
+
+
+@dataclass(frozen=True)
+class RelaxOptions:
+    """When to stop.
+
+    tolerance: a chart has converged when the decrease that Newton's model predicts is below this share of its
+    energy. max_iterations: bound on the steps. bound: charts whose energy falls to it stop there (None: none
+    do). fixed: (nv,) bool, vertices that stay where they are.
+    """
+
+    tolerance: float = 1e-6
+    max_iterations: int = 200
+    bound: float | None = None
+    fixed: BoolArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxed:
+    """uv (nv, 2); energy, iterations (n_charts,); stopped: why each chart stopped."""
+
+    uv: FloatArray
+    energy: FloatArray
+    iterations: IntArray
+    stopped: list[str]
+
+
+class _System:
+    """The charts that still move: patches in components-first arrays, with their pattern."""
+
+    def __init__(self, patches: Patches, fixed: BoolArray | None) -> None:
+        self.patches = patches
+        self.fixed = fixed
+        self.gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
+        self.weight = patches.areas / patches.chart_areas[patches.chart]
+        self.corners = patches.faces.T.copy()
+        self.pattern: BlockPattern | None = None
+        self.agg: IntArray | None = None
+
+    def gather(self, uv: FloatArray) -> FloatArray:
+        """(2, 3, m) uv of the corners."""
+        return np.stack([uv[:, 0][self.corners], uv[:, 1][self.corners]])
+
+    def energies(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n_charts,) energy of each chart, and the Jacobians."""
+        jacobian = dirichlet.jacobians(self.gradients, self.gather(uv))
+        value = self.weight * dirichlet.energy(jacobian)
+        return group_sum(value, self.patches.chart, self.patches.n_charts), jacobian
+
+    def vertex_gradient(self, jacobian: FloatArray) -> FloatArray:
+        """(nv, 2) gradient of the energies."""
+        p = dirichlet.gradient(jacobian) * self.weight
+        corner = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]
+        flat = self.corners.ravel()
+        n = self.patches.n_vertices
+        return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
+
+    def direction(
+        self, uv: FloatArray, jacobian: FloatArray, g: FloatArray, proxy: bool
+    ) -> FloatArray:
+        """(nv, 2) the Newton direction (or the SLIM proxy's)."""
+        if self.pattern is None:
+            self.pattern = BlockPattern(self.patches)
+        modes = dirichlet.proxy_modes if proxy else dirichlet.newton_modes
+        values, directions = modes(jacobian)
+        blocks = dirichlet.edge_blocks(values * self.weight, directions, self.gradients)
+        matrix = self.pattern.assemble(blocks)
+        if self.fixed is not None:
+            _hold(matrix, self.pattern, self.fixed)
+            g = np.where(self.fixed[:, None], 0.0, g)
+        if self.patches.n_vertices <= DIRECT_LIMIT:
+            return -self.pattern.solve_direct(matrix, g)
+        if self.agg is None:
+            self.agg = aggregates(self.patches, self.pattern, uv)
+        precondition = TwoLevel(matrix, matrix.data[self.pattern.diagonal], self.agg, uv)
+        step = conjugate_gradients(matrix, g.ravel(), precondition, 2e-2, 60)
+        return -step.reshape(-1, 2)
+
+
+def _hold(matrix: object, pattern: BlockPattern, fixed: BoolArray) -> None:
+    """Replace the rows and columns of fixed vertices by those of the identity, in place."""
+    data = matrix.data  # type: ignore[attr-defined]
+    rows = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
+    held = fixed[rows] | fixed[pattern.indices]
+    data[held] = 0.0
+    data[pattern.diagonal[fixed]] = np.eye(2) * float(np.abs(data[pattern.diagonal]).mean())
+
+
+def relax(
+    patches: Patches, uv: FloatArray, options: RelaxOptions, monitor: Monitor | None = None
+) -> Relaxed:
+    """Minimise the symmetric Dirichlet energy of every chart from a layout without flipped faces.
+
+    uv: (nv, 2) in the units of the mesh. Charts that start with a flipped or collapsed face are left as they
+    are and their energy is infinite. Source of the steps: Smith and Schaefer (2015); of the eigensystem: Smith,
+    Goes and Kim (2019).
+    """
+    scale = np.sqrt(patches.areas.mean())
+    work = replace(patches, frames=patches.frames / scale)
+    out = uv / scale
+    n = patches.n_charts
+    iterations = np.zeros(n, np.int64)
+    stopped = np.full(n, "iterations", dtype=object)
+    system = _System(work, options.fixed)
+    energy, jacobian = system.energies(out)
+    stopped[~np.isfinite(energy)] = "flipped start"
+    active = np.isfinite(energy)
+    if options.bound is not None:
+        stopped[active & (energy <= options.bound)] = "bound"
+        active &= energy > options.bound
+    charts = np.arange(n)  # charts, vertices of the whole that the system holds
+    vertices = np.arange(patches.n_vertices)
+    fresh = True
+    for step in range(options.max_iterations):
+        if not active.any():
+            break
+        if monitor is not None and monitor.expired:
+            stopped[active] = "time"
+            break
+        inside = active[charts]
+        share = (
+            work.areas.size
+            and np.bincount(system.patches.chart, minlength=len(charts))[inside].sum()
+        )
+        if share < 0.8 * len(system.patches.faces):
+            sub, vid, _ = system.patches.subset(inside)
+            charts, vertices = charts[inside], vertices[vid]
+            system = _System(sub, None if options.fixed is None else options.fixed[vertices])
+            inside = np.ones(len(charts), bool)
+            fresh = True
+        u = out[vertices]
+        e = energy[charts]
+        if fresh:
+            e, jacobian = system.energies(u)
+            fresh = False
+        proxy = bool(step < PROXY_STEPS and e[inside].max() > BAD_START)
+        moved = _step(system, u, e, jacobian, inside, proxy)
+        u, e1, jacobian, predicted, progress = moved
+        out[vertices] = u
+        iterations[charts] += inside
+        energy[charts] = e1
+        done = inside & (predicted <= options.tolerance * e1) & (not proxy)
+        stuck = inside & ~progress & ~done
+        stopped[charts[done]] = "converged"
+        stopped[charts[stuck]] = "no descent"
+        finished = done | stuck
+        if options.bound is not None:
+            reached = inside & (e1 <= options.bound) & ~finished
+            stopped[charts[reached]] = "bound"
+            finished |= reached
+        active[charts[finished]] = False
+        if monitor is not None:
+            monitor.update(
+                1 - active.mean(), f"energy {energy[np.isfinite(energy)].max(initial=0):.5g}"
+            )
+    return Relaxed(out * scale, energy, iterations, [str(s) for s in stopped])
+
+
+def _step(
+    system: _System,
+    u: FloatArray,
+    e: FloatArray,
+    jacobian: FloatArray,
+    inside: BoolArray,
+    proxy: bool,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
+    """One damped step of every active chart: (uv, energies, Jacobians, predicted decrease, who moved)."""
+    p = system.patches
+    n = p.n_charts
+    safe = np.where(np.isfinite(e)[p.chart], jacobian, np.eye(2)[:, :, None])
+    g = system.vertex_gradient(safe)
+    if system.fixed is not None:
+        g = np.where(system.fixed[:, None], 0.0, g)
+    d = system.direction(u, safe, g, proxy)
+    slope = group_sum((g * d).sum(1), p.vertex_chart, n)
+    bad = ~(slope <= 0)
+    if bad.any():  # the model failed (rounding): go down the gradient instead
+        d = np.where(bad[p.vertex_chart][:, None], -g, d)
+        slope = group_sum((g * d).sum(1), p.vertex_chart, n)
+    reach = group_min(dirichlet.largest_step(system.gather(u), system.gather(d)), p.chart, n)
+    t = np.where(inside & np.isfinite(e), np.minimum(1.0, SAFETY * reach), 0.0)
+    for _ in range(40):
+        trial = u + t[p.vertex_chart][:, None] * d
+        e1, j1 = system.energies(trial)
+        with np.errstate(invalid="ignore"):
+            bad = (t > 0) & ~(e1 <= e + ARMIJO * t * slope)
+        if not bad.any():
+            break
+        t[bad] = np.where(t[bad] < 1e-10, 0.0, t[bad] / 2)
+    progress = t > 0
+    return trial, e1, j1, -slope / 2, progress
