@@ -10,17 +10,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_count, group_min, group_sum
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
 from circparam.mesh import Patches
-from circparam.methods import dirichlet
-from circparam.methods.blocks import (
+from circparam.progress import Monitor
+from circparam.solve import dirichlet
+from circparam.solve.blocks import (
     DIRECT_LIMIT,
     BlockPattern,
     TwoLevel,
     aggregates,
     conjugate_gradients,
 )
-from circparam.progress import Monitor
 
 ARMIJO = 1e-4
 SAFETY = 0.9  # share of the way to the first collapse that a step may go

@@ -1,0 +1,1 @@
+"""The numerical core that methods and seams share: energies, block systems, relaxation, Poisson starts."""
