@@ -1,8 +1,8 @@
 """Convex-combination weights: what each inner vertex takes of each of its neighbours.
 
 A scheme is one function of patches. It returns a pair (forward, backward) of (m, 3) arrays: what the face
-adds to the weight w_ij of its half-edge i → j, and to w_ji of the same edge read backwards. ``half_edge_weights``
-adds the two faces of every edge up. All schemes are intrinsic (they read the frames only) and work on all
+adds to the weight w_ij of its half-edge i → j, and to w_ji of the same edge read backwards. The function
+``half_edge_weights`` adds the two faces of every edge up. All schemes are intrinsic (they read the frames only) and work on all
 charts at once; none needs a loop over vertices.
 """
 
@@ -14,8 +14,8 @@ from typing import TypeAlias
 import numpy as np
 
 from circparam.arrays import FloatArray, IntArray, group_sum
-from circparam.geometry import cotangents, tan_half_angles, twins, vertex_angle_sums
 from circparam.geometry import corner_angles as angles_of
+from circparam.geometry import cotangents, tan_half_angles, twins, vertex_angle_sums
 from circparam.mesh import Patches
 from circparam.registry import Row, Table
 
@@ -90,7 +90,7 @@ def _barycentric(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def flat_rings(patches: Patches) -> tuple[IntArray, IntArray, FloatArray]:
-    """The rings of all inner vertices, each in counter-clockwise order from angle 0, laid flat by Floater's eq. 3.
+    """The rings of all inner vertices, each counter-clockwise from angle 0, laid flat by Floater's eq. 3.
 
     Returns (ring (k,) 0.. in ascending order of vertex, half-edge (k,) that leaves the centre, angle (k,) in
     [0, 2π)). A corner that would take π or more of the plane is held below π, else the centre would lie

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from circparam.arrays import FloatArray, IntArray
-from circparam.errors import OptionError
+from circparam.errors import OptionError, TopologyError
 from circparam.mesh import Patches
 from circparam.progress import Monitor
 
@@ -63,7 +63,7 @@ class MethodOptions:
 @dataclass(frozen=True, eq=False)
 class Layout:
     """uv (n_vertices, 2) in units of the mesh, charts not packed. iterations (n_charts,). stopped: why each
-    chart's iteration ended (empty strings where there was none). notes: what the user should know, one line each.
+    chart's iteration ended. notes: what the user should know, one line each.
     """
 
     uv: FloatArray
@@ -83,8 +83,6 @@ def direct(patches: Patches, uv: FloatArray, notes: list[str]) -> Layout:
 
 def require_border(patches: Patches) -> None:
     """Raise TopologyError unless every chart is a disk, with or without holes."""
-    from circparam.errors import TopologyError
-
     loops = np.bincount(patches.loops.chart, minlength=patches.n_charts)
     bad = np.flatnonzero((loops == 0) | (patches.euler() != 2 - loops))
     if len(bad):

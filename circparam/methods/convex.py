@@ -22,9 +22,7 @@ from circparam.weights import WEIGHTS, clamp_negative, half_edge_weights
 
 @dataclass(frozen=True, eq=False)
 class ConvexReport:
-    """negative (n_charts,): inner edges whose weight is negative in one direction or both, counted by half-edge,
-    before clamping. clamped: whether they were lifted. system: what was solved, to solve it again.
-    """
+    """negative (n_charts,): half-edges that leave a free vertex with a negative weight, before clamping. clamped: whether they were lifted. system: what was solved, to solve it again."""
 
     negative: IntArray
     clamped: bool
