@@ -1,0 +1,115 @@
+"""What can be asked of packing, and what comes back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from circparam.arrays import FloatArray, IntArray
+from circparam.errors import OptionError
+from circparam.registry import unknown_name
+
+ROTATIONS = ("free", "90", "none")
+
+# Largest side of a page: the check of the finished layout is made on a raster of that size.
+MAX_RESOLUTION = 32768
+
+
+@dataclass(frozen=True)
+class PackOptions:
+    """How charts are laid on pages.
+
+    resolution: side of a page in texels. padding: empty texels between any two charts and at the border.
+    rotate: 'free' (any angle), '90' (quarter turns), 'none'. pages: number of UDIM tiles that may be used.
+    texel_density: texels per unit of the uv given; None fills the pages. scale: False keeps the sizes given
+    (the uv given are then in units of a page). seconds: bound of the search for a better layout; None takes
+    the bound that suits the number of charts.
+
+    Raises OptionError for a value out of range, or for a density together with sizes that are kept.
+    """
+
+    resolution: int = 2048
+    padding: int = 4
+    rotate: str = "free"
+    pages: int = 1
+    texel_density: float | None = None
+    scale: bool = True
+    seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.rotate not in ROTATIONS:
+            raise OptionError(unknown_name("rotation", self.rotate, list(ROTATIONS)))
+        if not 1 <= self.resolution <= MAX_RESOLUTION:
+            raise OptionError(
+                f"resolution {self.resolution} is out of range: give 1 to {MAX_RESOLUTION} texels"
+            )
+        if self.padding < 0:
+            raise OptionError(f"padding {self.padding} is negative: give 0 or more texels")
+        if self.resolution < 2 * self.padding + 1:
+            raise OptionError(
+                f"padding {self.padding} cannot fit: a page of {self.resolution} texels has no room "
+                f"between its borders; give --padding {(self.resolution - 1) // 2} or less, "
+                "or a larger --resolution"
+            )
+        if not 1 <= self.pages <= 1000:
+            raise OptionError(f"pages {self.pages} is out of range: give 1 to 1000")
+        density = self.texel_density
+        if density is not None and not (math.isfinite(density) and density > 0):
+            raise OptionError(f"texel density {density} is not a positive number")
+        if density is not None and not self.scale:
+            raise OptionError("a texel density sets the scale: leave out --no-scale or the density")
+
+    @property
+    def gap(self) -> float:
+        """Distance in texels that two charts keep, so that covered centres are padding + 1 apart."""
+        return lattice_gap(self.padding) + MARGIN
+
+    @property
+    def border(self) -> float:
+        """Distance in texels that charts keep from the border of the page.
+
+        The centre of texel ``padding − 1`` is half a texel nearer to the border than the texel's inner side,
+        and it is the last one that must stay empty.
+        """
+        return max(self.padding - 0.5, 0.0) + MARGIN
+
+    @property
+    def fixed_scale(self) -> float | None:
+        """Texels per unit of the uv given where the user fixes it, else None."""
+        if not self.scale:
+            return float(self.resolution)
+        return self.texel_density
+
+
+# Room for rounding to float32 (1.2e-4 texels at 2048, 2e-3 at 32768) and for the raster's own rounding.
+MARGIN = 0.01
+
+
+def lattice_gap(padding: int) -> float:
+    """Largest distance below padding + 1 that two texel centres can have.
+
+    Charts further apart than this have covered centres at least padding + 1 apart, since no two centres of
+    the grid have a distance in between: 2·√5 = 4.472 does for padding 4, where 5 seems to be needed.
+    """
+    bound = (padding + 1) ** 2
+    best = 0
+    for a in range(padding + 1):
+        b = math.isqrt(bound - 1 - a * a)
+        best = max(best, a * a + b * b)
+    return math.sqrt(best)
+
+
+@dataclass(frozen=True, eq=False)
+class Packed:
+    """A packed layout.
+
+    uv: (nv, 2) float64 in the unit square, u shifted by the page (UDIM). page: (n,) page of each chart.
+    scale: factor from the uv given to the uv here. share: (pages,) covered share of each page.
+    notes: what the user should know, one line each.
+    """
+
+    uv: FloatArray
+    page: IntArray
+    scale: float
+    share: FloatArray
+    notes: list[str] = field(default_factory=list)

@@ -1,0 +1,98 @@
+"""The way through packing: shapes, a placement, uv, and the check on the raster at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.arrays import FloatArray, IntArray
+from circparam.errors import NoResultError, OptionError
+from circparam.packing.options import Packed, PackOptions
+from circparam.packing.raster import faults
+from circparam.packing.shapes import Shapes, shapes_of
+from circparam.packing.shelf import Placement, shelf_placement
+from circparam.progress import Monitor
+
+
+def pack(
+    faces: IntArray,
+    uv: FloatArray,
+    chart: IntArray,
+    options: PackOptions | None = None,
+    monitor: Monitor | None = None,
+) -> Packed:
+    """Lay charts on pages: faces (m, 3) into uv (nv, 2), chart (m,) labels 0..n-1.
+
+    All charts get one scale, so relative sizes are kept. Charts are moved, turned as the options allow, and
+    scaled, never mirrored. On a raster of the stated resolution the covered texel centres of two charts are
+    at least padding + 1 apart and padding texels are empty at the border of the page.
+
+    Raises OptionError where the charts cannot fit (padding, density or sizes too large, too many charts),
+    NoResultError where no chart has any extent.
+    """
+    return shelf(faces, uv, chart, options, monitor)
+
+
+def shelf(
+    faces: IntArray,
+    uv: FloatArray,
+    chart: IntArray,
+    options: PackOptions | None = None,
+    monitor: Monitor | None = None,
+) -> Packed:
+    """Like ``pack``, by rows of bounding boxes only: coarse, but in no time for any number of charts."""
+    options = options or PackOptions()
+    shapes = shapes_of(faces, uv, chart)
+    check_room(shapes, options)
+    placement = shelf_placement(shapes, options)
+    if placement is None:
+        raise OptionError(does_not_fit(shapes, options))
+    packed, wrong = finish(shapes, placement, options)
+    if wrong:
+        raise NoResultError(f"packing failed its own check: {wrong}; try a larger --resolution")
+    return packed
+
+
+def check_room(shapes: Shapes, options: PackOptions) -> None:
+    """Refuse what can never fit: more charts than a page has places, or nothing with any extent."""
+    if not shapes.radius.max() > 0:
+        raise NoResultError("no chart has any extent in uv: there is nothing to pack")
+    side = options.resolution - 2 * options.border
+    places = options.pages * (int(side / options.gap) + 1) ** 2
+    if shapes.n > places:
+        raise OptionError(
+            f"{shapes.n} charts do not fit: {options.pages} page(s) of {options.resolution} texels have "
+            f"{places} places at padding {options.padding}; raise --resolution or --pages, "
+            "or lower --padding"
+        )
+
+
+def does_not_fit(shapes: Shapes, options: PackOptions) -> str:
+    """The message for charts that do not fit at the scale the user fixed."""
+    where = f"{options.pages} page(s) of {options.resolution} texels at padding {options.padding}"
+    if options.fixed_scale is None:
+        return f"{shapes.n} charts do not fit on {where}: raise --resolution or --pages"
+    area = float(shapes.area.sum()) * options.fixed_scale**2 / options.resolution**2
+    what = "the sizes given" if not options.scale else f"texel density {options.texel_density:g}"
+    return (
+        f"{shapes.n} charts at {what} ({area:.2f} pages of area) do not fit on {where}: "
+        "lower the density, or raise --resolution or --pages"
+    )
+
+
+def finish(shapes: Shapes, placement: Placement, options: PackOptions) -> tuple[Packed, str | None]:
+    """uv of a placement, checked on the raster: returns (packed, what is wrong or None)."""
+    local = shapes.place(placement.angle, placement.offset, placement.scale) / options.resolution
+    face_page = placement.page[shapes.chart]
+    wrong, share = faults(local[shapes.faces], shapes.chart, face_page, options)
+    uv = local
+    if options.pages > 1:
+        uv = local.copy()
+        uv[:, 0] += np.where(shapes.owner >= 0, placement.page[np.maximum(shapes.owner, 0)], 0)
+    notes = []
+    empty = int((shapes.area == 0).sum())
+    if empty:
+        notes.append(
+            f"{empty} of {shapes.n} charts have no area in uv: they are kept as points or lines"
+        )
+    scale = placement.scale / options.resolution
+    return Packed(uv, placement.page, scale, share, notes), wrong
