@@ -1,0 +1,35 @@
+"""The ways of cutting a surface open, one row each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from circparam.progress import Monitor
+from circparam.registry import Row, Table
+from circparam.seams.disk import disk, none
+from circparam.seams.options import SeamOptions, Seams
+from circparam.topology import Surface
+
+SeamFunction: TypeAlias = Callable[[Surface, SeamOptions, Monitor], Seams]
+
+__all__ = ["SEAMS", "SeamFunction", "SeamOptions", "Seams"]
+
+
+def _charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
+    from circparam.seams.charts import charts
+
+    return charts(surface, options, monitor)
+
+
+SEAMS: Table[SeamFunction] = Table(
+    "cut",
+    Row("charts", _charts, "few charts of bounded distortion, none overlapping itself"),
+    Row(
+        "disk",
+        disk,
+        "each component becomes one disk, its handles cut along short loops",
+        "Erickson, Whittlesey 2005 (tree-cotree)",
+    ),
+    Row("none", none, "no seams: every component must be a disk already"),
+)
