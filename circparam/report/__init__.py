@@ -1,0 +1,1 @@
+"""What a run tells: the summary, its table, pictures and pages."""

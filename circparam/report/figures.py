@@ -1,0 +1,100 @@
+"""What pictures and pages share: their options, the key figures in words, and writing a file whole."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from circparam.arrays import FloatArray, group_sum
+from circparam.errors import OutputError
+from circparam.report.scene import Scene
+
+Figures = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """title: the heading. note: a line below it. up: the axis that points up. padding: of the layout, in uv
+    units (0 shows none). stretch_end: end of the colour scale, None for the value that 99 % stay below.
+    directions: (d, 3) sides to look from, None for the two that show most.
+    """
+
+    title: str = "uv layout"
+    note: str = ""
+    up: str = "y"
+    padding: float = 0.0
+    stretch_end: float | None = None
+    directions: FloatArray | None = None
+
+
+def scene_figures(
+    scene: Scene, covered: tuple[float, float] | None = None
+) -> list[tuple[str, str]]:
+    """The key figures of a scene as (label, text), for pictures made without a report at hand.
+
+    covered: (share of the tiles in use that is covered, share of that covered more than once), if known.
+    """
+    ok = np.isfinite(scene.stretch) & scene.mapped
+    area = scene.areas
+    whole = float(area[ok].sum())
+    mean = float((scene.stretch[ok] * area[ok]).sum() / whole) if whole > 0 else float("nan")
+    h = scene.inner_seams
+    p = scene.points[scene.faces.ravel()]
+    seam = np.linalg.norm(p[3 * (h // 3) + (h + 1) % 3] - p[h], axis=1).sum()
+    turn = np.sign(group_sum(scene.uv_areas, np.maximum(scene.chart, 0), max(scene.n_charts, 1)))
+    out = [
+        ("charts", f"{scene.n_charts:,}"),
+        ("stretch (1 is perfect)", f"{mean:.4f}"),
+        ("flipped faces", f"{int(scene.flipped.sum()):,}"),
+        ("mirrored charts", f"{int((turn < 0).sum()):,}"),
+        ("seam length / size", f"{seam / np.sqrt(max(area.sum(), 1e-300)):.2f}"),
+    ]
+    if covered is not None:
+        out.append(("covered", f"{100 * covered[0]:.1f} %"))
+        out.append(("overlap", f"{100 * covered[1]:.2f} %"))
+    if not scene.mapped.all():
+        out.append(("faces without uv", f"{int((~scene.mapped).sum()):,}"))
+    return out
+
+
+def as_figures(measures: Mapping[str, object] | Figures) -> list[tuple[str, str]]:
+    """Measures as (label, text): numbers rounded to what one can read."""
+    pairs = measures.items() if isinstance(measures, Mapping) else measures
+    return [(name.replace("_", " "), _number(value)) for name, value in pairs]
+
+
+def _number(value: object) -> str:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        return str(value)
+    number = float(value)
+    if number == int(number) and abs(number) < 1e15 if np.isfinite(number) else False:
+        return f"{int(number):,}"
+    return f"{number:.4g}"
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a whole file or none: into a temporary file beside it, then renamed. Raises OutputError."""
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
+            file.write(data)
+        try:
+            os.chmod(file.name, 0o666 & ~_umask())
+            os.replace(file.name, path)
+        except OSError:
+            os.unlink(file.name)
+            raise
+    except OSError as error:
+        raise OutputError(
+            f"{path}: cannot be written ({error.strerror}): give another path with -o"
+        ) from error
+
+
+def _umask() -> int:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
