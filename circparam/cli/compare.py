@@ -1,0 +1,282 @@
+"""``circparam compare``: several methods on the identical cut, side by side."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from circparam.cli import options
+
+if TYPE_CHECKING:
+    from circparam.compare import Comparison
+    from circparam.table1 import Size
+
+SCHEMA = "circparam/compare/1"
+
+_EPILOG = """\b
+Examples:
+  circparam compare --methods circle,floater
+  circparam compare mesh.obj --methods circle,mean-value,lscm,isometric
+  circparam compare mesh.obj --methods isometric,xatlas --json
+  circparam compare *.obj --methods all --csv figures.csv -q
+"""
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("meshes", nargs=-1, type=options.MESH)
+@click.option(
+    "--methods",
+    "-m",
+    default="circle,floater",
+    show_default=True,
+    metavar="NAMES",
+    help="Names separated by commas; all; xatlas or xatlas-default where that is installed.",
+)
+@click.option(
+    "--cut",
+    default="auto",
+    show_default=True,
+    metavar="CUT",
+    help="auto (disks stay whole, others get charts), charts, disk or none.",
+)
+@click.option("--max-distortion", type=float, metavar="D", help="Bound of --cut charts.")
+@click.option("--border", help="Border of the convex methods.  [default: circle]")
+@click.option("--spacing", help="Spacing along that border: arc-length or uniform.")
+@click.option("--timeout", type=float, metavar="SECONDS", help="Bound for each method.")
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, 1000),
+    default=31,
+    show_default=True,
+    help="Of each size of Table 1.",
+)
+@options.json_option
+@click.option("--csv", "csv_file", type=options.FILE, metavar="FILE", help="Write the rows as CSV.")
+@options.overwrite
+@options.quiet
+def command(
+    meshes: tuple[str, ...],
+    methods: str,
+    cut: str,
+    repeats: int,
+    as_json: bool,
+    csv_file: str | None,
+    overwrite: bool,
+    quiet: bool,
+    **keywords: Any,
+) -> None:
+    """Run several methods on the identical cut and put them side by side.
+
+    Each method runs in a process of its own, so that its peak memory is its own. A uv set that the file has
+    already is the row "input". Without MESH the bundled samples are compared, and circle and floater are
+    timed on the sizes of Table 1 of the source.
+    """
+    from circparam import samples, table1
+    from circparam.compare import compare, method_names
+
+    names = method_names(methods)
+    if csv_file is not None:
+        _check_output(csv_file, overwrite)
+    wanted = {k: v for k, v in keywords.items() if v is not None}
+    found, sizes = [], None
+    say = _Talk(quiet)
+    for mesh in meshes or samples.names():
+        source = mesh if meshes else samples.path(mesh)
+        comparison = compare(source, names, cut=cut, listener=say.listener(str(mesh)), **wanted)
+        say.clear()
+        found.append(comparison)
+        if not as_json and not (quiet and csv_file):
+            click.echo(_table(comparison, None if meshes else mesh) + "\n")
+    if not meshes and {table1.METHOD, table1.PEER} <= set(names):
+        sizes = table1.measure(repeats=repeats)
+        if not as_json and not (quiet and csv_file):
+            click.echo(_table1(sizes, repeats))
+    if as_json:
+        click.echo(json.dumps(_document(found, sizes, repeats), indent=2, ensure_ascii=False))
+    if csv_file is not None:
+        _write_csv(csv_file, found)
+    _fail_if_nothing(found)
+
+
+class _Talk:
+    """One line of progress on a terminal, overwritten by the next one."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.on = not quiet and sys.stderr.isatty()
+
+    def listener(self, mesh: str) -> Callable[[str, float, str], None]:
+        """What the library calls while it works on a mesh."""
+
+        def hear(stage: str, fraction: float, note: str) -> None:
+            if self.on:
+                text = f"{Path(mesh).name}: {note or stage}"[:78]
+                click.echo(f"\r{text:78}", err=True, nl=False)
+
+        return hear
+
+    def clear(self) -> None:
+        """Take the line away."""
+        if self.on:
+            click.echo("\r" + " " * 78 + "\r", err=True, nl=False)
+
+
+def _check_output(path: str, overwrite: bool) -> None:
+    """Refuse before hours of work, not after."""
+    from circparam.errors import OptionError, OutputError
+
+    if Path(path).exists() and not overwrite:
+        raise OptionError(f"{path} exists already: give --overwrite or another name")
+    if not Path(path).absolute().parent.is_dir():
+        raise OutputError(f"{path}: there is no folder {Path(path).absolute().parent}")
+
+
+def _fail_if_nothing(found: list[Comparison]) -> None:
+    from circparam.errors import NoResultError
+
+    rows = [row for c in found for row in c.rows if row.method != "input"]
+    if rows and all(row.status == "failed" for row in rows):
+        raise NoResultError(f"no method had a result; {rows[0].method}: {rows[0].error}")
+
+
+# text ----------------------------------------------------------------------------------------------
+
+_COST = [
+    *[("charts", 6), ("seam", 7), ("weights", 9), ("solve", 9), ("total", 9), ("peak MB", 9)],
+    *[("flips", 7), ("overlap", 9)],
+]
+_QUALITY = [
+    ("SD/4", 10),
+    ("worst", 10),
+    ("L2", 9),
+    ("Linf", 10),
+    ("angle", 9),
+    ("area", 9),
+    ("pack", 7),
+]
+
+
+def _table(c: Comparison, name: str | None) -> str:
+    """What it costs and what it is worth, two tables of at most 80 columns."""
+    lines = [
+        f"{name or c.mesh}: {c.vertices} vertices, {c.faces} faces; cut {c.cut}, {c.cut_seconds:.2f} s"
+    ]
+    lines.append(_line("method", [label for label, _ in _COST], _COST))
+    for row in c.rows:
+        if row.status == "failed":
+            lines.append(f"{row.method:14} failed")
+            continue
+        f = row.figures
+        seconds = [row.stages.get("weights"), row.stages.get("solve"), row.seconds]
+        cells = [
+            _count(f["charts"]),
+            _number(f["seam_length"], 2),
+            *(_number(s, 4) for s in seconds),
+        ]
+        peak = None if row.peak_bytes is None else row.peak_bytes / 2**20
+        cells += [_number(peak, 1), _count(f["flips"]), _count(f["overlap"])]
+        lines.append(_line(row.method, cells, _COST))
+    lines.append(_line("method", [label for label, _ in _QUALITY], _QUALITY))
+    for row in c.rows:
+        if row.status != "failed":
+            f = row.figures
+            keys = (
+                "distortion",
+                "distortion_max_chart",
+                "stretch_l2",
+                "stretch_linf",
+                "angle",
+                "area",
+            )
+            cells = [*(_number(f[key], 4) for key in keys), _number(f["pack"], 3)]
+            lines.append(_line(row.method, cells, _QUALITY))
+    for row in c.rows:
+        lines += [_clip(f"  {row.method}: {text}") for text in [row.error, *row.notes] if text]
+    return "\n".join(lines)
+
+
+def _table1(sizes: list[Size], repeats: int) -> str:
+    """Table 1 of the source beside what was measured here."""
+    from circparam.table1 import RANGE
+
+    lines = [f"Table 1 of the source (Kim 2019), median of {repeats} repeats, ms [quartiles]"]
+    lines.append(
+        f"{'vertices':>8}{'circle':>22}{'Floater':>22}{'ratio':>9}{'paper':>8}{'weights':>10}"
+    )
+    for s in sizes:
+        spreads = [
+            f"{1e3 * x.median:.2f} [{1e3 * x.low:.2f} {1e3 * x.high:.2f}]"
+            for x in (s.circle, s.floater)
+        ]
+        paper = "-" if s.paper_ratio is None else f"{s.paper_ratio:.3f}"
+        lines.append(
+            f"{s.vertices:>8}{spreads[0]:>22}{spreads[1]:>22}{s.ratio:>9.3f}{paper:>8}{s.weights_ratio:>10.2f}"
+        )
+    outside = [s.vertices for s in sizes if not RANGE[0] <= s.ratio <= RANGE[1]]
+    lines.append(
+        f"ratio = Floater / circle; the source has {RANGE[0]} to {RANGE[1]}, its text 20 to 30 %."
+    )
+    lines.append("weights = the same ratio for the weight stage alone.")
+    if outside:
+        lines.append(f"Outside that range here: {', '.join(map(str, outside))} vertices.")
+    return "\n".join(lines)
+
+
+def _line(first: str, cells: list[str], columns: list[tuple[str, int]]) -> str:
+    widths = (width for _, width in columns)
+    return f"{first:14}" + "".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))
+
+
+def _count(value: float | int | None) -> str:
+    return "-" if value is None else str(int(value))
+
+
+def _number(value: float | int | None, digits: int) -> str:
+    """A number that stays within its column."""
+    if value is None or value != value:
+        return "-"
+    return f"{value:.{digits}f}" if abs(value) < 1000 else f"{value:.3g}"
+
+
+def _clip(text: str) -> str:
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+# files ---------------------------------------------------------------------------------------------
+
+
+def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -> dict[str, Any]:
+    from circparam import __version__, table1
+
+    printed = None
+    if sizes is not None:
+        rows = [s.as_dict() for s in sizes]
+        printed = {"repeats": repeats, "range_of_source": table1.RANGE, "sizes": rows}
+    meshes = [c.as_dict() for c in found]
+    return {"schema": SCHEMA, "version": __version__, "meshes": meshes, "table1": printed}
+
+
+def _write_csv(path: str, found: list[Comparison]) -> None:
+    """One line a mesh and method; stages as columns, seconds."""
+    from circparam.errors import OutputError
+
+    rows = []
+    for c in found:
+        for entry in c.rows:
+            row = {"mesh": c.mesh, "cut": c.cut, "cut_seconds": c.cut_seconds, **entry.as_dict()}
+            stages = row.pop("stages")
+            row["notes"] = "; ".join(row["notes"])
+            rows.append({**row, **{f"seconds_{k}": v for k, v in stages.items()}})
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    try:
+        with Path(path).open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.DictWriter(stream, names, restval="")
+            writer.writeheader()
+            writer.writerows(rows)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error

@@ -1,0 +1,287 @@
+"""Methods side by side: every one on the identical cut, each in a process of its own.
+
+One cut is made; each method gets the same patches, packs with the same settings, and is judged by the same
+code that judges a written file. Rows that have seams of their own (the file's own uv, ``input``, and the
+baselines of ``circparam.baseline``) are judged as they are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from circparam import baseline, isolated
+from circparam.arrays import FloatArray
+from circparam.errors import NoResultError, OptionError, OutOfTimeError
+from circparam.formats import Document
+from circparam.mesh import Patches, UVMap
+from circparam.methods import METHODS, MethodOptions
+from circparam.options import FREE, Options
+from circparam.pipeline import method_options, open_source, place, seam_options
+from circparam.progress import Listener, Monitor
+from circparam.registry import unknown_name
+from circparam.repair import RepairOptions, Repairs, complete, repair
+from circparam.seams import SEAMS
+from circparam.topology import Surface
+from circparam.verify import verify
+
+INPUT = "input"
+CUTS = ("auto", *SEAMS.names())
+# names of ``Verification.numbers`` in the order of a report
+FIGURES = (
+    "charts", "seam_length", "flips", "mirrored", "overlap", "missing", "distortion", "distortion_max_chart",
+    "stretch_l2", "stretch_linf", "angle", "area", "pack",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One row. status: ok, invalid (flips, overlaps, missing or mirrored faces) or failed, with ``error``.
+
+    stages: seconds of each stage; seconds: of the whole method, from cut patches to uv (for a baseline, of
+    all it does). peak_bytes: see ``circparam.isolated``. figures: by the names of FIGURES. iterations: the
+    most that a chart took. notes: of the method.
+    """
+
+    method: str
+    status: str
+    stages: dict[str, float] = field(default_factory=dict)
+    seconds: float | None = None
+    peak_bytes: int | None = None
+    figures: dict[str, float | int | None] = field(default_factory=dict)
+    iterations: int | None = None
+    notes: list[str] = field(default_factory=list)
+    error: str | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON and CSV."""
+        whole = dataclasses.asdict(self)
+        figures = whole.pop("figures")
+        return {**whole, **{name: _plain(figures.get(name)) for name in FIGURES}}
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Every row of one mesh. cut: how it was cut, in cut_seconds, the same for all methods."""
+
+    mesh: str
+    vertices: int
+    faces: int
+    cut: str
+    cut_seconds: float
+    rows: list[Entry]
+    notes: list[str] = field(default_factory=list)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        plain = {k: v for k, v in vars(self).items() if k != "rows"}
+        return {**plain, "rows": [row.as_dict() for row in self.rows]}
+
+
+def method_names(text: str | Sequence[str]) -> list[str]:
+    """Names as a list: ``"circle,floater"``, ``"all"`` (every method of METHODS), or the names themselves.
+
+    Raises OptionError for an unknown name (with the nearest ones), a name given twice, or a baseline that is
+    not installed.
+    """
+    parts = text.split(",") if isinstance(text, str) else list(text)
+    names: list[str] = []
+    known = [*METHODS.names(), *baseline.NAMES]
+    for name in filter(None, (part.strip() for part in parts)):
+        if name not in known and name != "all":
+            raise OptionError(unknown_name("method", name, [*known, "all"]))
+        names += METHODS.names() if name == "all" else [name]
+    if not names:
+        raise OptionError(f"--methods names no method: choose from {', '.join(known)}, all")
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise OptionError(f"--methods names {twice[0]} twice: name each method once")
+    if any(name in baseline.NAMES for name in names):
+        baseline.require()
+    return names
+
+
+def compare(
+    source: Any,
+    methods: str | Sequence[str],
+    *,
+    cut: str = "auto",
+    listener: Listener | None = None,
+    timeout: float | None = None,
+    **keywords: Any,
+) -> Comparison:
+    """Run methods on the identical cut of one mesh.
+
+    source: what ``circparam.unwrap`` takes. methods: see ``method_names``. cut: a row of SEAMS, or ``auto``:
+    a mesh whose components are disks already (holes allowed) stays whole, any other is cut into charts.
+    timeout: seconds for each method. keywords: other fields of ``Options``; those of convex maps (border,
+    spacing, clamp) go to the convex methods. Row ``input`` is the uv that the file has, where it has one.
+
+    Returns a Comparison; a method that fails is a row with status ``failed``. Raises OptionError for an
+    unknown name, InputError where the source cannot be read, TopologyError where the cut does not suit it.
+    """
+    names = method_names(methods)
+    if cut not in CUTS:
+        raise OptionError(unknown_name("cut", cut, list(CUTS)))
+    monitor = Monitor(listener)
+    choices = _options(names, cut, keywords)
+    document = open_source(source, next(iter(choices.values())))
+    surface, mended = repair(document.mesh, RepairOptions(keywords.get("weld") or 0.0))
+    if cut == "auto":
+        cut = "none" if _disks(surface) else "charts"
+        keep = {"max_distortion", "max_charts", "min_chart_faces"} if cut == "none" else set()
+        keywords = {k: v for k, v in keywords.items() if k not in keep}
+    choices = _options(names, cut, keywords)
+    start = time.perf_counter()
+    options = next(iter(choices.values()))
+    seams = SEAMS[cut].function(surface, seam_options(document, options), monitor)
+    cut_seconds = time.perf_counter() - start
+    scene = _Scene(document, surface, mended, surface.patches(seams.cut), timeout)
+    rows = [*_input_row(scene)]
+    for k, name in enumerate(names):
+        monitor.update(k / len(names), name)
+        rows.append(_row(scene, name, choices[name], monitor))
+    mesh = document.mesh
+    notes = [*document.notes, *mended.messages, *seams.notes]
+    return Comparison(
+        document.source.name, len(mesh.points), len(mesh.faces), cut, cut_seconds, rows, notes
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What all rows share."""
+
+    document: Document
+    surface: Surface
+    mended: Repairs
+    patches: Patches
+    timeout: float | None
+
+
+def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, Options]:
+    """Options of each method, those of convex maps for convex methods; OptionError where none takes one."""
+    convex = ("border", "spacing", "clamp", "polygon")
+    takers = [n for n in names if n not in FREE and n not in baseline.NAMES]
+    given = {k: v for k, v in keywords.items() if v is not None}
+    if not takers and any(k in given for k in convex):
+        Options(method=next(n for n in FREE), **given)  # says why there is no use for it
+    out = {}
+    for name in names:
+        mine = {k: v for k, v in given.items() if k not in convex or name in takers}
+        iterative = {"tolerance", "start", "blend"}
+        if name != "isometric":
+            mine = {k: v for k, v in mine.items() if k not in iterative}
+        method = name if name in METHODS else "isometric"
+        out[name] = Options(method=method, cut="charts" if cut == "auto" else cut, **mine)
+    return out
+
+
+def _disks(surface: Surface) -> bool:
+    """Whether every component is a disk, holes allowed."""
+    whole = surface.patches(np.zeros(len(surface.edges), bool))
+    loops = np.bincount(whole.loops.chart, minlength=whole.n_charts)
+    return bool(((loops > 0) & (whole.euler() == 2 - loops)).all())
+
+
+def _input_row(scene: _Scene) -> list[Entry]:
+    """The row of the uv that the file has; none where it has none."""
+    uvmap = scene.document.uv()
+    if uvmap is None or not (uvmap.uv_faces >= 0).any():
+        return []
+    status, figures = _judge(scene, uvmap)
+    return [Entry(INPUT, status, figures=figures)]
+
+
+def _row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
+    """Run one method in its own process, and judge what it made."""
+    try:
+        if name in baseline.NAMES:
+            return _baseline_row(scene, name)
+        return _method_row(scene, name, options, monitor)
+    except (NoResultError, OutOfTimeError) as error:
+        return Entry(name, "failed", error=str(error))
+
+
+def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
+    p = scene.patches
+    arrays = {"faces": p.faces, "frames": p.frames, "chart": p.chart, "edges": p.edges}
+    chosen = method_options(options)
+    settings = {f.name: getattr(chosen, f.name) for f in dataclasses.fields(chosen)}
+    polygon = settings.pop("polygon")
+    if polygon is not None:
+        arrays["polygon"] = polygon
+    plain = {k: v for k, v in settings.items() if isinstance(v, (str, int, float)) or v is None}
+    done = isolated.run(
+        "circparam.compare:flatten_task",
+        arrays,
+        {"method": name, "options": plain, "timeout": scene.timeout},
+        None if scene.timeout is None else 2 * scene.timeout + 10,
+    )
+    if done.error is not None:
+        return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
+    notes = list(done.info["notes"])
+    placed = place(p, done.arrays["uv"], options, notes, monitor)
+    uvmap = complete(scene.document.mesh, scene.surface, scene.mended, placed, p.faces)
+    status, figures = _judge(scene, uvmap)
+    return Entry(
+        name, status, done.info["stages"], done.info["seconds"], done.peak_bytes, figures,
+        done.info["iterations"], notes,
+    )  # fmt: skip
+
+
+def _baseline_row(scene: _Scene, name: str) -> Entry:
+    surface = scene.surface
+    used, faces = np.unique(surface.faces, return_inverse=True)
+    arrays = {"points": _moderate(surface.points[used]), "faces": faces.reshape(-1, 3)}
+    bound = None if scene.timeout is None else scene.timeout
+    done = isolated.run("circparam.baseline:task", arrays, {"method": name}, bound)
+    if done.error is not None:
+        return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
+    uv_faces = np.full((len(scene.document.mesh.faces), 3), -1, np.int64)
+    own = done.arrays["uv_faces"]
+    uv_faces[surface.source] = np.where(surface.turned[:, None], own[:, [0, 2, 1]], own)
+    status, figures = _judge(scene, UVMap(done.arrays["uv"], uv_faces))
+    stages = done.info["stages"]
+    return Entry(name, status, stages, sum(stages.values()), done.peak_bytes, figures)
+
+
+def _moderate(points: FloatArray) -> FloatArray:
+    """Points moved and scaled into the range of float32."""
+    low, high = points.min(0), points.max(0)
+    return (points - low) / max(float((high - low).max()), 1e-300)
+
+
+def _judge(scene: _Scene, uvmap: UVMap) -> tuple[str, dict[str, float | int | None]]:
+    """Status and figures of a layout."""
+    found = verify(scene.surface, uvmap, resolution=1024)
+    return "ok" if found.valid else "invalid", found.numbers()
+
+
+def flatten_task(
+    arrays: dict[str, Any], settings: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """One method on patches, as a task for ``circparam.isolated``."""
+    patches = Patches(arrays["faces"], arrays["frames"], arrays["chart"], arrays["edges"])
+    options = MethodOptions(**settings["options"], polygon=arrays.get("polygon"))
+    monitor = Monitor(timeout=settings["timeout"])
+    start = time.perf_counter()
+    layout = METHODS[settings["method"]].function(patches, options, monitor)
+    seconds = time.perf_counter() - start
+    info = {
+        "stages": monitor.seconds,
+        "seconds": seconds,
+        "iterations": int(layout.iterations.max(initial=0)),
+        "notes": layout.notes,
+    }
+    return {"uv": layout.uv}, info
+
+
+def _plain(value: float | int | None) -> float | int | None:
+    """A number that JSON holds."""
+    return None if value is None or not np.isfinite(value) else value
