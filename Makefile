@@ -1,0 +1,77 @@
+# Two commands do everything on a fresh machine: make demo, make test.
+PYTHON ?= python3
+VENV ?= .venv
+RUN := $(VENV)/bin/python
+# Two workers: the suite is bound by single-threaded sparse solves.
+WORKERS ?= 2
+FUZZ ?= 5000
+SEED ?= 1
+# threads of the linear algebra libraries: several processes run side by side
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.DEFAULT_GOAL := help
+.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-packing fuzz figures docs clean
+
+help: ## show this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
+
+$(VENV)/.installed: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "Python 3.11 or newer is needed: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(RUN) -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.installed
+	$(RUN) -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+venv: $(VENV)/.installed ## a virtual environment with circparam in it
+
+dev: $(VENV)/.dev ## the same with everything that tests, lint and bench need
+
+demo: $(VENV)/.installed ## unwrap a sample mesh and say where the result is
+	@mkdir -p demo-output
+	@$(RUN) -m circparam samples creature -o demo-output/creature.ply --overwrite
+	@$(RUN) -m circparam unwrap demo-output/creature.ply -o demo-output/creature_uv.glb --overwrite \
+	  --preview demo-output/creature_uv.png
+	@echo
+	@echo "The unwrapped mesh:  $(CURDIR)/demo-output/creature_uv.glb"
+	@echo "How it looks:        $(CURDIR)/demo-output/creature_uv.png"
+	@echo "Try your own:        $(VENV)/bin/circparam unwrap MESH"
+
+test: $(VENV)/.dev ## all tests
+	$(RUN) -m pytest -n $(WORKERS) --dist worksteal
+
+test-corpus: $(VENV)/.dev ## the tests on real meshes alone (CIRCPARAM_CORPUS names their folder)
+	$(RUN) -m pytest -n $(WORKERS) --dist worksteal -m corpus
+
+lint: $(VENV)/.dev ## ruff and mypy
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m mypy
+
+format: $(VENV)/.dev ## let ruff lay out the code
+	$(RUN) -m ruff check --fix .
+	$(RUN) -m ruff format .
+
+bench: $(VENV)/.dev ## the measured claims: speed, memory, distortion, beside peers
+	$(RUN) -m tests.bench
+
+bench-atlas: $(VENV)/.dev ## charts, seams and distortion of whole atlases
+	$(RUN) -m tests.bench atlas
+
+bench-packing: $(VENV)/.dev ## covered share on identical charts
+	$(RUN) -m tests.bench packing
+
+fuzz: $(VENV)/.dev ## hostile meshes and broken files: make fuzz FUZZ=5000 SEED=1
+	$(RUN) -m tests.fuzz --cases $(FUZZ) --seed $(SEED)
+
+figures: $(VENV)/.dev ## the pictures of README and docs
+	$(RUN) -m tests.figures
+
+clean: ## remove what make has made
+	rm -rf $(VENV) demo-output test-artefacts build dist *.egg-info
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,81 @@
+"""Exit codes of the command line, and the one place where an exception becomes a line and a code.
+
+====  =====================================================================================
+code  meaning
+====  =====================================================================================
+0     done (also ``degraded``, with a warning on stderr)
+1     internal error: please report it
+2     usage: an unknown or inapplicable option, an output that exists, two uses of stdout
+3     the input is missing, a directory, unreadable, without faces, or holds NaN
+4     unsuitable topology
+5     no valid result
+6     a gate of ``--fail-if`` was missed (the file is still written)
+7     out of time with no result
+8     the output can't be written
+130   interrupted (Ctrl-C)
+143   terminated (SIGTERM)
+====  =====================================================================================
+"""
+
+from __future__ import annotations
+
+import errno
+
+from circparam import errors
+
+OK, INTERNAL, USAGE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
+
+CODES: dict[type[BaseException], int] = {
+    errors.OptionError: USAGE,
+    errors.InputError: 3,
+    errors.TopologyError: 4,
+    errors.NoResultError: 5,
+    errors.GateError: 6,
+    errors.OutOfTimeError: 7,
+    errors.OutputError: 8,
+}
+DOCUMENTED = frozenset([OK, INTERNAL, INTERRUPTED, TERMINATED, *CODES.values()])
+
+
+class Terminated(BaseException):
+    """SIGTERM has arrived: raised in the main thread, so that temporary files are removed."""
+
+
+def code_of(error: BaseException) -> int:
+    """The exit code of an exception: its class or the nearest base decides, 1 where none is listed."""
+    for cls in type(error).__mro__:
+        if cls in CODES:
+            return CODES[cls]
+    if isinstance(error, KeyboardInterrupt):
+        return INTERRUPTED
+    if isinstance(error, Terminated):
+        return TERMINATED
+    if isinstance(error, MemoryError):
+        return CODES[errors.NoResultError]
+    if isinstance(error, OSError):
+        return CODES[errors.OutputError]
+    return INTERNAL
+
+
+def line_of(error: BaseException) -> str:
+    """One line for an exception: cause, place and cure; an internal error names ``--debug``."""
+    if isinstance(error, errors.CircparamError):
+        text = str(error)
+    elif isinstance(error, KeyboardInterrupt):
+        text = "interrupted: no partial file is left behind"
+    elif isinstance(error, Terminated):
+        text = "terminated: no partial file is left behind"
+    elif isinstance(error, MemoryError):
+        text = "out of memory with no result: give a larger --max-memory, or a smaller mesh"
+    elif isinstance(error, BrokenPipeError):
+        text = "standard output was closed before everything was written"
+    elif isinstance(error, OSError):
+        full = error.errno == errno.ENOSPC
+        cause = "no space is left on the device" if full else (error.strerror or str(error))
+        text = f"{error.filename or 'the output'}: {cause}"
+    else:
+        text = (
+            f"internal error: {type(error).__name__}: {error} (run again with --debug to see where, "
+            "and report it)"
+        )
+    return " ".join(text.split())

@@ -1,0 +1,76 @@
+"""Ctrl-C and SIGTERM: an exception in the main thread, and an end within a second whatever it is doing.
+
+Python delivers a signal between bytecodes, and a sparse factorisation of a large mesh is a single one that
+may take many seconds. So the interpreter also writes each signal to a pipe, which a watching thread
+reads: where the main thread has not ended by itself shortly after, the watcher removes the
+temporary files and ends the process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from types import FrameType
+
+from circparam.cli.exits import INTERRUPTED, TERMINATED, Terminated
+
+GRACE = 0.7  # seconds that the main thread has to clean up by itself
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise Terminated
+
+
+@contextlib.contextmanager
+def installed() -> Iterator[None]:
+    """Handle SIGINT and SIGTERM inside the block; does nothing outside the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    old_term = signal.signal(signal.SIGTERM, _terminate)
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    old_fd = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    done = threading.Event()
+    watcher = threading.Thread(target=_watch, args=(reader, done), daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        done.set()
+        signal.set_wakeup_fd(old_fd)
+        signal.signal(signal.SIGTERM, old_term)
+        writer.close()
+        watcher.join(1.0)
+        reader.close()
+
+
+def _watch(reader: socket.socket, done: threading.Event) -> None:
+    """Wait for a signal number; end the process where the main thread is still busy after the grace."""
+    while True:
+        data = reader.recv(1)
+        if not data:
+            return
+        if data[0] in (signal.SIGINT, signal.SIGTERM):
+            break
+    if done.wait(GRACE):
+        return
+    _remove_temporaries()
+    interrupted = data[0] == signal.SIGINT
+    word = "interrupted" if interrupted else "terminated"
+    with contextlib.suppress(OSError):
+        os.write(2, f"circparam: error: {word}: no partial file is left behind\n".encode())
+    os._exit(INTERRUPTED if interrupted else TERMINATED)
+
+
+def _remove_temporaries() -> None:
+    """Unlink what an interrupted write has left (the formats keep a list of their temporary files)."""
+    formats = sys.modules.get("circparam.formats.atomic")
+    for path in tuple(getattr(formats, "TEMPORARIES", ())):
+        with contextlib.suppress(OSError):
+            os.unlink(path)

@@ -1,0 +1,334 @@
+"""``circparam unwrap``: the whole way from a mesh file to the same file with uv."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+
+from circparam.cli import exits, options, progress
+from circparam.errors import CircparamError, GateError, OptionError
+
+_EPILOG = """\b
+Examples:
+  circparam unwrap mesh.obj                          writes mesh_uv.obj
+  circparam unwrap mesh.glb -o out.glb --json
+  circparam unwrap *.obj --out-dir unwrapped
+  circparam unwrap disk.obj --cut disk --method circle
+  circparam unwrap mesh.obj --max-distortion 1.02 --fail-if 'flips>0,overlap>0'
+  circparam unwrap - --format obj < mesh.obj > mesh_uv.obj
+"""
+
+
+class UnwrapCommand(click.Command):
+    """A command whose ``--border polygon FILE`` takes the file after the name."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Join ``--border polygon FILE`` to one value before click reads the rest."""
+        joined: list[str] = []
+        words = iter(args)
+        for word in words:
+            joined.append(word)
+            if word == "--border":
+                value = next(words, "")
+                if value == "polygon":
+                    value = f"polygon:{next(words, '')}"
+                joined.append(value)
+        return super().parse_args(ctx, joined)
+
+
+@click.command(cls=UnwrapCommand, epilog=_EPILOG)
+@click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=options.MESH)
+@options.apply(
+    options.output,
+    options.out_dir,
+    options.overwrite,
+    options.format_option,
+    options.method,
+    click.option("--start", type=options.START, help="What isometric relaxes.  [default: circle]"),
+    click.option(
+        "--border",
+        metavar="NAME",
+        help="Border of convex methods: circle, square, virtual, polygon FILE.  [default: circle]",
+    ),
+    click.option(
+        "--spacing", help="Along the border: arc-length or uniform.  [default: arc-length]"
+    ),
+    click.option("--clamp", is_flag=True, help="Lift negative weights, so that nothing can flip."),
+    click.option(
+        "--pin", type=options.FILE, metavar="FILE", help="Fixed points: vertex u v a line."
+    ),
+    click.option("--tolerance", type=float, metavar="T", help="Stop below this relative decrease."),
+    click.option("--blend", type=float, metavar="B", help="0 isometric .. 1 conformal."),
+    click.option(
+        "--cut",
+        type=click.Choice(["charts", "disk", "none"]),
+        help="Where to cut: few charts, one disk a component, nowhere.  [default: charts]",
+    ),
+    click.option(
+        "--max-distortion",
+        type=float,
+        metavar="D",
+        help="Bound that no chart exceeds; 1 is perfect.  [default: 1.05]",
+    ),
+    click.option("--max-charts", type=int, metavar="N", help="At most so many charts."),
+    click.option(
+        "--min-chart-faces", type=int, metavar="K", help="Join smaller charts where it can be."
+    ),
+    click.option(
+        "--sharp", type=float, metavar="DEGREES", help="Always cut edges at least so sharp."
+    ),
+    click.option(
+        "--keep-uv-seams", is_flag=True, help="Start from the charts of the file's own uv."
+    ),
+    click.option(
+        "--seams", type=options.FILE, metavar="FILE", help="Edges to cut: vertex pairs, or OBJ l."
+    ),
+    click.option(
+        "--no-seams", type=options.FILE, metavar="FILE", help="Edges that may not be cut."
+    ),
+    click.option(
+        "--cut-materials/--no-cut-materials",
+        default=None,
+        help="Cut between materials.  [default: where there are several]",
+    ),
+    click.option(
+        "--export-seams", type=options.FILE, metavar="FILE", help="Write the seams as vertex pairs."
+    ),
+    options.packing,
+    click.option(
+        "--no-normalize", is_flag=True, help="Keep the coordinates of the solver, unpacked."
+    ),
+    options.uv_set,
+    click.option("--overwrite-uv", is_flag=True, help="Replace the set that --uv-set names."),
+    click.option(
+        "--ply-uv", type=click.Choice(["vertex", "face"]), help="Where a PLY holds its uv."
+    ),
+    click.option(
+        "--copy-assets", is_flag=True, help="Copy materials and textures beside the output."
+    ),
+    click.option(
+        "--map", "index_map", type=options.FILE, metavar="FILE.npz", help="Write the index map."
+    ),
+    click.option(
+        "--repair/--no-repair",
+        default=True,
+        help="Mend the mesh for the solve, or refuse.  [default: repair]",
+    ),
+    click.option("--weld", type=float, metavar="EPS", help="Weld vertices up to this distance."),
+    options.gates,
+    click.option(
+        "--timeout", type=float, metavar="SECONDS", help="Best valid result within this time."
+    ),
+    click.option("--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."),
+    click.option(
+        "--preview", type=options.FILE, metavar="FILE", help="Draw the result: .png, .svg or .html."
+    ),
+    options.json_option,
+    options.quiet,
+    options.verbose,
+)
+def command(meshes: tuple[str, ...], **given: Any) -> int:
+    """Give meshes a uv layout and write them back with everything else kept.
+
+    Cuts to charts of bounded distortion, flattens, packs, writes, reads the file back and verifies it:
+    no flips, no overlaps, no mirrored charts. Without -o the output is MESH_uv.EXT beside the input.
+    """
+    from circparam.verify import parse_gates
+
+    run = _Run(given, parse_gates(given["fail_if"]))
+    outputs = [_output_path(mesh, given) for mesh in meshes]
+    _check_outputs(meshes, outputs, given)
+    codes = [run.one(mesh, out) for mesh, out in zip(meshes, outputs, strict=True)]
+    return next((code for code in codes if code), exits.OK)
+
+
+class _Run:
+    """One call of the command: what is the same for all its meshes."""
+
+    def __init__(self, given: dict[str, Any], gates: Any) -> None:
+        self.given, self.gates = given, gates
+        self.quiet, self.as_json = given["quiet"], given["as_json"]
+        _limit_memory(given["max_memory"])
+        self.keywords = _keywords(given)
+        from circparam.options import from_keywords
+        from circparam.stages import check_names
+
+        self.options = from_keywords(self.keywords)
+        check_names(self.options)
+
+    def one(self, mesh: str, out: str) -> int:
+        """Unwrap one mesh; an error of one does not keep the others from being unwrapped."""
+        try:
+            self._unwrap(mesh, out)
+        except (CircparamError, MemoryError) as error:
+            line = exits.line_of(error)
+            click.echo(f"circparam: error: {line}", err=True)
+            if self.as_json and not isinstance(error, GateError):
+                self._print_json(_failure(mesh, line, exits.code_of(error)))
+            return exits.code_of(error)
+        return exits.OK
+
+    def _unwrap(self, mesh: str, out: str) -> None:
+        from circparam.formats import read
+        from circparam.pipeline import unwrap_document
+        from circparam.progress import Monitor
+
+        with progress.listener(os.path.basename(mesh), self.quiet) as listener:
+            monitor = Monitor(listener, self.options.timeout)
+            with monitor.stage("read"):
+                document = read(mesh, format=self.given["format"] if mesh == "-" else None)
+            result = unwrap_document(document, out, self.options, monitor)
+            self._extras(result)
+        report = result.summary()
+        for line in report["warnings"]:
+            progress.warn(f"{mesh}: {line}", self.quiet)
+        if self.as_json:
+            self._print_json(report)
+        elif not self.quiet and out != "-":
+            from circparam.report.table import console, unwrap_table
+
+            console().print(unwrap_table(report, self.given["verbose"]))
+        missed = self.gates.missed(report)
+        if missed:
+            raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")
+
+    def _extras(self, result: Any) -> None:
+        """The further files that were asked for."""
+        from circparam import output
+
+        if self.given["export_seams"]:
+            output.export_seams(result, self.given["export_seams"], self.given["overwrite"])
+        if self.given["index_map"]:
+            output.write_map(result, self.given["index_map"], self.given["overwrite"])
+
+    def _print_json(self, report: dict[str, Any]) -> None:
+        click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
+
+
+def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
+    """The JSON document of a mesh that has no result."""
+    from circparam.report.summary import SCHEMA
+
+    return {
+        "schema": SCHEMA,
+        "input": mesh,
+        "output": None,
+        "status": "failed",
+        "error": line,
+        "exit": code,
+    }
+
+
+_NOT_OPTIONS = (
+    *(
+        "output",
+        "out_dir",
+        "as_json",
+        "quiet",
+        "verbose",
+        "fail_if",
+        "max_memory",
+        "preview",
+        "pin",
+    ),
+    *("export_seams", "index_map", "no_normalize", "no_scale"),
+)
+
+
+def _keywords(given: dict[str, Any]) -> dict[str, Any]:
+    """The options of the library out of those of the command: files read, angles in radians."""
+    from circparam import sidecars
+
+    out = {k: v for k, v in given.items() if k not in _NOT_OPTIONS and v not in (None, False)}
+    out |= {"repair": given["repair"], "overwrite": given["overwrite"]}
+    if given["cut_materials"] is False:
+        out["cut_materials"] = False
+    for flag, name in (("no_normalize", "normalize"), ("no_scale", "scale")):
+        if given[flag]:
+            out[name] = False
+    if given["sharp"] is not None:
+        out["sharp"] = given["sharp"] * 3.141592653589793 / 180
+    border = given["border"] or ""
+    if border.startswith("polygon:"):
+        out |= {"border": "polygon", "polygon": sidecars.read_polygon(border[8:])}
+    if given["pin"]:
+        out["pins"] = sidecars.read_pins(given["pin"])
+    for name in ("seams", "no_seams"):
+        if given[name]:
+            out[name] = sidecars.read_seams(given[name])
+    return out
+
+
+def _output_path(mesh: str, given: dict[str, Any]) -> str:
+    """Where a mesh goes: -o, the folder, or MESH_uv.EXT beside it."""
+    if given["output"] is not None:
+        return str(given["output"])
+    if mesh == "-":
+        return "-"
+    from circparam.formats import DEFAULT_OUTPUT
+
+    path = Path(mesh)
+    kind = path.suffix.lower().lstrip(".")
+    suffix = f".{DEFAULT_OUTPUT[kind]}" if DEFAULT_OUTPUT.get(kind, kind) != kind else path.suffix
+    if given["out_dir"] is not None:
+        return str(Path(given["out_dir"]) / f"{path.stem}{suffix}")
+    return str(path.with_name(f"{path.stem}_uv{suffix}"))
+
+
+def _check_outputs(meshes: tuple[str, ...], outputs: list[str], given: dict[str, Any]) -> None:
+    """Refuse before any work what cannot be written as asked."""
+    if given["output"] is not None and given["out_dir"] is not None:
+        raise OptionError("-o and --out-dir exclude each other: give one of them")
+    if given["output"] is not None and len(meshes) > 1:
+        raise OptionError(
+            f"-o names one file, but {len(meshes)} meshes are given: use --out-dir DIR"
+        )
+    singles = ("export_seams", "index_map", "preview")
+    if len(meshes) > 1:
+        for name in singles:
+            if given[name]:
+                raise OptionError(
+                    f"{_flag(name)} names one file, but {len(meshes)} meshes are given"
+                )
+    if outputs.count("-") + bool(given["as_json"]) > 1:
+        raise OptionError(
+            "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"
+        )
+    clash = next((o for o in outputs if o != "-" and outputs.count(o) > 1), None)
+    if clash is not None:
+        raise OptionError(f"two meshes would be written to {clash}: unwrap them one by one")
+    if given["format"] is not None and "-" not in (*meshes, *outputs):
+        raise OptionError("--format has no effect here: it tells the format of '-' (stdin, stdout)")
+    for path in (*outputs, *(given[name] for name in singles)):
+        if path and path != "-" and not given["overwrite"] and os.path.exists(path):
+            raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
+
+
+def _flag(name: str) -> str:
+    return "--map" if name == "index_map" else "--" + name.replace("_", "-")
+
+
+def _limit_memory(size: str | None) -> None:
+    """Bound the address space of the process by so many bytes more than it has now."""
+    if size is None:
+        return
+    factor = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+    text = size.strip().upper().removesuffix("B").removesuffix("I")
+    unit = factor.get(text[-1:], 1)
+    try:
+        count = int(float(text[:-1] if text[-1:] in factor else text) * unit)
+    except (ValueError, OverflowError):
+        count = 0
+    if count <= 0:
+        raise OptionError(
+            f"--max-memory {size!r} is no size: write a number with K, M or G, such as 4G"
+        )
+    try:
+        import resource
+    except ImportError:
+        raise OptionError("--max-memory is not available on this system: leave it out") from None
+    resource.setrlimit(resource.RLIMIT_AS, (count, resource.getrlimit(resource.RLIMIT_AS)[1]))

@@ -1,0 +1,207 @@
+"""The way through: the one place that knows the order of the stages.
+
+read → repair → seams → flatten (a chain that always ends) → pack → complete → store → write → read back and
+verify. Nothing is printed; what was found and done is in the ``Result``.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from circparam import chain
+from circparam.arrays import FloatArray, IntArray
+from circparam.distortion import best_chart_scales
+from circparam.errors import NoResultError
+from circparam.formats import Document, stored
+from circparam.mesh import Patches, UVMap
+from circparam.options import Options, from_keywords
+from circparam.output import save
+from circparam.packing import pack
+from circparam.progress import Listener, Monitor
+from circparam.repair import RepairOptions, Repairs, complete, repair
+from circparam.result import Result, judge, verify_layout
+from circparam.seams import SEAMS, Seams
+from circparam.stages import (
+    check_names,
+    method_options,
+    open_source,
+    pack_options,
+    seam_options,
+    target_format,
+)
+from circparam.topology import Surface
+from circparam.verify import corners_of
+
+ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
+
+
+def unwrap(
+    source: Any,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    listener: Listener | None = None,
+    options: Options | None = None,
+    **keywords: Any,
+) -> Result:
+    """Give a mesh a uv layout.
+
+    source: a path, a ``Document``, a ``Mesh``, a pair (points (n, 3), faces (m, 3)) of arrays, or a
+    trimesh.Trimesh; never changed. output: file to write (read back and verified); None keeps the layout in
+    memory. listener: called with (stage, fraction, note). keywords: the fields of ``Options``.
+
+    Returns a Result. Raises OptionError, InputError, TopologyError, NoResultError, OutOfTimeError, OutputError:
+    see ``circparam.errors``.
+    """
+    if options is None:
+        options = from_keywords(keywords)
+    elif keywords:
+        options = replace(options, **keywords)
+    check_names(options)
+    monitor = Monitor(listener, options.timeout)
+    with monitor.stage("read"):
+        document = open_source(source, options)
+    return unwrap_document(document, output, options, monitor)
+
+
+def unwrap_document(
+    document: Document,
+    output: str | os.PathLike[str] | None,
+    options: Options,
+    monitor: Monitor,
+) -> Result:
+    """All stages after reading."""
+    target = target_format(document, output, options)
+    with monitor.stage("repair"):
+        surface, mended = repair(document.mesh, RepairOptions(options.weld or 0.0, options.repair))
+    monitor.check()
+    with monitor.stage("seams"):
+        wanted = seam_options(document, surface, mended, options)
+        seams = SEAMS[options.cut].function(surface, wanted, monitor)
+    with monitor.stage("flatten"):
+        atlas = first_layout(surface, seams, options, monitor)
+    atlas.notes = [*document.notes, *seams.notes, *atlas.notes]
+    uvmap = lay_out(atlas, document, mended, target, options, monitor)
+    result = _result(document, surface, mended, atlas, uvmap, target, options, monitor)
+    if output is not None:
+        save(result, output, monitor)
+    result.seconds = dict(monitor.seconds)
+    return result
+
+
+def first_layout(surface: Surface, seams: Seams, options: Options, monitor: Monitor) -> chain.Atlas:
+    """The layout of the method, or the one that the seams come with where that is the same thing."""
+    plain = options.method == "isometric" and not (options.blend or options.pins is not None)
+    start = seams.uv if plain else None
+    return chain.flatten(
+        surface, seams.cut, start, options.method, method_options(options), options.pins, monitor
+    )
+
+
+def lay_out(
+    atlas: chain.Atlas,
+    document: Document,
+    mended: Repairs,
+    target: str,
+    options: Options,
+    monitor: Monitor,
+) -> UVMap:
+    """Mend, scale and pack until the numbers as stored have no flip and no overlap; uv for every face."""
+    may_split = options.cut == "charts"
+    convex = method_options(options)
+    uvmap: UVMap | None = None
+    for _ in range(ROUNDS):
+        chain.settle(atlas, may_split, convex, monitor)
+        patches, uv = atlas.open()
+        with monitor.stage("pack"):
+            placed = place(patches, uv, options, atlas.notes, monitor)
+        uvmap = complete(document.mesh, atlas.surface, mended, placed, patches.faces)
+        uvmap = stored(uvmap, target)
+        with monitor.stage("check"):
+            fault = _stored_faults(atlas, uvmap, patches)
+        if not (fault > 0).any():
+            break
+        if not chain.advance(atlas, fault, may_split, convex, monitor):
+            break
+    if uvmap is None or not np.isfinite(uvmap.uv).all():
+        raise NoResultError("no finite layout was found")
+    return uvmap
+
+
+def _stored_faults(atlas: chain.Atlas, uvmap: UVMap, patches: Patches) -> IntArray:
+    """Faults of the charts in the numbers as the file will hold them."""
+    corners, _ = corners_of(atlas.surface, uvmap)
+    uv = np.zeros((patches.n_vertices, 2))
+    uv[patches.faces.ravel()] = corners.reshape(-1, 2)
+    fault, _ = chain.faults(patches, uv)
+    return fault
+
+
+def place(
+    patches: Patches, uv: FloatArray, options: Options, notes: list[str], monitor: Monitor
+) -> FloatArray:
+    """Charts at their best scales, packed into pages; or side by side as the solver left them."""
+    uv = np.where(np.isfinite(uv), uv, 0.0)
+    if not options.packed:
+        return _side_by_side(patches, uv)
+    uv = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
+    packed = pack(patches.faces, uv, patches.chart, pack_options(options), monitor)
+    for note in packed.notes:
+        if note not in notes:
+            notes.append(note)
+    return packed.uv
+
+
+def _side_by_side(patches: Patches, uv: FloatArray) -> FloatArray:
+    """The solver's coordinates; the first chart stays where it is, the others stand to its right."""
+    n = patches.n_charts
+    lo, hi = np.full(n, np.inf), np.full(n, -np.inf)
+    np.minimum.at(lo, patches.vertex_chart, uv[:, 0])
+    np.maximum.at(hi, patches.vertex_chart, uv[:, 0])
+    room = 0.02 * float((hi - lo).max(initial=0.0))
+    shift = np.zeros(n)
+    shift[1:] = np.cumsum(hi[:-1] - lo[:-1] + room) - lo[1:] + lo[0]
+    return uv + np.stack([shift, np.zeros(n)], 1)[patches.vertex_chart]
+
+
+def _result(
+    document: Document,
+    surface: Surface,
+    mended: Repairs,
+    atlas: chain.Atlas,
+    uvmap: UVMap,
+    target: str,
+    options: Options,
+    monitor: Monitor,
+) -> Result:
+    with monitor.stage("verify"):
+        verification = verify_layout(surface, uvmap, options)
+    charts = np.full(len(document.mesh.faces), -1)
+    charts[surface.source] = verification.patches.chart
+    result = Result(
+        options=options,
+        document=document,
+        surface=surface,
+        mended=mended,
+        uv=uvmap.uv,
+        uv_faces=uvmap.uv_faces,
+        charts=charts,
+        verification=verification,
+        status="ok",
+        reasons=[],
+        warnings=[],
+        notes=list(atlas.notes),
+        repairs=[*mended.messages, *atlas.repairs],
+        seconds=dict(monitor.seconds),
+        iterations=atlas.iterations,
+        stopped=atlas.stopped,
+        format=target,
+    )
+    judge(result, monitor.expired)
+    return result
+
+
+__all__ = ["Options", "Result", "save", "unwrap", "unwrap_document"]

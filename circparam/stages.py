@@ -1,0 +1,126 @@
+"""What each stage is told: the options of an unwrap as the options of repair, seams, method and packing."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from circparam.arrays import IntArray
+from circparam.borders import BORDERS
+from circparam.errors import InputError, OptionError
+from circparam.formats import DEFAULT_OUTPUT, Document, from_arrays, from_trimesh, read
+from circparam.mesh import Mesh
+from circparam.methods import METHODS, MethodOptions
+from circparam.options import Options
+from circparam.packing import PackOptions
+from circparam.registry import unknown_name
+from circparam.repair import Repairs
+from circparam.seams import SEAMS, SeamOptions
+from circparam.topology import Surface
+from circparam.verify import uv_seams
+
+
+def check_names(options: Options) -> None:
+    """Raise OptionError for a method, start, border or cut that is in no table."""
+    METHODS[options.method]
+    SEAMS[options.cut]
+    if options.border is not None:
+        BORDERS[options.border]
+    starts = METHODS.tagged("positive")
+    if options.start is not None and options.start not in starts:
+        raise OptionError(unknown_name("start", options.start, starts))
+
+
+def open_source(source: Any, options: Options) -> Document:
+    """A document from whatever ``unwrap`` takes."""
+    if isinstance(source, Document):
+        return source
+    if isinstance(source, (str, os.PathLike)):
+        return read(os.fspath(source), format=None)
+    if isinstance(source, Mesh):
+        return from_arrays(source.points, source.faces)
+    if isinstance(source, tuple) and len(source) == 2:
+        return from_arrays(*source)
+    if hasattr(source, "vertices") and hasattr(source, "faces"):
+        return from_trimesh(source)
+    raise InputError(
+        f"cannot unwrap a {type(source).__name__}: give a path, arrays (points, faces), a Mesh, "
+        "a Document or a trimesh.Trimesh"
+    )
+
+
+def target_format(
+    document: Document, output: str | os.PathLike[str] | None, options: Options
+) -> str:
+    """The format that will be written: what decides how uv are rounded."""
+    if options.format is not None:
+        return options.format
+    if output is not None and os.fspath(output) != "-":
+        suffix = Path(output).suffix.lower().lstrip(".")
+        if suffix:
+            return suffix
+    return DEFAULT_OUTPUT.get(document.format, document.format)
+
+
+def seam_options(document: Document, surface: Surface, mended: Repairs, o: Options) -> SeamOptions:
+    """What the seams need to know, from the options and the file."""
+    given: dict[str, Any] = {
+        "max_distortion": o.max_distortion,
+        "max_charts": o.max_charts,
+        "min_chart_faces": o.min_chart_faces,
+        "sharp": o.sharp,
+    }
+    groups = document.mesh.groups
+    several = groups is not None and len(np.unique(groups)) > 1
+    if o.cut_materials and not several:
+        raise OptionError("--cut-materials has no effect: the file has one material; leave it out")
+    if several and o.cut_materials is not False and o.cut != "none":
+        given |= {"groups": groups, "cut_groups": True}
+    for name, pairs in (("cut", o.seams), ("no_cut", o.no_seams)):
+        if pairs is not None:
+            given[name] = mended.weld[_vertex_pairs(pairs, len(mended.weld))]
+    if o.keep_uv_seams:
+        uvmap = document.uv(o.uv_set or 0) if document.uv_sets else None
+        if uvmap is None:
+            raise OptionError("--keep-uv-seams: the file has no uv to start from; leave it out")
+        given["start"] = uv_seams(surface, uvmap)
+    return SeamOptions(**{k: v for k, v in given.items() if v is not None})
+
+
+def _vertex_pairs(pairs: Any, n: int) -> IntArray:
+    """(s, 2) vertex pairs of the mesh; raises OptionError where a vertex does not exist."""
+    out = np.asarray(pairs, np.int64).reshape(-1, 2)
+    if len(out) and (out.min() < 0 or out.max() >= n):
+        bad = int(out[(out < 0) | (out >= n)][0])
+        raise OptionError(f"a seam names vertex {bad}: vertices are numbered 0 to {n - 1}")
+    return out
+
+
+def method_options(o: Options) -> MethodOptions:
+    """What the method needs to know."""
+    given: dict[str, Any] = {
+        "start": o.start,
+        "border": o.border,
+        "spacing": o.spacing,
+        "polygon": o.polygon,
+        "clamp": o.clamp,
+        "tolerance": o.tolerance,
+        "blend": o.blend,
+    }
+    return MethodOptions(**{k: v for k, v in given.items() if v is not None})
+
+
+def pack_options(o: Options) -> PackOptions:
+    """What packing needs to know."""
+    given: dict[str, Any] = {
+        "resolution": o.resolution,
+        "padding": o.padding,
+        "rotate": o.rotate,
+        "pages": o.pages,
+        "texel_density": o.texel_density,
+        "scale": o.scale,
+    }
+    return PackOptions(**{k: v for k, v in given.items() if v is not None})

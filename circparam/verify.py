@@ -1,0 +1,301 @@
+"""What a layout is worth, read from the layout alone: flips, overlaps, mirrored charts, gaps, distortion.
+
+``verify`` is given the uv of a file as it was read back, and trusts nothing that the pipeline knew before:
+seams are where the uv of the two sides of an edge differ, charts are what lies between them.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_count
+from circparam.coverage import Coverage, cover, pages_of
+from circparam.distortion import Measures, measure
+from circparam.errors import InputError, OptionError
+from circparam.injectivity import overlaps, signs
+from circparam.mesh import Patches, UVMap
+from circparam.registry import unknown_name
+from circparam.topology import Surface
+
+BOUND_SLACK = 1e-4  # relative: what storing uv in float32 may add to a distortion
+EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may lie
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What was found. Faces are those of the surface (degenerate and duplicate ones are set aside).
+
+    patches: the surface cut where uv differ; uv (nv, 2) of its vertices. missing: faces without uv.
+    flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that are
+    wound the wrong way as a whole. overlapping: charts that overlap themselves; overlapping_pairs (p, 2).
+    outside: charts that leave their page. seam_length: length of all seams / √(surface area).
+    coverage: None where the layout was not rasterised.
+    """
+
+    patches: Patches
+    uv: FloatArray
+    missing: int
+    flips: int
+    flipped: BoolArray
+    mirrored: IntArray
+    overlapping: IntArray
+    overlapping_pairs: IntArray
+    outside: IntArray
+    measures: Measures
+    seam_length: float
+    uv_min: FloatArray
+    uv_max: FloatArray
+    coverage: Coverage | None
+
+    @property
+    def overlap(self) -> int:
+        """Charts that overlap themselves, and pairs of charts that overlap each other."""
+        return len(self.overlapping) + len(self.overlapping_pairs)
+
+    @property
+    def valid(self) -> bool:
+        """Whether every point of the surface has its own place: no flip, no overlap, nothing missing."""
+        return not (self.flips or self.overlap or self.missing or len(self.mirrored))
+
+    def numbers(self) -> dict[str, float | int | None]:
+        """The figures by the names of the report."""
+        m, c = self.measures, self.coverage
+        return {
+            "charts": self.patches.n_charts,
+            "flips": self.flips,
+            "overlap": self.overlap,
+            "mirrored": len(self.mirrored),
+            "missing": self.missing,
+            "distortion": m.sd,
+            "distortion_max_chart": m.sd_max_chart,
+            "stretch_l2": m.whole["stretch_l2"],
+            "stretch_linf": m.whole["stretch_linf"],
+            "angle": m.whole["angle"],
+            "area": m.whole["area"],
+            "seam_length": self.seam_length,
+            "pack": None if c is None else c.share,
+            "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,
+            "border_texels": None if c is None else c.border,
+        }
+
+
+GATE_NAMES = (
+    *("faces", "charts", "flips", "overlap", "mirrored", "missing", "distortion"),
+    *("distortion_max_chart", "stretch_l2", "stretch_linf", "angle", "area", "seam_length", "pack"),
+    *("gap_texels", "border_texels", "seconds"),
+)
+
+
+def corners_of(surface: Surface, uvmap: UVMap) -> tuple[FloatArray, BoolArray]:
+    """uv (m, 3, 2) of the corners of the surface's faces, winding as solved; and (m,) which have uv."""
+    index = uvmap.uv_faces[surface.source]
+    index = np.where(surface.turned[:, None], index[:, [0, 2, 1]], index)
+    uv = uvmap.uv if len(uvmap.uv) else np.zeros((1, 2))
+    corners = uv[np.maximum(index, 0)]
+    ok = np.all((index >= 0) & np.isfinite(corners).all(axis=2), axis=1) & (len(uvmap.uv) > 0)
+    return np.where(ok[:, None, None], corners, 0.0), ok
+
+
+def verify(
+    surface: Surface,
+    uvmap: UVMap,
+    *,
+    resolution: int | None = None,
+    padding: int = 4,
+    pages: int = 1,
+) -> Verification:
+    """Judge a layout over the faces of the mesh that the surface was made from.
+
+    uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and
+    coordinates may leave the unit square). padding: gaps are looked for up to a little more than this.
+    Raises InputError where no face has uv.
+    """
+    corners, ok = corners_of(surface, uvmap)
+    if not ok.any():
+        raise InputError("no face has uv: unwrap the mesh first")
+    cut = _seams(surface, corners, ok)
+    patches = surface.patches(cut)
+    uv = np.zeros((patches.n_vertices, 2))
+    uv[patches.faces.ravel()] = corners.reshape(-1, 2)
+    n, chart = patches.n_charts, patches.chart
+    sign = signs(uv, patches.faces)
+    positive, negative = (
+        group_count(chart[ok & (sign > 0)], n),
+        group_count(chart[ok & (sign < 0)], n),
+    )
+    mirror = negative > positive
+    flipped = ok & (np.where(mirror[chart], -sign, sign) <= 0)
+    used = group_count(chart[ok], n) > 0
+    part, vertices, _ = patches.subset(used) if not used.all() else (patches, slice(None), None)
+    found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
+    number = np.flatnonzero(used)
+    lo, hi = _boxes(patches, uv)
+    covered, outside = None, np.zeros(0, np.int64)
+    if resolution is not None:
+        page = pages_of(patches, uv)[:, None] * [1, 0]
+        outside = np.flatnonzero(
+            used & ((lo < page - EDGE_SLACK) | (hi > page + 1 + EDGE_SLACK)).any(1)
+        )
+        covered = cover(patches, uv, resolution, padding + 2)
+    points = uv[vertices]
+    return Verification(
+        patches=patches,
+        uv=uv,
+        missing=int((~ok).sum()),
+        flips=int(flipped.sum()),
+        flipped=flipped,
+        mirrored=np.flatnonzero(mirror),
+        overlapping=number[np.flatnonzero(found.self_overlapping)],
+        overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
+        outside=outside,
+        measures=measure(part, points),
+        seam_length=float(surface.edge_lengths[cut].sum() / np.sqrt(surface.areas.sum())),
+        uv_min=points.min(0),
+        uv_max=points.max(0),
+        coverage=covered,
+    )
+
+
+def uv_seams(surface: Surface, uvmap: UVMap) -> BoolArray:
+    """(e,) bool: edges whose two sides have different uv, or one of them none."""
+    return _seams(surface, *corners_of(surface, uvmap))
+
+
+def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
+    flat = corners.reshape(-1, 2)
+    i, j = surface.edges[:, 0], surface.edges[:, 1]
+    ni, nj = (h - h % 3 + (h + 1) % 3 for h in (i, j))
+    differs = (flat[i] != flat[nj]).any(1) | (flat[ni] != flat[j]).any(1)
+    result: BoolArray = differs | ~ok[surface.edges // 3].all(1)
+    return result
+
+
+def _boxes(patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Bounding box of each chart."""
+    lo = np.full((patches.n_charts, 2), np.inf)
+    hi = np.full((patches.n_charts, 2), -np.inf)
+    np.minimum.at(lo, patches.vertex_chart, uv)
+    np.maximum.at(hi, patches.vertex_chart, uv)
+    return lo, hi
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What the options promise of a layout: bound None where the cut promises none; padding in texels."""
+
+    bound: float | None = None
+    padding: int | None = None
+
+
+def reasons(v: Verification, promise: Promise) -> list[str]:
+    """Why a layout is less than what was promised, one line each; empty where it is all right."""
+    out = []
+    if v.missing:
+        out.append(f"{v.missing} faces have no finite uv")
+    if v.flips:
+        where = np.unique(v.patches.chart[v.flipped])
+        out.append(f"{v.flips} faces are flipped or without area in {_named(where)}")
+    if len(v.mirrored):
+        out.append(f"{_named(v.mirrored)} mirrored")
+    if len(v.overlapping):
+        out.append(f"{_named(v.overlapping)} overlapping itself")
+    if len(v.overlapping_pairs):
+        a, b = v.overlapping_pairs[0]
+        out.append(f"{len(v.overlapping_pairs)} pairs of charts overlap, the first {a} and {b}")
+    if len(v.outside):
+        out.append(f"{_named(v.outside)} outside the unit square")
+    if promise.bound is not None:
+        high = np.flatnonzero(v.measures.charts["sd"] > promise.bound * (1 + BOUND_SLACK))
+        if len(high):
+            worst = v.measures.sd_max_chart
+            out.append(f"{_named(high)} above the bound {promise.bound:g}: up to {worst:.4g}")
+    if promise.padding is not None and v.coverage is not None:
+        c = v.coverage
+        if c.gap < promise.padding + 1 and c.near is not None:
+            out.append(
+                f"charts {c.near[0]} and {c.near[1]} are {max(c.gap - 1, 0):.1f} texels apart: "
+                f"{promise.padding} were asked for"
+            )
+        if c.border < promise.padding:
+            out.append(
+                f"{c.border} texels are empty at the border: {promise.padding} were asked for"
+            )
+    return out
+
+
+def _named(charts: IntArray) -> str:
+    """``chart 3`` or ``charts 3, 5, 9 and 4 more``."""
+    shown = ", ".join(str(int(c)) for c in charts[:5])
+    more = f" and {len(charts) - 5} more" if len(charts) > 5 else ""
+    return f"chart{'s' if len(charts) > 1 else ''} {shown}{more}"
+
+
+_COMPARE: dict[str, Callable[[float, float], bool]] = {
+    ">=": operator.ge,
+    "<=": operator.le,
+    "==": operator.eq,
+    "!=": operator.ne,
+    ">": operator.gt,
+    "<": operator.lt,
+}
+_GATE = re.compile(r"\s*([a-z_0-9]+)\s*(>=|<=|==|!=|>|<)\s*(\S+)\s*$")
+
+
+@dataclass(frozen=True)
+class Gate:
+    """One condition under which a run counts as failed."""
+
+    name: str
+    sign: str
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.name}{self.sign}{self.value:g}"
+
+
+@dataclass(frozen=True)
+class Gates:
+    """The conditions of ``--fail-if``."""
+
+    gates: tuple[Gate, ...] = field(default_factory=tuple)
+
+    def missed(self, report: dict[str, Any]) -> list[str]:
+        """The conditions that hold for the numbers of a report, one line each."""
+        out = []
+        for gate in self.gates:
+            value = report.get(gate.name)
+            if value is None:
+                out.append(f"{gate}: it was not measured here")
+            elif _COMPARE[gate.sign](float(value), gate.value):
+                out.append(f"{gate}: it is {value:g}")
+        return out
+
+
+def parse_gates(text: str | None) -> Gates:
+    """``'flips>0,distortion>1.05'`` as gates; raises OptionError for an unknown name or a bad number."""
+    if text is None:
+        return Gates()
+    out = []
+    for part in text.split(","):
+        match = _GATE.match(part)
+        if match is None:
+            raise OptionError(
+                f"--fail-if {part.strip()!r} is no condition: write NAME>NUMBER, for example 'flips>0'"
+            )
+        name, sign, number = match.groups()
+        if name not in GATE_NAMES:
+            raise OptionError(unknown_name("name in --fail-if", name, list(GATE_NAMES)))
+        try:
+            value = float(number)
+        except ValueError:
+            raise OptionError(f"--fail-if {part.strip()!r}: {number!r} is no number") from None
+        if value != value:
+            raise OptionError(f"--fail-if {part.strip()!r}: nothing can be compared with NaN")
+        out.append(Gate(name, sign, value))
+    return Gates(tuple(out))
