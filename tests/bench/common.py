@@ -1,0 +1,137 @@
+"""What every benchmark shares: machine facts, lines with a wanted value, a report as Markdown."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import subprocess
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+REPORTS = ROOT / "docs" / "benchmarks"
+CORPUS = Path(os.environ.get("CIRCPARAM_CORPUS") or ROOT.parent / "shared" / "meshes")
+
+
+@dataclass(frozen=True)
+class Line:
+    """One figure. wanted: a text such as "<= 40"; None where the figure only informs."""
+
+    name: str
+    value: float
+    unit: str = ""
+    wanted: str | None = None
+    detail: str = ""
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the figure is as wanted."""
+        if self.wanted is None:
+            return None
+        sign, bound = self.wanted.split()
+        return self.value <= float(bound) if sign == "<=" else self.value >= float(bound)
+
+    @property
+    def verdict(self) -> str:
+        """One word for the report."""
+        return {None: "", True: "met", False: "**missed**"}[self.met]
+
+    def cells(self) -> list[str]:
+        """The row of the report."""
+        value = f"{self.value:.4g} {self.unit}".strip()
+        return [self.name, value, self.wanted or "", self.verdict, self.detail]
+
+
+def say(line: Line) -> None:
+    """Print a figure as soon as it is there."""
+    wanted = f"  wanted {line.wanted}: {line.verdict.strip('*')}" if line.wanted else ""
+    detail = f"  ({line.detail})" if line.detail else ""
+    print(f"{line.name}: {line.value:.4g} {line.unit}{wanted}{detail}", flush=True)
+
+
+def machine() -> list[str]:
+    """Facts without which a time means nothing."""
+    cpu = platform.processor() or platform.machine()
+    memory = ""
+    try:
+        for text in Path("/proc/cpuinfo").read_text().splitlines():
+            if text.startswith("model name"):
+                cpu = text.split(":", 1)[1].strip()
+                break
+        kilobytes = Path("/proc/meminfo").read_text().split(None, 2)[1]
+        memory = f", {int(kilobytes) / 2**20:.0f} GB"
+    except OSError:
+        pass
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    names = ["numpy", "scipy", "libigl", "xatlas", "fast-simplification"]
+    versions = []
+    for name in names:
+        try:
+            versions.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            versions.append(f"no {name}")
+    threads = os.environ.get("OMP_NUM_THREADS", "not set")
+    return [
+        f"- machine: {cpu}, {cores} cores{memory}, {platform.system()}",
+        f"- Python {platform.python_version()}, {', '.join(versions)}",
+        f"- OMP_NUM_THREADS: {threads}; commit {commit()}",
+    ]
+
+
+def commit() -> str:
+    """The short name of the commit, with a + where files differ from it."""
+    try:
+        name = subprocess.run(
+            ["git", "describe", "--always", "--dirty=+"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return name.stdout.strip()
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
+    """A Markdown table."""
+    head = list(head)
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return lines + ["| " + " | ".join(row) + " |" for row in rows]
+
+
+def write(name: str, title: str, intro: str, blocks: Iterable[list[str]]) -> Path:
+    """Write a report into docs/benchmarks."""
+    REPORTS.mkdir(parents=True, exist_ok=True)
+    path = REPORTS / name
+    parts = [f"# {title}", "", intro, "", *machine(), ""]
+    for block in blocks:
+        parts += [*block, ""]
+    path.write_text("\n".join(parts).rstrip() + "\n", encoding="utf-8")
+    return path
+
+
+def figures(lines: Iterable[Line]) -> list[str]:
+    """Lines as a Markdown table."""
+    return table(["figure", "measured", "wanted", "", "detail"], (line.cells() for line in lines))
+
+
+def choose(
+    cases: dict[str, Callable[[], list[Line]]], description: str
+) -> tuple[list[str], argparse.Namespace]:
+    """Names of the cases to run, from the command line; all where none is named."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument(
+        "cases", nargs="*", metavar="CASE", help=f"of: {', '.join(cases)}; all if left out"
+    )
+    parser.add_argument(
+        "--no-report", action="store_true", help="print only, leave docs/benchmarks as it is"
+    )
+    chosen = parser.parse_args()
+    for name in chosen.cases:
+        if name not in cases:
+            parser.error(f"no case {name!r}: choose from {', '.join(cases)}")
+    return chosen.cases or list(cases), chosen

@@ -1,0 +1,202 @@
+"""``make bench``: how fast the methods are, beside libigl in the same run; writes docs/benchmarks/solve.md.
+
+    python -m tests.bench.solve [CASE...]
+
+Every figure is a ratio of two times of the same run, or a peak memory; each method runs in a process of its
+own. Meshes are generated, and those of the corpus folder (CIRCPARAM_CORPUS) are added where it exists.
+"""
+
+from __future__ import annotations
+
+import statistics
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from circparam import isolated
+from circparam.isolated import Outcome
+from circparam.mesh import Patches
+from tests import shapes
+from tests.bench import common, tasks
+from tests.bench.common import CORPUS, Line, say
+
+REPEATS = 5
+GIGABYTE = 2**30
+# disks of the corpus with at least 20k faces
+LARGE_DISKS = (
+    "face_libigl.obj",
+    "camelhead.off",
+    "mountain.obj",
+    "SheenCloth.glb",
+    "zero_area_48.obj",
+)
+
+
+def run(task: str, arrays: dict[str, Any], **settings: Any) -> Outcome:
+    """A task in its own process; an error there ends the benchmark here."""
+    done = isolated.run(f"tests.bench.tasks:{task}", arrays, settings)
+    if done.error is not None:
+        raise SystemExit(f"{task}: {done.error}")
+    return done
+
+
+def flatten(patches: Patches, method: str, repeats: int = 1, **options: Any) -> Outcome:
+    """A method on patches."""
+    return run("flatten", tasks.arrays_of(patches), method=method, repeats=repeats, options=options)
+
+
+def convex() -> list[Line]:
+    """100k vertices: circle beside libigl's harmonic and beside floater."""
+    points, faces = shapes.bumped_disk(100_000 - 1121)
+    patches = tasks.whole(points, faces)
+    circle, floater = (flatten(patches, name, REPEATS) for name in ("circle", "floater"))
+    peer = run("harmonic_by_igl", {"points": points, "faces": faces}, repeats=REPEATS)
+    own = statistics.median(
+        w + s for w, s in zip(circle.info["weights"], circle.info["solve"], strict=True)
+    )
+    theirs = statistics.median(peer.info["seconds"])
+    fast, slow = (statistics.median(d.info["weights"]) for d in (circle, floater))
+    size = f"{patches.n_vertices} vertices, {len(faces)} faces"
+    return [
+        Line("circle, weights + solve, time / libigl harmonic", own / theirs, "", "<= 1",
+             f"{own:.3f} s / {theirs:.3f} s; {size}"),
+        Line("weight stage, floater / circle", slow / fast, "", ">= 1.5", f"{slow:.3f} s / {fast:.3f} s"),
+    ]  # fmt: skip
+
+
+def million() -> list[Line]:
+    """1M vertices: memory, and how time grows."""
+    small = tasks.whole(*shapes.bumped_disk(100_000 - 1121))
+    a = flatten(small, "circle", REPEATS)
+    del small
+    large = tasks.whole(*shapes.bumped_disk(1_000_000 - 3545))
+    b = flatten(large, "circle")
+    first = statistics.median(a.info["seconds"])
+    last = b.info["seconds"][0]
+    return [
+        Line("1M vertices, time / time of 100k", last / first, "", "<= 40", f"{last:.2f} s / {first:.3f} s"),
+        Line("1M vertices, peak memory", (b.peak_bytes or 0) / GIGABYTE, "GB", "<= 3",
+             f"{large.n_vertices} vertices, beyond the input"),
+    ]  # fmt: skip
+
+
+def newton() -> list[Line]:
+    """Isometric: steps on a bumped disk of 39k faces, memory at 400k faces."""
+    patches = tasks.whole(*shapes.bumped_disk(19_500 - 495))
+    done = flatten(patches, "isometric", start="mean-value")
+    lines = [
+        Line("39k faces, Newton steps from the mean-value start", done.info["iterations"][0], "", "<= 5",
+             f"{len(patches.faces)} faces, {done.info['seconds'][0]:.2f} s, "
+             f"SD/4 {tasks.energy(patches, done.arrays['uv']):.6f}")
+    ]  # fmt: skip
+    patches = tasks.whole(*shapes.bumped_disk(200_000 - 1585))
+    done = flatten(patches, "isometric")
+    return [
+        *lines,
+        Line("400k faces, isometric, peak memory", (done.peak_bytes or 0) / GIGABYTE, "GB", "<= 6",
+             f"{len(patches.faces)} faces, {done.info['seconds'][0]:.1f} s"),
+    ]  # fmt: skip
+
+
+def blocks() -> list[Line]:
+    """1000 charts of 40 faces beside one chart of 40k faces."""
+    bend = lambda p: p + [0, 0, 1] * (0.3 * np.sin(3 * p[:, :1]) * np.cos(2 * p[:, 1:2]))  # noqa: E731
+    p, f = shapes.grid(6, 5)
+    many = tasks.whole(*shapes.row_of((bend(p), f), 1000))
+    p, f = shapes.grid(201, 101)
+    one = tasks.whole(bend(p), f)
+    lines = []
+    for method in ("circle", "lscm", "isometric"):
+        times = [min(flatten(x, method, 3).info["seconds"]) for x in (many, one)]
+        lines.append(
+            Line(f"{method}: 1000 charts of 40 faces, time / one chart of 40k", times[0] / times[1], "",
+                 "<= 1.5", f"{times[0]:.2f} s / {times[1]:.2f} s, {len(many.faces)} and {len(f)} faces")
+        )  # fmt: skip
+    return lines
+
+
+def slim() -> list[Line]:
+    """Isometric beside libigl's SLIM: seconds until within 0.1 % of the minimum.
+
+    circparam's time is that of the whole run: start, relaxation, until it stops by itself. SLIM's is that of
+    its set-up and its steps from the same kind of start, which is a gift.
+    """
+    lines = []
+    for name, patches, points in _slim_meshes():
+        own = flatten(patches, "isometric")
+        start = flatten(patches, "circle")
+        best = tasks.energy(patches, flatten(patches, "isometric", tolerance=1e-12).arrays["uv"])
+        reached = tasks.energy(patches, own.arrays["uv"])
+        arrays = {**tasks.arrays_of(patches), "points": points, "uv": start.arrays["uv"]}
+        seconds = own.info["seconds"][0]
+        peer = run("slim_by_igl", arrays, iterations=300, bound=60 * seconds, enough=1.001 * best)
+        done = peer.info["energies"][-1] <= 1.001 * best
+        sign = "" if done else "more than "
+        lines.append(
+            Line(f"{name}: SLIM's time / isometric's", peer.info["seconds"][-1] / seconds, "", ">= 2",
+                 f"{sign}{peer.info['seconds'][-1]:.2f} s in {len(peer.info['energies'])} steps "
+                 f"/ {seconds:.2f} s; {len(patches.faces)} faces, SD/4 {best:.5f}")
+        )  # fmt: skip
+        lines.append(
+            Line(f"{name}: SD/4 where isometric stops / minimum", reached / best, "", "<= 1.001")
+        )
+    return lines
+
+
+def _slim_meshes() -> list[tuple[str, Patches, np.ndarray]]:
+    """(name, patches, points of their vertices) of disks with 20k faces and more."""
+    made = [
+        ("bumped disk", shapes.bumped_disk(19_500 - 495)),
+        ("hemisphere", shapes.hemisphere(82)),
+        ("tube, length / circumference 1.5", shapes.tube(1.5, 96)),
+    ]
+    for name in LARGE_DISKS:
+        if (CORPUS / name).exists():
+            made.append((name, _read(CORPUS / name)))
+    out = []
+    for name, (p, f) in made:
+        patches = tasks.whole(p, f)
+        if (
+            patches.n_charts != 1
+            or patches.n_vertices != len(np.unique(f))
+            or len(patches.faces) != len(f)
+        ):
+            continue  # SLIM needs the one disk as it is, without repairs
+        points = np.zeros((patches.n_vertices, 3))
+        points[patches.faces.ravel()] = p[f.ravel()]
+        out.append((name, patches, points))
+    return out
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    from circparam import formats
+
+    mesh = formats.read(path).mesh
+    return mesh.points, mesh.weld[mesh.faces]
+
+
+CASES = {"convex": convex, "million": million, "newton": newton, "blocks": blocks, "slim": slim}
+
+
+def main() -> None:
+    """Run the cases, print every figure, write the report."""
+    names, chosen = common.choose(CASES, "How fast the methods are, beside libigl in the same run.")
+    print("\n".join(common.machine()), flush=True)
+    blocks = []
+    for name in names:
+        lines = CASES[name]()
+        for line in lines:
+            say(line)
+        blocks.append(
+            [f"## {(CASES[name].__doc__ or '').splitlines()[0]}", "", *common.figures(lines)]
+        )
+    if not chosen.no_report and names == list(CASES):
+        intro = (
+            "Made by `make bench`. Ratios of times of one run; each method in a process of its own."
+        )
+        print(f"written: {common.write('solve.md', 'Speed of the solvers', intro, blocks)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""What the benchmarks run in processes of their own: functions (arrays, settings) → (arrays, info)."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from circparam.mesh import Mesh, Patches
+from circparam.methods import METHODS, MethodOptions
+from circparam.progress import Monitor
+from circparam.repair import repair
+
+Arrays = dict[str, Any]
+Answer = tuple[Arrays, dict[str, Any]]
+
+
+def whole(points: np.ndarray, faces: np.ndarray) -> Patches:
+    """A mesh of disks as patches, nothing cut."""
+    surface, _ = repair(Mesh(points, faces))
+    return surface.patches(np.zeros(len(surface.edges), bool))
+
+
+def fresh(patches: Patches) -> Patches:
+    """The same patches, remembering nothing that was computed."""
+    return Patches(patches.faces, patches.frames, patches.chart, patches.edges)
+
+
+def patches_of(arrays: Arrays) -> Patches:
+    """Patches as they were handed over."""
+    return Patches(arrays["faces"], arrays["frames"], arrays["chart"], arrays["edges"])
+
+
+def arrays_of(patches: Patches) -> Arrays:
+    """Patches as arrays, to hand over."""
+    p = patches
+    return {"faces": p.faces, "frames": p.frames, "chart": p.chart, "edges": p.edges}
+
+
+def flatten(arrays: Arrays, settings: dict[str, Any]) -> Answer:
+    """One method, ``repeats`` times: seconds of every run, stages of the last, the layout of the last."""
+    patches = patches_of(arrays)
+    options = MethodOptions(**settings.get("options", {}))
+    seconds, weights, solve = [], [], []
+    for _ in range(settings.get("repeats", 1)):
+        again, monitor = fresh(patches), Monitor()
+        start = time.perf_counter()
+        layout = METHODS[settings["method"]].function(again, options, monitor)
+        seconds.append(time.perf_counter() - start)
+        weights.append(monitor.seconds.get("weights", 0.0))
+        solve.append(monitor.seconds.get("solve", 0.0))
+    info = {
+        "seconds": seconds, "weights": weights, "solve": solve, "stages": monitor.seconds,
+        "iterations": layout.iterations.tolist(), "notes": layout.notes,
+    }  # fmt: skip
+    return {"uv": layout.uv}, info
+
+
+def harmonic_by_igl(arrays: Arrays, settings: dict[str, Any]) -> Answer:
+    """libigl's harmonic map alone (assembly and solve), the border being given."""
+    import igl
+
+    points, faces = arrays["points"], arrays["faces"]
+    border = igl.boundary_loop(faces)
+    border = border[0] if isinstance(border, tuple) else border
+    circle = igl.map_vertices_to_circle(points, border)
+    seconds = []
+    for _ in range(settings["repeats"]):
+        start = time.perf_counter()
+        igl.harmonic(points, faces, border, circle, 1)
+        seconds.append(time.perf_counter() - start)
+    return {}, {"seconds": seconds}
+
+
+def slim_by_igl(arrays: Arrays, settings: dict[str, Any]) -> Answer:
+    """libigl's SLIM from a given start: seconds and energy (SD/4) after every iteration.
+
+    Measuring the energy does not count; neither does the start.
+    """
+    import igl
+
+    patches = patches_of(arrays)
+    points = np.asfortranarray(arrays["points"])
+    faces = np.asfortranarray(patches.faces.astype(np.int32))
+    start = time.perf_counter()
+    data = igl.slim_precompute(
+        points, faces, np.asfortranarray(arrays["uv"]), igl.MappingEnergyType.SYMMETRIC_DIRICHLET,
+        np.zeros(0, np.int32), np.asfortranarray(np.zeros((0, 2))), 0.0,
+    )  # fmt: skip
+    seconds, spent, energies = [], time.perf_counter() - start, []
+    while len(energies) < settings["iterations"] and spent < settings["bound"]:
+        start = time.perf_counter()
+        uv = np.asarray(igl.slim_solve(data, 1))
+        spent += time.perf_counter() - start
+        seconds.append(spent)
+        energies.append(energy(patches, uv[:, :2]))
+        if energies[-1] <= settings["enough"]:
+            break
+    return {}, {"seconds": seconds, "energies": energies}
+
+
+def energy(patches: Patches, uv: np.ndarray) -> float:
+    """SD/4 of a layout as it is, without rescaling: area-weighted mean over faces with an area."""
+    from circparam.geometry import jacobians
+
+    live = patches.areas > 1e-12 * patches.edge_lengths.max(1) ** 2
+    J = jacobians(patches, uv)[live]
+    square = (J**2).sum((1, 2))
+    det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+    with np.errstate(divide="ignore"):
+        each = np.where(det > 0, (square + square / det**2) / 4, np.inf)
+    return float((patches.areas[live] * each).sum() / patches.areas[live].sum())
