@@ -1,11 +1,282 @@
-"""One self-contained page."""
+"""One self-contained page: the surface and its layout side by side, to be turned, zoomed and hovered.
+
+Plain WebGL2 of this project's own (the files in ``viewer/``), no network. The geometry is quantised to 16 bit
+a coordinate, stored as differences in byte planes, deflated, and written as base64 text into the page.
+"""
 
 from __future__ import annotations
 
-from circparam.report.figures import Figures, PictureOptions
+import base64
+import html
+import json
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from circparam._version import __version__
+from circparam.arrays import FloatArray, IntArray, group_count, group_sum, relabel
+from circparam.report import colours as col
+from circparam.report.camera import best_directions, up_vector
+from circparam.report.figures import Figures, PictureOptions, scene_figures
+from circparam.report.render import checker_cells
 from circparam.report.scene import Scene
 
+SCRIPTS = ("decode.js", "shaders.js", "renderer.js", "cameras.js", "main.js")
+STRETCH_LIMIT = (
+    1000.0  # stretch codes: the square root of log(stretch) / log(limit), 0..254; 255 is flipped
+)
+HINT = "Drag to turn, scroll or pinch to zoom, shift-drag to move; point at a chart to find it in both views."
 
-def page(scene: Scene, options: PictureOptions, figures: Figures | None = None) -> str:
-    """The page."""
-    raise NotImplementedError
+
+@dataclass(frozen=True, eq=False)
+class PageImages:
+    """The textures of a mesh. files: (bytes, media type) of each image. face: (m,) image of each face, or −1."""
+
+    files: Sequence[tuple[bytes, str]]
+    face: IntArray
+
+
+def page(
+    scene: Scene,
+    options: PictureOptions | None = None,
+    figures: Figures | None = None,
+    *,
+    repairs: Sequence[str] = (),
+    images: PageImages | None = None,
+) -> str:
+    """The page as text.
+
+    figures: (label, text) pairs of the table; None writes what the scene itself tells. repairs: one line
+    each. images: the mesh's own textures, shown through the uv of the scene.
+    """
+    options = options or PictureOptions()
+    order = np.arange(len(scene.faces))
+    if images is not None:
+        order = np.argsort(images.face, kind="stable")
+    sections, packed = pack_geometry(scene, order)
+    meta = _meta(scene, options, images)
+    meta["sections"] = sections
+    counts = f"{len(scene.faces):,} faces · {scene.n_charts:,} chart{'s' * (scene.n_charts != 1)}"
+    fields = {
+        "VERSION": __version__,
+        "TITLE": html.escape(options.title),
+        "NOTE": html.escape(f"{options.note} · {counts}" if options.note else counts),
+        "HINT": HINT,
+        "FIGURES": _table(figures if figures is not None else scene_figures(scene)),
+        "REPAIRS": _list(repairs),
+        "STYLE": _style(),
+        "META": json.dumps(meta, separators=(",", ":")).replace("</", "<\\/"),
+        "MESH": base64.b64encode(packed).decode(),
+        "SCRIPT": "\n".join(_file(name) for name in SCRIPTS),
+    }
+    return fill_in(_file("page.html"), fields)
+
+
+def fill_in(template: str, fields: dict[str, str]) -> str:
+    """Replace every %NAME% of a template; what is filled in is not looked at again."""
+    parts = template.split("%")
+    out, k = [parts[0]], 1
+    while k < len(parts):
+        if parts[k] in fields and k + 1 < len(parts):
+            out += [fields[parts[k]], parts[k + 1]]
+            k += 2
+        else:
+            out.append("%" + parts[k])
+            k += 1
+    return "".join(out)
+
+
+def _file(name: str) -> str:
+    return (resources.files("circparam.report") / "viewer" / name).read_text("utf-8")
+
+
+def _style() -> str:
+    names = {"INK", "MUTED", "HAIRLINE", "PANEL", "PAPER"}
+    return fill_in(
+        _file("style.css"), {n: getattr(col, n) for n in sorted(names)} | {"ACCENT": col.CHARTS[0]}
+    )
+
+
+def _table(figures: Figures) -> str:
+    return "".join(
+        f"<tr><th>{html.escape(label)}</th><td>{html.escape(text)}</td></tr>"
+        for label, text in figures
+    )
+
+
+def _list(lines: Sequence[str]) -> str:
+    if not lines:
+        return "<p>Nothing had to be repaired.</p>"
+    return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
+
+
+def _meta(scene: Scene, options: PictureOptions, images: PageImages | None) -> dict[str, Any]:
+    """Everything of the page's data that is not geometry."""
+    low, extent = _box(scene)
+    directions = options.directions
+    if directions is None:
+        directions = best_directions(scene, 1, options.up)
+    top = options.stretch_end or col.stretch_top(scene.stretch, scene.areas * scene.mapped)
+    palette = col.chart_colours(np.arange(24))
+    del low
+    return {
+        "extent": extent.tolist(),
+        "up": up_vector(options.up).tolist(),
+        "direction": [round(float(c), 4) for c in directions[0]],
+        "insideOut": scene.inside_out,
+        "uvBox": [*scene.uv.min(0).tolist(), *_uv_span(scene).tolist()],
+        "bounds": list(scene.bounds),
+        "cells": checker_cells(scene),
+        "stretchEnd": top,
+        "stretchEnds": sorted({*col.TOPS, top}),
+        "palette": [col.hex_code(c) for c in palette],
+        "ramp": [col.hex_code(c) for c in col.stretch_map(64)],
+        "colours": {
+            "ink": col.INK,
+            "paper": col.PAPER,
+            "panel": col.PANEL,
+            "hairline": col.HAIRLINE,
+            "flip": col.FLIP,
+            "noUv": col.NO_UV,
+        },
+        "charts": _chart_figures(scene),
+        "hint": HINT,
+        "images": [] if images is None else [_data_url(*file) for file in images.files],
+        "imageNote": "no texture was found with this mesh",
+        "ranges": _ranges(images),
+    }
+
+
+def _data_url(data: bytes, media_type: str) -> str:
+    return f"data:{media_type};base64,{base64.b64encode(data).decode()}"
+
+
+def _ranges(images: PageImages | None) -> list[dict[str, int]]:
+    """Runs of faces with the same image, in the order in which faces are stored."""
+    if images is None:
+        return []
+    face = np.sort(images.face)
+    values, first, count = np.unique(face, return_index=True, return_counts=True)
+    return [
+        {"image": int(v), "first": int(f), "count": int(c)}
+        for v, f, c in zip(values, first, count, strict=True)
+    ]
+
+
+def _chart_figures(scene: Scene) -> dict[str, list[float]]:
+    """Faces, share of the surface, and mean stretch of every chart."""
+    n = scene.n_charts
+    ok = scene.mapped
+    chart = scene.chart[ok]
+    area = scene.areas[ok]
+    finite = np.isfinite(scene.stretch[ok])
+    sums = group_sum(np.where(finite, scene.stretch[ok] * area, 0.0), chart, n)
+    held = group_sum(area, chart, n)
+    weight = group_sum(area * finite, chart, n)
+    stretch = np.divide(sums, weight, out=np.ones(n), where=weight > 0)
+    whole = max(float(scene.areas.sum()), 1e-300)
+    return {
+        "faces": group_count(chart, n).tolist(),
+        "share": [float(f"{x:.4g}") for x in held / whole],
+        "stretch": [float(f"{x:.5g}") for x in stretch],
+    }
+
+
+def _box(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    low = scene.used_points.min(0)
+    extent = np.ptp(scene.used_points, axis=0)
+    return low, np.where(extent > 0, extent, max(float(extent.max()), 1.0) * 1e-6)
+
+
+def _uv_span(scene: Scene) -> FloatArray:
+    span = np.ptp(scene.uv, axis=0)
+    return np.where(span > 0, span, 1e-6)
+
+
+def pack_geometry(scene: Scene, order: IntArray) -> tuple[list[dict[str, Any]], bytes]:
+    """The geometry of a scene, faces in the given order: (sections in the order stored, deflated bytes).
+
+    Vertices are pairs of position and uv, numbered in the order in which faces use them.
+    """
+    index = np.where(scene.mapped[:, None], scene.uv_faces, len(scene.uv) + scene.weld[scene.faces])
+    n, label = relabel(index[order].ravel())
+    corner = np.empty(n, np.int64)  # one corner for each vertex
+    corner[label[::-1]] = np.arange(len(label))[::-1]
+    face, k = order[corner // 3], corner % 3
+    low, extent = _box(scene)
+    position = _quantise((scene.points[scene.faces[face, k]] - low) / extent)
+    uv = _quantise((np.nan_to_num(scene.corner_uv[face, k]) - scene.uv.min(0)) / _uv_span(scene))
+    normal = _octahedral(scene.corner_normals[face, k])
+    position_of = np.empty(len(order), np.int64)
+    position_of[order] = np.arange(len(order))
+    seams = 3 * position_of[scene.seams // 3] + scene.seams % 3
+    inner = np.isin(scene.seams, _both_sides(scene))
+    by_place = np.argsort(seams)
+    next_new = np.r_[0, np.maximum.accumulate(label)[:-1] + 1]
+    parts: list[tuple[str, Any, str]] = [
+        ("position", position, "delta"),
+        ("uv", uv, "delta"),
+        ("normal", normal, "plain"),
+        ("index", (next_new - label).astype(np.uint32), "newest"),
+        (
+            "chart",
+            np.where(scene.mapped, scene.chart, 0xFFFF_FFFF)[order].astype(np.uint32),
+            "delta",
+        ),
+        ("stretch", _stretch_codes(scene)[order], "plain"),
+        ("seams", seams[by_place].astype(np.uint32), "delta"),
+        ("inner", inner[by_place].astype(np.uint8), "plain"),
+    ]
+    sections, data = [], []
+    for name, array, coding in parts:
+        table = array.reshape(len(array), -1)
+        if coding == "delta":
+            table = np.diff(table, axis=0, prepend=np.zeros((1, table.shape[1]), table.dtype))
+        width = table.dtype.itemsize
+        little = np.ascontiguousarray(table.astype(table.dtype.newbyteorder("<")))
+        planes = little.view(np.uint8).reshape(len(table), table.shape[1], width)
+        data.append(np.ascontiguousarray(planes.transpose(1, 2, 0)).tobytes())
+        sections.append(
+            {
+                "name": name,
+                "count": len(table),
+                "columns": table.shape[1],
+                "bytes": width,
+                "coding": coding,
+            }
+        )
+    return sections, zlib.compress(b"".join(data), 7)
+
+
+def _both_sides(scene: Scene) -> IntArray:
+    """Half-edges of ``seams`` on cuts (not on borders of the surface), both sides."""
+    w = scene.weld[scene.faces]
+    a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
+    h = scene.seams
+    key = np.minimum(a, b)[h] * (len(scene.points) + 1) + np.maximum(a, b)[h]
+    _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
+    return h[count[inverse.reshape(-1)] > 1]
+
+
+def _quantise(values: FloatArray) -> Any:
+    return np.round(np.clip(values, 0, 1) * 65535).astype(np.uint16)
+
+
+def _octahedral(normal: FloatArray) -> Any:
+    """Directions (n, 3) as two bytes: the sphere folded onto an octahedron, unfolded onto a square."""
+    n = normal / np.maximum(np.abs(normal).sum(1, keepdims=True), 1e-12)
+    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
+    folded = (1 - np.abs(n[:, [1, 0]])) * sign
+    e = np.where(n[:, 2:] < 0, folded, n[:, :2])
+    return np.round((e * 0.5 + 0.5) * 255).astype(np.uint8)
+
+
+def _stretch_codes(scene: Scene) -> Any:
+    t = np.sqrt(col.stretch_position(scene.stretch, STRETCH_LIMIT))
+    out = np.round(t * 254).astype(np.uint8)
+    out[scene.flipped] = 255
+    return out

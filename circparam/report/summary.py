@@ -10,7 +10,7 @@ from circparam._version import __version__
 if TYPE_CHECKING:
     from circparam.pipeline import Result
 
-SCHEMA = "circparam/unwrap/1"
+SCHEMA = "circparam/{}/1"
 
 
 def summarise(result: Result) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def summarise(result: Result) -> dict[str, Any]:
     """
     numbers = {k: plain(v) for k, v in result.measures.items()}
     return {
-        "schema": SCHEMA,
+        "schema": SCHEMA.format(result.work),
         "version": __version__,
         "input": result.document.source.name,
         "output": result.path,
@@ -31,8 +31,8 @@ def summarise(result: Result) -> dict[str, Any]:
         "format": result.format,
         "status": result.status,
         "reasons": result.reasons,
-        "method": result.options.method,
-        "cut": result.options.cut,
+        "method": result.options.method if result.work == "unwrap" else "as given",
+        "cut": result.options.cut if result.work == "unwrap" else "as given",
         "options": result.options.given(),
         "vertices": len(result.mesh.points),
         "faces": len(result.mesh.faces),

@@ -1,0 +1,266 @@
+/* The WebGL2 side: one canvas under both panels, one set of buffers for both. */
+
+const MODES = { checker: 0, stretch: 1, charts: 2, texture: 3, picking: 4 };
+
+function program(gl, vertex, fragment) {
+  const out = gl.createProgram();
+  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    gl.attachShader(out, shader);
+  }
+  gl.linkProgram(out);
+  if (!gl.getProgramParameter(out, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(out));
+  const at = {};
+  const n = gl.getProgramParameter(out, gl.ACTIVE_UNIFORMS);
+  for (let i = 0; i < n; i++) {
+    const name = gl.getActiveUniform(out, i).name.replace("[0]", "");
+    at[name] = gl.getUniformLocation(out, name);
+  }
+  return { program: out, at };
+}
+
+/* Faces without shared corners, so that a face can hold its own chart and stretch: 20 bytes a corner. */
+function cornerBuffer(mesh) {
+  const { index, position, uv, normal, chart, stretch } = mesh;
+  const bytes = new ArrayBuffer(index.length * 20);
+  const words = new Uint16Array(bytes), small = new Uint8Array(bytes), long = new Uint32Array(bytes);
+  for (let c = 0; c < index.length; c++) {
+    const v = index[c], w = c * 10;
+    words[w] = position[3 * v];
+    words[w + 1] = position[3 * v + 1];
+    words[w + 2] = position[3 * v + 2];
+    words[w + 3] = stretch[(c / 3) | 0];
+    words[w + 4] = uv[2 * v];
+    words[w + 5] = uv[2 * v + 1];
+    small[2 * w + 12] = normal[2 * v];
+    small[2 * w + 13] = normal[2 * v + 1];
+    long[c * 5 + 4] = chart[(c / 3) | 0];
+  }
+  return bytes;
+}
+
+/* One record of 28 bytes for each border half-edge of a chart. */
+function seamBuffer(mesh) {
+  const { index, position, uv, chart, seams, inner } = mesh;
+  const bytes = new ArrayBuffer(seams.length * 28);
+  const words = new Uint16Array(bytes), long = new Uint32Array(bytes);
+  for (let s = 0; s < seams.length; s++) {
+    const h = seams[s], a = index[h], b = index[h % 3 === 2 ? h - 2 : h + 1], w = s * 14;
+    for (let k = 0; k < 3; k++) {
+      words[w + k] = position[3 * a + k];
+      words[w + 3 + k] = position[3 * b + k];
+    }
+    for (let k = 0; k < 2; k++) {
+      words[w + 6 + k] = uv[2 * a + k];
+      words[w + 8 + k] = uv[2 * b + k];
+    }
+    long[s * 7 + 5] = chart[(h / 3) | 0];
+    long[s * 7 + 6] = inner[s];
+  }
+  return bytes;
+}
+
+class Renderer {
+  constructor(canvas, meta, mesh) {
+    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+    if (!gl) throw new Error("this browser offers no WebGL2");
+    this.gl = gl;
+    this.canvas = canvas;
+    this.meta = meta;
+    this.fill = program(gl, FILL_VERTEX, FILL_FRAGMENT);
+    this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
+    this.ground = program(gl, GROUND_VERTEX, GROUND_FRAGMENT);
+    this.corners = mesh.index.length;
+    this.seams = mesh.seams.length;
+    this.faces = this.vertexArray(cornerBuffer(mesh), 20, 0, [
+      [3, gl.UNSIGNED_SHORT, 0], [2, gl.UNSIGNED_SHORT, 8], [2, gl.UNSIGNED_BYTE, 12],
+      [1, gl.UNSIGNED_INT, 16], [1, gl.UNSIGNED_SHORT, 6],
+    ], 3);
+    this.edges = this.vertexArray(seamBuffer(mesh), 28, 1, [
+      [3, gl.UNSIGNED_SHORT, 0], [3, gl.UNSIGNED_SHORT, 6], [2, gl.UNSIGNED_SHORT, 12],
+      [2, gl.UNSIGNED_SHORT, 16], [1, gl.UNSIGNED_INT, 20], [1, gl.UNSIGNED_INT, 24],
+    ], 4);
+    this.empty = gl.createVertexArray();
+    this.ramp = this.texture(gl.CLAMP_TO_EDGE, false);
+    const ramp = new Uint8Array(meta.ramp.flatMap((code) => this.bytes(code)));
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, meta.ramp.length, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, ramp);
+    this.images = [];
+    this.pick = { framebuffer: gl.createFramebuffer(), colour: gl.createTexture(), depth: gl.createRenderbuffer() };
+    this.setConstants();
+  }
+
+  bytes(code) {
+    return [1, 3, 5].map((i) => parseInt(code.slice(i, i + 2), 16));
+  }
+
+  colour(code) {
+    return this.bytes(code).map((c) => c / 255);
+  }
+
+  /* Attributes from `whole` on are integers; the others are scaled to 0..1. */
+  vertexArray(bytes, stride, divisor, attributes, whole) {
+    const gl = this.gl, array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
+    attributes.forEach(([size, type, offset], i) => {
+      gl.enableVertexAttribArray(i);
+      if (i < whole) gl.vertexAttribPointer(i, size, type, true, stride, offset);
+      else gl.vertexAttribIPointer(i, size, type, stride, offset);
+      gl.vertexAttribDivisor(i, divisor);
+    });
+    gl.bindVertexArray(null);
+    return array;
+  }
+
+  texture(wrap, mipmaps) {
+    const gl = this.gl, out = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, out);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, wrap);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, wrap);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, mipmaps ? gl.LINEAR_MIPMAP_LINEAR : gl.LINEAR);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
+    return out;
+  }
+
+  setConstants() {
+    const gl = this.gl, { meta } = this, u = this.fill.at;
+    gl.useProgram(this.fill.program);
+    gl.uniform3fv(u.palette, meta.palette.flatMap((c) => this.colour(c)));
+    gl.uniform3fv(u.flipColour, this.colour(meta.colours.flip));
+    gl.uniform3fv(u.emptyColour, this.colour(meta.colours.noUv));
+    gl.uniform3fv(u.extent, meta.extent);
+    gl.uniform4fv(u.uvBox, meta.uvBox);
+    gl.uniform1i(u.insideOut, meta.insideOut ? 1 : 0);
+    gl.uniform1i(u.ramp, 0);
+    gl.uniform1i(u.image, 1);
+    gl.useProgram(this.ground.program);
+    gl.uniform4fv(this.ground.at.uvBox, meta.uvBox);
+    gl.uniform3fv(this.ground.at.panel, this.colour(meta.colours.panel));
+    gl.uniform3fv(this.ground.at.hairline, this.colour(meta.colours.hairline));
+  }
+
+  addImage(slot, element) {
+    const gl = this.gl;
+    this.images[slot] = this.texture(gl.REPEAT, true);
+    gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, element);
+    gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+    gl.generateMipmap(gl.TEXTURE_2D);
+  }
+
+  /* Draw the panels: [{x, y, width, height, matrix, turn, plane}], in pixels from the bottom left. */
+  draw(panels, state) {
+    const gl = this.gl, [r, g, b] = this.colour(this.meta.colours.paper);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.clearColor(r, g, b, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    for (const panel of panels) {
+      this.enter(panel);
+      if (panel.plane) this.drawGround(panel);
+      this.drawFaces(panel, state, MODES[state.mode]);
+      if (state.seams || state.hovered >= 0) this.drawSeams(panel, state);
+    }
+  }
+
+  enter(panel) {
+    const gl = this.gl;
+    gl.enable(gl.SCISSOR_TEST);
+    gl.viewport(panel.x, panel.y, panel.width, panel.height);
+    gl.scissor(panel.x, panel.y, panel.width, panel.height);
+  }
+
+  drawGround(panel) {
+    const gl = this.gl, { bounds, uvBox } = this.meta;
+    gl.disable(gl.DEPTH_TEST);
+    gl.useProgram(this.ground.program);
+    gl.uniformMatrix4fv(this.ground.at.matrix, false, panel.matrix);
+    const box = bounds.map((c, i) => (c - uvBox[i % 2]) / uvBox[2 + (i % 2)]);
+    gl.uniform4fv(this.ground.at.box, box);
+    gl.bindVertexArray(this.empty);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+  }
+
+  drawFaces(panel, state, mode) {
+    const gl = this.gl, u = this.fill.at;
+    gl.useProgram(this.fill.program);
+    gl.uniformMatrix4fv(u.matrix, false, panel.matrix);
+    gl.uniformMatrix3fv(u.turn, false, panel.turn);
+    gl.uniform1i(u.plane, panel.plane ? 1 : 0);
+    gl.uniform1i(u.hovered, state.hovered);
+    gl.uniform1i(u.mode, mode);
+    gl.uniform1f(u.cells, state.cells);
+    gl.uniform1f(u.stretchEnd, Math.log(state.stretchEnd));
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.ramp);
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, this.ramp);
+    if (panel.plane) gl.disable(gl.DEPTH_TEST);
+    else gl.enable(gl.DEPTH_TEST);
+    gl.bindVertexArray(this.faces);
+    const ranges = mode === MODES.texture ? this.meta.ranges : [{ image: -1, first: 0, count: this.corners / 3 }];
+    for (const { image, first, count } of ranges) {
+      const texture = this.images[image];
+      gl.uniform1i(u.hasImage, texture ? 1 : 0);
+      if (texture) gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.drawArrays(gl.TRIANGLES, 3 * first, 3 * count);
+    }
+  }
+
+  drawSeams(panel, state) {
+    const gl = this.gl, u = this.line.at;
+    gl.useProgram(this.line.program);
+    gl.uniformMatrix4fv(u.matrix, false, panel.matrix);
+    gl.uniform1i(u.plane, panel.plane ? 1 : 0);
+    gl.uniform1i(u.hovered, state.hovered);
+    gl.uniform2f(u.pixels, panel.width, panel.height);
+    const busy = panel.plane && this.seams > 20000 ? 0.6 : 1;
+    gl.uniform1f(u.thickness, (panel.plane ? 1.2 : 1.5) * busy * state.ratio);
+    const [r, g, b] = this.colour(this.meta.colours.ink);
+    gl.uniform4f(u.ink, r, g, b, state.mode === "stretch" && !panel.plane ? 0.55 : 0.9);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    gl.depthMask(false);
+    gl.bindVertexArray(this.edges);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.seams);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
+  }
+
+  /* Render the chart numbers of all panels, to be read by chartAt. scale: canvas pixels → these pixels. */
+  drawPicking(panels, state) {
+    const gl = this.gl, { framebuffer, colour, depth } = this.pick;
+    const scale = 1 / state.ratio;
+    this.pick.height = Math.ceil(this.canvas.height * scale);
+    const width = Math.ceil(this.canvas.width * scale);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+    gl.activeTexture(gl.TEXTURE2);
+    gl.bindTexture(gl.TEXTURE_2D, colour);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, this.pick.height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, this.pick.height);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, colour, 0);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    for (const panel of panels) {
+      const small = Object.fromEntries(["x", "y", "width", "height"].map((k) => [k, Math.round(panel[k] * scale)]));
+      this.enter({ ...panel, ...small });
+      this.drawFaces(panel, state, MODES.picking);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /* The chart at a place of the canvas, in page pixels from its top left; −1 for none. */
+  chartAt(x, y) {
+    const gl = this.gl, pixel = new Uint8Array(4);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.pick.framebuffer);
+    gl.readPixels(Math.floor(x), this.pick.height - 1 - Math.floor(y), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    return pixel[3] ? pixel[0] + 256 * pixel[1] + 65536 * pixel[2] - 1 : -1;
+  }
+}
