@@ -34,7 +34,10 @@ HINT = "Drag to turn, scroll or pinch to zoom, shift-drag to move; point at a ch
 
 @dataclass(frozen=True, eq=False)
 class PageImages:
-    """The textures of a mesh. files: (bytes, media type) of each image. face: (m,) image of each face, or −1."""
+    """The textures of a mesh.
+
+    files: (bytes, media type) of each image. face: (m,) image of each face, −1 for none.
+    """
 
     files: Sequence[tuple[bytes, str]]
     face: IntArray

@@ -7,9 +7,12 @@ async function start() {
   const meta = JSON.parse($("meta").textContent);
   const data = await inflate($("mesh").textContent.trim());
   $("mesh").textContent = "";
+  performance.mark("inflated");
   const mesh = readSections(data, meta.sections);
+  performance.mark("decoded");
   const canvas = $("canvas"), stage = $("stage");
   const renderer = new Renderer(canvas, meta, mesh);
+  performance.mark("uploaded");
   const state = {
     mode: "checker", cells: meta.cells, stretchEnd: meta.stretchEnd, seams: true, hovered: -1, ratio: 1,
   };
@@ -67,6 +70,7 @@ async function start() {
   canvas.addEventListener("webglcontextlost", () => fail("the graphics driver was reset: reload the page"));
   new ResizeObserver(moved).observe(stage);
   draw();
+  performance.mark("drawn");
   document.body.dataset.ready = "yes";
 }
 
