@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sps
 import scipy.sparse.linalg as sla
 
-from circparam.arrays import FloatArray
+from circparam.arrays import ComplexArray, FloatArray
 from circparam.errors import NoResultError
 
 SparseMatrix: TypeAlias = "sps.csr_matrix | sps.csc_matrix | sps.csr_array | sps.csc_array"
@@ -42,6 +42,17 @@ class Factor:
         if b.size == 0:
             return b.copy()
         result: FloatArray = self._lu.solve(np.asfortranarray(b))
+        return result
+
+
+class ComplexFactor(Factor):
+    """The same factorisation of a Hermitian matrix: the plane as complex numbers, at half the size."""
+
+    def solve_complex(self, b: ComplexArray) -> ComplexArray:
+        """x with matrix @ x = b; b is (n,) or (n, k), complex."""
+        if b.size == 0:
+            return b.copy()
+        result: ComplexArray = self._lu.solve(np.asfortranarray(b, np.complex128))
         return result
 
 

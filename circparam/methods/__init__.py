@@ -4,19 +4,31 @@ from __future__ import annotations
 
 from functools import partial
 
-from circparam.methods.base import Layout, Method, MethodOptions, Pins
-from circparam.methods.convex import convex
+from circparam.mesh import Patches
+from circparam.methods.abf import abf
+from circparam.methods.arap import arap
+from circparam.methods.base import Layout, Method, MethodOptions, Pins, direct
+from circparam.methods.bff import bff
+from circparam.methods.embed import embed
+from circparam.methods.lscm import lscm
+from circparam.progress import Monitor
 from circparam.registry import Row, Table
 from circparam.weights import WEIGHTS
 
 __all__ = ["METHODS", "Layout", "Method", "MethodOptions", "Pins"]
 
 
+def convex(patches: Patches, options: MethodOptions, monitor: Monitor, *, weights: str) -> Layout:
+    """The convex map of one weight scheme on the border of the options."""
+    uv, notes = embed(patches, weights, options, monitor)
+    return direct(patches, uv, notes)
+
+
 def _convex_rows() -> list[Row[Method]]:
     """One row for each weight scheme; positive weights on a convex border never flip a face."""
     rows: list[Row[Method]] = []
     for row in WEIGHTS:
-        tags = row.tags | {"convex-border"}
+        tags = (row.tags - {"reproduces-plane"}) | {"convex-border"}
         if "positive" in row.tags:
             tags |= {"flip-free"}
         rows.append(
@@ -32,4 +44,55 @@ def _convex_rows() -> list[Row[Method]]:
     return rows
 
 
-METHODS: Table[Method] = Table("method", *_convex_rows())
+_FREE = frozenset({"free-border", "reproduces-plane"})
+_CHECKED = "flips are possible; the result is checked, and mended by the foldover-free energy"
+
+
+def _relaxing_rows() -> list[Row[Method]]:
+    """The methods with a free border."""
+    rows: list[Row[Method]] = []
+    try:
+        from circparam.methods.isometric import isometric
+    except ImportError:  # pragma: no cover
+        pass
+    else:
+        rows.append(
+            Row(
+                "isometric",
+                isometric,
+                "symmetric Dirichlet energy: angles and areas together",
+                "Smith and Schaefer 2015; Shtengel et al. 2017; Rabinovich et al. 2017",
+                _FREE | {"flip-free"},
+            )
+        )
+    rows += [
+        Row(
+            "lscm",
+            lscm,
+            "least squares conformal map: angles",
+            "Lévy et al. 2002; spectral: Mullen et al. 2008",
+            _FREE,
+            _CHECKED,
+        ),
+        Row(
+            "abf",
+            abf,
+            "angle based flattening: angles",
+            "Sheffer et al. 2005 (ABF++); Zayer et al. 2007 (linear)",
+            _FREE,
+            _CHECKED,
+        ),
+        Row("arap", arap, "as rigid as possible", "Liu et al. 2008", _FREE, _CHECKED),
+        Row(
+            "bff",
+            bff,
+            "boundary first flattening: angles, with least area change or a border of your own",
+            "Sawhney and Crane 2017",
+            _FREE,
+            _CHECKED,
+        ),
+    ]
+    return rows
+
+
+METHODS: Table[Method] = Table("method", *_convex_rows(), *_relaxing_rows())

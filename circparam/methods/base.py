@@ -92,3 +92,27 @@ def require_border(patches: Patches) -> None:
             f"chart {c} has {loops[c]} borders and genus {genus}: a map into the plane needs "
             "at least one border and genus 0. Cut it first: --cut disk"
         )
+
+
+def check_pins(patches: Patches, pins: Pins, fewest: int) -> None:
+    """Raise OptionError for pins outside the patches, given twice, or fewer than ``fewest`` on a chart."""
+    v = pins.vertices
+    outside = (v < 0) | (v >= patches.n_vertices)
+    if outside.any():
+        raise OptionError(
+            f"pin on vertex {int(v[outside][0])}: the surface has vertices 0..{patches.n_vertices - 1}"
+        )
+    values, count = np.unique(v, return_counts=True)
+    if (count > 1).any():
+        raise OptionError(f"vertex {int(values[count > 1][0])} is pinned twice: give it one place")
+    per_chart = np.bincount(patches.vertex_chart[v], minlength=patches.n_charts)
+    few = np.flatnonzero((per_chart > 0) & (per_chart < fewest))
+    if len(few) or len(v) == 0:
+        chart = int(few[0]) if len(few) else 0
+        raise OptionError(
+            f"chart {chart} has {int(per_chart[chart])} pins: this method needs {fewest} or more "
+            "on a chart, or none"
+        )
+    place = np.column_stack([patches.vertex_chart[v], pins.uv])
+    if len(np.unique(place, axis=0)) < len(place):
+        raise OptionError("two pins of a chart have the same place: move one of them")

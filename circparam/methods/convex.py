@@ -15,7 +15,7 @@ from circparam.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.borders import BORDERS, BorderOptions
 from circparam.linear import Factor
 from circparam.mesh import Patches, close_holes
-from circparam.methods.base import Layout, MethodOptions, direct, require_border
+from circparam.methods.base import require_border
 from circparam.progress import Monitor
 from circparam.weights import WEIGHTS, clamp_negative, half_edge_weights
 
@@ -60,11 +60,13 @@ def embed_convex(
     polygon: FloatArray | None = None,
     clamp: bool = False,
     monitor: Monitor | None = None,
+    grade: FloatArray | None = None,
 ) -> tuple[FloatArray, ConvexReport]:
     """Map all charts at once onto convex borders: one block system, one factorisation, two right-hand sides.
 
     patches: disks, holes allowed (closed by virtual faces for the solve). weights: row of WEIGHTS. border: row
-    of BORDERS. polygon: (k, 2), for the border of that name. Returns ((n_vertices, 2) uv in units of the mesh,
+    of BORDERS. polygon: (k, 2), for the border of that name. grade: (n_vertices,), multiplies w_ij by
+    exp(grade_i − grade_j), which keeps all signs (see ``embed``). Returns ((n_vertices, 2) uv in units of the mesh,
     every chart centred on the origin with about its own area; report).
     Raises OptionError for an unknown name, TopologyError where a chart is no disk, NoResultError where the
     system is singular (never with positive weights).
@@ -77,6 +79,8 @@ def embed_convex(
         closed, _ = close_holes(patches)
         fixed = place(closed, BorderOptions(spacing, polygon))
         w = half_edge_weights(fixed.patches, scheme)
+        if grade is not None:
+            w = _graded(fixed.patches, w, grade)
         free = np.ones(fixed.patches.n_vertices, bool)
         free[fixed.vertices] = False
         negative = _count_negative(fixed.patches, w, free)
@@ -96,6 +100,17 @@ def _count_negative(patches: Patches, w: FloatArray, free: BoolArray) -> IntArra
     """(n_charts,) half-edges that leave a free vertex with a negative weight."""
     bad = (w < 0) & free[patches.faces.ravel()]
     return np.bincount(patches.chart[np.flatnonzero(bad) // 3], minlength=patches.n_charts)
+
+
+def _graded(patches: Patches, w: FloatArray, grade: FloatArray) -> FloatArray:
+    """w_ij · exp(grade_i − grade_j); the vertices that close holes lie as deep as the deepest round them, and
+    those outside the border at 0."""
+    i, j = patches.faces.ravel(), patches.faces[:, [1, 2, 0]].ravel()
+    full = np.zeros(patches.n_vertices)
+    full[: len(grade)] = grade
+    new = i >= len(grade)
+    np.maximum.at(full, i[new], full[j[new]])
+    return w * np.exp(full[i] - full[j])
 
 
 def _assemble(
@@ -129,23 +144,3 @@ def _assemble(
         shape=(n, patches.n_vertices - n),
     )
     return matrix, to_fixed
-
-
-def convex(patches: Patches, options: MethodOptions, monitor: Monitor, weights: str) -> Layout:
-    """The method of one weight scheme: embed, and tell of negative weights."""
-    uv, report = embed_convex(
-        patches,
-        weights,
-        options.border,
-        options.spacing,
-        options.polygon,
-        options.clamp,
-        monitor,
-    )
-    notes = []
-    total = int(report.negative.sum())
-    if total:
-        charts = int((report.negative > 0).sum())
-        cure = "lifted by --clamp" if options.clamp else "faces may flip: --clamp makes it safe"
-        notes.append(f"{weights}: {total} negative weights in {charts} charts; {cure}")
-    return direct(patches, uv, notes)

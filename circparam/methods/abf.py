@@ -1,0 +1,192 @@
+"""Angle based flattening: ABF++ (Sheffer et al. 2005) and its one-solve form, Linear ABF (Zayer et al. 2007).
+
+The angles of all charts are the unknowns of one Newton system; the first step from the rescaled angles is
+Linear ABF, since the wheel condition is taken in its logarithmic form. The plane map is the conformal map of
+the triangles with the new angles, which is exact where the angles fit together. Flips are possible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.errors import NoResultError
+from circparam.geometry import corner_angles, vertex_angle_sums
+from circparam.linear import Factor
+from circparam.mesh import Patches, close_holes
+from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.methods.lscm import conformal_spectral, scaled, start_modes
+from circparam.methods.unfold import mend
+from circparam.progress import Monitor
+
+LIMIT = 20
+CONVERGED = 1e-10  # largest violation of a constraint, in radians (or logarithm)
+SMALLEST = 1e-4  # angles stay above this
+VIRTUAL = 1e-3  # weight of the faces that close holes
+
+
+def abf(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
+    """ABF++ on all charts; a chart on which Newton does not converge takes Linear ABF, which a note says."""
+    require_border(patches)
+    limit = 1 if options.linear_abf else options.max_iterations or LIMIT
+    with monitor.stage("solve"):
+        angles, steps, converged = solve_angles(patches, limit, monitor)
+        notes = []
+        if not options.linear_abf and not converged.all():
+            notes.append(
+                f"abf: ABF++ did not converge on {int((~converged).sum())} charts; "
+                "Linear ABF took its place there"
+            )
+        z, _ = conformal_spectral(with_angles(patches, angles), start_modes(patches))
+        uv = scaled(patches, np.stack([z.real, z.imag], 1), np.ones(patches.n_charts, bool))
+    uv, told = mend(patches, uv, "abf", options, monitor)
+    reasons = ["solved" if options.linear_abf or not c else "converged" for c in converged]
+    return Layout(uv, steps, reasons, notes + told)
+
+
+def with_angles(patches: Patches, angles: FloatArray) -> Patches:
+    """The same patches, each triangle with these angles (normalised to π) and its first side kept."""
+    angles = angles * (np.pi / angles.sum(1))[:, None]
+    first = patches.edge_lengths[:, 0]
+    leg = first * np.sin(angles[:, 1]) / np.sin(angles[:, 2])
+    frames = np.zeros_like(patches.frames)
+    frames[:, 1, 0] = first
+    frames[:, 2, 0] = leg * np.cos(angles[:, 0])
+    frames[:, 2, 1] = leg * np.sin(angles[:, 0])
+    return Patches(patches.faces, frames, patches.chart, patches.edges)
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """target β (m, 3), weight 2/β² (m, 3), inner (n_vertices,) row of each inner vertex or −1."""
+
+    patches: Patches
+    target: FloatArray
+    weight: FloatArray
+    row: IntArray
+    rows: int
+
+    def residuals(self, alpha: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Violations: (faces (m,), angle sums (rows,), wheels (rows,))."""
+        flat, inner = self.patches.faces, self.row >= 0
+        n = self.patches.n_vertices
+        log = np.log(np.sin(alpha))
+        wheel = group_sum((log[:, [1, 2, 0]] - log[:, [2, 0, 1]]).ravel(), flat.ravel(), n)
+        angle = vertex_angle_sums(self.patches, alpha) - 2 * np.pi
+        return alpha.sum(1) - np.pi, angle[inner], wheel[inner]
+
+    def jacobian(self, alpha: FloatArray) -> sps.csr_matrix:
+        """(2 rows, 3m): derivatives of the angle sums, then of the wheels."""
+        f = self.patches.faces
+        m = len(f)
+        corner = np.arange(3 * m).reshape(m, 3)
+        row = self.row[f]
+        use = row >= 0
+        cot = 1 / np.tan(alpha)
+        following, preceding = corner[:, [1, 2, 0]], corner[:, [2, 0, 1]]
+        wheel = self.rows + row[use]
+        return sps.csr_matrix(
+            (
+                np.concatenate(
+                    [np.ones(int(use.sum())), cot[:, [1, 2, 0]][use], -cot[:, [2, 0, 1]][use]]
+                ),
+                (
+                    np.concatenate([row[use], wheel, wheel]),
+                    np.concatenate([corner[use], following[use], preceding[use]]),
+                ),
+            ),
+            shape=(2 * self.rows, 3 * m),
+        )
+
+
+def _system(patches: Patches, real: int) -> _System:
+    """Targets: the angles on the surface, rescaled to 2π round inner vertices."""
+    angles = corner_angles(patches)
+    inner = np.ones(patches.n_vertices, bool)
+    inner[patches.faces.ravel()[patches.border]] = False
+    scale = np.ones(patches.n_vertices)
+    sums = vertex_angle_sums(patches, angles)
+    scale[inner] = 2 * np.pi / sums[inner]
+    target = np.clip(angles * scale[patches.faces], SMALLEST, np.pi - SMALLEST)
+    weight = 2 / target**2
+    weight[real:] *= VIRTUAL
+    row = np.where(inner, np.cumsum(inner) - 1, -1)
+    return _System(patches, target, weight, row, int(inner.sum()))
+
+
+def solve_angles(
+    patches: Patches, limit: int, monitor: Monitor
+) -> tuple[FloatArray, IntArray, BoolArray]:
+    """Minimise Σ (α − β)²/β² under the planarity conditions, by Newton with the Hessian of the objective.
+
+    Returns (angles (m, 3), steps (n_charts,), converged (n_charts,)). Charts that do not converge in ``limit``
+    steps carry the angles of the first step, those of Linear ABF. Holes are closed by virtual faces.
+    """
+    closed, _ = close_holes(patches)
+    system = _system(closed, len(patches.faces))
+    n, chart = patches.n_charts, closed.chart
+    alpha = system.target
+    multipliers = np.zeros(2 * system.rows)
+    linear = alpha
+    steps = np.zeros(n, np.int64)
+    open_charts = np.ones(n, bool)
+    vertex_chart = closed.vertex_chart[system.row >= 0]
+    for iteration in range(limit):
+        try:
+            delta, multipliers = _newton_step(system, alpha)
+        except NoResultError:
+            break
+        new = np.clip(alpha + delta, SMALLEST, np.pi - SMALLEST)
+        alpha = np.where(open_charts[chart][:, None], new, alpha)
+        if iteration == 0:
+            linear = new
+        steps += open_charts
+        face, angle, wheel = system.residuals(alpha)
+        worst = group_max(np.abs(face), chart, n)
+        for violation in (angle, wheel):
+            worst = np.maximum(worst, group_max(np.abs(violation), vertex_chart, n))
+        size = group_max(np.abs(delta).max(1), chart, n)
+        worst = np.where(np.isfinite(worst), worst, np.inf)
+        open_charts &= ~((worst < CONVERGED) & (size < 1e-6))
+        monitor.update(iteration / limit, f"angle error {worst.max():.2g}")
+        if not open_charts.any() or monitor.expired:
+            break
+    converged = ~open_charts
+    alpha = np.where(converged[chart][:, None], alpha, linear)
+    real = alpha[: len(patches.faces)]
+    return real, np.where(converged, steps, 1), converged
+
+
+def _newton_step(system: _System, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(δα (m, 3), multipliers of the vertex conditions) of one step.
+
+    With the Hessian Λ = diag(2/β²) the multipliers enter only through their new values, so the step solves
+    min ½ δᵀΛδ + gᵀδ under the linearised conditions. The face conditions are eliminated first: their Schur
+    complement is diagonal, three corners a face.
+    """
+    w = 1 / system.weight  # Λ⁻¹
+    gradient = system.weight * (alpha - system.target)
+    face, angle, wheel = system.residuals(alpha)
+    J = system.jacobian(alpha)
+    b2 = -np.concatenate([angle, wheel])
+    step = -w * gradient
+    # project onto the face conditions: P = W − W 1 (1ᵀW1)⁻¹ 1ᵀ W on each face
+    total = w.sum(1)
+    step -= w * ((step.sum(1) + face) / total)[:, None]
+    W = sps.diags(w.ravel())
+    m = len(w)
+    ones = sps.csr_matrix(
+        (w.ravel() / np.sqrt(np.repeat(total, 3)), np.arange(3 * m), 3 * np.arange(m + 1)),
+        shape=(m, 3 * m),
+    )
+    half = J @ ones.T
+    schur = (J @ W @ J.T - half @ half.T).tocsc()
+    d = schur.diagonal()
+    schur = schur + sps.diags(1e-12 * d + 1e-300)
+    multipliers = Factor(sps.csc_matrix(schur)).solve(b2 - J @ step.ravel())
+    correction = (J.T @ multipliers).reshape(-1, 3) * w
+    correction -= w * (correction.sum(1) / total)[:, None]
+    return step + correction, multipliers

@@ -1,0 +1,124 @@
+"""As-rigid-as-possible maps (Liu et al. 2008): every face near a rotation of itself. Flips are possible.
+
+The energy Σ A ‖J − R‖², R the rotation nearest to J, is lowered by local and global steps; the global steps
+share one factorisation, and the memory of L-BFGS with that factor as its start matrix takes their place, which
+needs far fewer of them (Liu, Bouaziz, Kavan 2017).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.arrays import BoolArray, FloatArray, group_sum
+from circparam.geometry import cotangent_laplacian, jacobians
+from circparam.linear import Factor
+from circparam.mesh import Patches
+from circparam.methods.base import Layout, MethodOptions, check_pins, require_border
+from circparam.methods.descent import descend
+from circparam.methods.embed import embed
+from circparam.methods.unfold import mend
+from circparam.progress import Monitor
+
+LIMIT = 300
+TOLERANCE = 1e-9
+
+
+def arap(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
+    """Start from the convex map of the options and minimise the as-rigid-as-possible energy, charts together.
+
+    Pins hold their places. Raises OptionError for bad pins.
+    """
+    require_border(patches)
+    hold = np.zeros(patches.n_vertices, bool)
+    if options.pins is not None:
+        check_pins(patches, options.pins, 1)
+        hold[options.pins.vertices] = True
+    uv, notes = embed(patches, options.start, options, monitor)
+    with monitor.stage("relax"):
+        if options.pins is not None:
+            uv = fit_pins(patches, uv, options)
+        factor, free = stiffness(patches, hold)
+
+        def precondition(g: FloatArray) -> FloatArray:
+            out = np.zeros_like(g)
+            out[free] = factor.solve(g[free])
+            return out
+
+        uv, steps, reasons = descend(
+            lambda x: rigid_energy(patches, x, hold),
+            uv,
+            patches.vertex_chart,
+            patches.n_charts,
+            precondition,
+            TOLERANCE if options.tolerance is None else options.tolerance,
+            LIMIT if options.max_iterations is None else options.max_iterations,
+            monitor=monitor,
+        )
+    uv, told = mend(patches, uv, "arap", options, monitor, hold)
+    return Layout(uv, steps, reasons, notes + told)
+
+
+def rigid_energy(
+    patches: Patches, uv: FloatArray, hold: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """((n_charts,) ½ Σ A ‖J − R‖², its gradient (n_vertices, 2), zero where held).
+
+    R is the rotation nearest to J, from the signed singular values: the angle of (a + d, c − b). It does not
+    move to first order, so the gradient is that of a linear elastic energy.
+    """
+    j = jacobians(patches, uv)
+    x, y = j[:, 0, 0] + j[:, 1, 1], j[:, 1, 0] - j[:, 0, 1]
+    length = np.hypot(x, y)
+    ok = length > 0
+    cosine = np.where(ok, x / np.where(ok, length, 1.0), 1.0)
+    sine = np.where(ok, y / np.where(ok, length, 1.0), 0.0)
+    j[:, 0, 0] -= cosine
+    j[:, 1, 1] -= cosine
+    j[:, 1, 0] -= sine
+    j[:, 0, 1] += sine
+    a = patches.areas
+    value = group_sum(a * (j * j).sum((1, 2)), patches.chart, patches.n_charts) / 2
+    # gradients (m, 2, 3): force on corner k is A (J − R) g_k
+    force = np.einsum("mij,mjk->mki", j * a[:, None, None], patches.gradients).reshape(-1, 2)
+    flat = patches.faces.ravel()
+    gradient = np.stack(
+        [group_sum(np.ascontiguousarray(f), flat, patches.n_vertices) for f in force.T], 1
+    )
+    gradient[hold] = 0.0
+    return value, gradient
+
+
+def stiffness(patches: Patches, hold: BoolArray) -> tuple[Factor, BoolArray]:
+    """Factor of the cotangent Laplacian on the vertices that move, with a touch of ridge against translations."""
+    free = ~hold
+    L = cotangent_laplacian(patches)
+    d = L.diagonal()
+    L = L + sps.diags(1e-9 * d + 1e-14 * float(d.mean()))
+    return Factor(sps.csc_matrix(sps.csr_matrix(L)[free][:, free])), free
+
+
+def fit_pins(patches: Patches, uv: FloatArray, options: MethodOptions) -> FloatArray:
+    """Move every pinned chart by the similarity that fits its pins best, then set the pins to their places."""
+    pins = options.pins
+    if pins is None:
+        return uv
+    chart, n = patches.vertex_chart[pins.vertices], patches.n_charts
+    here = uv[pins.vertices]
+    count = np.maximum(np.bincount(chart, minlength=n), 1)[:, None]
+    mean_here = np.stack([group_sum(c.copy(), chart, n) for c in here.T], 1) / count
+    mean_there = np.stack([group_sum(c.copy(), chart, n) for c in pins.uv.T], 1) / count
+    a = (here - mean_here[chart]) @ np.array([1, 1j])
+    b = (pins.uv - mean_there[chart]) @ np.array([1, 1j])
+    top = a.conj() * b
+    bottom = group_sum(np.abs(a) ** 2, chart, n)
+    turn = group_sum(top.real.copy(), chart, n) + 1j * group_sum(top.imag.copy(), chart, n)
+    many = (bottom > 0) & (np.abs(turn) > 0)
+    turn = np.where(many, turn / np.where(many, bottom, 1.0), 1.0)
+    pinned = np.bincount(chart, minlength=n) > 0
+    of = patches.vertex_chart
+    z = ((uv - mean_here[of]) @ np.array([1, 1j])) * turn[of]
+    moved = np.stack([z.real, z.imag], 1) + mean_there[of]
+    out = np.where(pinned[of][:, None], moved, uv)
+    out[pins.vertices] = pins.uv
+    return out

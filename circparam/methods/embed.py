@@ -1,0 +1,139 @@
+"""A convex map that also survives long thin protrusions, in double precision.
+
+A tube of length L and circumference C shrinks under a convex map by exp(−2πL/C) towards its tip, below what
+numbers near 1 can tell apart; faces then come out flipped although Tutte's theorem holds. Any positive weights
+are as good for the theorem, so the charts that fail are solved again with weights that tie each vertex more to
+its neighbours nearer to the border: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the border. The
+tube then shrinks by about exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.arrays import BoolArray, FloatArray, IntArray
+from circparam.mesh import Patches
+from circparam.methods.base import MethodOptions
+from circparam.methods.convex import ConvexReport, embed_convex
+from circparam.methods.unfold import flipped, mend
+from circparam.progress import Monitor
+
+GRADES = (0.5, 1.0, 2.0, 3.0)
+
+
+def embed(
+    patches: Patches, weights: str, options: MethodOptions, monitor: Monitor
+) -> tuple[FloatArray, list[str]]:
+    """The convex map of a weight scheme with 0 flips wherever double precision allows; all charts together.
+
+    patches: disks, holes allowed. weights: row of WEIGHTS. Returns (uv (n_vertices, 2), notes). Charts that
+    come out whole at once are exactly the map of the scheme; what was done to others is in the notes.
+    """
+    uv, report = _embed(patches, weights, options, monitor, None)
+    notes = _negative_note(weights, options, report)
+    bad = _bad_charts(patches, uv)
+    if not bad.any() or not options.repair:
+        return uv, notes
+    if not report.negative[bad].any() or options.clamp:
+        uv, told = _graded(patches, weights, options, monitor, uv, bad)
+        notes += told
+    hold = None if options.border == "virtual" else _rim(patches)
+    uv, told = mend(patches, uv, weights, options, monitor, hold)
+    return uv, notes + told
+
+
+def _embed(
+    patches: Patches,
+    weights: str,
+    options: MethodOptions,
+    monitor: Monitor,
+    grade: FloatArray | None,
+) -> tuple[FloatArray, ConvexReport]:
+    """The convex map with the options' border."""
+    return embed_convex(
+        patches,
+        weights,
+        options.border,
+        options.spacing,
+        options.polygon,
+        options.clamp,
+        monitor,
+        grade,
+    )
+
+
+def _graded(
+    patches: Patches,
+    weights: str,
+    options: MethodOptions,
+    monitor: Monitor,
+    uv: FloatArray,
+    bad: BoolArray,
+) -> tuple[FloatArray, list[str]]:
+    """Solve these charts again with graded weights, more so until nothing is flipped."""
+    uv = uv.copy()
+    wanted = bad.copy()
+    for strength in GRADES:
+        part, vertices, _ = patches.subset(bad)
+        new, _ = _embed(part, weights, options, monitor, strength * border_depth(part))
+        before = _flips(part, uv[vertices])
+        after = _flips(part, new)
+        better = (after < before)[part.vertex_chart]
+        uv[vertices[better]] = new[better]
+        bad = bad.copy()
+        bad[np.flatnonzero(bad)[after == 0]] = False
+        if not bad.any():
+            break
+    done = int((wanted & ~bad).sum())
+    if not done:
+        return uv, []
+    names = ", ".join(str(c) for c in np.flatnonzero(wanted & ~bad)[:5])
+    return uv, [
+        f"{weights}: {done} charts ({names}{', ...' if done > 5 else ''}) have protrusions too long for "
+        "double precision; weights graded towards the border keep their faces apart"
+    ]
+
+
+def border_depth(patches: Patches) -> FloatArray:
+    """(n_vertices,) number of edges between a vertex and the outer border of its chart."""
+    loops = patches.loops
+    h = loops.half_edges[loops.outer[loops.loop_of]]
+    source = np.unique(patches.faces.ravel()[h])
+    i = patches.faces.ravel()
+    j = patches.faces[:, [1, 2, 0]].ravel()
+    n = patches.n_vertices
+    graph = sps.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+    depth = csgraph.dijkstra(graph, directed=False, indices=source, unweighted=True, min_only=True)
+    result: FloatArray = np.where(np.isfinite(depth), depth, 0.0)
+    return result
+
+
+def _flips(patches: Patches, uv: FloatArray) -> IntArray:
+    """(n_charts,) flipped faces."""
+    bad = flipped(patches.faces, uv)
+    return np.bincount(patches.chart[bad], minlength=patches.n_charts)
+
+
+def _bad_charts(patches: Patches, uv: FloatArray) -> BoolArray:
+    """(n_charts,) charts with a flipped face."""
+    return _flips(patches, uv) > 0
+
+
+def _rim(patches: Patches) -> BoolArray:
+    """(n_vertices,) on the outer border: a convex border stays where it is."""
+    loops = patches.loops
+    out = np.zeros(patches.n_vertices, bool)
+    out[patches.faces.ravel()[loops.half_edges[loops.outer[loops.loop_of]]]] = True
+    return out
+
+
+def _negative_note(weights: str, options: MethodOptions, report: ConvexReport) -> list[str]:
+    """One line where weights are negative."""
+    total = int(report.negative.sum())
+    if not total:
+        return []
+    charts = int((report.negative > 0).sum())
+    cure = "lifted by --clamp" if options.clamp else "faces may flip: --clamp makes it safe"
+    return [f"{weights}: {total} negative weights in {charts} charts; {cure}"]
