@@ -32,17 +32,20 @@ if TYPE_CHECKING:
     from circparam.mesh import Mesh, UVMap
     from circparam.options import Options
     from circparam.output import save
-    from circparam.pipeline import unwrap
+    from circparam.pipeline import repack, unwrap
+    from circparam.report.summary import summarise
     from circparam.result import Result
 
 _HOME = {
     "unwrap": "circparam.pipeline",
+    "repack": "circparam.pipeline",
     "Result": "circparam.result",
     "save": "circparam.output",
     "Options": "circparam.options",
     "read": "circparam.formats",
     "write": "circparam.formats",
     "Document": "circparam.formats",
+    "summarise": "circparam.report.summary",
     "Mesh": "circparam.mesh",
     "UVMap": "circparam.mesh",
 }
@@ -64,7 +67,9 @@ __all__ = [
     "UVMap",
     "__version__",
     "read",
+    "repack",
     "save",
+    "summarise",
     "unwrap",
     "write",
 ]

@@ -15,7 +15,7 @@ import numpy as np
 from circparam import chain
 from circparam.arrays import FloatArray, IntArray
 from circparam.distortion import best_chart_scales
-from circparam.errors import NoResultError
+from circparam.errors import InputError, NoResultError
 from circparam.formats import Document, stored
 from circparam.mesh import Patches, UVMap
 from circparam.options import Options, from_keywords
@@ -34,7 +34,7 @@ from circparam.stages import (
     target_format,
 )
 from circparam.topology import Surface
-from circparam.verify import corners_of
+from circparam.verify import corners_of, uv_seams
 
 ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
 
@@ -86,6 +86,49 @@ def unwrap_document(
     atlas.notes = [*document.notes, *seams.notes, *atlas.notes]
     uvmap = lay_out(atlas, document, mended, target, options, monitor)
     result = _result(document, surface, mended, atlas, uvmap, target, options, monitor)
+    if output is not None:
+        save(result, output, monitor)
+    result.seconds = dict(monitor.seconds)
+    return result
+
+
+def repack(
+    source: Any,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    listener: Listener | None = None,
+    **keywords: Any,
+) -> Result:
+    """Pack the charts that a file's uv has already; their shapes and relative sizes stay as they are.
+
+    source, output, listener: as for ``unwrap``. keywords: the fields of ``Options`` for packing and writing;
+    uv_set is the set that is read and replaced. Raises InputError where a face has no uv.
+    """
+    options = from_keywords({**keywords, "cut": "none"})
+    monitor = Monitor(listener, options.timeout)
+    with monitor.stage("read"):
+        document = open_source(source, options)
+        uvmap = document.uv(options.uv_set or 0) if document.uv_sets else None
+    if uvmap is None:
+        raise InputError(
+            f"{document.source.name}: it has no uv to pack: circparam unwrap makes some"
+        )
+    target = target_format(document, output, options)
+    with monitor.stage("repair"):
+        surface, mended = repair(document.mesh, RepairOptions())
+        corners, ok = corners_of(surface, uvmap)
+        if not ok.all():
+            raise InputError(
+                f"{document.source.name}: {int((~ok).sum())} faces have no uv: circparam unwrap makes some"
+            )
+        atlas = chain.Atlas(surface, uv_seams(surface, uvmap), corners, np.zeros(len(ok), np.int64))
+    patches, uv = atlas.open()
+    with monitor.stage("pack"):
+        packed = pack(patches.faces, uv, patches.chart, pack_options(options), monitor)
+    atlas.notes += [*document.notes, *packed.notes]
+    whole = stored(complete(document.mesh, surface, mended, packed.uv, patches.faces), target)
+    result = _result(document, surface, mended, atlas, whole, target, options, monitor)
+    result.work = "pack"
     if output is not None:
         save(result, output, monitor)
     result.seconds = dict(monitor.seconds)
@@ -204,4 +247,4 @@ def _result(
     return result
 
 
-__all__ = ["Options", "Result", "save", "unwrap", "unwrap_document"]
+__all__ = ["Options", "Result", "repack", "save", "unwrap", "unwrap_document"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ class Result:
     status: ok | repaired | degraded, with reasons. warnings: what a user must know; notes: what may interest.
     repairs: what was done to the mesh and to the layout, one line each. iterations, stopped: of each chart as
     the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and face_map:
-    input vertex and face of every one in that file.
+    input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
     """
 
     options: Options
@@ -45,6 +44,7 @@ class Result:
     seconds: dict[str, float]
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     stopped: list[str] = field(default_factory=list)
+    work: str = "unwrap"
     path: str | None = None
     format: str = ""
     files: list[str] = field(default_factory=list)
@@ -60,12 +60,6 @@ class Result:
     def measures(self) -> dict[str, float | int | None]:
         """Every figure of the layout by name: charts, flips, overlap, distortion, seam_length, pack ..."""
         return self.verification.numbers()
-
-    def summary(self) -> dict[str, Any]:
-        """The report as plain values, as ``--json`` prints it."""
-        from circparam.report.summary import summarise
-
-        return summarise(self)
 
 
 def promise(options: Options) -> Promise:

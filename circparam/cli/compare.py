@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
-from collections.abc import Callable
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from circparam.cli import options
+from circparam.cli import exits, options, progress
+from circparam.errors import CircparamError, NoResultError, OptionError, OutputError
 
 if TYPE_CHECKING:
     from circparam.compare import Comparison
@@ -70,7 +70,7 @@ def command(
     overwrite: bool,
     quiet: bool,
     **keywords: Any,
-) -> None:
+) -> int:
     """Run several methods on the identical cut and put them side by side.
 
     Each method runs in a process of its own, so that its peak memory is its own. A uv set that the file has
@@ -83,53 +83,38 @@ def command(
     names = method_names(methods)
     if csv_file is not None:
         _check_output(csv_file, overwrite)
-    wanted = {k: v for k, v in keywords.items() if v is not None}
-    found, sizes = [], None
-    say = _Talk(quiet)
+    given = {k: v for k, v in keywords.items() if v is not None}
+    silent = as_json or (quiet and csv_file is not None)
+    found, codes = [], [exits.OK]
     for mesh in meshes or samples.names():
         source = mesh if meshes else samples.path(mesh)
-        comparison = compare(source, names, cut=cut, listener=say.listener(str(mesh)), **wanted)
-        say.clear()
-        found.append(comparison)
-        if not as_json and not (quiet and csv_file):
-            click.echo(_table(comparison, None if meshes else mesh) + "\n")
+        try:
+            with progress.listener(os.path.basename(mesh), quiet) as listener:
+                found.append(compare(source, names, cut=cut, listener=listener, **given))
+        except CircparamError as error:
+            if isinstance(error, OptionError) or len(meshes) == 1:
+                raise
+            click.echo(f"circparam: error: {exits.line_of(error)}", err=True)
+            codes.append(exits.code_of(error))
+            continue
+        if not silent:
+            click.echo(_table(found[-1], None if meshes else mesh) + "\n")
+    sizes = None
     if not meshes and {table1.METHOD, table1.PEER} <= set(names):
         sizes = table1.measure(repeats=repeats)
-        if not as_json and not (quiet and csv_file):
+        if not silent:
             click.echo(_table1(sizes, repeats))
     if as_json:
-        click.echo(json.dumps(_document(found, sizes, repeats), indent=2, ensure_ascii=False))
+        document = _document(found, sizes, repeats)
+        click.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
     if csv_file is not None:
         _write_csv(csv_file, found)
     _fail_if_nothing(found)
-
-
-class _Talk:
-    """One line of progress on a terminal, overwritten by the next one."""
-
-    def __init__(self, quiet: bool) -> None:
-        self.on = not quiet and sys.stderr.isatty()
-
-    def listener(self, mesh: str) -> Callable[[str, float, str], None]:
-        """What the library calls while it works on a mesh."""
-
-        def hear(stage: str, fraction: float, note: str) -> None:
-            if self.on:
-                text = f"{Path(mesh).name}: {note or stage}"[:78]
-                click.echo(f"\r{text:78}", err=True, nl=False)
-
-        return hear
-
-    def clear(self) -> None:
-        """Take the line away."""
-        if self.on:
-            click.echo("\r" + " " * 78 + "\r", err=True, nl=False)
+    return next((code for code in codes if code), exits.OK)
 
 
 def _check_output(path: str, overwrite: bool) -> None:
     """Refuse before hours of work, not after."""
-    from circparam.errors import OptionError, OutputError
-
     if Path(path).exists() and not overwrite:
         raise OptionError(f"{path} exists already: give --overwrite or another name")
     if not Path(path).absolute().parent.is_dir():
@@ -137,8 +122,6 @@ def _check_output(path: str, overwrite: bool) -> None:
 
 
 def _fail_if_nothing(found: list[Comparison]) -> None:
-    from circparam.errors import NoResultError
-
     rows = [row for c in found for row in c.rows if row.method != "input"]
     if rows and all(row.status == "failed" for row in rows):
         raise NoResultError(f"no method had a result; {rows[0].method}: {rows[0].error}")
@@ -263,8 +246,6 @@ def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -
 
 def _write_csv(path: str, found: list[Comparison]) -> None:
     """One line a mesh and method; stages as columns, seconds."""
-    from circparam.errors import OutputError
-
     rows = []
     for c in found:
         for entry in c.rows:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 import click
 
 from circparam.cli import exits, options, progress
+from circparam.cli.paths import check_outputs, output_path
 from circparam.errors import CircparamError, GateError, OptionError
 
 _EPILOG = """\b
@@ -140,8 +140,8 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     from circparam.verify import parse_gates
 
     run = _Run(given, parse_gates(given["fail_if"]))
-    outputs = [_output_path(mesh, given) for mesh in meshes]
-    _check_outputs(meshes, outputs, given)
+    outputs = [output_path(mesh, given) for mesh in meshes]
+    check_outputs(meshes, outputs, given)
     codes = [run.one(mesh, out) for mesh, out in zip(meshes, outputs, strict=True)]
     return next((code for code in codes if code), exits.OK)
 
@@ -176,6 +176,7 @@ class _Run:
         from circparam.formats import read
         from circparam.pipeline import unwrap_document
         from circparam.progress import Monitor
+        from circparam.report.summary import summarise
 
         with progress.listener(os.path.basename(mesh), self.quiet) as listener:
             monitor = Monitor(listener, self.options.timeout)
@@ -183,7 +184,7 @@ class _Run:
                 document = read(mesh, format=self.given["format"] if mesh == "-" else None)
             result = unwrap_document(document, out, self.options, monitor)
             self._extras(result)
-        report = result.summary()
+        report = summarise(result)
         for line in report["warnings"]:
             progress.warn(f"{mesh}: {line}", self.quiet)
         if self.as_json:
@@ -214,7 +215,7 @@ def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
     from circparam.report.summary import SCHEMA
 
     return {
-        "schema": SCHEMA,
+        "schema": SCHEMA.format("unwrap"),
         "input": mesh,
         "output": None,
         "status": "failed",
@@ -261,55 +262,6 @@ def _keywords(given: dict[str, Any]) -> dict[str, Any]:
         if given[name]:
             out[name] = sidecars.read_seams(given[name])
     return out
-
-
-def _output_path(mesh: str, given: dict[str, Any]) -> str:
-    """Where a mesh goes: -o, the folder, or MESH_uv.EXT beside it."""
-    if given["output"] is not None:
-        return str(given["output"])
-    if mesh == "-":
-        return "-"
-    from circparam.formats import DEFAULT_OUTPUT
-
-    path = Path(mesh)
-    kind = path.suffix.lower().lstrip(".")
-    suffix = f".{DEFAULT_OUTPUT[kind]}" if DEFAULT_OUTPUT.get(kind, kind) != kind else path.suffix
-    if given["out_dir"] is not None:
-        return str(Path(given["out_dir"]) / f"{path.stem}{suffix}")
-    return str(path.with_name(f"{path.stem}_uv{suffix}"))
-
-
-def _check_outputs(meshes: tuple[str, ...], outputs: list[str], given: dict[str, Any]) -> None:
-    """Refuse before any work what cannot be written as asked."""
-    if given["output"] is not None and given["out_dir"] is not None:
-        raise OptionError("-o and --out-dir exclude each other: give one of them")
-    if given["output"] is not None and len(meshes) > 1:
-        raise OptionError(
-            f"-o names one file, but {len(meshes)} meshes are given: use --out-dir DIR"
-        )
-    singles = ("export_seams", "index_map", "preview")
-    if len(meshes) > 1:
-        for name in singles:
-            if given[name]:
-                raise OptionError(
-                    f"{_flag(name)} names one file, but {len(meshes)} meshes are given"
-                )
-    if outputs.count("-") + bool(given["as_json"]) > 1:
-        raise OptionError(
-            "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"
-        )
-    clash = next((o for o in outputs if o != "-" and outputs.count(o) > 1), None)
-    if clash is not None:
-        raise OptionError(f"two meshes would be written to {clash}: unwrap them one by one")
-    if given["format"] is not None and "-" not in (*meshes, *outputs):
-        raise OptionError("--format has no effect here: it tells the format of '-' (stdin, stdout)")
-    for path in (*outputs, *(given[name] for name in singles)):
-        if path and path != "-" and not given["overwrite"] and os.path.exists(path):
-            raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
-
-
-def _flag(name: str) -> str:
-    return "--map" if name == "index_map" else "--" + name.replace("_", "-")
 
 
 def _limit_memory(size: str | None) -> None:

@@ -1,0 +1,77 @@
+"""``circparam pack``: the charts that a file has, laid out anew."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+
+from circparam.cli import options, progress
+from circparam.cli.paths import check_outputs, output_path
+from circparam.errors import GateError
+
+_EPILOG = """\b
+Examples:
+  circparam pack mesh.obj                          writes mesh_uv.obj
+  circparam pack mesh.glb -o packed.glb --resolution 4096 --padding 8
+  circparam pack mesh.obj -o packed.obj --rotate none --fail-if 'pack<0.6'
+"""
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("mesh", metavar="MESH", type=options.MESH)
+@options.apply(
+    options.output,
+    options.overwrite,
+    options.format_option,
+    options.packing,
+    options.uv_set,
+    click.option(
+        "--ply-uv", type=click.Choice(["vertex", "face"]), help="Where a PLY holds its uv."
+    ),
+    click.option(
+        "--copy-assets", is_flag=True, help="Copy materials and textures beside the output."
+    ),
+    options.gates,
+    options.json_option,
+    options.quiet,
+    options.verbose,
+)
+def command(mesh: str, **given: Any) -> None:
+    """Repack the uv of a file without touching its charts.
+
+    Every chart keeps its shape and its size relative to the others; none is mirrored. At least --padding
+    texels stay empty between charts and at the border of the page.
+    """
+    from circparam.pipeline import repack
+    from circparam.report.summary import summarise
+    from circparam.verify import parse_gates
+
+    gates = parse_gates(given["fail_if"])
+    out = output_path(mesh, given)
+    check_outputs((mesh,), [out], given)
+    keywords = {k: v for k, v in given.items() if k in _LIBRARY and v not in (None, False)}
+    if given["no_scale"]:
+        keywords["scale"] = False
+    if mesh == "-" and given["format"] is None:
+        raise click.UsageError("--format tells what comes through '-': give obj, ply, glb ...")
+    with progress.listener(mesh, given["quiet"]) as listener:
+        report = summarise(repack(mesh, out, listener=listener, **keywords))
+    for line in report["warnings"]:
+        progress.warn(f"{mesh}: {line}", given["quiet"])
+    if given["as_json"]:
+        click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
+    elif not given["quiet"] and out != "-":
+        from circparam.report.table import console, unwrap_table
+
+        console().print(unwrap_table(report, given["verbose"]))
+    missed = gates.missed(report)
+    if missed:
+        raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")
+
+
+_LIBRARY = (
+    *("resolution", "padding", "pages", "texel_density", "rotate", "format", "uv_set", "ply_uv"),
+    *("copy_assets", "overwrite"),
+)

@@ -1,0 +1,239 @@
+"""The rooms of the package: imports go downwards only, families stay apart, the library stays silent."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "circparam"
+
+# From the ground up. A room may import what is below it; rooms on one floor may not import each other,
+# except on the floors named in SHARED, whose modules work together (without a cycle).
+FLOORS: list[tuple[str, set[str]]] = [
+    ("ground", {"errors", "arrays", "registry", "progress", "_version"}),
+    ("data", {"mesh", "options"}),
+    ("topology", {"topology", "manifold"}),
+    ("geometry", {"geometry", "linear"}),
+    (
+        "parts",
+        {
+            "repair",
+            "weights",
+            "borders",
+            "distortion",
+            "injectivity",
+            "predicates",
+            "nearby",
+            "borderlines",
+            "coverage",
+            "solve",
+        },
+    ),
+    ("families", {"methods", "seams", "packing", "formats"}),
+    (
+        "pipeline",
+        {"verify", "sidecars", "chain", "stages", "result", "output", "pipeline", "samples"},
+    ),
+    ("reports", {"report", "compare", "baseline", "isolated", "table1", "bake"}),
+    ("command line", {"cli"}),
+]
+SHARED = {"ground", "data", "topology", "geometry", "parts", "pipeline", "reports"}
+FAMILIES = ["weights", "borders", "methods", "seams", "packing", "formats"]
+# the convex methods are made of weights and borders: these two lie below the methods
+MAY = {("methods", "weights"), ("methods", "borders")}
+FLOOR = {room: i for i, (_, rooms) in enumerate(FLOORS) for room in rooms}
+
+
+def sources() -> list[Path]:
+    return sorted(p for p in PACKAGE.rglob("*.py"))
+
+
+def room_of(path: Path) -> str:
+    first = path.relative_to(PACKAGE).parts[0]
+    return first.removesuffix(".py")
+
+
+def imports(path: Path) -> list[tuple[int, str]]:
+    """(line, module) of every import in a file, those inside function bodies too; not those for types only."""
+    tree = ast.parse(path.read_text("utf-8"))
+    skip: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            skip |= {inner for statement in node.body for inner in ast.walk(statement)}
+    out = []
+    for node in ast.walk(tree):
+        if node in skip:
+            continue
+        if isinstance(node, ast.Import):
+            out += [(node.lineno, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative import"
+            module = node.module or ""
+            if module == "circparam":
+                out += [(node.lineno, f"circparam.{alias.name}") for alias in node.names]
+            else:
+                out.append((node.lineno, module))
+    return out
+
+
+def inner_imports() -> list[tuple[str, str, str]]:
+    """(place, importing room, imported room) of every import inside the package."""
+    out = []
+    for path in sources():
+        room = room_of(path)
+        if room in ("__init__", "__main__"):
+            continue
+        for line, module in imports(path):
+            parts = module.split(".")
+            if parts[0] == "circparam" and len(parts) > 1 and not parts[1].startswith("__"):
+                out.append((f"{path.relative_to(ROOT)}:{line}", room, parts[1]))
+    return out
+
+
+def test_every_module_has_its_floor() -> None:
+    homeless = {room_of(p) for p in sources()} - set(FLOOR) - {"__init__", "__main__"}
+    assert not homeless, f"say in FLOORS where these belong: {sorted(homeless)}"
+
+
+def test_imports_go_downwards() -> None:
+    wrong = []
+    for place, room, target in inner_imports():
+        if room == target:
+            continue
+        here, there = FLOOR[room], FLOOR[target]
+        if there > here or (there == here and FLOORS[here][0] not in SHARED):
+            wrong.append(f"{place}: {room} imports {target}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_families_stay_apart() -> None:
+    wrong = [
+        f"{place}: {room} imports {target}"
+        for place, room, target in inner_imports()
+        if room in FAMILIES and target in FAMILIES and room != target and (room, target) not in MAY
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_cycle_between_modules() -> None:
+    """At import time: what a module imports at its top never imports the module again."""
+    graph: dict[str, set[str]] = {}
+    names = {}
+    for path in sources():
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        names[name] = path
+    for name, path in names.items():
+        tree = ast.parse(path.read_text("utf-8"))
+        graph[name] = set()
+        for node in tree.body:
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("circparam"):
+                for alias in node.names:
+                    full = f"{node.module}.{alias.name}"
+                    graph[name].add(full if full in names else str(node.module))
+    done: set[str] = set()
+
+    def visit(name: str, trail: list[str]) -> None:
+        assert name not in trail, " -> ".join([*trail, name])
+        if name in done or name not in graph:
+            return
+        for target in sorted(graph[name]):
+            # a package's own __init__ gathers its modules; they do not count as a cycle with it
+            if not name.startswith(target + "."):
+                visit(target, [*trail, name])
+        done.add(name)
+
+    for name in graph:
+        visit(name, [])
+
+
+@pytest.mark.parametrize(
+    ("module", "rooms"),
+    [
+        ("click", {"cli"}),
+        ("rich", {"cli", "report"}),
+        ("trimesh", {"formats"}),
+        ("fast_simplification", {"seams"}),
+        ("PIL", {"report", "bake", "formats", "samples", "cli"}),
+        ("igl", set()),
+        ("pytest", set()),
+    ],
+)
+def test_packages_stay_in_their_rooms(module: str, rooms: set[str]) -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}"
+        for path in sources()
+        for line, name in imports(path)
+        if name.split(".")[0] == module and room_of(path) not in rooms
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_xatlas_is_imported_by_one_module_only() -> None:
+    users = {
+        path.name
+        for path in sources()
+        for _, name in imports(path)
+        if name.split(".")[0] == "xatlas"
+    }
+    assert len(users) <= 1, users
+
+
+def test_the_library_neither_prints_nor_exits() -> None:
+    wrong = []
+    for path in sources():
+        if room_of(path) in ("cli", "__main__"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call):
+                name = ast.unparse(node.func)
+                if name in ("print", "exit", "quit", "sys.exit", "os._exit", "breakpoint"):
+                    wrong.append(f"{path.relative_to(ROOT)}:{node.lineno}: {name}")
+    # a worker process of its own talks to its parent over a pipe
+    wrong = [w for w in wrong if "isolated.py" not in w]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_assert_as_validation() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in sources()
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Assert)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def loaded_by(code: str) -> set[str]:
+    """Top-level modules that a fresh interpreter has loaded after some code."""
+    script = f"import sys\n{code}\nprint('LOADED', *sorted(m.split('.')[0] for m in sys.modules))"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(run.stdout.rsplit("LOADED", 1)[1].split())
+
+
+HEAVY = {"numpy", "scipy", "trimesh", "rich", "PIL"}
+
+
+def test_help_is_light() -> None:
+    code = (
+        "from circparam.cli import cli\n"
+        "try:\n    cli.main(['--help'])\nexcept SystemExit as end:\n    assert end.code == 0"
+    )
+    assert not loaded_by(code) & HEAVY
+
+
+def test_import_is_light() -> None:
+    assert not loaded_by("import circparam; circparam.InputError; dir(circparam)") & HEAVY
+
+
+def test_public_names_exist() -> None:
+    import circparam
+
+    for name in circparam.__all__:
+        assert getattr(circparam, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'unwarp'"):
+        _ = circparam.unwarp

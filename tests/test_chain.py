@@ -1,0 +1,219 @@
+"""The chain that always ends: whatever a method returns, the atlas that comes out is sound."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam import chain
+from circparam.arrays import cross2
+from circparam.errors import NoResultError, OptionError
+from circparam.mesh import Mesh
+from circparam.methods import MethodOptions
+from circparam.progress import Monitor
+from circparam.repair import RepairOptions, repair
+from circparam.topology import Surface
+from tests import shapes, strategies
+
+
+def surface_of(p: np.ndarray, f: np.ndarray, polygons: np.ndarray | None = None) -> Surface:
+    return repair(Mesh(p, f, polygons), RepairOptions())[0]
+
+
+def atlas_of(surface: Surface, corners: np.ndarray, cut: np.ndarray | None = None) -> chain.Atlas:
+    cut = np.zeros(len(surface.edges), bool) if cut is None else cut
+    return chain.Atlas(surface, cut, corners, np.zeros(len(surface.faces), np.int64))
+
+
+def sound(atlas: chain.Atlas) -> bool:
+    fault, flipped = chain.faults(*atlas.open())
+    return not fault.any() and not flipped.any()
+
+
+def flat(surface: Surface) -> np.ndarray:
+    return surface.points[surface.faces][:, :, :2].copy()
+
+
+def test_a_sound_layout_stays_as_it_is() -> None:
+    s = surface_of(*shapes.grid())
+    atlas = atlas_of(s, flat(s))
+    assert not chain.settle(atlas, True, MethodOptions(), Monitor()).any()
+    np.testing.assert_array_equal(atlas.corners, flat(s))
+    assert atlas.repairs == []
+
+
+def test_a_flipped_chart_is_mapped_again_and_others_are_left_alone() -> None:
+    p, f = shapes.row_of(shapes.grid(5, 5), 3)
+    s = surface_of(p, f)
+    corners = flat(s)
+    middle = np.repeat(np.arange(3), 32) == 1
+    corners[middle] *= [-1, 1]
+    atlas = atlas_of(s, corners.copy())
+    chain.settle(atlas, True, MethodOptions(), Monitor())
+    assert sound(atlas)
+    np.testing.assert_array_equal(atlas.corners[~middle], corners[~middle])
+    assert len(atlas.repairs) == 1
+    assert "flipped" in atlas.repairs[0]
+
+
+def test_not_a_number_is_a_fault_like_a_flip() -> None:
+    s = surface_of(*shapes.grid(4, 4))
+    corners = flat(s)
+    bad = (s.faces == 5).any(1)
+    corners[s.faces == 5] = np.nan
+    fault, flipped = chain.faults(*atlas_of(s, corners).open())
+    assert fault.tolist() == [chain.FLIPPED]
+    np.testing.assert_array_equal(flipped, bad)
+
+
+def spiral_strip(turns: float, n: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A flat strip in space, and a layout of it that winds over itself without a flip."""
+    p, f = shapes.grid(n, 2, 10.0, 0.5)
+    angle = 2 * np.pi * turns * p[:, 0] / 10
+    r = 1 + p[:, 1]
+    return p, f, np.stack([r * np.sin(angle), -r * np.cos(angle)], 1) * [1, 1]
+
+
+def test_a_chart_that_overlaps_itself_is_split() -> None:
+    p, f, uv = spiral_strip(1.5)
+    s = surface_of(p, f)
+    corners = uv[s.faces]
+    if cross2(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0]) < 0:
+        corners[..., 0] *= -1
+    atlas = atlas_of(s, corners)
+    assert chain.faults(*atlas.open())[0].tolist() == [chain.OVERLAPPING]
+    chain.settle(atlas, True, MethodOptions(), Monitor())
+    assert sound(atlas)
+    assert s.charts(atlas.cut)[0] == 2
+    assert "overlapped" in atlas.repairs[0]
+
+
+def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
+    p, f, uv = spiral_strip(1.5)
+    s = surface_of(p, f)
+    corners = uv[s.faces]
+    if cross2(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0]) < 0:
+        corners[..., 0] *= -1
+    atlas = atlas_of(s, corners)
+    assert chain.settle(atlas, False, MethodOptions(), Monitor()).tolist() == [True]
+    assert not atlas.cut.any()
+
+
+@settings(max_examples=30, deadline=None)
+@given(strategies.hostile(), st.integers(0, 10**6))
+def test_any_mesh_with_any_layout_ends_sound(
+    shape: tuple[np.ndarray, np.ndarray], seed: int
+) -> None:
+    """Random corners are as bad as a layout gets; closed charts, handles and soups included."""
+    from circparam.errors import InputError
+
+    try:
+        s = surface_of(*shape)
+    except InputError:
+        return
+    rng = np.random.default_rng(seed)
+    cut = rng.random(len(s.edges)) < rng.choice([0.0, 0.3])
+    patches = s.patches(cut)
+    uv = rng.normal(size=(patches.n_vertices, 2))
+    atlas = atlas_of(s, uv[patches.faces], cut)
+    assert not chain.settle(atlas, True, MethodOptions(), Monitor()).any()
+    assert sound(atlas)
+
+
+def test_a_method_that_fails_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every method broken, faces are laid down one by one."""
+
+    def broken(*args: object) -> None:
+        raise NoResultError("planted")
+
+    class Rows:
+        def __contains__(self, name: str) -> bool:
+            return True
+
+        def __getitem__(self, name: str) -> object:
+            return type("Row", (), {"function": staticmethod(broken)})
+
+    monkeypatch.setattr(chain, "METHODS", Rows())
+    s = surface_of(*shapes.icosphere(1))
+    atlas = atlas_of(s, np.zeros((len(s.faces), 3, 2)))
+    chain.settle(atlas, True, MethodOptions(), Monitor())
+    assert sound(atlas)
+    patches, uv = atlas.open()
+    assert patches.n_charts == len(s.faces)
+    # laid down as they are: every face isometric
+    side = np.linalg.norm(uv[patches.faces][:, 1] - uv[patches.faces][:, 0], axis=1)
+    np.testing.assert_allclose(side, patches.edge_lengths[:, 0], rtol=1e-12)
+
+
+def test_a_polygon_stays_in_one_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Quads are halved and taken to pieces as quads: no seam runs inside one."""
+
+    def useless(patches: object, *rest: object) -> None:
+        raise NoResultError("planted")
+
+    p, f = shapes.grid(7, 7)
+    p = p + [0, 0, 1] * np.sin(9 * p[:, :1]) * 0.2
+    s = surface_of(p, f, np.arange(len(f)) // 2)
+    assert s.locked.sum() == len(f) // 2
+    row = type("Row", (), {"function": staticmethod(useless)})
+    table = {"isometric": row, "mean-value": row}
+    monkeypatch.setattr(chain, "METHODS", table)
+    atlas = atlas_of(s, np.zeros((len(f), 3, 2)))
+    chain.settle(atlas, True, MethodOptions(), Monitor())
+    assert sound(atlas)
+    assert not (atlas.cut & s.locked).any()
+    assert s.charts(atlas.cut)[0] == len(f) // 2
+
+
+@settings(max_examples=25, deadline=None)
+@given(strategies.surfaces())
+def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]) -> None:
+    s = surface_of(*shape)
+    cut = np.zeros(len(s.edges), bool)
+    n, chart = s.charts(cut)
+    if n > 1:
+        wanted = np.arange(n) % 2 == 0
+    else:
+        wanted = np.ones(n, bool)
+    new = chain.split_charts(s, cut, wanted)
+    after, pieces = s.charts(cut | new)
+    for c in range(n):
+        count = len(np.unique(pieces[chart == c]))
+        assert (count >= 2) if wanted[c] and (chart == c).sum() > 1 else count == 1
+    assert after >= n
+
+
+PINS = {
+    "twice": ([[0, 0, 0], [0, 1, 1]], "twice"),
+    "outside": ([[0, 0, 0], [999, 1, 1]], "999"),
+    "negative": ([[-1, 0, 0], [2, 1, 1]], "-1"),
+}
+
+
+@pytest.mark.parametrize("name", PINS)
+def test_bad_pins_are_named(name: str) -> None:
+    pins, word = PINS[name]
+    s = surface_of(*shapes.grid(4, 4))
+    with pytest.raises(OptionError, match=word):
+        chain.flatten(
+            s,
+            np.zeros(len(s.edges), bool),
+            None,
+            "mean-value",
+            MethodOptions(),
+            np.array(pins, float),
+            Monitor(),
+        )
+
+
+def test_a_pin_on_a_seam_is_refused() -> None:
+    s = surface_of(*shapes.grid(5, 5))
+    flat_ends = s.faces.ravel()[s.edges[:, 0]]
+    cut = np.isin(flat_ends, [12])
+    cut |= np.isin(s.faces[s.edges[:, 0] // 3, (s.edges[:, 0] % 3 + 1) % 3], [12])
+    with pytest.raises(OptionError, match="12, which lies on a seam"):
+        chain.flatten(
+            s, cut, None, "mean-value", MethodOptions(), np.array([[12.0, 0, 0]]), Monitor()
+        )
