@@ -2,8 +2,8 @@
 
 Every pass is a few array operations over all segments of all groups at once. Cells are as wide as the mean
 segment of their group, so long segments are walked through in as many pieces as there are segments on
-average; crowded cells are quartered until they are thin or quartering stops helping, and what is left is swept
-along an axis.
+average. Crowded cells are swept across the direction of their segments, or quartered where even that leaves
+many pairs.
 """
 
 from __future__ import annotations
@@ -61,20 +61,25 @@ class Candidates:
         budget = GROWTH * len(segment) + 10_000
         for level in range(LEVELS + 1):
             order = np.argsort(cell, kind="stable")
-            segment, box = segment[order], box[order]
-            head = first_of_runs(cell[order])
+            segment, cell, box = segment[order], cell[order], box[order]
+            head = first_of_runs(cell)
             count = np.diff(np.r_[head, len(order)])
             crowd = count > CROWD
-            if level == LEVELS or len(segment) > budget:
-                crowd[:] = False
-                yield from self._sweep(segment, count)
-                return
             thin = np.repeat(~crowd, count)
-            yield from self._all_pairs(segment[thin], count[~crowd])
+            yield from self._emit(
+                segment[thin], np.repeat(count, count)[thin] - 1 - ranges(count)[thin]
+            )
             if not crowd.any():
                 return
-            here = np.repeat(np.arange(int(crowd.sum())), count[crowd])
-            segment, cell, box = self._quarter(segment[~thin], here, box[~thin])
+            segment, box, count = segment[~thin], box[~thin], count[crowd]
+            here = np.repeat(np.arange(len(count)), count)
+            order, later = self._sweep(segment, here, box)
+            cost = group_sum(later.astype(np.float64), here, len(count))
+            done = (cost <= CROWD * count)[here]  # entries of a cell stay together in ``order``
+            if level == LEVELS or len(segment) > budget:
+                done[:] = True
+            yield from self._emit(segment[order], np.where(done, later, 0))
+            segment, cell, box = self._quarter(segment[~done], here[~done], box[~done])
 
     def _rasterise(self) -> tuple[IntArray, IntArray, FloatArray]:
         """Entries of the first grid: segment, cell number, cell (x, y, width)."""
@@ -136,45 +141,49 @@ class Candidates:
         boxes = np.stack([x[entry, which], y[entry, which], half[entry]], 1)
         return segment[entry], 4 * cell[entry] + which, boxes
 
-    def _all_pairs(self, segment: IntArray, count: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
-        """All pairs inside cells; segment: entries cell by cell, count: entries of each cell."""
-        rank = ranges(count)
-        later = np.repeat(count, count) - 1 - rank
-        yield from self._emit(segment, later)
+    def _sweep(
+        self, segment: IntArray, cell: IntArray, box: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Order of entries inside their cells, and how many behind each one overlap it across the cell.
 
-    def _sweep(self, segment: IntArray, count: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
-        """Pairs inside cells whose boxes overlap along one axis: for each cell the better of x and y."""
-        cell = np.repeat(np.arange(len(count)), count)
-        plans = [self._along(segment, cell, axis) for axis in (0, 1)]
-        cost = [group_sum(later.astype(np.float64), cell, len(count)) for _, later in plans]
-        for axis, mine in ((0, cost[0] <= cost[1]), (1, cost[0] > cost[1])):
-            order, later = plans[axis]
-            # the plans keep cells together, so a cell's entries are taken or left as a block
-            take = mine[cell]
-            ends = np.arange(len(order))[take]
-            yield from self._emit_at(segment[order], ends, later[take])
-
-    def _along(self, segment: IntArray, cell: IntArray, axis: int) -> tuple[IntArray, IntArray]:
-        """Order of the entries by (cell, lower end), and how many after each one begin before it ends."""
-        low, high = self.low[segment, axis], self.high[segment, axis]
+        The pieces inside the cell are projected on the normal of their mean direction, so that segments side
+        by side do not meet there whichever way they run.
+        """
+        p = self.start[segment]
+        d = self.end[segment] - p
+        double = np.stack([d[:, 0] ** 2 - d[:, 1] ** 2, 2 * d[:, 0] * d[:, 1]], 1)
+        double /= np.maximum(np.linalg.norm(double, axis=1), 1e-300)[:, None]
+        cells = int(cell.max()) + 1
+        angle = np.arctan2(
+            group_sum(double[:, 1], cell, cells), group_sum(double[:, 0], cell, cells)
+        )
+        normal = np.stack([-np.sin(angle / 2), np.cos(angle / 2)], 1)[cell]
+        slack = self.reach[segment] / 2 + 1e-12 * (np.abs(box[:, :2]).max(1) + box[:, 2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            to_low = (box[:, :2] - slack[:, None] - p) / d
+            to_high = (box[:, :2] + (box[:, 2] + slack)[:, None] - p) / d
+        enter, leave = np.fmin(to_low, to_high), np.fmax(to_low, to_high)
+        enter = np.clip(np.where(d == 0, 0.0, enter).max(1), 0.0, 1.0)
+        leave = np.clip(np.where(d == 0, 1.0, leave).min(1), enter, 1.0)
+        across = (d * normal).sum(1)
+        base = ((p - box[:, :2]) * normal).sum(1)
+        one, two = base + enter * across, base + leave * across
+        # rounding of the projection, and of the clipping parameter along the whole segment
+        slack += 1e-12 * (np.abs(base) + np.abs(d).max(1))
+        low, high = np.minimum(one, two) - slack, np.maximum(one, two) + slack
         ranked = np.sort(low)
         n = len(segment) + 1
         key = cell * n + np.searchsorted(ranked, low)
         order = np.argsort(key, kind="stable")
-        reach = cell * n + np.searchsorted(ranked, high, side="right")
-        stop = np.searchsorted(key[order], reach[order])
+        stop = cell * n + np.searchsorted(ranked, high, side="right")
+        stop = np.searchsorted(key[order], stop[order])
         return order, np.maximum(stop - 1 - np.arange(len(order)), 0)
 
     def _emit(self, segment: IntArray, later: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
-        yield from self._emit_at(segment, np.arange(len(segment)), later)
-
-    def _emit_at(
-        self, segment: IntArray, at: IntArray, later: IntArray
-    ) -> Iterator[tuple[IntArray, IntArray]]:
-        """Pairs of the entries ``at`` with the ``later`` entries behind each one, in chunks."""
+        """Pairs of each entry with the ``later`` entries behind it, in chunks."""
         if self._spent + int(later.sum()) > LIMIT:
             short = later > FEW
-            self.crowded = np.union1d(self.crowded, self.group[segment[at[short]]])
+            self.crowded = np.union1d(self.crowded, self.group[segment[short]])
             later = np.minimum(later, FEW)
         self._spent += int(later.sum())
         total = np.cumsum(later)
@@ -183,7 +192,7 @@ class Candidates:
             done = int(total[begin - 1]) if begin else 0
             end = max(int(np.searchsorted(total, done + CHUNK, side="right")), begin + 1)
             here = later[begin:end]
-            x = np.repeat(at[begin:end], here)
+            x = begin + np.repeat(np.arange(end - begin), here)
             y = x + 1 + ranges(here)
             i, j = segment[x], segment[y]
             ok = (
