@@ -1,0 +1,94 @@
+"""One case: a file, and a command to run on it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+from hypothesis import strategies as st
+
+from circparam import samples
+from tests import strategies
+from tests.fuzz import files
+
+
+@dataclass(frozen=True)
+class Case:
+    """name and data: the file. command: words before it; options: words after it. output: suffix or None."""
+
+    name: str
+    data: bytes
+    command: tuple[str, ...]
+    options: tuple[str, ...]
+    output: str | None
+
+    @property
+    def key(self) -> str:
+        """A short name that says which case it is, for files that are kept."""
+        text = repr((self.name, self.data, self.command, self.options, self.output))
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+@st.composite
+def mesh_files(draw: st.DrawFn) -> tuple[str, bytes]:
+    """(name, bytes) of a hostile mesh, written as it should be."""
+    suffix, data = files.whole(
+        draw(strategies.hostile()), draw(st.sampled_from(sorted(files.WRITERS)))
+    )
+    return "mesh" + suffix, data
+
+
+@st.composite
+def spoiled_files(draw: st.DrawFn) -> tuple[str, bytes]:
+    """(name, bytes) of a file that something happened to, perhaps under a wrong name."""
+    if draw(st.integers(0, 3)) == 0:
+        path = samples.path(draw(st.sampled_from(["bracket", "messy", "vase"])))
+        suffix, data = path.suffix, path.read_bytes()
+    else:
+        shape = draw(st.one_of(strategies.surfaces(), strategies.disks(20)))
+        suffix, data = files.whole(shape, draw(st.sampled_from(sorted(files.WRITERS))))
+    data = draw(files.spoiled(data))
+    if draw(st.integers(0, 9)) == 0:
+        suffix = draw(st.sampled_from(files.SUFFIXES))
+    return "mesh" + suffix, data
+
+
+def _commands() -> st.SearchStrategy[tuple[tuple[str, ...], tuple[str, ...]]]:
+    """(command, options), the default one most often."""
+    unwrap = ("unwrap",)
+    few = [
+        "circle",
+        "mean-value",
+        "floater",
+        "uniform",
+        "harmonic",
+        "authalic",
+        "lscm",
+        "arap",
+        "isometric",
+    ]
+    bounds = [
+        ("--timeout", "3"),
+        ("--max-distortion", "1.2"),
+        ("--resolution", "256"),
+        ("--pages", "2"),
+    ]
+    return st.one_of(
+        st.just((unwrap, ())),
+        st.just((unwrap, ())),
+        st.sampled_from([(unwrap, o) for o in bounds]),
+        st.sampled_from([(unwrap, ("--cut", "disk", "--method", m)) for m in few]),
+        st.sampled_from([(unwrap, ("--cut", "none", "--method", m)) for m in few]),
+        st.just((("check",), ())),
+    )
+
+
+@st.composite
+def cases(draw: st.DrawFn) -> Case:
+    """Any case."""
+    name, data = draw(st.one_of(mesh_files(), mesh_files(), spoiled_files()))
+    command, options = draw(_commands())
+    output = None
+    if command[0] == "unwrap":
+        output = draw(st.sampled_from([".obj", ".obj", ".glb", ".ply"]))
+    return Case(name, data, command, options, output)
