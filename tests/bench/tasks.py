@@ -111,3 +111,13 @@ def energy(patches: Patches, uv: np.ndarray) -> float:
     with np.errstate(divide="ignore"):
         each = np.where(det > 0, (square + square / det**2) / 4, np.inf)
     return float((patches.areas[live] * each).sum() / patches.areas[live].sum())
+
+
+def unwrap(arrays: Arrays, settings: dict[str, Any]) -> Answer:
+    """A whole unwrap from file to file; the report."""
+    from circparam.pipeline import unwrap as run
+
+    result = run(
+        settings["path"], settings["out"], max_distortion=settings["max_distortion"], overwrite=True
+    )
+    return {}, {**result.summary(), "stages": result.seconds}
