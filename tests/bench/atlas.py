@@ -290,7 +290,8 @@ def cells(a: Atlas) -> list[str]:
     f = a.figures
     return [
         str(f["charts"]), f"{f['seam_length']:.2f}", f"{f['sd']:.4f}", f"{f['sd_chart_max']:.4f}",
-        str(f["flips"]), str(f["mirrored_charts"]), f"{f['overlap']:.1g}", f"{f['pack']:.3f}", f"{a.seconds:.2f}",
+        str(f["flips"]), str(f["mirrored_charts"]), f"{f['overlap']:.1g}", f"{f['pack']:.3f}",
+        f"{a.seconds:.2f}",
     ]  # fmt: skip
 
 
