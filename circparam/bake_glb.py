@@ -1,0 +1,104 @@
+"""A baked image inside a GLB: the image in the binary chunk, a material that shows it, every face using it."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.bake import to_image
+from circparam.errors import InputError
+
+_BIN, _JSON = 0x004E4942, 0x4E4F534A
+
+
+def png(array: npt.NDArray[np.uint8]) -> bytes:
+    """A tile as PNG bytes."""
+    out = io.BytesIO()
+    to_image(array).save(out, "PNG", compress_level=7)
+    return out.getvalue()
+
+
+def embed(glb: bytes, image: bytes, uv_set: int = 0, drop_colours: bool = False) -> bytes:
+    """A GLB with a PNG as the base colour of every material and of every face without one.
+
+    uv_set: the set that the image refers to. drop_colours: leave COLOR_0 out, which would tint the image.
+    Raises InputError where the bytes are no GLB.
+    """
+    tree, binary = split(glb)
+    padded = binary + bytes(-len(binary) % 4)
+    tree.setdefault("bufferViews", []).append(
+        {"buffer": 0, "byteOffset": len(padded), "byteLength": len(image)}
+    )
+    padded += image + bytes(-len(image) % 4)
+    buffers = tree.setdefault("buffers", [{}])
+    buffers[0] = {**buffers[0], "byteLength": len(padded)}
+    new = {
+        "images": {
+            "bufferView": len(tree["bufferViews"]) - 1, "mimeType": "image/png", "name": "baked",
+        },
+        "samplers": {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071},
+    }  # fmt: skip
+    for kind, entry in new.items():
+        tree.setdefault(kind, []).append(entry)
+    tree.setdefault("textures", []).append(
+        {"source": len(tree["images"]) - 1, "sampler": len(tree["samplers"]) - 1}
+    )
+    texture = {"index": len(tree["textures"]) - 1, "texCoord": uv_set}
+    _dress(tree, texture, drop_colours)
+    return join(tree, padded)
+
+
+def _dress(tree: dict[str, Any], texture: dict[str, int], drop_colours: bool) -> None:
+    """Let every material show the texture; primitives without a material get one."""
+    materials = tree.setdefault("materials", [])
+    for material in materials:
+        pbr = material.setdefault("pbrMetallicRoughness", {})
+        if "baseColorTexture" not in pbr:
+            pbr.pop("baseColorFactor", None)  # its colour is part of the image now
+        pbr["baseColorTexture"] = dict(texture)
+    plain: int | None = None
+    for mesh in tree.get("meshes", []):
+        for primitive in mesh["primitives"]:
+            if drop_colours:
+                primitive["attributes"].pop("COLOR_0", None)
+            if "material" not in primitive:
+                if plain is None:
+                    plain = len(materials)
+                    pbr = {
+                        "baseColorTexture": dict(texture),
+                        "metallicFactor": 0.0,
+                        "roughnessFactor": 1.0,
+                    }
+                    materials.append({"name": "baked", "pbrMetallicRoughness": pbr})
+                primitive["material"] = plain
+
+
+def split(glb: bytes) -> tuple[dict[str, Any], bytes]:
+    """(JSON tree, binary chunk) of a GLB."""
+    if glb[:4] != b"glTF" or len(glb) < 20:
+        raise InputError("the file is no GLB: an image can be embedded in nothing else")
+    size, _ = struct.unpack_from("<II", glb, 12)
+    tree = json.loads(glb[20 : 20 + size])
+    at = 20 + size
+    if at + 8 > len(glb):
+        return tree, b""
+    length, _ = struct.unpack_from("<II", glb, at)
+    return tree, glb[at + 8 : at + 8 + length]
+
+
+def join(tree: dict[str, Any], binary: bytes) -> bytes:
+    """A GLB of a JSON tree and a binary chunk."""
+    text = json.dumps(tree, separators=(",", ":"), ensure_ascii=False).encode()
+    text += b" " * (-len(text) % 4)
+    binary += bytes(-len(binary) % 4)
+    total = 12 + 8 + len(text) + 8 + len(binary)
+    return (
+        struct.pack("<4sII", b"glTF", 2, total)
+        + struct.pack("<II", len(text), _JSON) + text
+        + struct.pack("<II", len(binary), _BIN) + binary
+    )  # fmt: skip

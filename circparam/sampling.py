@@ -1,0 +1,187 @@
+"""Colours of a surface at (face, barycentric) places: from its corners, its textures, or another surface.
+
+A ``Paint`` is a function (face (p,) int64, bary (p, 3)) → (p, c) colours, 0..1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from circparam.appearance import Textures, decode
+from circparam.arrays import FloatArray, IntArray, cross2
+from circparam.errors import InputError
+from circparam.mesh import Mesh, UVMap
+
+Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
+
+CANDIDATES = 6  # nearest samples whose faces are tried for the closest point
+BLOCK = 200_000  # places at once
+
+
+def corner_paint(corners: FloatArray) -> Paint:
+    """Colours of corners (m, 3, c), blended inside every face."""
+
+    def paint(face: IntArray, bary: FloatArray) -> FloatArray:
+        result: FloatArray = np.einsum("pk,pkc->pc", bary, corners[face])
+        return result
+
+    return paint
+
+
+def bilinear(image: FloatArray, uv: FloatArray) -> FloatArray:
+    """(p, c) colours of an (h, w, c) image at uv (p, 2), origin bottom-left, repeated beyond its edges."""
+    h, w = image.shape[:2]
+    x = uv[:, 0] * w - 0.5
+    y = (1 - uv[:, 1]) * h - 0.5
+    x0, y0 = np.floor(x), np.floor(y)
+    fx, fy = (x - x0)[:, None], (y - y0)[:, None]
+    i0, j0 = x0.astype(np.int64) % w, y0.astype(np.int64) % h
+    i1, j1 = (i0 + 1) % w, (j0 + 1) % h
+    top = image[j0, i0] * (1 - fx) + image[j0, i1] * fx
+    bottom = image[j1, i0] * (1 - fx) + image[j1, i1] * fx
+    result: FloatArray = top * (1 - fy) + bottom * fy
+    return result
+
+
+def texture_paint(textures: Textures, layout: UVMap, shrink: float = 1.0) -> tuple[Paint, int]:
+    """The textures of a mesh through their own uv; returns (paint, channels: 4 where an image has alpha).
+
+    shrink: texels of the source for one texel of the target; above 2 the images are averaged down first, so
+    that fine detail does not turn into noise. Faces without image or uv take their plain colour.
+    """
+    pictures = [decode(*pair) for pair in zip(textures.images, textures.names, strict=True)]
+    channels = 4 if any(p.mode == "RGBA" for p in pictures) else 3
+    arrays = []
+    for picture in pictures:
+        step = int(np.clip(shrink, 1, max(min(picture.size), 1)))
+        small = picture.convert("RGBA" if channels == 4 else "RGB")
+        small = small.reduce(step) if step > 1 else small
+        arrays.append(np.asarray(small, np.float64) / 255)
+    plain = textures.plain
+    if channels == 4:
+        plain = np.concatenate([plain, np.ones((len(plain), 1))], 1)
+    has_uv = (layout.uv_faces >= 0).all(1)
+    image_of = np.where(has_uv, textures.face, -1)
+
+    def paint(face: IntArray, bary: FloatArray) -> FloatArray:
+        out = plain[face]
+        uv = np.einsum("pk,pkc->pc", bary, layout.uv[np.maximum(layout.uv_faces[face], 0)])
+        for k, array in enumerate(arrays):
+            at = np.flatnonzero(image_of[face] == k)
+            out[at] = bilinear(array, np.nan_to_num(uv[at]))
+        return out
+
+    return paint, channels
+
+
+def texel_ratio(mesh: Mesh, old: UVMap, old_size: float, new: UVMap, new_size: float) -> float:
+    """Texels of the old layout for one texel of the new one, along a side, by the areas of both."""
+
+    def area(layout: UVMap) -> FloatArray:
+        c = layout.uv[np.maximum(layout.uv_faces, 0)]
+        return np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]))
+
+    before, after = float(area(old).sum()), float(area(new).sum())
+    return float(np.sqrt(before / after) * old_size / new_size) if after > 0 else 1.0
+
+
+class Closest:
+    """Closest points on a surface, for many places at once.
+
+    Every face is sampled, more often where it is larger; the exact closest point is sought on the faces of
+    the nearest samples.
+    """
+
+    def __init__(self, points: FloatArray, faces: IntArray) -> None:
+        self.corners = points[faces]
+        a = self.corners[:, 1] - self.corners[:, 0]
+        b = self.corners[:, 2] - self.corners[:, 0]
+        area = np.linalg.norm(np.cross(a, b), axis=1)
+        whole = np.cumsum(area)
+        if not whole[-1] > 0:
+            raise InputError("the source has no area: there is nothing to take colours from")
+        wanted = int(np.clip(4 * len(faces), 200_000, 2_000_000))
+        spread = np.searchsorted(whole, (np.arange(wanted) + 0.5) / wanted * whole[-1])
+        self.face = np.concatenate([np.arange(len(faces)), np.minimum(spread, len(faces) - 1)])
+        r = np.random.default_rng(3).random((wanted, 2))
+        r[r.sum(1) > 1] = 1 - r[r.sum(1) > 1]
+        r = np.concatenate([np.full((len(faces), 2), 1 / 3), r])
+        self.tree = cKDTree(
+            self.corners[self.face, 0] + r[:, :1] * a[self.face] + r[:, 1:] * b[self.face]
+        )
+
+    def find(self, places: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        """For places (p, 3): ((p,) face, (p, 3) barycentric coordinates, (p,) distance)."""
+        face = np.zeros(len(places), np.int64)
+        bary = np.zeros((len(places), 3))
+        distance = np.zeros(len(places))
+        for start in range(0, len(places), BLOCK):
+            part = slice(start, start + BLOCK)
+            q = places[part]
+            _, near = self.tree.query(q, k=min(CANDIDATES, len(self.face)))
+            candidates = self.face[near.reshape(len(q), -1)]
+            b, d2 = closest_on_triangles(q[:, None], self.corners[candidates])
+            best = np.argmin(d2, axis=1)
+            rows = np.arange(len(q))
+            face[part] = candidates[rows, best]
+            bary[part] = b[rows, best]
+            distance[part] = np.sqrt(d2[rows, best])
+        return face, bary, distance
+
+
+def closest_on_triangles(p: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Closest point of triangles (…, 3, 3) to places (…, 3): ((…, 3) barycentric, (…) squared distance)."""
+    a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
+    ab, ac, ap = b - a, c - a, p - a
+    g11, g12, g22 = (ab * ab).sum(-1), (ab * ac).sum(-1), (ac * ac).sum(-1)
+    r1, r2 = (ap * ab).sum(-1), (ap * ac).sum(-1)
+    det = g11 * g22 - g12 * g12
+    with np.errstate(divide="ignore", invalid="ignore"):
+        v, w = (g22 * r1 - g12 * r2) / det, (g11 * r2 - g12 * r1) / det
+    inside = (det > 0) & (v >= 0) & (w >= 0) & (v + w <= 1)
+    best = np.where(inside[..., None], np.stack([1 - v - w, v, w], -1), np.array([1.0, 0.0, 0.0]))
+    best = np.where(inside[..., None], best, 0.0)
+    d2 = np.where(inside, _gap(p, corners, best), np.inf)
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        start, along = corners[..., i, :], corners[..., j, :] - corners[..., i, :]
+        length = np.maximum((along * along).sum(-1), 1e-300)
+        t = np.clip(((p - start) * along).sum(-1) / length, 0, 1)
+        edge = np.zeros_like(best)
+        edge[..., i], edge[..., j] = 1 - t, t
+        gap = _gap(p, corners, edge)
+        nearer = gap < d2
+        d2 = np.where(nearer, gap, d2)
+        best = np.where(nearer[..., None], edge, best)
+    return best, d2
+
+
+def _gap(p: FloatArray, corners: FloatArray, bary: FloatArray) -> FloatArray:
+    """Squared distance of places to points in triangles."""
+    d = p - (bary[..., None] * corners).sum(-2)
+    result: FloatArray = (d * d).sum(-1)
+    return result
+
+
+def closest_paint(mesh: Mesh, source: Mesh, paint: Paint) -> Paint:
+    """Colours of another surface: those of its point that is closest to each place of the mesh."""
+    closest = Closest(source.points, source.faces)
+
+    def through(face: IntArray, bary: FloatArray) -> FloatArray:
+        places = np.einsum("pk,pkc->pc", bary, mesh.points[mesh.faces[face]])
+        there, at, _ = closest.find(places)
+        return paint(there, at)
+
+    return through
+
+
+def same_surface(a: Mesh, b: Mesh) -> bool:
+    """Whether two meshes are the same triangles in the same order, up to single precision."""
+    if a.faces.shape != b.faces.shape:
+        return False
+    size = float(np.ptp(a.points[a.faces].reshape(-1, 3), axis=0).max())
+    gap = np.abs(a.points[a.faces] - b.points[b.faces]).max()
+    return bool(gap <= 1e-5 * size)
