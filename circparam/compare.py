@@ -22,11 +22,12 @@ from circparam.formats import Document
 from circparam.mesh import Patches, UVMap
 from circparam.methods import METHODS, MethodOptions
 from circparam.options import FREE, Options
-from circparam.pipeline import method_options, open_source, place, seam_options
+from circparam.pipeline import place
 from circparam.progress import Listener, Monitor
 from circparam.registry import unknown_name
 from circparam.repair import RepairOptions, Repairs, complete, repair
 from circparam.seams import SEAMS
+from circparam.stages import check_names, method_options, open_source, seam_options
 from circparam.topology import Surface
 from circparam.verify import verify
 
@@ -137,9 +138,9 @@ def compare(
         keep = {"max_distortion", "max_charts", "min_chart_faces"} if cut == "none" else set()
         keywords = {k: v for k, v in keywords.items() if k not in keep}
     choices = _options(names, cut, keywords)
+    wanted = seam_options(document, surface, mended, next(iter(choices.values())))
     start = time.perf_counter()
-    options = next(iter(choices.values()))
-    seams = SEAMS[cut].function(surface, seam_options(document, options), monitor)
+    seams = SEAMS[cut].function(surface, wanted, monitor)
     cut_seconds = time.perf_counter() - start
     scene = _Scene(document, surface, mended, surface.patches(seams.cut), timeout)
     rows = [*_input_row(scene)]
@@ -179,6 +180,7 @@ def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, 
             mine = {k: v for k, v in mine.items() if k not in iterative}
         method = name if name in METHODS else "isometric"
         out[name] = Options(method=method, cut="charts" if cut == "auto" else cut, **mine)
+        check_names(out[name])
     return out
 
 
@@ -191,7 +193,7 @@ def _disks(surface: Surface) -> bool:
 
 def _input_row(scene: _Scene) -> list[Entry]:
     """The row of the uv that the file has; none where it has none."""
-    uvmap = scene.document.uv()
+    uvmap = scene.document.uv() if scene.document.uv_sets else None
     if uvmap is None or not (uvmap.uv_faces >= 0).any():
         return []
     status, figures = _judge(scene, uvmap)
@@ -254,7 +256,8 @@ def _baseline_row(scene: _Scene, name: str) -> Entry:
 def _moderate(points: FloatArray) -> FloatArray:
     """Points moved and scaled into the range of float32."""
     low, high = points.min(0), points.max(0)
-    return (points - low) / max(float((high - low).max()), 1e-300)
+    moved: FloatArray = (points - low) / max(float((high - low).max()), 1e-300)
+    return moved
 
 
 def _judge(scene: _Scene, uvmap: UVMap) -> tuple[str, dict[str, float | int | None]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -179,7 +180,9 @@ def _table(c: Comparison, name: str | None) -> str:
             cells = [*(_number(f[key], 4) for key in keys), _number(f["pack"], 3)]
             lines.append(_line(row.method, cells, _QUALITY))
     for row in c.rows:
-        lines += [_clip(f"  {row.method}: {text}") for text in [row.error, *row.notes] if text]
+        for text in filter(None, [row.error, *row.notes]):
+            note = text if text.startswith(f"{row.method}:") else f"{row.method}: {text}"
+            lines += textwrap.wrap(note, 80, initial_indent="  ", subsequent_indent="    ")
     return "\n".join(lines)
 
 
@@ -224,10 +227,6 @@ def _number(value: float | int | None, digits: int) -> str:
     if value is None or value != value:
         return "-"
     return f"{value:.{digits}f}" if abs(value) < 1000 else f"{value:.3g}"
-
-
-def _clip(text: str) -> str:
-    return text if len(text) <= 80 else text[:77] + "..."
 
 
 # files ---------------------------------------------------------------------------------------------

@@ -67,7 +67,8 @@ def _table(rows: list[dict[str, Any]]) -> str:
         lines.append(f"{row['name']:12}{marks}")
         lines += textwrap.wrap(row["summary"], 74, initial_indent="    ", subsequent_indent="    ")
     lines.append("")
-    lines += [f"{short[tag] + ':':11}{text}" for tag, text in TAGS.items()]
+    for tag, text in TAGS.items():
+        lines += textwrap.wrap(f"{short[tag] + ':':11}{text}", 78, subsequent_indent=" " * 11)
     lines.append("circparam methods NAME tells its source, and on what its guarantees depend.")
     return "\n".join(lines)
 
@@ -87,5 +88,6 @@ def _page(row: dict[str, Any]) -> str:
                 subsequent_indent="  ",
             )
     lines.append("  guarantees:")
-    lines += [f"    {g}" for g in guarantees]
+    for guarantee in guarantees:
+        lines += textwrap.wrap(guarantee, 78, initial_indent="    ", subsequent_indent="      ")
     return "\n".join(lines)
