@@ -1,14 +1,15 @@
 """Pairs of plane segments that may meet: a grid whose cells follow the segments, refined where it is crowded.
 
-Every pass is a few array operations over all segments of all groups at once. Cells are as wide as the mean
-segment of their group, so long segments are walked through in as many pieces as there are segments on
-average. Crowded cells are swept across the direction of their segments, or quartered where even that leaves
+Every pass is a few array operations over all segments of all groups at once. Cells are as wide as two mean
+segments of their group, so a long segment is walked through in pieces, and there are few more pieces than
+segments. Crowded cells are swept across the direction of their segments, or quartered where even that leaves
 many pairs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,18 @@ LIMIT = 200_000_000  # pairs altogether; beyond, each segment meets only its nex
 FEW = 32
 
 
+class _Grid(NamedTuple):
+    """One grid for each group: corner, width of its cells, columns, rows, first cell number, slack."""
+
+    x: FloatArray
+    y: FloatArray
+    width: FloatArray
+    columns: IntArray
+    rows: IntArray
+    offset: IntArray
+    slack: FloatArray
+
+
 class Candidates:
     """Pairs (i, j), i < j, of segments of one group whose boxes, widened by the reach, overlap.
 
@@ -44,8 +57,10 @@ class Candidates:
         self, start: FloatArray, end: FloatArray, group: IntArray, reach: FloatArray
     ) -> None:
         self.start, self.end, self.group, self.reach = start, end, group, reach
-        self.low = np.minimum(start, end) - reach[:, None] / 2
-        self.high = np.maximum(start, end) + reach[:, None] / 2
+        # one array for each axis: reductions over an axis of length 2 are slow
+        self.low = [np.minimum(start[:, k], end[:, k]) - reach / 2 for k in (0, 1)]
+        self.high = [np.maximum(start[:, k], end[:, k]) + reach / 2 for k in (0, 1)]
+        self.length = np.maximum(np.abs(end[:, 0] - start[:, 0]), np.abs(end[:, 1] - start[:, 1]))
         self.crowded = np.zeros(0, np.int64)
         self._spent = 0
 
@@ -57,67 +72,98 @@ class Candidates:
     def __iter__(self) -> Iterator[tuple[IntArray, IntArray]]:
         if len(self.start) < 2:
             return
-        segment, cell, box = self._rasterise()
-        budget = GROWTH * len(segment) + 10_000
+        grid = self._grid()
+        segment, cell = self._rasterise(grid)
+        order = np.argsort(cell, kind="stable")
+        segment, cell = segment[order], cell[order]
+        head = first_of_runs(cell)
+        count = np.diff(np.r_[head, len(cell)])
+        yield from self._thin_cells(segment, count)
+        crowd = np.repeat(count > CROWD, count)
+        segment, box = segment[crowd], self._boxes(grid, segment[crowd], cell[crowd])
+        count = count[count > CROWD]
+        budget = GROWTH * len(cell) + 10_000
         for level in range(LEVELS + 1):
-            order = np.argsort(cell, kind="stable")
-            segment, cell, box = segment[order], cell[order], box[order]
-            head = first_of_runs(cell)
-            count = np.diff(np.r_[head, len(order)])
-            crowd = count > CROWD
-            thin = np.repeat(~crowd, count)
-            yield from self._emit(
-                segment[thin], np.repeat(count, count)[thin] - 1 - ranges(count)[thin]
-            )
-            if not crowd.any():
+            if len(segment) == 0:
                 return
-            segment, box, count = segment[~thin], box[~thin], count[crowd]
-            here = np.repeat(np.arange(len(count)), count)
-            order, later = self._sweep(segment, here, box)
-            cost = group_sum(later.astype(np.float64), here, len(count))
-            done = (cost <= CROWD * count)[here]  # entries of a cell stay together in ``order``
+            cell = np.repeat(np.arange(len(count)), count)
+            order, later = self._sweep(segment, cell, box)
+            cost = group_sum(later.astype(np.float64), cell, len(count))
+            done = (cost <= CROWD * count)[cell]  # entries of a cell stay together in ``order``
             if level == LEVELS or len(segment) > budget:
                 done[:] = True
             yield from self._emit(segment[order], np.where(done, later, 0))
-            segment, cell, box = self._quarter(segment[~done], here[~done], box[~done])
+            segment, cell, box = self._quarter(segment[~done], cell[~done], box[~done])
+            order = np.argsort(cell, kind="stable")
+            segment, box = segment[order], box[order]
+            head = first_of_runs(cell[order])
+            count = np.diff(np.r_[head, len(cell)])
+            yield from self._thin_cells(segment, count)
+            crowd = np.repeat(count > CROWD, count)
+            segment, box, count = segment[crowd], box[crowd], count[count > CROWD]
 
-    def _rasterise(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """Entries of the first grid: segment, cell number, cell (x, y, width)."""
+    def _thin_cells(
+        self, segment: IntArray, count: IntArray
+    ) -> Iterator[tuple[IntArray, IntArray]]:
+        """All pairs inside the cells that are not crowded; count: entries of each cell, in order."""
+        many = np.repeat(count, count)
+        yield from self._emit(segment, np.where(many <= CROWD, many - 1 - ranges(count), 0))
+
+    def _grid(self) -> _Grid:
+        """The first grid of each group: cells about twice as wide as its mean segment."""
         n = int(self.group.max()) + 1
-        origin = np.stack([group_min(self.low[:, k], self.group, n) for k in (0, 1)], 1)
-        top = np.stack([group_max(self.high[:, k], self.group, n) for k in (0, 1)], 1)
-        length = np.abs(self.end - self.start).max(1)
         number = np.maximum(group_count(self.group, n), 1)
-        extent = np.where(np.isfinite(top), top - origin, 0.0).max(1)
-        width = np.maximum(group_sum(length, self.group, n) / number, extent / (4.0 * number + 4))
+        low = [group_min(self.low[k], self.group, n) for k in (0, 1)]
+        high = [group_max(self.high[k], self.group, n) for k in (0, 1)]
+        empty = ~np.isfinite(low[0])
+        low, high = [np.where(empty, 0.0, v) for v in low], [np.where(empty, 0.0, v) for v in high]
+        extent = np.maximum(high[0] - low[0], high[1] - low[1])
+        width = np.maximum(
+            2 * group_sum(self.length, self.group, n) / number, extent / (4.0 * number + 4)
+        )
         width = np.maximum(width, 2 * np.maximum(group_max(self.reach, self.group, n), 0.0))
         width = np.where(width > 0, width, 1.0)
-        pieces = np.maximum(np.ceil(length / width[self.group]), 1).astype(np.int64)
-        segment = np.repeat(np.arange(len(length)), pieces)
-        k, number = ranges(pieces), pieces[segment]
-        step = self.end[segment] - self.start[segment]
-        p = self.start[segment] + step * (k / number)[:, None]
-        q = self.start[segment] + step * ((k + 1) / number)[:, None]
+        columns, rows = (((high[k] - low[k]) / width).astype(np.int64) + 2 for k in (0, 1))
+        offset = np.r_[0, np.cumsum(columns * rows)[:-1]]
+        # the slack covers the rounding of points along a segment
+        slack = 1e-12 * (extent + np.maximum(np.abs(low[0]), np.abs(low[1])))
+        return _Grid(low[0], low[1], width, columns, rows, offset, slack)
+
+    def _rasterise(self, grid: _Grid) -> tuple[IntArray, IntArray]:
+        """(segment, cell) of the first grid, for every cell that the pieces of the segments may touch."""
+        width = grid.width[self.group]
+        pieces = np.maximum(np.ceil(self.length / width), 1).astype(np.int64)
+        segment = np.repeat(np.arange(len(pieces)), pieces)
         g = self.group[segment]
-        # the slack covers the rounding of points along the segment
-        slack = (self.reach[segment] / 2 + 1e-12 * (extent[g] + np.abs(origin[g]).max(1)))[:, None]
-        w = width[g][:, None]
-        columns = np.floor((top - origin) / width[:, None] + 2)
-        columns = np.where(np.isfinite(columns), columns, 1).astype(np.int64)
-        first = np.floor((np.minimum(p, q) - slack - origin[g]) / w).astype(np.int64)
-        last = np.floor((np.maximum(p, q) + slack - origin[g]) / w).astype(np.int64)
-        first = np.clip(first, 0, columns[g] - 1)
-        last = np.clip(last, first, columns[g] - 1)
-        wide, tall = (last - first + 1).T
-        cells = wide * tall
-        entry = np.repeat(np.arange(len(segment)), cells)
-        k = ranges(cells)
-        x = first[entry, 0] + k % wide[entry]
-        y = first[entry, 1] + k // wide[entry]
-        offset = np.r_[0, np.cumsum(columns[:, 0] * columns[:, 1])]
-        g = g[entry]
-        box = np.stack([origin[g, 0] + x * width[g], origin[g, 1] + y * width[g], width[g]], 1)
-        return segment[entry], offset[g] + y * columns[g, 0] + x, box
+        slack = self.reach[segment] / 2 + grid.slack[g]
+        w, k, number = width[segment], ranges(pieces), pieces[segment]
+        spans = []
+        for axis, origin, cells in ((0, grid.x, grid.columns), (1, grid.y, grid.rows)):
+            p = self.start[segment, axis]
+            step = (self.end[segment, axis] - p) / number
+            p = p + step * k
+            low, high = np.minimum(p, p + step) - slack, np.maximum(p, p + step) + slack
+            first = np.clip(((low - origin[g]) / w).astype(np.int64), 0, cells[g] - 1)
+            last = np.clip(((high - origin[g]) / w).astype(np.int64), first, cells[g] - 1)
+            spans.append((first, last - first + 1))
+        (x, wide), (y, tall) = spans
+        cell = grid.offset[g] + y * grid.columns[g] + x
+        area = wide * tall
+        one = area == 1
+        if one.all():
+            return segment, cell
+        many = np.flatnonzero(~one)
+        entry = np.repeat(many, area[many])
+        k = ranges(area[many])
+        spread = cell[entry] + k // wide[entry] * grid.columns[g[entry]] + k % wide[entry]
+        return np.r_[segment[one], segment[entry]], np.r_[cell[one], spread]
+
+    def _boxes(self, grid: _Grid, segment: IntArray, cell: IntArray) -> FloatArray:
+        """(x, y, width) of cells of the first grid."""
+        g = self.group[segment]
+        row, column = np.divmod(cell - grid.offset[g], grid.columns[g])
+        width = grid.width[g]
+        return np.stack([grid.x[g] + column * width, grid.y[g] + row * width, width], 1)
 
     def _quarter(
         self, segment: IntArray, cell: IntArray, box: FloatArray
@@ -132,9 +178,10 @@ class Candidates:
         d = self.end[segment] - p
         scale = np.abs(box[:, :2]).max(1) + box[:, 2]
         radius = (half / 2 + self.reach[segment] / 2 + 1e-12 * scale)[:, None]
-        low, high = self.low[segment], self.high[segment]
-        keep = (low[:, :1] <= cx + radius) & (high[:, :1] >= cx - radius)
-        keep &= (low[:, 1:] <= cy + radius) & (high[:, 1:] >= cy - radius)
+        keep = np.ones(cx.shape, bool)
+        for k, centre in ((0, cx), (1, cy)):
+            keep &= self.low[k][segment][:, None] <= centre + radius
+            keep &= self.high[k][segment][:, None] >= centre - radius
         across = np.abs(d[:, :1] * (cy - p[:, 1:]) - d[:, 1:] * (cx - p[:, :1]))
         keep &= across <= radius * np.abs(d).sum(1)[:, None]
         entry, which = np.nonzero(keep)
@@ -195,11 +242,9 @@ class Candidates:
             x = begin + np.repeat(np.arange(end - begin), here)
             y = x + 1 + ranges(here)
             i, j = segment[x], segment[y]
-            ok = (
-                (i != j)
-                & (self.low[i] <= self.high[j]).all(1)
-                & (self.low[j] <= self.high[i]).all(1)
-            )
+            ok = i != j
+            for low, high in zip(self.low, self.high, strict=True):
+                ok &= (low[i] <= high[j]) & (low[j] <= high[i])
             i, j = i[ok], j[ok]
             if len(i):
                 yield np.minimum(i, j), np.maximum(i, j)
