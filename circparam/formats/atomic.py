@@ -1,0 +1,84 @@
+"""Files that appear whole or not at all: written under another name, flushed to the disk, then renamed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from circparam.errors import OptionError, OutputError
+
+# Files that exist only while a write is under way: what an abrupt end has to remove.
+TEMPORARIES: list[Path] = []
+
+
+def write_files(contents: Mapping[Path, bytes], overwrite: bool = False) -> list[Path]:
+    """Write several files, all or none, the last one last (it may refer to those before it).
+
+    Raises OptionError where one exists and may not be replaced, OutputError where the disk refuses. Nothing
+    is left behind by an error or an interrupt.
+    """
+    for path in contents:
+        if path.is_dir():
+            raise OutputError(f"{path}: this is a directory; name a file")
+        if path.exists() and not overwrite:
+            raise OptionError(f"{path}: the file exists; replace it with --overwrite")
+    try:
+        with _staged(contents) as staged:
+            for real, temporary in staged:
+                if real.exists() and not real.is_file():  # a pipe or a device: no renaming over it
+                    real.write_bytes(temporary.read_bytes())
+                else:
+                    os.replace(temporary, real)
+            _sync_folders(staged)
+    except OSError as error:
+        where = next(iter(reversed(contents)), "output")
+        raise OutputError(f"{where}: it can't be written ({error.strerror or error})") from None
+    return list(contents)
+
+
+@contextlib.contextmanager
+def _staged(contents: Mapping[Path, bytes]) -> Iterator[list[tuple[Path, Path]]]:
+    """The contents on the disk under temporary names beside their places; whatever is left is removed."""
+    staged: list[tuple[Path, Path]] = []
+    try:
+        for path, data in contents.items():
+            real = Path(os.path.realpath(path))  # write through a link, not over it
+            if not real.parent.is_dir():
+                raise OutputError(f"{path}: the folder {str(path.parent)!r} does not exist")
+            folder = real.parent if not real.exists() or real.is_file() else _scratch()
+            temporary = folder / f".{real.name}.{os.getpid()}.tmp"
+            TEMPORARIES.append(temporary)
+            staged.append((real, temporary))
+            with open(temporary, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            if real.is_file():  # a file that is replaced keeps its permissions
+                os.chmod(temporary, stat.S_IMODE(real.stat().st_mode))
+        yield staged
+    finally:
+        for _, temporary in staged:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+            TEMPORARIES.remove(temporary)
+
+
+def _scratch() -> Path:
+    """A folder for what goes into a pipe or a device: nothing may be made beside those."""
+    import tempfile
+
+    return Path(tempfile.gettempdir())
+
+
+def _sync_folders(staged: list[tuple[Path, Path]]) -> None:
+    """Make the renames themselves durable, where the system can."""
+    for folder in dict.fromkeys(real.parent for real, _ in staged):
+        with contextlib.suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
