@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from circparam.arrays import FloatArray, IntArray
-from circparam.errors import InputError, OutputError
+from circparam.errors import InputError
+from circparam.formats.atomic import write_files
 
 LIMIT = 1 << 28  # bytes: a sidecar larger than this is no sidecar
 
@@ -29,6 +30,11 @@ def read_pins(path: str | os.PathLike[str]) -> FloatArray:
 def read_polygon(path: str | os.PathLike[str]) -> FloatArray:
     """(k, 2): the corners of a polygon. Raises InputError where a line holds something else."""
     return _numbers(path, 2, "x and y of a corner")
+
+
+def read_lengths(path: str | os.PathLike[str]) -> FloatArray:
+    """(b,): one length a line. Raises InputError where a line holds something else."""
+    return _numbers(path, 1, "a length")[:, 0]
 
 
 def read_seams(path: str | os.PathLike[str]) -> IntArray:
@@ -65,12 +71,7 @@ def write_seams(path: str | os.PathLike[str], pairs: IntArray, overwrite: bool =
 
 def write_bytes(path: str | os.PathLike[str], data: bytes, overwrite: bool = False) -> None:
     """Write a small file as a whole or not at all. Raises OutputError."""
-    from circparam.formats.atomic import write_files
-
-    try:
-        write_files({Path(path): data}, overwrite)
-    except OSError as error:
-        raise OutputError(f"{path}: {error.strerror or error}") from error
+    write_files({Path(path): data}, overwrite)
 
 
 def _text(path: str | os.PathLike[str]) -> str:

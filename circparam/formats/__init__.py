@@ -258,7 +258,9 @@ def write(
         raise OptionError(f"{target}: the file exists; replace it with --overwrite")
     encoded = encode(document, uvmap, name, options=options, stem=target.stem)
     assets, missing = find_assets(document.source, encoded, target, options.copy_assets)
-    files = write_files(target, encoded, assets, overwrite)
+    beside = {target.parent / name: data for name, data in encoded.extra.items()}
+    # the file itself comes last: what it refers to is there before it
+    files = write_files({**assets, **beside, target: encoded.data}, overwrite)[::-1]
     return Written(target, files, [*encoded.notes, *missing], encoded.vertex_map, encoded.face_map)
 
 

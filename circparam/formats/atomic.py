@@ -34,7 +34,7 @@ def write_files(contents: Mapping[Path, bytes], overwrite: bool = False) -> list
                     os.replace(temporary, real)
             _sync_folders(staged)
     except OSError as error:
-        where = next(iter(reversed(contents)), "output")
+        where = next(reversed(list(contents)), "output")
         raise OutputError(f"{where}: it can't be written ({error.strerror or error})") from None
     return list(contents)
 
