@@ -35,7 +35,8 @@ class Options:
     Flattening: ``method`` a name of METHODS. ``start`` the convex map that isometric relaxes. ``border``,
     ``spacing``, ``clamp`` for convex methods; ``polygon`` (k, 2) corners for ``border="polygon"``.
     ``tolerance`` the relative decrease at which an iteration stops; ``blend`` 0 isometric .. 1 conformal.
-    ``pins`` (p, 3): vertex of the mesh, u, v.
+    ``pins`` (p, 3): vertex of the mesh, u, v. ``lscm`` spectral|pinned; ``linear`` the one-solve form of abf;
+    ``bff_border`` "disk", or the target length of each edge of the outer border.
 
     Seams: ``cut`` one of CUTS. ``max_distortion`` the area-weighted symmetric Dirichlet energy / 4 that no
     chart may exceed (1 is perfect). ``max_charts``; ``min_chart_faces``. ``sharp`` radians between normals
@@ -62,6 +63,9 @@ class Options:
     clamp: bool | None = None
     tolerance: float | None = None
     blend: float | None = None
+    lscm: str | None = None
+    linear: bool | None = None
+    bff_border: Any = None
     pins: FloatArray | None = None
     max_distortion: float | None = None
     max_charts: int | None = None
@@ -155,6 +159,7 @@ _CHOICES = {
     "rotate": ("free", "90", "none"),
     "ply_uv": ("vertex", "face"),
     "spacing": ("arc-length", "uniform"),
+    "lscm": ("spectral", "pinned"),
 }
 
 
@@ -192,6 +197,9 @@ def _check_applies(o: Options) -> None:
             o.method in ("isometric", "arap", "lscm"),
             f"--method {o.method} fixes no single points",
         ),
+        (("lscm",), o.method == "lscm", "it is a form of --method lscm"),
+        (("linear",), o.method == "abf", "it is a form of --method abf"),
+        (("bff_border",), o.method == "bff", "only --method bff has a target border"),
         (("polygon",), o.border == "polygon", "it needs --border polygon"),
         (
             ("max_distortion", "max_charts", "min_chart_faces", "keep_uv_seams"),

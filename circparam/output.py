@@ -27,20 +27,21 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         ply_uv=o.ply_uv,
         copy_assets=bool(o.copy_assets),
     )
+    piped = os.fspath(output) == "-"
     with monitor.stage("write"):
         written = write(
             output,
             result.document,
             UVMap(result.uv, result.uv_faces),
-            format=o.format,
+            format=result.format if piped else o.format,
             options=writing,
             overwrite=o.overwrite,
         )
-    result.path = os.fspath(written.path)
+    result.path = "-" if written.path is None else os.fspath(written.path)
     result.files = [os.fspath(f) for f in written.files]
     result.notes += written.notes
     result.vertex_map, result.face_map = written.vertex_map, written.face_map
-    if result.path == "-":
+    if piped:
         return
     with monitor.stage("verify"):
         again = read(result.path, format=o.format)

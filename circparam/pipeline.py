@@ -126,7 +126,9 @@ def repack(
     with monitor.stage("pack"):
         packed = pack(patches.faces, uv, patches.chart, pack_options(options), monitor)
     atlas.notes += [*document.notes, *packed.notes]
-    whole = stored(complete(document.mesh, surface, mended, packed.uv, patches.faces), target)
+    whole = stored(
+        complete(document.mesh, surface, mended, packed.uv, patches.faces), target, document
+    )
     result = _result(document, surface, mended, atlas, whole, target, options, monitor)
     result.work = "pack"
     if output is not None:
@@ -162,7 +164,7 @@ def lay_out(
         with monitor.stage("pack"):
             placed = place(patches, uv, options, atlas.notes, monitor)
         uvmap = complete(document.mesh, atlas.surface, mended, placed, patches.faces)
-        uvmap = stored(uvmap, target)
+        uvmap = stored(uvmap, target, document)
         with monitor.stage("check"):
             fault = _stored_faults(atlas, uvmap, patches)
         if not (fault > 0).any():

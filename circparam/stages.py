@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from circparam.arrays import IntArray
 from circparam.borders import BORDERS
 from circparam.errors import InputError, OptionError
-from circparam.formats import DEFAULT_OUTPUT, Document, from_arrays, from_trimesh, read
+from circparam.formats import DEFAULT_OUTPUT, Document, format_of, from_arrays, from_trimesh, read
 from circparam.mesh import Mesh
 from circparam.methods import METHODS, MethodOptions
 from circparam.options import Options
@@ -59,10 +58,8 @@ def target_format(
     if options.format is not None:
         return options.format
     if output is not None and os.fspath(output) != "-":
-        suffix = Path(output).suffix.lower().lstrip(".")
-        if suffix:
-            return suffix
-    return DEFAULT_OUTPUT.get(document.format, document.format)
+        return format_of(output)
+    return DEFAULT_OUTPUT[document.format]
 
 
 def seam_options(document: Document, surface: Surface, mended: Repairs, o: Options) -> SeamOptions:
@@ -109,6 +106,9 @@ def method_options(o: Options) -> MethodOptions:
         "clamp": o.clamp,
         "tolerance": o.tolerance,
         "blend": o.blend,
+        "lscm": o.lscm,
+        "linear_abf": o.linear,
+        "bff_border": o.bff_border,
     }
     return MethodOptions(**{k: v for k, v in given.items() if v is not None})
 

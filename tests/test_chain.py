@@ -173,10 +173,7 @@ def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]
     s = surface_of(*shape)
     cut = np.zeros(len(s.edges), bool)
     n, chart = s.charts(cut)
-    if n > 1:
-        wanted = np.arange(n) % 2 == 0
-    else:
-        wanted = np.ones(n, bool)
+    wanted = np.arange(n) % 2 == 0 if n > 1 else np.ones(n, bool)
     new = chain.split_charts(s, cut, wanted)
     after, pieces = s.charts(cut | new)
     for c in range(n):

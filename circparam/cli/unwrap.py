@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -63,6 +64,15 @@ class UnwrapCommand(click.Command):
     ),
     click.option("--tolerance", type=float, metavar="T", help="Stop below this relative decrease."),
     click.option("--blend", type=float, metavar="B", help="0 isometric .. 1 conformal."),
+    click.option(
+        "--lscm",
+        type=click.Choice(["spectral", "pinned"]),
+        help="Form of lscm.  [default: spectral]",
+    ),
+    click.option("--linear", is_flag=True, help="abf in its one-solve form."),
+    click.option(
+        "--bff-border", metavar="disk|FILE", help="Target border of bff: a disk, or edge lengths."
+    ),
     click.option(
         "--cut",
         type=click.Choice(["charts", "disk", "none"]),
@@ -182,7 +192,8 @@ class _Run:
             monitor = Monitor(listener, self.options.timeout)
             with monitor.stage("read"):
                 document = read(mesh, format=self.given["format"] if mesh == "-" else None)
-            result = unwrap_document(document, out, self.options, monitor)
+            options = replace(self.options, format=self.given["format"] if out == "-" else None)
+            result = unwrap_document(document, out, options, monitor)
             self._extras(result)
         report = summarise(result)
         for line in report["warnings"]:
@@ -225,6 +236,7 @@ def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
 
 
 _NOT_OPTIONS = (
+    "format",
     *(
         "output",
         "out_dir",
@@ -258,6 +270,8 @@ def _keywords(given: dict[str, Any]) -> dict[str, Any]:
         out |= {"border": "polygon", "polygon": sidecars.read_polygon(border[8:])}
     if given["pin"]:
         out["pins"] = sidecars.read_pins(given["pin"])
+    if given["bff_border"] not in (None, "disk"):
+        out["bff_border"] = sidecars.read_lengths(given["bff_border"])
     for name in ("seams", "no_seams"):
         if given[name]:
             out[name] = sidecars.read_seams(given[name])
