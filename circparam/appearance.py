@@ -183,20 +183,21 @@ def _obj_textures(document: ObjDocument) -> Textures | None:
         return None
     names = ["", *(name.decode("utf-8", "replace") for name in used)]
     none = (-1, np.ones(3))
-    image = np.array([materials.get(name, none)[0] for name in names])
+    image_of = np.array([materials.get(name, none)[0] for name in names])
     plain: FloatArray = np.stack([materials.get(name, none)[1] for name in names])
     if not used and len(materials) == 1:  # a file that forgets usemtl, but has one material only
-        image[0], plain[0] = next(iter(materials.values()))
+        image_of[0], plain[0] = next(iter(materials.values()))
     at = np.searchsorted(lines, document.scan.face_lines)[document.polys.owner]
     return Textures(
-        tuple(files.images), tuple(files.names), image[at], plain[at], notes=files.notes
+        tuple(files.images), tuple(files.names), image_of[at], plain[at], notes=files.notes
     )
 
 
 def _mtl(text: str) -> Iterator[tuple[str, FloatArray, str | None]]:
     """(name, diffuse colour, image or None) of every material of an MTL file."""
     name: str | None = None
-    colour, image = np.ones(3), None
+    colour: FloatArray = np.ones(3)
+    image: str | None = None
     for line in text.splitlines():
         word, _, rest = line.strip().partition(" ")
         rest = rest.strip()

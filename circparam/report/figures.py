@@ -10,18 +10,32 @@ from pathlib import Path
 
 import numpy as np
 
-from circparam.arrays import FloatArray, group_sum
+from circparam.arrays import FloatArray, IntArray, group_sum
 from circparam.errors import OutputError
 from circparam.report.scene import Scene
 
 Figures = Sequence[tuple[str, str]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class PageImages:
+    """The textures of a mesh.
+
+    files: (bytes, media type) of each image. face: (m,) image of each face, −1 for none.
+    """
+
+    files: Sequence[tuple[bytes, str]]
+    face: IntArray
+
+
+@dataclass(frozen=True, eq=False)
 class PictureOptions:
-    """title: the heading. note: a line below it. up: the axis that points up. padding: of the layout, in uv
+    """How a picture or a page is made.
+
+    title: the heading. note: words beside it. up: the axis that points up. padding: of the layout, in uv
     units (0 shows none). stretch_end: end of the colour scale, None for the value that 99 % stay below.
-    directions: (d, 3) sides to look from, None for the two that show most.
+    directions: (d, 3) sides to look from, None for those that show most. For pages only: repairs, one line
+    each; images, the mesh's own textures; image_note, why there are none.
     """
 
     title: str = "uv layout"
@@ -30,6 +44,9 @@ class PictureOptions:
     padding: float = 0.0
     stretch_end: float | None = None
     directions: FloatArray | None = None
+    repairs: tuple[str, ...] = ()
+    images: PageImages | None = None
+    image_note: str = "this mesh has no texture"
 
 
 def scene_figures(
@@ -62,19 +79,50 @@ def scene_figures(
     return out
 
 
+# what reports call their measures → what pictures call them, in the order in which they are shown
+NAMES = {
+    "charts": "charts",
+    "distortion": "stretch (1 is perfect)",
+    "distortion_max_chart": "worst chart",
+    "flips": "flipped faces",
+    "overlap": "overlaps",
+    "mirrored": "mirrored charts",
+    "seam_length": "seam length / size",
+    "pack": "covered",
+    "gap_texels": "gap, texels",
+    "missing": "faces without uv",
+    "stretch_l2": "L2 stretch",
+    "stretch_linf": "L∞ stretch",
+    "angle": "angle distortion",
+    "area": "area distortion",
+    "border_texels": "border, texels",
+}
+
+
 def as_figures(measures: Mapping[str, object] | Figures) -> list[tuple[str, str]]:
-    """Measures as (label, text): numbers rounded to what one can read."""
-    pairs = measures.items() if isinstance(measures, Mapping) else measures
-    return [(name.replace("_", " "), _number(value)) for name, value in pairs]
+    """Measures as (label, text): known ones first, numbers rounded to what one can read; None is left out."""
+    pairs = dict(measures.items() if isinstance(measures, Mapping) else measures)
+    known = [name for name in NAMES if name in pairs]
+    order = [*known, *(name for name in pairs if name not in NAMES)]
+    out = []
+    for name in order:
+        value = pairs[name]
+        if value is None or (name == "missing" and not value):
+            continue
+        share = name == "pack" and isinstance(value, float)
+        text = f"{100 * value:.1f} %" if share and isinstance(value, float) else number_text(value)
+        out.append((NAMES.get(name, name.replace("_", " ")), text))
+    return out
 
 
-def _number(value: object) -> str:
+def number_text(value: object) -> str:
+    """A number with what one can read of it: whole numbers whole, others with five digits."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return str(value)
     number = float(value)
-    if number == int(number) and abs(number) < 1e15 if np.isfinite(number) else False:
+    if np.isfinite(number) and number == int(number) and abs(number) < 1e15:
         return f"{int(number):,}"
-    return f"{number:.4g}"
+    return f"{number:.5g}"
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -11,7 +11,6 @@ import html
 import json
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
@@ -21,8 +20,8 @@ from circparam._version import __version__
 from circparam.arrays import FloatArray, IntArray, group_count, group_sum, relabel
 from circparam.report import colours as col
 from circparam.report.camera import best_directions, up_vector
-from circparam.report.figures import Figures, PictureOptions, scene_figures
-from circparam.report.render import checker_cells
+from circparam.report.figures import Figures, PageImages, PictureOptions, scene_figures
+from circparam.report.render import checker_cells, coverage
 from circparam.report.scene import Scene
 
 SCRIPTS = ("decode.js", "shaders.js", "renderer.js", "cameras.js", "main.js")
@@ -32,36 +31,19 @@ STRETCH_LIMIT = (
 HINT = "Drag to turn, scroll or pinch to zoom, shift-drag to move; point at a chart to find it in both views."
 
 
-@dataclass(frozen=True, eq=False)
-class PageImages:
-    """The textures of a mesh.
-
-    files: (bytes, media type) of each image. face: (m,) image of each face, −1 for none.
-    """
-
-    files: Sequence[tuple[bytes, str]]
-    face: IntArray
-
-
 def page(
     scene: Scene,
     options: PictureOptions | None = None,
     figures: Figures | None = None,
-    *,
-    repairs: Sequence[str] = (),
-    images: PageImages | None = None,
 ) -> str:
-    """The page as text.
-
-    figures: (label, text) pairs of the table; None writes what the scene itself tells. repairs: one line
-    each. images: the mesh's own textures, shown through the uv of the scene.
-    """
+    """The page as text. figures: (label, text) pairs of the table; None writes what the scene itself tells."""
     options = options or PictureOptions()
+    images = options.images
     order = np.arange(len(scene.faces))
     if images is not None:
         order = np.argsort(images.face, kind="stable")
     sections, packed = pack_geometry(scene, order)
-    meta = _meta(scene, options, images)
+    meta = _meta(scene, options)
     meta["sections"] = sections
     counts = f"{len(scene.faces):,} faces · {scene.n_charts:,} chart{'s' * (scene.n_charts != 1)}"
     fields = {
@@ -69,8 +51,10 @@ def page(
         "TITLE": html.escape(options.title),
         "NOTE": html.escape(f"{options.note} · {counts}" if options.note else counts),
         "HINT": HINT,
-        "FIGURES": _table(figures if figures is not None else scene_figures(scene)),
-        "REPAIRS": _list(repairs),
+        "FIGURES": _table(
+            figures if figures is not None else scene_figures(scene, coverage(scene))
+        ),
+        "REPAIRS": _list(options.repairs),
         "STYLE": _style(),
         "META": json.dumps(meta, separators=(",", ":")).replace("</", "<\\/"),
         "MESH": base64.b64encode(packed).decode(),
@@ -117,15 +101,15 @@ def _list(lines: Sequence[str]) -> str:
     return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
 
 
-def _meta(scene: Scene, options: PictureOptions, images: PageImages | None) -> dict[str, Any]:
+def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
     """Everything of the page's data that is not geometry."""
-    low, extent = _box(scene)
+    _, extent = _box(scene)
+    images = options.images
     directions = options.directions
     if directions is None:
         directions = best_directions(scene, 1, options.up)
     top = options.stretch_end or col.stretch_top(scene.stretch, scene.areas * scene.mapped)
     palette = col.chart_colours(np.arange(24))
-    del low
     return {
         "extent": extent.tolist(),
         "up": up_vector(options.up).tolist(),
@@ -149,7 +133,7 @@ def _meta(scene: Scene, options: PictureOptions, images: PageImages | None) -> d
         "charts": _chart_figures(scene),
         "hint": HINT,
         "images": [] if images is None else [_data_url(*file) for file in images.files],
-        "imageNote": "no texture was found with this mesh",
+        "imageNote": options.image_note,
         "ranges": _ranges(images),
     }
 
@@ -177,7 +161,7 @@ def _chart_figures(scene: Scene) -> dict[str, list[float]]:
     chart = scene.chart[ok]
     area = scene.areas[ok]
     finite = np.isfinite(scene.stretch[ok])
-    sums = group_sum(np.where(finite, scene.stretch[ok] * area, 0.0), chart, n)
+    sums = group_sum(np.where(finite, scene.stretch[ok], 0.0) * area, chart, n)
     held = group_sum(area, chart, n)
     weight = group_sum(area * finite, chart, n)
     stretch = np.divide(sums, weight, out=np.ones(n), where=weight > 0)

@@ -173,7 +173,8 @@ def save_preview(
 ) -> None:
     """Write a PNG (or an SVG, or an HTML page, by the file's ending) of a mesh and its uv.
 
-    measures: what to print below the pictures, name → value; None prints what the layout itself tells.
+    measures: figures to print, name → value, by the names of ``figures.NAMES`` or any others; None prints
+    what the layout itself tells. options: title, padding, repairs and so on.
     Raises InputError where the mesh has no usable uv, OutputError where the file cannot be written or the
     ending is unknown.
     """

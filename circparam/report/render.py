@@ -207,6 +207,16 @@ def draw_plan(
     )
 
 
+def coverage(scene: Scene, size: int = 1024) -> tuple[float, float]:
+    """(share of the tiles in use that is covered, share of that covered more than once), on a raster."""
+    u0, v0, u1, v1 = scene.bounds
+    unit = size / max(u1 - u0, v1 - v0)
+    _, _, layers = rasterise((scene.corner_uv - np.array([u0, v0])) * unit, size, size)
+    hit = layers > 0
+    double = float((layers[hit] > 1).mean()) if hit.any() else 0.0
+    return float(hit.sum()) / (scene.n_tiles * unit**2), double
+
+
 def _tile_ground(
     n: int, bounds: tuple[float, float, float, float], origin: FloatArray, unit: float
 ) -> FloatArray:

@@ -1,19 +1,62 @@
-"""A baked image inside a GLB: the image in the binary chunk, a material that shows it, every face using it."""
+"""Baked images on the disk: as PNG, one a tile, or inside a GLB whose materials show them."""
 
 from __future__ import annotations
 
 import io
 import json
 import struct
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from circparam.bake import to_image
-from circparam.errors import InputError
+from circparam.bake import Baked, to_image
+from circparam.errors import InputError, OptionError
+from circparam.formats import Document, WriteOptions, encode
+from circparam.report.figures import write_bytes
 
 _BIN, _JSON = 0x004E4942, 0x4E4F534A
+
+
+def check_target(path: Path) -> None:
+    """Raise OptionError where the ending of an output is neither .png nor .glb."""
+    if path.suffix.lower() not in (".png", ".glb"):
+        raise OptionError(f"{path}: bake into an image (.png) or a mesh with its image (.glb)")
+
+
+def write_baked(
+    path: Path, baked: Baked, document: Document, uv_set: int, kind: str
+) -> tuple[list[Path], list[str]]:
+    """Write what was baked: (files, notes).
+
+    .png: one file, or NAME.1001.png and so on where the layout has several tiles. .glb: the document with the
+    layout and the image inside; a single unit square only. Raises OptionError, OutputError.
+    """
+    check_target(path)
+    if path.suffix.lower() == ".png":
+        if len(baked.tiles) == 1:
+            write_bytes(path, png(next(iter(baked.tiles.values()))))
+            return [path], []
+        files = []
+        for (u, v), image in sorted(baked.tiles.items(), key=lambda item: item[0][::-1]):
+            files.append(path.with_name(f"{path.stem}.{1001 + u + 10 * v}{path.suffix}"))
+            write_bytes(files[-1], png(image))
+        return files, []
+    if list(baked.tiles) != [(0, 0)]:
+        raise OptionError(
+            f"{path}: a GLB holds one image, the layout has several tiles: bake into .png"
+        )
+    layout = document.uv(uv_set)
+    if layout is None:
+        raise InputError(f"{document.source.name} has no uv set {uv_set}")
+    is_gltf = document.format in ("gltf", "glb")
+    number = uv_set if is_gltf else 0
+    options = WriteOptions(uv_set=number, overwrite_uv=True)
+    encoded = encode(document, layout, "glb", options=options)
+    notes = [note for note in encoded.notes if "was replaced" not in note]
+    write_bytes(path, embed(encoded.data, png(baked.tiles[0, 0]), number, kind == "vertex-colors"))
+    return [path], notes
 
 
 def png(array: npt.NDArray[np.uint8]) -> bytes:

@@ -1,0 +1,110 @@
+"""``circparam bake``: vertex colours or a texture, carried into the new uv."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from circparam.cli import options, progress
+from circparam.errors import OptionError
+
+_EPILOG = """\b
+Examples:
+  circparam bake scan_uv.ply --from vertex-colors -o scan.png
+  circparam bake spot_uv.obj --from texture --source spot.obj -o spot_new.png
+  circparam bake model_uv.glb --from texture --source scan.obj -o model.glb
+  circparam bake model.glb --from texture --uv-set 1 --size 1024 -o baked.png
+"""
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("mesh", type=options.MESH)
+@click.option(
+    "--from",
+    "kind",
+    type=click.Choice(["vertex-colors", "texture"]),
+    required=True,
+    help="What to carry over.",
+)
+@click.option(
+    "--source",
+    type=options.MESH,
+    metavar="OTHER",
+    help="The file that has the colours: the mesh before it was unwrapped, or another mesh.",
+)
+@click.option(
+    "--size",
+    type=click.IntRange(1, 16384),
+    default=2048,
+    show_default=True,
+    metavar="TEXELS",
+    help="Side of the image.",
+)
+@click.option(
+    "--uv-set",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="The uv set of MESH to bake into.",
+)
+@click.option(
+    "--output",
+    "-o",
+    type=options.FILE,
+    metavar="FILE",
+    required=True,
+    help="An image (.png), or the mesh with the image inside (.glb).",
+)
+@options.overwrite
+@options.json_option
+@options.quiet
+def command(
+    mesh: str,
+    kind: str,
+    source: str | None,
+    size: int,
+    uv_set: int,
+    output: str,
+    overwrite: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Carry vertex colours or an old texture into the uv of a mesh, so that the new atlas can be used at once.
+
+    Where MESH and OTHER hold the same triangles, colours go from face to face; otherwise every texel takes
+    the colour of the closest point of OTHER. Colours are grown into the padding.
+    """
+    from circparam.bake import bake_document
+    from circparam.bake_write import check_target, write_baked
+    from circparam.formats import read
+    from circparam.progress import Monitor
+
+    path = Path(output)
+    check_target(path)
+    if path.exists() and not overwrite:
+        raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
+    document = read(mesh)
+    other = read(source) if source is not None else None
+    with progress.listener(Path(mesh).name, quiet) as listener:
+        baked = bake_document(
+            document, kind, uv_set=uv_set, source=other, size=size, monitor=Monitor(listener)
+        )
+    files, notes = write_baked(path, baked, document, uv_set, kind)
+    for line in [*document.notes, *baked.notes, *notes]:
+        progress.warn(f"{mesh}: {line}", quiet)
+    report: dict[str, Any] = {
+        "schema": "circparam/bake/1",
+        "input": mesh,
+        "output": [str(f) for f in files],
+        "size": size,
+        "covered": baked.covered,
+        "notes": [*baked.notes, *notes],
+    }
+    if as_json:
+        click.echo(json.dumps(report, ensure_ascii=False))
+    elif not quiet:
+        click.echo("\n".join(str(f) for f in files))

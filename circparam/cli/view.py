@@ -1,0 +1,92 @@
+"""``circparam view``: the layout, the surface with a checker, and the stretch, in one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from circparam.cli import options, progress
+from circparam.errors import OptionError
+
+_EPILOG = """\b
+Examples:
+  circparam view mesh_uv.obj                         writes mesh_uv_view.png
+  circparam view mesh_uv.glb -o page.html            turn it, zoom it, point at charts
+  circparam view mesh_uv.obj -o layout.svg           the layout for a drawing program
+  circparam view model.glb --uv-set 1 -o lightmap.png
+"""
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("mesh", type=options.MESH)
+@click.option(
+    "--output",
+    "-o",
+    type=options.FILE,
+    metavar="FILE",
+    help="A name that ends in .png, .svg or .html.  [default: MESH_view.png]",
+)
+@click.option(
+    "--uv-set",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Which uv set of the file, from 0 on.",
+)
+@click.option(
+    "--padding",
+    type=click.FloatRange(0, 1),
+    default=0.0,
+    metavar="UV",
+    help="Draw a band of this width, in uv units, round every chart.",
+)
+@click.option(
+    "--scale",
+    type=click.FloatRange(1, min_open=True),
+    metavar="D",
+    help="End of the colour scale of the stretch.  [default: what 99 % stay below]",
+)
+@click.option(
+    "--up",
+    type=click.Choice(["x", "y", "z"]),
+    default="y",
+    show_default=True,
+    help="The axis that points up.",
+)
+@options.format_option
+@options.overwrite
+@options.quiet
+def command(
+    mesh: str,
+    output: str | None,
+    uv_set: int,
+    padding: float,
+    scale: float | None,
+    up: str,
+    format: str | None,
+    overwrite: bool,
+    quiet: bool,
+) -> None:
+    """Draw the uv of a mesh: the layout, a checker on the surface, and where the stretch is.
+
+    Works for any mesh with uv, made by circparam or not. A page (.html) is one file that needs no network:
+    turn and zoom the surface, point at a chart to find it in both views, see the mesh's own texture.
+    """
+    from circparam.formats import read
+    from circparam.report.show import check_kind, view_document
+
+    if output is None and mesh == "-":
+        raise OptionError("the mesh comes from standard input: name the picture with -o FILE")
+    stem = Path(mesh)
+    path = Path(output) if output else stem.with_name(f"{stem.stem}_view.png")
+    check_kind(path)
+    if path.exists() and not overwrite:
+        raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
+    document = read(mesh, format=format)
+    view_document(document, path, uv_set=uv_set, padding=padding, up=up, stretch_end=scale)
+    for line in document.notes:
+        progress.warn(f"{mesh}: {line}", quiet)
+    if not quiet:
+        click.echo(str(path))
