@@ -92,6 +92,7 @@ class LazyGroup(click.Group):
         sys.exit(code)
 
     def _run(self, argv: list[str], complete_var: str | None, extra: dict[str, Any]) -> int:
+        stdout, stderr = sys.stdout, sys.stderr
         try:
             value = super().main(argv, "circparam", complete_var, False, **extra)
             sys.stdout.flush()
@@ -102,14 +103,14 @@ class LazyGroup(click.Group):
             _complain(exits.line_of(KeyboardInterrupt()))
             return exits.INTERRUPTED
         except SystemExit as error:
+            if sys.stdout is not stdout:  # click replaces it where the reader of a pipe has gone
+                sys.stdout, sys.stderr = stdout, stderr
+                return _report(BrokenPipeError())
             return error.code if isinstance(error.code, int) else exits.INTERNAL
         except BaseException as error:
             if "--debug" in argv:
                 raise
-            if isinstance(error, BrokenPipeError):
-                _mute_stdout()
-            _complain(exits.line_of(error))
-            return exits.code_of(error)
+            return _report(error)
         return value if isinstance(value, int) else exits.OK
 
 
@@ -127,6 +128,14 @@ def _usage_line(error: click.ClickException) -> str:
         return text
     joint = "" if text.endswith((".", "?", "!")) else "."
     return f"{text}{joint} See: {context.command_path} --help"
+
+
+def _report(error: BaseException) -> int:
+    """One line about an error; returns its exit code."""
+    if isinstance(error, BrokenPipeError):
+        _mute_stdout()
+    _complain(exits.line_of(error))
+    return exits.code_of(error)
 
 
 def _complain(line: str) -> None:

@@ -53,7 +53,10 @@ def installed() -> Iterator[None]:
 def _watch(reader: socket.socket, done: threading.Event) -> None:
     """Wait for a signal number; end the process where the main thread is still busy after the grace."""
     while True:
-        data = reader.recv(1)
+        try:
+            data = reader.recv(1)
+        except OSError:
+            return
         if not data:
             return
         if data[0] in (signal.SIGINT, signal.SIGTERM):

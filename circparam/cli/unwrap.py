@@ -176,6 +176,8 @@ class _Run:
             self._unwrap(mesh, out)
         except (CircparamError, MemoryError) as error:
             line = exits.line_of(error)
+            if mesh not in line and not isinstance(error, OptionError):
+                line = f"{mesh}: {line}"
             click.echo(f"circparam: error: {line}", err=True)
             if self.as_json and not isinstance(error, GateError):
                 self._print_json(_failure(mesh, line, exits.code_of(error)))
