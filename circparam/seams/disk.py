@@ -26,7 +26,8 @@ from circparam.topology import Surface
 LOCKED = 1e6  # a locked edge is this many times longer: taken only where there is no other way
 SLIT = 1e-9  # a border whose vector area is below this share of its length² encloses nothing
 SHORTEST_CUT = 3  # edges of the path that opens a closed surface
-WORK = 2_500_000  # faces looked at while loops are shortened
+CREEP = 0.005  # a seam that got shorter by less than this share is as good as done
+WORK = 1_500_000  # faces looked at while loops are shortened
 
 
 def none(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
@@ -104,7 +105,8 @@ def _slits(surface: Surface, patches: Patches) -> BoolArray:
     origin = surface.points[flat[h[first]]][loops.loop_of]
     p, q = surface.points[flat[h]] - origin, surface.points[flat[next_half_edge(h)]] - origin
     area = np.linalg.norm(np.add.reduceat(np.cross(p, q), first, axis=0), axis=1)
-    return (area <= SLIT * loops.length**2) & ~loops.outer
+    result: BoolArray = (area <= SLIT * loops.length**2) & ~loops.outer
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,10 +217,11 @@ def _shorten(part: _Part, seam: BoolArray, monitor: Monitor) -> BoolArray:
             break
         tried |= arc
         path, gained = _reroute(part, seam & ~arc, arc, chart)
-        changed = gained[chart]
-        seam = np.where(changed, (seam & ~arc) | path, seam)
-        tried &= seam & ~changed  # a chart that changed has new arcs to try
-        seam = _prune(seam, a, b, n)
+        before = np.bincount(chart[seam], part.weight[seam], patches.n_charts)
+        seam = _prune(np.where(gained[chart], (seam & ~arc) | path, seam), a, b, n)
+        after = np.bincount(chart[seam], part.weight[seam], patches.n_charts)
+        # a chart that changed has new arcs to try; creeping progress is not worth the time
+        tried &= seam & ~(after < (1 - CREEP) * before)[chart]
     return seam
 
 
@@ -270,9 +273,8 @@ def _reroute(
     # the ends of an arc are its only vertices on a border
     ends = np.unique(np.stack([np.r_[owner[on], owner[on]], np.r_[a[on], b[on]]], 1), axis=0)
     ends = ends[ends[:, 1] >= trial.n_vertices]
-    pair = np.flatnonzero(
-        (ends[1:, 0] == ends[:-1, 0]) & (group_count(ends[:, 0], trial.n_charts)[ends[1:, 0]] == 2)
-    )
+    two = group_count(ends[:, 0], trial.n_charts)[ends[1:, 0]] == 2
+    pair = np.flatnonzero((ends[1:, 0] == ends[:-1, 0]) & two)
     charts, start, stop = ends[pair, 0], ends[pair, 1], ends[pair + 1, 1]
     path = np.zeros(len(seam), bool)
     gained = np.zeros(trial.n_charts, bool)

@@ -17,14 +17,20 @@ class Graph:
 
     def __init__(self, n: int, a: IntArray, b: IntArray, weight: FloatArray) -> None:
         self.n = n
-        low, high = np.minimum(a, b), np.maximum(a, b)
+        e = np.flatnonzero(a != b)
+        low, high = np.minimum(a[e], b[e]), np.maximum(a[e], b[e])
         key = low * n + high
-        order = np.lexsort((np.arange(len(a)), weight, key))
-        order = order[low[order] != high[order]]
-        self._edge = order[first_of_runs(key[order])]
-        self._key = key[self._edge]
-        e = self._edge
-        matrix = sps.coo_matrix((weight[e], (low[e], high[e])), shape=(n, n)).tocsr()
+        order = np.argsort(key, kind="stable")
+        head = first_of_runs(key[order])
+        lightest = order[head]
+        count = np.diff(np.r_[head, len(order)])
+        if len(head) < len(order):  # parallel edges are few: sort only those by weight
+            among = order[np.repeat(count > 1, count)]
+            among = among[np.lexsort((weight[e[among]], key[among]))]
+            lightest[count > 1] = among[first_of_runs(key[among])]
+        self._edge, self._key = e[lightest], key[lightest]
+        low, high = low[lightest], high[lightest]
+        matrix = sps.coo_matrix((weight[self._edge], (low, high)), shape=(n, n)).tocsr()
         self._matrix = matrix + matrix.T
 
     def paths(self, sources: IntArray, limit: float = np.inf) -> tuple[FloatArray, IntArray]:
@@ -44,7 +50,8 @@ class Graph:
     def edge(self, a: IntArray, b: IntArray) -> IntArray:
         """The lightest edge between each pair of neighbouring nodes."""
         key = np.minimum(a, b) * self.n + np.maximum(a, b)
-        return self._edge[np.searchsorted(self._key, key)]
+        result: IntArray = self._edge[np.searchsorted(self._key, key)]
+        return result
 
     def trace(self, parent: IntArray, ends: IntArray) -> IntArray:
         """Edges of the paths from the ends back to the sources, each once; all paths are walked together."""
