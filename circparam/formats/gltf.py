@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from circparam.formats.document import (
     check_uv_set,
 )
 from circparam.formats.gltf_tree import COMPRESSED, Json, Tree, walk
+from circparam.formats.gltf_write import write_uv
 from circparam.mesh import Mesh, UVMap
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -95,28 +95,11 @@ class GltfDocument(Document):
         """The same tree with TEXCOORD_n of every triangle primitive."""
         if format not in ("gltf", "glb"):
             return None
-        from circparam.formats.gltf_write import write_uv
-
         number, note = check_uv_set(self, options, only_first=False)
         out = write_uv(self, uvmap, number, format, stem)
         if note:
             out.notes.insert(0, note)
         return out
-
-
-def stored_uv(uv: FloatArray) -> FloatArray:
-    """uv as glTF stores them: float32 u and float32 (1 − v), back as float64 with v upwards.
-
-    1 − v of a float64 in [0, 1] is a multiple of 2⁻⁵³ and stays one when it is rounded to float32, so turning
-    it back is exact: no second rounding can flip a triangle.
-    """
-    file = file_uv(uv).astype(np.float64)
-    return np.stack([file[:, 0], 1.0 - file[:, 1]], 1)
-
-
-def file_uv(uv: FloatArray) -> Any:
-    """(k, 2) float32 as in the file, v downwards."""
-    return np.stack([uv[:, 0], 1.0 - uv[:, 1]], 1).astype(np.float32) + np.float32(0)
 
 
 def read_gltf(data: bytes, source: Source, *, unshare: bool = False) -> GltfDocument:

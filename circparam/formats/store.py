@@ -44,8 +44,8 @@ def find_assets(
     source: Source, encoded: Encoded, target: Path, copy: bool
 ) -> tuple[dict[Path, bytes], list[str]]:
     """Files that the output refers to: (what to copy, notes on what won't resolve from there)."""
-    wanted = dict.fromkeys(encoded.assets)
     folder, out = source.folder, target.resolve().parent
+    wanted = dict.fromkeys(n for name in encoded.assets for n in _named(name, folder))
     if folder is None or folder == out:
         missing = [] if folder is None else [n for n in wanted if not (folder / n).exists()]
         notes = [f"{name!r} is named by the file and is not there" for name in missing]
@@ -74,11 +74,22 @@ def find_assets(
     return copies, notes
 
 
+def _named(text: str, folder: Path | None) -> list[str]:
+    """The files that an OBJ or MTL line names: one name that may hold blanks, or several words.
+
+    Windows exporters write backslashes; readers everywhere take them for slashes.
+    """
+    text = text.replace("\\", "/")
+    if folder is None or " " not in text:
+        return [text]
+    whole = safe_path(folder, text)
+    return [text] if whole is not None and whole.is_file() else text.split()
+
+
 def _textures(library: Path, folder: Path) -> list[str]:
     """The image files that a material library names, relative to the folder."""
     out = []
     for line in _TEXTURE.findall(library.read_bytes()):
-        text = line.decode("utf-8", "surrogateescape")
-        whole = safe_path(folder, text)  # a name may hold blanks; options stand before it
-        out.append(text if whole is not None and whole.is_file() else text.split()[-1])
+        # options stand before the name
+        out += _named(line.decode("utf-8", "surrogateescape"), folder)[-1:]
     return list(dict.fromkeys(name for name in out if name))
