@@ -25,6 +25,7 @@ from circparam.topology import Surface
 
 LOCKED = 1e6  # a locked edge is this many times longer: taken only where there is no other way
 SLIT = 1e-9  # a border whose vector area is below this share of its length² encloses nothing
+SLIT_EDGES = 6  # and only if it has at most so many edges: the opening of a pocket is flat as well
 SHORTEST_CUT = 3  # edges of the path that opens a closed surface
 CREEP = 0.005  # a seam that got shorter by less than this share is as good as done
 WORK = 1_500_000  # faces looked at while loops are shortened
@@ -70,11 +71,8 @@ def disk(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     if genus.any():
         cut = cut | _cut_handles(surface, cut, genus > 0, monitor)
         patches = surface.patches(cut)
-    loops = patches.loops
-    widest = np.zeros(patches.n_charts, np.int64)
-    np.maximum.at(widest, loops.chart, np.diff(loops.start))
-    # a border of two edges bounds no polygon: it is opened like a closed surface
-    closed = widest < 3
+    borders = patches.loops.chart[~_slits(surface, patches)]
+    closed = group_count(borders, patches.n_charts) == 0
     if closed.any():
         cut = cut | _open(surface, cut, patches, closed)
     handles = int(genus.sum())
@@ -95,7 +93,7 @@ def genus_of(patches: Patches) -> IntArray:
 
 
 def _slits(surface: Surface, patches: Patches) -> BoolArray:
-    """(loops,) inner borders that enclose no area: what is left where faces without area were set aside."""
+    """(loops,) borders of a few edges that enclose no area, as a set-aside face without area leaves them."""
     loops = patches.loops
     flat = surface.faces.ravel()
     h = loops.half_edges
@@ -105,7 +103,7 @@ def _slits(surface: Surface, patches: Patches) -> BoolArray:
     origin = surface.points[flat[h[first]]][loops.loop_of]
     p, q = surface.points[flat[h]] - origin, surface.points[flat[next_half_edge(h)]] - origin
     area = np.linalg.norm(np.add.reduceat(np.cross(p, q), first, axis=0), axis=1)
-    result: BoolArray = (area <= SLIT * loops.length**2) & ~loops.outer
+    result: BoolArray = (area <= SLIT * loops.length**2) & (np.diff(loops.start) <= SLIT_EDGES)
     return result
 
 
@@ -289,7 +287,7 @@ def _reroute(
 
 
 def _open(surface: Surface, cut: BoolArray, patches: Patches, charts: BoolArray) -> BoolArray:
-    """(e,) a short path in each closed chart, between two far ends (or from its border of two edges)."""
+    """(e,) a short path in each closed chart, between two far ends (or from a slit, where it has one)."""
     part = _part(surface, cut, charts[patches.chart])
     patches = part.patches
     n, node = _nodes(patches)
