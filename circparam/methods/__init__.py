@@ -10,6 +10,7 @@ from circparam.methods.arap import arap
 from circparam.methods.base import Layout, Method, MethodOptions, Pins, direct
 from circparam.methods.bff import bff
 from circparam.methods.embed import embed
+from circparam.methods.isometric import isometric
 from circparam.methods.lscm import lscm
 from circparam.progress import Monitor
 from circparam.registry import Row, Table
@@ -50,22 +51,14 @@ _CHECKED = "flips are possible; the result is checked, and mended by the foldove
 
 def _relaxing_rows() -> list[Row[Method]]:
     """The methods with a free border."""
-    rows: list[Row[Method]] = []
-    try:
-        from circparam.methods.isometric import isometric
-    except ImportError:  # pragma: no cover
-        pass
-    else:
-        rows.append(
-            Row(
-                "isometric",
-                isometric,
-                "symmetric Dirichlet energy: angles and areas together",
-                "Smith and Schaefer 2015; Shtengel et al. 2017; Rabinovich et al. 2017",
-                _FREE | {"flip-free"},
-            )
-        )
-    rows += [
+    return [
+        Row(
+            "isometric",
+            isometric,
+            "symmetric Dirichlet energy: angles and areas together",
+            "Smith and Schaefer 2015; Smith et al. 2019; Rabinovich et al. 2017",
+            _FREE | {"flip-free"},
+        ),
         Row(
             "lscm",
             lscm,
@@ -92,7 +85,6 @@ def _relaxing_rows() -> list[Row[Method]]:
             _CHECKED,
         ),
     ]
-    return rows
 
 
 METHODS: Table[Method] = Table("method", *_convex_rows(), *_relaxing_rows())

@@ -13,7 +13,7 @@ from circparam.mesh import Patches
 # From this many vertices on, conjugate gradients with the two-level preconditioner are faster than a
 # factorisation of the Hessian (measured on disks of 5k to 400k faces).
 DIRECT_LIMIT = 3000
-AGGREGATE_SIZE = 24  # vertices in one aggregate of the coarse space
+AGGREGATE_SIZE = 60  # vertices in one aggregate of the coarse space
 
 
 class BlockPattern:

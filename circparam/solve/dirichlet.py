@@ -32,22 +32,30 @@ def determinants(jacobian: FloatArray) -> FloatArray:
     return result
 
 
-def energy(jacobian: FloatArray) -> FloatArray:
-    """(m,) energy of each face, 1 for an isometry, infinite where the face is flipped or collapsed."""
+def energy(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
+    """(m,) energy of each face, 1 for an isometry, infinite where the face is flipped or collapsed.
+
+    blend: share of the conformal energy (σ1/σ2 + σ2/σ1) / 2 (Hormann and Greiner 2000) in the sum.
+    """
     det = determinants(jacobian)
     frobenius = (jacobian * jacobian).sum((0, 1))
     with np.errstate(all="ignore"):
         value = frobenius * (1 + 1 / (det * det)) / 4
+        if blend:
+            value = (1 - blend) * value + blend * frobenius / (2 * det)
     return np.where((det > 0) & np.isfinite(value), value, np.inf)
 
 
-def gradient(jacobian: FloatArray) -> FloatArray:
+def gradient(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
     """(2, 2, m) dE/dJ for faces with a positive determinant."""
     det = determinants(jacobian)
     frobenius = (jacobian * jacobian).sum((0, 1))
     (a, b), (c, d) = jacobian
     cofactor = np.stack([np.stack([d, -c]), np.stack([-b, a])])
     result: FloatArray = (jacobian * (1 + 1 / (det * det)) - frobenius / det**3 * cofactor) / 2
+    if blend:
+        conformal = jacobian / det - frobenius / (2 * det * det) * cofactor
+        result = (1 - blend) * result + blend * conformal
     return result
 
 
@@ -64,10 +72,10 @@ def _rotation_parts(jacobian: FloatArray) -> tuple[FloatArray, ...]:
     return s1, s2, cx, sx, cy, sy
 
 
-def newton_modes(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
+def newton_modes(jacobian: FloatArray, blend: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Eigenpairs of the Hessian of E with respect to J, negative eigenvalues set to zero.
 
-    Returns (values (4, m), modes (4, 2, 2, m)): scaling along σ1, along σ2, the twist (rotation), the flip.
+    Returns (values (4, m), modes (4, 2, 2, m)): two of scaling along σ1 and σ2, the twist (rotation), the flip.
     """
     s1, s2, cx, sx, cy, sy = _rotation_parts(jacobian)
     g1, g2 = 2 * s1 - 2 / s1**3, 2 * s2 - 2 / s2**3
@@ -84,7 +92,29 @@ def newton_modes(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
     twist = np.stack([np.stack([-sx, -cx]), np.stack([cx, -sx])]) * np.sqrt(0.5)
     flip = np.stack([np.stack([-sy, cy]), np.stack([cy, sy])]) * np.sqrt(0.5)
     modes = np.stack([(rotation + reflection) / 2, (rotation - reflection) / 2, twist, flip])
-    return values / 4, modes
+    values /= 4
+    if blend:
+        _blend_conformal(values, modes, s1, s2, blend)
+    return values, modes
+
+
+def _blend_conformal(
+    values: FloatArray, modes: FloatArray, s1: FloatArray, s2: FloatArray, blend: float
+) -> None:
+    """Mix the eigensystem of (σ1/σ2 + σ2/σ1) / 2 in, in place; its scalings are coupled, so they are turned."""
+    values *= 1 - blend
+    product = s1 * s2
+    values[3] += blend * (1 / product + (s1 * s1 + product + s2 * s2) / product**2) / 2
+    # its twist is −(σ1 − σ2)² / (2 σ1² σ2²): never positive, so it only lowers that of the Dirichlet energy
+    values[2] = np.maximum(values[2] - blend * (s1 - s2) ** 2 / (2 * product**2), 0)
+    p = values[0] + blend * s2 / s1**3
+    r = values[1] + blend * s1 / s2**3
+    q = -blend * (1 / s1**2 + 1 / s2**2) / 2
+    middle, half = (p + r) / 2, np.hypot((p - r) / 2, q)
+    values[0], values[1] = np.maximum(middle + half, 0), np.maximum(middle - half, 0)
+    angle = np.arctan2(q, (p - r) / 2) / 2
+    c, s = np.cos(angle), np.sin(angle)
+    modes[0], modes[1] = c * modes[0] + s * modes[1], c * modes[1] - s * modes[0]
 
 
 def proxy_modes(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -34,13 +34,16 @@ class RelaxOptions:
 
     tolerance: a chart has converged when the decrease that Newton's model predicts is below this share of its
     energy. max_iterations: bound on the steps. bound: charts whose energy falls to it stop there (None: none
-    do). fixed: (nv,) bool, vertices that stay where they are.
+    do). give_up: charts that Newton's model sees staying above this energy stop (None: none do).
+    fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy.
     """
 
     tolerance: float = 1e-6
     max_iterations: int = 200
     bound: float | None = None
+    give_up: float | None = None
     fixed: BoolArray | None = None
+    blend: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +59,9 @@ class Relaxed:
 class _System:
     """The charts that still move: patches in components-first arrays, with their pattern."""
 
-    def __init__(self, patches: Patches, fixed: BoolArray | None) -> None:
+    def __init__(self, patches: Patches, fixed: BoolArray | None, blend: float) -> None:
         self.patches = patches
+        self.blend = blend
         self.fixed = fixed
         self.gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
         self.weight = patches.areas / patches.chart_areas[patches.chart]
@@ -72,12 +76,12 @@ class _System:
     def energies(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n_charts,) energy of each chart, and the Jacobians."""
         jacobian = dirichlet.jacobians(self.gradients, self.gather(uv))
-        value = self.weight * dirichlet.energy(jacobian)
+        value = self.weight * dirichlet.energy(jacobian, self.blend)
         return group_sum(value, self.patches.chart, self.patches.n_charts), jacobian
 
     def vertex_gradient(self, jacobian: FloatArray) -> FloatArray:
         """(nv, 2) gradient of the energies."""
-        p = dirichlet.gradient(jacobian) * self.weight
+        p = dirichlet.gradient(jacobian, self.blend) * self.weight
         corner = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]
         flat = self.corners.ravel()
         n = self.patches.n_vertices
@@ -89,8 +93,10 @@ class _System:
         """(nv, 2) the Newton direction (or the SLIM proxy's)."""
         if self.pattern is None:
             self.pattern = BlockPattern(self.patches)
-        modes = dirichlet.proxy_modes if proxy else dirichlet.newton_modes
-        values, directions = modes(jacobian)
+        if proxy:
+            values, directions = dirichlet.proxy_modes(jacobian)
+        else:
+            values, directions = dirichlet.newton_modes(jacobian, self.blend)
         blocks = dirichlet.edge_blocks(values * self.weight, directions, self.gradients)
         matrix = self.pattern.assemble(blocks)
         if self.fixed is not None:
@@ -129,7 +135,7 @@ def relax(
     n = patches.n_charts
     iterations = np.zeros(n, np.int64)
     stopped = np.full(n, "iterations", dtype=object)
-    system = _System(work, options.fixed)
+    system = _System(work, options.fixed, options.blend)
     energy, jacobian = system.energies(out)
     stopped[~np.isfinite(energy)] = "flipped start"
     active = np.isfinite(energy)
@@ -153,7 +159,8 @@ def relax(
         if share < 0.8 * len(system.patches.faces):
             sub, vid, _ = system.patches.subset(inside)
             charts, vertices = charts[inside], vertices[vid]
-            system = _System(sub, None if options.fixed is None else options.fixed[vertices])
+            held = None if options.fixed is None else options.fixed[vertices]
+            system = _System(sub, held, options.blend)
             inside = np.ones(len(charts), bool)
             fresh = True
         u = out[vertices]
@@ -163,7 +170,8 @@ def relax(
             fresh = False
         proxy = bool(step < PROXY_STEPS and e[inside].max() > BAD_START)
         moved = _step(system, u, e, jacobian, inside, proxy)
-        u, e1, jacobian, predicted, progress = moved
+        u, e1, jacobian, predicted, lengths = moved
+        progress, full = lengths > 0, lengths > 0.5
         out[vertices] = u
         iterations[charts] += inside
         energy[charts] = e1
@@ -172,6 +180,12 @@ def relax(
         stopped[charts[done]] = "converged"
         stopped[charts[stuck]] = "no descent"
         finished = done | stuck
+        if options.give_up is not None and step > 0:
+            # a full step that won this much will not win more than twice as much again
+            gain = np.where(inside, e, 0.0) - np.where(inside, e1, 0.0)
+            hopeless = inside & full & ~finished & (e1 - 2 * gain > options.give_up)
+            stopped[charts[hopeless]] = "gave up"
+            finished |= hopeless
         if options.bound is not None:
             reached = inside & (e1 <= options.bound) & ~finished
             stopped[charts[reached]] = "bound"
@@ -191,8 +205,8 @@ def _step(
     jacobian: FloatArray,
     inside: BoolArray,
     proxy: bool,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
-    """One damped step of every active chart: (uv, energies, Jacobians, predicted decrease, who moved)."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """One damped step of every active chart: (uv, energies, Jacobians, predicted decrease, step lengths)."""
     p = system.patches
     n = p.n_charts
     safe = np.where(np.isfinite(e)[p.chart], jacobian, np.eye(2)[:, :, None])
@@ -215,5 +229,4 @@ def _step(
         if not bad.any():
             break
         t[bad] = np.where(t[bad] < 1e-10, 0.0, t[bad] / 2)
-    progress = t > 0
-    return trial, e1, j1, -slope / 2, progress
+    return trial, e1, j1, -slope / 2, t

@@ -61,7 +61,9 @@ def from_jacobians(
         right = np.stack(
             [
                 group_sum(
-                    (flux[d, 0] * gradients[0] + flux[d, 1] * gradients[1]).ravel(), corners.ravel(), n
+                    (flux[d, 0] * gradients[0] + flux[d, 1] * gradients[1]).ravel(),
+                    corners.ravel(),
+                    n,
                 )
                 for d in range(2)
             ],

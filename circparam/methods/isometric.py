@@ -1,0 +1,72 @@
+"""Isometric maps: a convex map relaxed to the least symmetric Dirichlet energy, without ever flipping a face."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.arrays import BoolArray, FloatArray
+from circparam.errors import NoResultError, OptionError
+from circparam.mesh import Patches
+from circparam.methods.arap import fit_pins
+from circparam.methods.base import Layout, MethodOptions, check_pins, require_border
+from circparam.methods.embed import embed
+from circparam.methods.unfold import unfold
+from circparam.progress import Monitor
+from circparam.solve.newton import RelaxOptions, relax
+
+TOLERANCE = 1e-6
+LIMIT = 500
+
+
+def isometric(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
+    """Relax the convex map ``options.start`` of all charts together (Smith and Schaefer 2015).
+
+    Free border; ``options.blend`` moves the energy from areas to angles; pins hold their places. A face that is
+    not flipped at the start never is: every step ends before the first collapse. Raises OptionError for bad
+    pins or a blend outside [0, 1], NoResultError where no start without flipped faces is found.
+    """
+    require_border(patches)
+    if not 0 <= options.blend <= 1:
+        raise OptionError(f"blend {options.blend} is outside 0 (isometric) .. 1 (conformal)")
+    uv, notes = embed(patches, options.start, options, monitor)
+    fixed: BoolArray | None = None
+    if options.pins is not None:
+        check_pins(patches, options.pins, 1)
+        fixed = np.zeros(patches.n_vertices, bool)
+        fixed[options.pins.vertices] = True
+        uv = _start_at_pins(patches, uv, options, fixed, monitor)
+    with monitor.stage("relax"):
+        relaxed = relax(
+            patches,
+            uv,
+            RelaxOptions(
+                tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
+                max_iterations=LIMIT if options.max_iterations is None else options.max_iterations,
+                blend=options.blend,
+                fixed=fixed,
+            ),
+            monitor,
+        )
+    stuck = [k for k, reason in enumerate(relaxed.stopped) if reason == "flipped start"]
+    if stuck:
+        notes.append(
+            f"isometric: {len(stuck)} charts start with flipped faces and were not relaxed"
+        )
+    return Layout(relaxed.uv, relaxed.iterations, relaxed.stopped, notes)
+
+
+def _start_at_pins(
+    patches: Patches, uv: FloatArray, options: MethodOptions, fixed: BoolArray, monitor: Monitor
+) -> FloatArray:
+    """The start with the pins in their places, unfolded round them."""
+    free = relax(patches, uv, RelaxOptions(tolerance=1e-3, max_iterations=30), monitor)
+    uv = fit_pins(patches, free.uv, options)
+    with monitor.stage("unfold"):
+        uv, report = unfold(patches, uv, fixed, monitor)
+    if report.after.any():
+        chart = int(np.flatnonzero(report.after)[0])
+        raise NoResultError(
+            f"chart {chart} has {int(report.after[chart])} flipped faces with its pins in place: "
+            "move the pins nearer to where the chart lies without them"
+        )
+    return uv

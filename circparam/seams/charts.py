@@ -1,0 +1,152 @@
+"""Few charts under a distortion bound: grow, merge, straighten, on a coarse proxy where the mesh is large."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from circparam.arrays import BoolArray
+from circparam.progress import Monitor
+from circparam.seams.cutting import Cutting, not_disks
+from circparam.seams.enforce import enforce, lay_out_sound
+from circparam.seams.merge import MergeOptions, Merger
+from circparam.seams.options import SeamOptions, Seams, constrain
+from circparam.seams.proxy import (
+    Proxy,
+    carry_seams,
+    decimate,
+    drop_slivers,
+    fine_targets,
+    nearest_coarse_face,
+)
+from circparam.seams.relayout import Laid, judge, lay_out_fresh, straighten
+from circparam.seams.segment import dual_graph, first_charts, make_disks, split_charts
+from circparam.seams.shorten import propose
+from circparam.solve.newton import RelaxOptions
+from circparam.solve.poisson import from_jacobians
+from circparam.topology import Surface
+
+DIRECT_FACES = 10_000  # up to this size charts are decided on the mesh itself
+PROXY_FACES = 6_000  # faces of the proxy of a mesh in one piece
+PROXY_SHARE = 1 / 30  # and at least this share of the faces
+SEEDS = 60
+SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
+ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
+FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
+FINAL = RelaxOptions(tolerance=1e-5, max_iterations=60)
+
+
+def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
+    """Seams that leave few charts, each a disk (holes allowed) whose isometric map stays under the bound.
+
+    Returns the seams with the layout (symmetric Dirichlet energy minimised, no flips, no chart overlapping
+    itself). Raises OptionError for contradictory seams. Deterministic.
+    """
+    surface, forced, notes = constrain(surface, options)
+    opened = dataclasses.replace(
+        surface, edges=surface.edges[~forced], locked=surface.locked[~forced]
+    )
+    bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
+    cutting, laid = atlas(opened, bound, options, monitor)
+    cut = forced.copy()
+    cut[~forced] = cutting.cut
+    corners = laid.uv[laid.patches.faces]
+    return Seams(cut, corners, notes)
+
+
+def atlas(
+    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor
+) -> tuple[Cutting, Laid]:
+    """Decide the seams of a surface and lay its charts out."""
+    if len(surface.faces) <= DIRECT_FACES:
+        with monitor.stage("charts"):
+            cutting, _ = decide(surface, bound, options.max_charts, monitor)
+    else:
+        with monitor.stage("charts"):
+            target = max(PROXY_FACES, int(PROXY_SHARE * len(surface.faces)))
+            proxy = decimate(surface, target)
+            inner = 1 + (bound - 1) * (1 - SLACK)
+            coarse, _ = decide(proxy.surface, inner, options.max_charts, monitor)
+        with monitor.stage("carry"):
+            cutting = carry(surface, coarse, proxy)
+    graph = dual_graph(surface)
+    make_disks(cutting, graph)
+    with monitor.stage("relax"):
+        laid = settle(cutting, monitor)
+    if options.max_charts is None:
+        with monitor.stage("enforce"):
+            laid = enforce(cutting, graph, laid, bound, FINAL, monitor)
+    return cutting, laid
+
+
+def decide(
+    surface: Surface, bound: float, max_charts: int | None, monitor: Monitor
+) -> tuple[Cutting, Laid]:
+    """Grow charts, split what is bad, merge, straighten, merge again: on the surface itself."""
+    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
+    graph = dual_graph(surface)
+    first_charts(cutting, graph, SEEDS)
+    make_disks(cutting, graph)
+    proposal = propose(cutting, 2)
+    cutting.cut = proposal.cut(np.ones(proposal.n, bool))
+    make_disks(cutting, graph)
+    laid = lay_out_fresh(cutting, None, ROUGH)
+    for _ in range(12):
+        bad = laid.bad(bound) & (np.bincount(laid.patches.chart) > 1)
+        if not bad.any():
+            break
+        was = bad[laid.patches.chart]
+        split_charts(cutting, graph, laid.patches.chart, bad)
+        make_disks(cutting, graph)
+        n, chart = cutting.charts()
+        again = np.zeros(n, bool)
+        again[chart[was]] = True
+        laid = lay_out_fresh(cutting, again, ROUGH)
+    fixed = np.zeros(len(cutting.cut), bool)
+    for rings in (3, 1):
+        Merger(cutting, MergeOptions(bound), fixed).run(monitor)
+        laid = straighten(cutting, graph, bound, FAIR, rings)
+    if max_charts is not None:
+        laid = reach_count(cutting, bound, max_charts, fixed, monitor)
+    return cutting, laid
+
+
+def reach_count(
+    cutting: Cutting, bound: float, count: int, fixed: BoolArray, monitor: Monitor
+) -> Laid:
+    """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
+    for _ in range(14):
+        n, _ = cutting.charts()
+        if n <= count:
+            break
+        bound = 1 + (bound - 1) * 1.6
+        merger = Merger(cutting, MergeOptions(bound), fixed)
+        while not monitor.expired and cutting.charts()[0] > count and merger.round():
+            pass
+    patches = cutting.patches()
+    return judge(patches, cutting.gather(patches))
+
+
+def carry(surface: Surface, coarse: Cutting, proxy: Proxy) -> Cutting:
+    """Seams and layout of the proxy on the fine surface (not relaxed yet)."""
+    fine = Cutting(surface, np.zeros(len(surface.edges), bool))
+    none = np.zeros(len(surface.edges), bool)
+    carry_seams(coarse, proxy, fine, none)
+    near = nearest_coarse_face(surface, proxy)
+    _, coarse_chart = coarse.charts()
+    carried = drop_slivers(fine, coarse_chart, near, none)
+    targets, _ = fine_targets(coarse, fine, coarse_chart, near, carried)
+    patches = fine.patches()
+    bad = not_disks(patches)
+    uv, _ = from_jacobians(patches, targets, 0 if bad.any() else 8)
+    fine.scatter(patches, uv)
+    return fine
+
+
+def settle(cutting: Cutting, monitor: Monitor) -> Laid:
+    """Relax the layout of all charts, after mending its flips."""
+    patches = cutting.patches()
+    uv = lay_out_sound(patches, cutting.gather(patches), FINAL, monitor)
+    cutting.scatter(patches, uv)
+    return judge(patches, uv)

@@ -1,0 +1,126 @@
+"""The state of an atlas while seams are decided: which edges are cut, and the layout so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
+from circparam.graphs import components
+from circparam.mesh import Patches
+from circparam.topology import Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Arcs:
+    """Chains of cut edges between junctions: the pieces of seam that are glued or kept as a whole.
+
+    edge: (c,) edge of the surface, arc: (c,) arc of that edge. left, right: (a,) charts on both sides, in
+    ascending order. length: (a,). tip: (a,) bool, one end is free, so the arc can be zipped.
+    """
+
+    edge: IntArray
+    arc: IntArray
+    left: IntArray
+    right: IntArray
+    length: FloatArray
+    tip: BoolArray
+
+
+class Cutting:
+    """Cut edges ``cut`` (e,) and layout ``corners`` (m, 3, 2) of one surface; both change with the seams."""
+
+    def __init__(self, surface: Surface, cut: BoolArray, corners: FloatArray | None = None) -> None:
+        self.surface = surface
+        self.cut = cut.copy()
+        self.corners = np.zeros((len(surface.faces), 3, 2)) if corners is None else corners.copy()
+
+    @cached_property
+    def ends(self) -> tuple[IntArray, IntArray]:
+        """Both end vertices of every edge."""
+        flat = self.surface.corner_vertex.ravel()
+        h = self.surface.edges[:, 0]
+        return flat[h], flat[next_half_edge(h)]
+
+    @cached_property
+    def n_vertices(self) -> int:
+        """Number of vertices of the surface."""
+        return int(self.surface.corner_vertex.max()) + 1
+
+    @cached_property
+    def on_border(self) -> BoolArray:
+        """(vertices,) bool: the vertex is on a border of the surface itself."""
+        flat = self.surface.corner_vertex.ravel()
+        out = np.zeros(self.n_vertices, bool)
+        out[flat[self.surface.border]] = True
+        out[flat[next_half_edge(self.surface.border)]] = True
+        return out
+
+    @cached_property
+    def border_lengths(self) -> FloatArray:
+        """Length of every border half-edge of the surface."""
+        h = self.surface.border
+        f = self.surface.frames.reshape(-1, 2)
+        result: FloatArray = np.linalg.norm(f[next_half_edge(h)] - f[h], axis=1)
+        return result
+
+    @property
+    def seam_length(self) -> float:
+        """Length of all seams over the square root of the area."""
+        total = self.surface.edge_lengths[self.cut].sum()
+        return float(total / np.sqrt(self.surface.areas.sum()))
+
+    def charts(self) -> tuple[int, IntArray]:
+        """(number of charts, (m,) chart of each face)."""
+        return self.surface.charts(self.cut)
+
+    def patches(self) -> Patches:
+        """The surface cut open along the seams as they are now."""
+        return self.surface.patches(self.cut)
+
+    def gather(self, patches: Patches, fid: IntArray | None = None) -> FloatArray:
+        """(nv, 2) layout of patches from the corners; fid: faces of the surface that the patches hold."""
+        corners = self.corners if fid is None else self.corners[fid]
+        uv = np.zeros((patches.n_vertices, 2))
+        uv[patches.faces.ravel()] = corners.reshape(-1, 2)
+        return uv
+
+    def scatter(self, patches: Patches, uv: FloatArray, fid: IntArray | None = None) -> None:
+        """Keep a layout of patches in the corners."""
+        if fid is None:
+            self.corners = uv[patches.faces]
+        else:
+            self.corners[fid] = uv[patches.faces]
+
+    def arcs(self, chart: IntArray, pinned: BoolArray | None = None) -> Arcs:
+        """The arcs of the seams as they are now. pinned: (vertices,) further junctions."""
+        c = np.flatnonzero(self.cut)
+        a, b = self.ends[0][c], self.ends[1][c]
+        valence = np.bincount(np.r_[a, b], minlength=self.n_vertices)
+        through = (valence == 2) & ~self.on_border
+        if pinned is not None:
+            through &= ~pinned
+        k = np.arange(len(c))
+        vertex, entry = np.r_[a, b], np.r_[k, k]
+        keep = through[vertex]
+        vertex, entry = vertex[keep], entry[keep]
+        entry = entry[np.argsort(vertex, kind="stable")]
+        count, arc = components(len(c), entry[::2], entry[1::2])
+        h = self.surface.edges[c]
+        p, q = chart[h[:, 0] // 3], chart[h[:, 1] // 3]
+        left, right = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        left[arc], right[arc] = np.minimum(p, q), np.maximum(p, q)
+        free = (valence == 1) & ~self.on_border
+        tip = np.zeros(count, bool)
+        tip[arc[free[a] | free[b]]] = True
+        length = group_sum(self.surface.edge_lengths[c], arc, count)
+        return Arcs(c, arc, left, right, length, tip)
+
+
+def not_disks(patches: Patches) -> BoolArray:
+    """(n_charts,) bool: the chart is neither a disk nor a disk with holes."""
+    loops = np.bincount(patches.loops.chart, minlength=patches.n_charts)
+    result: BoolArray = (loops < 1) | (patches.euler() != 2 - loops)
+    return result

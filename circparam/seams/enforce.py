@@ -1,0 +1,218 @@
+"""Hold every chart to the bound: open, split or map anew those that exceed it, flip or overlap themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_count,
+    group_sum,
+    next_half_edge,
+)
+from circparam.graphs import nearest, undirected
+from circparam.injectivity import crossings
+from circparam.mesh import Patches
+from circparam.methods.convex import embed_convex
+from circparam.methods.unfold import unfold
+from circparam.progress import Monitor
+from circparam.seams.cutting import Cutting
+from circparam.seams.relayout import Laid, judge
+from circparam.seams.segment import DualGraph, make_disks, split_charts
+from circparam.seams.shorten import edge_costs, propose
+from circparam.solve import dirichlet
+from circparam.solve.newton import RelaxOptions, relax
+
+SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
+SLITS = 3  # times that a chart may be slit before it is split
+ROUNDS = 40
+
+
+def enforce(
+    cutting: Cutting,
+    graph: DualGraph,
+    laid: Laid,
+    bound: float,
+    options: RelaxOptions,
+    monitor: Monitor,
+) -> Laid:
+    """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
+
+    A chart that misses the bound by little is slit from its border to where it is distorted most; others are
+    split in two. Single cells cannot be split, so the work ends; what is left then is for the caller to judge.
+    """
+    slits = np.zeros(len(cutting.surface.faces), np.int64)  # of the chart of each face
+    for _ in range(ROUNDS):
+        chart = laid.patches.chart
+        bad = laid.bad(bound) & (_cells(graph, chart) > 1)
+        if not bad.any() or monitor.expired:
+            break
+        near = laid.energy <= 1 + (bound - 1) * SLIT_REACH
+        first = np.zeros(len(bad), np.int64)
+        np.maximum.at(first, chart, slits)
+        slit = bad & ~laid.overlapping & near & (first < SLITS)
+        before = cutting.cut.copy()
+        if slit.any():
+            slit = slit_charts(cutting, laid, slit)
+            slits[slit[chart]] += 1
+        split = bad & ~slit
+        if split.any():
+            _split(cutting, graph, laid, split)
+        make_disks(cutting, graph)
+        if np.array_equal(before, cutting.cut):
+            break
+        laid = _map_again(cutting, laid, bad, options, monitor)
+    return laid
+
+
+def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
+    """(n,) number of cells of each chart."""
+    pairs = np.unique(chart * graph.n + graph.cell)
+    return group_count(pairs // graph.n, int(chart.max()) + 1)
+
+
+def _split(cutting: Cutting, graph: DualGraph, laid: Laid, which: BoolArray) -> None:
+    """Split charts in two, overlapping ones between the parts that overlap; then shorten the new seams."""
+    before = cutting.cut.copy()
+    chart = laid.patches.chart
+    apart = np.zeros(len(which), bool)
+    folded = which & laid.overlapping & np.isfinite(laid.energy)
+    if folded.any():
+        apart = _split_overlaps(cutting, graph, laid, folded)
+    rest = which & ~apart
+    if rest.any():
+        split_charts(cutting, graph, chart, rest)
+    proposal = propose(cutting, 3, before)
+    cutting.cut = proposal.cut(np.ones(proposal.n, bool))
+
+
+def _split_overlaps(cutting: Cutting, graph: DualGraph, laid: Laid, which: BoolArray) -> BoolArray:
+    """Split charts half way between two faces that overlap; returns the charts that were split."""
+    pairs = crossings(laid.uv, laid.patches)
+    chart = laid.patches.chart
+    pairs = pairs[which[chart[pairs[:, 0] // 3]]]
+    done = np.zeros(len(which), bool)
+    if len(pairs) == 0:
+        return done
+    of = chart[pairs[:, 0] // 3]
+    apart = np.linalg.norm(
+        cutting.surface.points[cutting.surface.faces[pairs[:, 0] // 3, 0]]
+        - cutting.surface.points[cutting.surface.faces[pairs[:, 1] // 3, 0]],
+        axis=1,
+    )
+    order = np.lexsort((np.arange(len(pairs)), -apart, of))
+    chosen = pairs[order[first_of_runs(of[order])]]
+    seeds = graph.cell[chosen // 3]
+    differ = seeds[:, 0] != seeds[:, 1]
+    chosen, seeds = chosen[differ], seeds[differ]
+    if len(seeds) == 0:
+        return done
+    done[chart[chosen[:, 0] // 3]] = True
+    use = ~cutting.cut & done[chart[cutting.surface.edges[:, 0] // 3]]
+    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
+    _, _, source = nearest(links, seeds.ravel())
+    first_side = np.zeros(graph.n, bool)
+    first_side[seeds[:, 0]] = True
+    side = first_side[np.where(source >= 0, source, 0)]
+    cutting.cut |= use & (side[graph.tail] != side[graph.head])
+    return done
+
+
+def slit_charts(cutting: Cutting, laid: Laid, which: BoolArray) -> BoolArray:
+    """Cut charts open along a shortest path from where they are distorted most to their border.
+
+    Returns the charts that were cut: a chart whose worst vertex is on the border, or one with no way there,
+    is not.
+    """
+    patches = laid.patches
+    n = patches.n_vertices
+    on_border = np.zeros(n, bool)
+    flat = patches.faces.ravel()
+    on_border[flat[patches.border]] = True
+    peak = _peaks(patches, laid.uv, which & np.isfinite(laid.energy), on_border)
+    done = np.zeros(len(which), bool)
+    if len(peak) == 0:
+        return done
+    cost = edge_costs(cutting)
+    inner = (
+        ~cutting.cut & np.isfinite(cost) & which[patches.chart[cutting.surface.edges[:, 0] // 3]]
+    )
+    h = cutting.surface.edges[inner, 0]
+    a, b = flat[h], flat[next_half_edge(h)]
+    _, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
+    distance, _, _ = nearest(undirected(n, a, b, cost[inner]), peak)
+    rim = np.flatnonzero(on_border & np.isfinite(distance) & (source >= 0))
+    if len(rim) == 0:
+        return done
+    order = np.lexsort((rim, distance[rim], source[rim]))
+    ends = rim[order[first_of_runs(source[rim][order])]]
+    index = np.flatnonzero(inner)
+    key = np.minimum(a, b) * n + np.maximum(a, b)
+    by_key = np.lexsort((cost[inner], key))
+    here = ends
+    done[patches.vertex_chart[ends]] = True
+    while len(here):
+        previous = before[here]
+        going = previous >= 0
+        here, previous = here[going], previous[going]
+        wanted = np.minimum(here, previous) * n + np.maximum(here, previous)
+        cutting.cut[index[by_key[np.searchsorted(key[by_key], wanted)]]] = True
+        here = previous
+    return done
+
+
+def _peaks(patches: Patches, uv: FloatArray, which: BoolArray, on_border: BoolArray) -> IntArray:
+    """The inner vertex of each chosen chart with the largest smoothed distortion of area."""
+    n = patches.n_vertices
+    jacobian = dirichlet.jacobians(
+        np.ascontiguousarray(patches.gradients.transpose(1, 2, 0)),
+        uv[patches.faces].transpose(2, 1, 0),
+    )
+    value = np.abs(np.log(np.maximum(dirichlet.determinants(jacobian), 1e-30)))
+    weight = patches.areas
+    flat = patches.faces.ravel()
+    total = np.maximum(group_sum(np.repeat(weight, 3), flat, n), 1e-300)
+    field = group_sum(np.repeat(weight * value, 3), flat, n) / total
+    for _ in range(4):
+        face = field[patches.faces].mean(1)
+        field = group_sum(np.repeat(weight * face, 3), flat, n) / total
+    vertices = np.flatnonzero(which[patches.vertex_chart] & ~on_border)
+    order = np.lexsort((vertices, -field[vertices], patches.vertex_chart[vertices]))
+    first = first_of_runs(patches.vertex_chart[vertices][order])
+    return vertices[order[first]]
+
+
+def _map_again(
+    cutting: Cutting, laid: Laid, changed: BoolArray, options: RelaxOptions, monitor: Monitor
+) -> Laid:
+    """Lay out the pieces of changed charts: from the layout they had, or anew where that has flips."""
+    faces = changed[laid.patches.chart]
+    patches = cutting.patches()
+    uv = cutting.gather(patches)
+    todo = np.zeros(patches.n_charts, bool)
+    todo[patches.chart[faces]] = True
+    sub, vid, fid = patches.subset(todo)
+    part = lay_out_sound(sub, uv[vid], options, monitor)
+    uv[vid] = part
+    cutting.corners[fid] = part[sub.faces]
+    return judge(patches, uv)
+
+
+def lay_out_sound(
+    patches: Patches, uv: FloatArray, options: RelaxOptions, monitor: Monitor
+) -> FloatArray:
+    """Relax a layout; charts with flipped faces are unfolded, or else embedded anew, first."""
+    bad = ~np.isfinite(relax(patches, uv, RelaxOptions(max_iterations=0)).energy)
+    if bad.any():
+        uv = uv.copy()
+        sub, vid, _ = patches.subset(bad)
+        part, report = unfold(sub, uv[vid], monitor=monitor)
+        uv[vid] = part
+        left = report.after > 0
+        if left.any():
+            rest, inner, _ = sub.subset(left)
+            uv[vid[inner]] = embed_convex(rest, "mean-value")[0]
+    return relax(patches, uv, options, monitor).uv

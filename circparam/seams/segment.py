@@ -1,0 +1,142 @@
+"""Grow first charts: regions of the dual graph round seeds that lie far apart, until every chart is a disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
+from circparam.graphs import components, distances, nearest, undirected
+from circparam.seams.cutting import Cutting, not_disks
+from circparam.topology import Surface
+
+NORMAL_WEIGHT = 3.0  # how much a turn of the normal lengthens a step
+LLOYD_ROUNDS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class DualGraph:
+    """Cells (faces joined across locked edges) and the steps between them.
+
+    cell: (m,) cell of each face. tail, head: (e,) cells of both sides of every edge. step: (e,) cost.
+    """
+
+    cell: IntArray
+    tail: IntArray
+    head: IntArray
+    step: FloatArray
+
+    @property
+    def n(self) -> int:
+        """Number of cells."""
+        return int(self.cell.max()) + 1
+
+
+def dual_graph(surface: Surface) -> DualGraph:
+    """The dual graph of a surface: a step costs the distance of the centroids, more where the normal turns."""
+    m = len(surface.faces)
+    e = surface.edges
+    fi, fj = e[:, 0] // 3, e[:, 1] // 3
+    locked = surface.locked
+    n, cell = components(m, fi[locked], fj[locked])
+    area = np.maximum(surface.areas, 1e-300)
+    total = group_sum(area, cell, n)
+    corner = surface.points[surface.faces].mean(1)
+    centre = (
+        np.stack([group_sum(corner[:, d] * area, cell, n) for d in range(3)], 1) / total[:, None]
+    )
+    normal = np.stack([group_sum(surface.normals[:, d] * area, cell, n) for d in range(3)], 1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    a, b = cell[fi], cell[fj]
+    turn = 1 - (normal[a] * normal[b]).sum(1)
+    far = np.linalg.norm(centre[a] - centre[b], axis=1)
+    step = far * (1 + NORMAL_WEIGHT * turn) + 1e-9 * float(np.sqrt(total.sum()))
+    return DualGraph(cell, a, b, step)
+
+
+def grow(
+    n: int, tail: IntArray, head: IntArray, step: FloatArray, count: int, rounds: int = LLOYD_ROUNDS
+) -> IntArray:
+    """(n,) region of every cell: at least one region a component, ``count`` regions if there are cells enough.
+
+    Seeds lie farthest apart (Gonzalez 1985); then each moves to the middle of its region (Lloyd), so many
+    rounds. Deterministic.
+    """
+    graph = undirected(n, tail, head, step)
+    _, component = components(n, tail, head)
+    _, first = np.unique(component, return_index=True)
+    seeds = [int(s) for s in first]
+    distance = distances(graph, np.array(seeds))
+    while len(seeds) < min(count, n):
+        far = int(np.argmax(distance))
+        if distance[far] <= 0:
+            break
+        seeds.append(far)
+        reach = distances(graph, np.array([far]), float(distance.max()))
+        distance = np.minimum(distance, reach)
+    middle = np.array(seeds)
+    for turn in range(rounds + 1):
+        _, _, source = nearest(graph, middle)
+        _, region = np.unique(source, return_inverse=True)
+        region = region.reshape(-1).astype(np.int64)
+        if turn == rounds:
+            break
+        between = region[tail] != region[head]
+        rim = np.unique(np.r_[tail[between], head[between]])
+        if len(rim) == 0:
+            break
+        inner = undirected(n, tail[~between], head[~between], step[~between])
+        depth = distances(inner, rim)
+        depth[~np.isfinite(depth)] = 0
+        order = np.lexsort((np.arange(n), -depth, region))
+        middle = order[first_of_runs(region[order])]
+    return region
+
+
+def first_charts(cutting: Cutting, graph: DualGraph, count: int) -> None:
+    """Cut the surface into about ``count`` regions, keeping the seams there are."""
+    use = ~cutting.cut
+    region = grow(graph.n, graph.tail[use], graph.head[use], graph.step[use], count)
+    cutting.cut |= region[graph.tail] != region[graph.head]
+
+
+def split_charts(
+    cutting: Cutting,
+    graph: DualGraph,
+    chart: IntArray,
+    which: BoolArray,
+    pieces: int = 2,
+    rounds: int = 2,
+) -> BoolArray:
+    """Cut the charts ``which`` ((n,) bool) into about ``pieces`` regions each; returns the edges newly cut."""
+    tail_chart = chart[cutting.surface.edges[:, 0] // 3]
+    use = ~cutting.cut & which[tail_chart]
+    cells = np.zeros(graph.n, bool)
+    cells[graph.cell[which[chart]]] = True
+    number = np.cumsum(cells) - 1
+    tail, head = number[graph.tail[use]], number[graph.head[use]]
+    n = int(cells.sum())
+    region = grow(n, tail, head, graph.step[use], pieces * int(which.sum()), rounds)
+    new = np.zeros(len(cutting.cut), bool)
+    new[np.flatnonzero(use)[region[tail] != region[head]]] = True
+    cutting.cut |= new
+    return new
+
+
+def make_disks(cutting: Cutting, graph: DualGraph, limit: int = 40) -> int:
+    """Split charts until all are disks or disks with holes; returns the rounds it took.
+
+    A chart that a few halvings do not help is cut into ever more pieces; single cells are disks, so this ends.
+    """
+    for attempt in range(limit):
+        patches = cutting.patches()
+        bad = not_disks(patches)
+        if not bad.any():
+            return attempt
+        pieces = 2 if attempt < 4 else 2 ** min(attempt - 2, 12)
+        new = split_charts(cutting, graph, patches.chart, bad, pieces, 1)
+        if not new.any():
+            # nothing left to split between cells: leave the chart to the caller's checks
+            return attempt
+    return limit
