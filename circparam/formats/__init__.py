@@ -27,7 +27,8 @@ from circparam.formats.document import (
     WriteOptions,
     check_layout,
 )
-from circparam.formats.gltf import GltfDocument, read_gltf, stored_uv
+from circparam.formats.gltf import GltfDocument, read_gltf
+from circparam.formats.gltf_write import stored_uv
 from circparam.formats.obj import ObjDocument, read_obj
 from circparam.formats.plain import PlainDocument, from_arrays, from_trimesh, read_off, read_stl
 from circparam.formats.ply import PlyDocument, read_ply

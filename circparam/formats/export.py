@@ -10,10 +10,11 @@ import numpy.typing as npt
 from circparam.arrays import IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions
-from circparam.formats.gltf import file_uv, stored_uv
+from circparam.formats.gltf_pack import ARRAY_BUFFER, ELEMENT_BUFFER, glb_bytes
 from circparam.formats.gltf_tree import COMPONENTS, Json
-from circparam.formats.gltf_write import ARRAY_BUFFER, ELEMENT_BUFFER, glb_bytes
-from circparam.formats.obj import compact, vt_lines
+from circparam.formats.gltf_write import file_uv, stored_uv
+from circparam.formats.obj import compact
+from circparam.formats.obj_scan import vt_lines
 from circparam.formats.polygons import polygon_of_corner
 from circparam.formats.seamsplit import split_vertices
 from circparam.formats.splice import ByteArray, as_bytes, digits, interleave

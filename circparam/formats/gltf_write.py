@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import copy
+from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from circparam.arrays import IntArray
+from circparam.arrays import FloatArray, IntArray
 from circparam.formats.document import Encoded
+from circparam.formats.gltf_pack import ARRAY_BUFFER, ELEMENT_BUFFER, Packing
 from circparam.formats.gltf_tree import COMPONENTS, Json
 from circparam.formats.seamsplit import Split, split_vertices
 from circparam.mesh import UVMap
 
 if TYPE_CHECKING:
     from circparam.formats.gltf import GltfDocument, Pool, Primitive
-
-ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
-_DATA_KEYS = {"accessor", "accessors", "bufferView", "buffer", "attributes", "indices", "POSITION"}
 
 
 def write_uv(doc: GltfDocument, uvmap: UVMap, number: int, format: str, stem: str) -> Encoded:
@@ -27,9 +26,12 @@ def write_uv(doc: GltfDocument, uvmap: UVMap, number: int, format: str, stem: st
     stored = stored_uv(uvmap.uv)
     start = np.cumsum([0, *(len(p.triangles) for p in doc.primitives)])
     sources, added, listed, dropped = [], 0, 0, 0
+    users_of = defaultdict(list)
+    for i, p in enumerate(doc.primitives):
+        users_of[p.pool].append(i)
     for k, pool in enumerate(doc.pools):
-        mine = [i for i, p in enumerate(doc.primitives) if p.pool == k]
-        if not mine:
+        mine = users_of[k]
+        if not mine:  # all its primitives are empty
             sources.append(pool.first + np.arange(pool.count))
             continue
         corners = np.concatenate([doc.primitives[i].triangles.ravel() for i in mine])

@@ -20,12 +20,9 @@ from circparam.formats.document import (
     WriteOptions,
     check_uv_set,
 )
+from circparam.formats.obj_scan import Scan
 from circparam.formats.polygons import triangulate
-from circparam.formats.splice import (
-    Tokens,
-    as_bytes,
-    splice,
-)
+from circparam.formats.splice import as_bytes, splice
 from circparam.mesh import Mesh, UVMap
 
 
@@ -152,6 +149,3 @@ def _groups(scan: Scan) -> tuple[IntArray | None, list[str]]:
     ordered = list(number)
     first = {int(g): int(f) for f, g in zip(of_face[::-1], groups[::-1], strict=True)}
     return groups, [ordered[first[g]].decode("utf-8", "replace") for g in range(count)]
-
-
-__all__ = ["ObjDocument", "Tokens", "read_obj"]

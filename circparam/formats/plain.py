@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.arrays import FloatArray, IntArray
+from circparam.arrays import IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document, Polygons, Source
 from circparam.formats.polygons import list_start, triangulate
@@ -154,6 +154,3 @@ def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene | Any) -> Document:
     if uv is not None and np.shape(uv) != (len(mesh.vertices), 2):
         uv = None
     return from_arrays(mesh.vertices, mesh.faces, uv, name="the trimesh object")
-
-
-__all__ = ["FloatArray", "PlainDocument", "from_arrays", "from_trimesh", "read_off", "read_stl"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.arrays import FloatArray, IntArray
+from circparam.arrays import IntArray
 from circparam.errors import OptionError
 from circparam.formats import plywrite
 from circparam.formats.document import (
@@ -193,6 +193,3 @@ def _features(layout: Layout, polys: Polygons) -> tuple[str, ...]:
         "tristrips": layout.element("tristrips") is not None,
     }
     return tuple(k for k, there in has.items() if there)
-
-
-__all__ = ["FloatArray", "PlyDocument", "read_ply"]

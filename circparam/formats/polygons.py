@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, ranges
+from circparam.arrays import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Polygons
 
@@ -148,6 +148,3 @@ def strips(corners: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
 def list_start(counts: IntArray) -> IntArray:
     """Offsets of groups of the given sizes, with the total behind them."""
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-
-
-__all__ = ["list_start", "polygon_of_corner", "ranges", "strips", "triangulate"]
