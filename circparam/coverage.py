@@ -7,11 +7,15 @@ crossings of border segments with texel rows; the cost is that of the border, no
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from circparam.arrays import BoolArray, FloatArray, IntArray, first_of_runs, next_half_edge, ranges
 from circparam.mesh import Patches
+
+LabelGrid: TypeAlias = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -64,12 +68,12 @@ def pages_of(patches: Patches, uv: FloatArray) -> IntArray:
 
 def label_grid(
     patches: Patches, uv: FloatArray, resolution: int, charts: BoolArray | None = None
-) -> IntArray:
-    """(resolution, resolution) chart whose inside holds each texel centre, −1 where there is none.
+) -> LabelGrid:
+    """(resolution, resolution) int32, chart whose inside holds each texel centre, −1 where there is none.
 
-    Row 0 is v = 0. Where charts overlap, the later one is seen. charts: (n_charts,) bool, those to draw.
+    Row 0 is v = 0. Where charts overlap, the one that begins first in a row is seen. charts: (n_charts,)
+    bool, those to draw.
     """
-    grid = np.full(resolution * resolution, -1, np.int64)
     flat = patches.faces.ravel()
     h = patches.border
     if charts is not None:
@@ -86,16 +90,28 @@ def label_grid(
     chart = patches.chart[h[edge] // 3]
     order = np.lexsort((x, row, chart))
     x, row, chart = x[order], row[order], chart[order]
-    start, stop = x[0::2], x[1::2]
-    begin = np.clip(np.ceil(start), 0, resolution).astype(np.int64)
-    end = np.clip(np.floor(stop) + 1, 0, resolution).astype(np.int64)
-    length = np.maximum(end - begin, 0)
-    at = np.repeat(row[0::2] * resolution + begin, length) + ranges(length)
-    grid[at] = np.repeat(chart[0::2], length)
+    # of each chart, a row is inside from its first crossing to its second, and so on
+    begin = np.clip(np.ceil(x[0::2]), 0, resolution).astype(np.int64) + row[0::2] * resolution
+    end = np.clip(np.floor(x[1::2]) + 1, 0, resolution).astype(np.int64) + row[1::2] * resolution
+    return _spans(begin, end, chart[0::2], resolution)
+
+
+def _spans(begin: IntArray, end: IntArray, label: IntArray, resolution: int) -> LabelGrid:
+    """The grid out of runs of texels, counted row after row: one repeat of labels and gaps in turn."""
+    order = np.lexsort((end, begin))
+    begin, end, label = begin[order], end[order], label[order]
+    reached = np.maximum.accumulate(np.r_[0, end])
+    begin = np.maximum(begin, reached[:-1])
+    end = np.maximum(begin, end)
+    length = np.stack([begin - np.r_[0, end[:-1]], end - begin], 1)
+    value = np.stack([np.full(len(label), -1, np.int32), label.astype(np.int32)], 1)
+    drawn = np.repeat(value.ravel(), length.ravel())
+    grid = np.full(resolution * resolution, -1, np.int32)
+    grid[: len(drawn)] = drawn
     return grid.reshape(resolution, resolution)
 
 
-def smallest_gap(grid: IntArray, search: int) -> tuple[float, tuple[int, int] | None]:
+def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] | None]:
     """Smallest distance between texels of two labels, looked for up to ``search``; and the two labels.
 
     Only texels on the rim of a label can be nearest, so only these look round.

@@ -37,6 +37,10 @@ CODES: dict[type[BaseException], int] = {
 DOCUMENTED = frozenset([OK, INTERNAL, INTERRUPTED, TERMINATED, *CODES.values()])
 
 
+class Interrupted(BaseException):
+    """Ctrl-C: in place of KeyboardInterrupt, which click would answer with an empty line of its own."""
+
+
 class Terminated(BaseException):
     """SIGTERM has arrived: raised in the main thread, so that temporary files are removed."""
 
@@ -46,7 +50,7 @@ def code_of(error: BaseException) -> int:
     for cls in type(error).__mro__:
         if cls in CODES:
             return CODES[cls]
-    if isinstance(error, KeyboardInterrupt):
+    if isinstance(error, (KeyboardInterrupt, Interrupted)):
         return INTERRUPTED
     if isinstance(error, Terminated):
         return TERMINATED
@@ -61,7 +65,7 @@ def line_of(error: BaseException) -> str:
     """One line for an exception: cause, place and cure; an internal error names ``--debug``."""
     if isinstance(error, errors.CircparamError):
         text = str(error)
-    elif isinstance(error, KeyboardInterrupt):
+    elif isinstance(error, (KeyboardInterrupt, Interrupted)):
         text = "interrupted: no partial file is left behind"
     elif isinstance(error, Terminated):
         text = "terminated: no partial file is left behind"

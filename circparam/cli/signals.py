@@ -17,9 +17,13 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-from circparam.cli.exits import INTERRUPTED, TERMINATED, Terminated
+from circparam.cli.exits import INTERRUPTED, TERMINATED, Interrupted, Terminated
 
 GRACE = 0.7  # seconds that the main thread has to clean up by itself
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise Interrupted
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
@@ -33,6 +37,7 @@ def installed() -> Iterator[None]:
         yield
         return
     old_term = signal.signal(signal.SIGTERM, _terminate)
+    old_int = signal.signal(signal.SIGINT, _interrupt)
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     old_fd = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
@@ -45,6 +50,7 @@ def installed() -> Iterator[None]:
         done.set()
         signal.set_wakeup_fd(old_fd)
         signal.signal(signal.SIGTERM, old_term)
+        signal.signal(signal.SIGINT, old_int)
         writer.close()
         watcher.join(1.0)
         reader.close()
