@@ -98,7 +98,7 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
     Raises InputError where no face has an area, TopologyError where something would have to be repaired and
     ``options.allow`` is False, OptionError where the weld tolerance is no distance or larger than the mesh.
     """
-    scale = _scale(mesh)
+    scale = mesh_scale(mesh)
     points = mesh.points if scale == 1.0 else mesh.points * scale
     weld = weld_map(mesh, options.weld_eps)
     near = int((weld != mesh.weld).sum()) if options.weld_eps > 0 else 0
@@ -168,7 +168,7 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
     used = np.zeros(len(weld), bool)
     used[mesh.faces] = True
     points = np.unique(weld[used])
-    scale = _scale(mesh)
+    scale = mesh_scale(mesh)
     tree = cKDTree(mesh.points[points] * scale)
     radius = eps * scale
     if tree.count_neighbors(tree, radius) > (2 * POINT_PAIRS + 1) * len(points):
@@ -320,7 +320,7 @@ def _flattened(
     return out
 
 
-def _scale(mesh: Mesh) -> float:
+def mesh_scale(mesh: Mesh) -> float:
     """A power of two that brings the mesh to a size of about 1 where its own is outside 2^±50, else 1."""
     used = mesh.points[np.unique(mesh.faces)]
     span = float((used.max(0) / 2 - used.min(0) / 2).max())
