@@ -10,13 +10,14 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from circparam import baseline, isolated
 from circparam.arrays import FloatArray
+from circparam.distortion import best_chart_scales
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.formats import Document
 from circparam.mesh import Patches, UVMap
@@ -32,6 +33,7 @@ from circparam.topology import Surface
 from circparam.verify import verify
 
 INPUT = "input"
+RASTER = 1024  # texels a side on which the packed share is read
 CUTS = ("auto", *SEAMS.names())
 # names of ``Verification.numbers`` in the order of a report
 FIGURES = (
@@ -114,13 +116,16 @@ def compare(
     cut: str = "auto",
     listener: Listener | None = None,
     timeout: float | None = None,
+    isolate: bool = True,
     **keywords: Any,
 ) -> Comparison:
     """Run methods on the identical cut of one mesh.
 
     source: what ``circparam.unwrap`` takes. methods: see ``method_names``. cut: a row of SEAMS, or ``auto``:
-    a mesh whose components are disks already (holes allowed) stays whole, any other is cut into charts.
-    timeout: seconds for each method. keywords: other fields of ``Options``; those of convex maps (border,
+    a mesh whose components are disks already (holes allowed) stays whole (the cut ``disk`` makes no seam
+    there), any other is cut into charts.
+    timeout: seconds for each method. isolate: False runs the methods in this process: quicker for small
+    meshes, but no peak memory is known. keywords: other fields of ``Options``; those of convex maps (border,
     spacing, clamp) go to the convex methods. Row ``input`` is the uv that the file has, where it has one.
 
     Returns a Comparison; a method that fails is a row with status ``failed``. Raises OptionError for an
@@ -134,15 +139,15 @@ def compare(
     document = open_source(source, next(iter(choices.values())))
     surface, mended = repair(document.mesh, RepairOptions(keywords.get("weld") or 0.0))
     if cut == "auto":
-        cut = "none" if _disks(surface) else "charts"
-        keep = {"max_distortion", "max_charts", "min_chart_faces"} if cut == "none" else set()
-        keywords = {k: v for k, v in keywords.items() if k not in keep}
+        cut = "disk" if _disks(surface) else "charts"
+        useless = {"max_distortion", "max_charts", "min_chart_faces"} if cut == "disk" else set()
+        keywords = {k: v for k, v in keywords.items() if k not in useless}
     choices = _options(names, cut, keywords)
     wanted = seam_options(document, surface, mended, next(iter(choices.values())))
     start = time.perf_counter()
     seams = SEAMS[cut].function(surface, wanted, monitor)
     cut_seconds = time.perf_counter() - start
-    scene = _Scene(document, surface, mended, surface.patches(seams.cut), timeout)
+    scene = _Scene(document, surface, mended, surface.patches(seams.cut), timeout, isolate)
     rows = [*_input_row(scene)]
     for k, name in enumerate(names):
         monitor.update(k / len(names), name)
@@ -163,6 +168,15 @@ class _Scene:
     mended: Repairs
     patches: Patches
     timeout: float | None
+    isolate: bool
+
+    def run(self, task: str, arrays: dict[str, Any], settings: dict[str, Any]) -> isolated.Outcome:
+        """A task, in a process of its own unless that is not wanted. It stops by itself at the timeout where
+        it can; a process is ended some time after that."""
+        if self.isolate:
+            bound = None if self.timeout is None else 2 * self.timeout + 10
+            return isolated.run(task, arrays, settings, bound)
+        return isolated.here(task, arrays, settings)
 
 
 def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, Options]:
@@ -214,23 +228,27 @@ def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) ->
     p = scene.patches
     arrays = {"faces": p.faces, "frames": p.frames, "chart": p.chart, "edges": p.edges}
     chosen = method_options(options)
-    settings = {f.name: getattr(chosen, f.name) for f in dataclasses.fields(chosen)}
-    polygon = settings.pop("polygon")
+    values = {f.name: getattr(chosen, f.name) for f in dataclasses.fields(chosen)}
+    polygon = values.pop("polygon")
     if polygon is not None:
         arrays["polygon"] = polygon
-    plain = {k: v for k, v in settings.items() if isinstance(v, (str, int, float)) or v is None}
-    done = isolated.run(
-        "circparam.compare:flatten_task",
-        arrays,
-        {"method": name, "options": plain, "timeout": scene.timeout},
-        None if scene.timeout is None else 2 * scene.timeout + 10,
-    )
+    plain = {k: v for k, v in values.items() if isinstance(v, (str, int, float)) or v is None}
+    settings = {"method": name, "options": plain, "timeout": scene.timeout}
+    done = scene.run("circparam.compare:flatten_task", arrays, settings)
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     notes = list(done.info["notes"])
-    placed = place(p, done.arrays["uv"], options, notes, monitor)
+    uv = done.arrays["uv"] * best_chart_scales(p, done.arrays["uv"])[p.vertex_chart][:, None]
+    resolution: int | None = RASTER
+    try:
+        placed = place(p, uv, options, notes, monitor)
+    except (
+        NoResultError
+    ) as error:  # charts that overlap themselves may be more than packing can take
+        notes.append(f"not packed: {error}")
+        placed, resolution = place(p, uv, replace(options, normalize=False), notes, monitor), None
     uvmap = complete(scene.document.mesh, scene.surface, scene.mended, placed, p.faces)
-    status, figures = _judge(scene, uvmap)
+    status, figures = _judge(scene, uvmap, resolution)
     return Entry(
         name, status, done.info["stages"], done.info["seconds"], done.peak_bytes, figures,
         done.info["iterations"], notes,
@@ -241,8 +259,7 @@ def _baseline_row(scene: _Scene, name: str) -> Entry:
     surface = scene.surface
     used, faces = np.unique(surface.faces, return_inverse=True)
     arrays = {"points": _moderate(surface.points[used]), "faces": faces.reshape(-1, 3)}
-    bound = None if scene.timeout is None else scene.timeout
-    done = isolated.run("circparam.baseline:task", arrays, {"method": name}, bound)
+    done = scene.run("circparam.baseline:task", arrays, {"method": name})
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     uv_faces = np.full((len(scene.document.mesh.faces), 3), -1, np.int64)
@@ -260,9 +277,11 @@ def _moderate(points: FloatArray) -> FloatArray:
     return moved
 
 
-def _judge(scene: _Scene, uvmap: UVMap) -> tuple[str, dict[str, float | int | None]]:
-    """Status and figures of a layout."""
-    found = verify(scene.surface, uvmap, resolution=1024)
+def _judge(
+    scene: _Scene, uvmap: UVMap, resolution: int | None = RASTER
+) -> tuple[str, dict[str, float | int | None]]:
+    """Status and figures of a layout; without a resolution nothing is known of its packing."""
+    found = verify(scene.surface, uvmap, resolution=resolution)
     return "ok" if found.valid else "invalid", found.numbers()
 
 
