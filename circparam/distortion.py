@@ -175,7 +175,7 @@ def best_chart_scales(patches: Patches, uv: FloatArray) -> FloatArray:
 def _live(patches: Patches) -> BoolArray:
     """(m,) the face has a shape."""
     longest = patches.edge_lengths.max(1)
-    return patches.areas > DEGENERATE * longest**2
+    return np.asarray(patches.areas > DEGENERATE * longest**2)
 
 
 def _singular(

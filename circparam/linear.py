@@ -52,8 +52,8 @@ class ComplexFactor(Factor):
         """x with matrix @ x = b; b is (n,) or (n, k), complex."""
         if b.size == 0:
             return b.copy()
-        result: ComplexArray = self._lu.solve(np.asfortranarray(b, np.complex128))
-        return result
+        x = self._lu.solve(np.asfortranarray(b, np.complex128))
+        return np.asarray(x, np.complex128)
 
 
 def solve(matrix: SparseMatrix, b: FloatArray) -> FloatArray:

@@ -2,8 +2,8 @@
 
 A scheme is one function of patches. It returns a pair (forward, backward) of (m, 3) arrays: what the face
 adds to the weight w_ij of its half-edge i → j, and to w_ji of the same edge read backwards. The function
-``half_edge_weights`` adds the two faces of every edge up. All schemes are intrinsic (they read the frames only) and work on all
-charts at once; none needs a loop over vertices.
+``half_edge_weights`` adds the two faces of every edge up. All schemes are intrinsic (they read the frames
+only) and work on all charts at once; none needs a loop over vertices.
 """
 
 from __future__ import annotations

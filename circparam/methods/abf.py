@@ -19,7 +19,7 @@ from circparam.linear import Factor
 from circparam.mesh import Patches, close_holes
 from circparam.methods.base import Layout, MethodOptions, require_border
 from circparam.methods.lscm import conformal_spectral, scaled, start_modes
-from circparam.methods.unfold import mend
+from circparam.methods.mend import mend
 from circparam.progress import Monitor
 
 LIMIT = 20
@@ -129,14 +129,13 @@ def solve_angles(
     system = _system(closed, len(patches.faces))
     n, chart = patches.n_charts, closed.chart
     alpha = system.target
-    multipliers = np.zeros(2 * system.rows)
     linear = alpha
     steps = np.zeros(n, np.int64)
     open_charts = np.ones(n, bool)
     vertex_chart = closed.vertex_chart[system.row >= 0]
     for iteration in range(limit):
         try:
-            delta, multipliers = _newton_step(system, alpha)
+            delta = _newton_step(system, alpha)
         except NoResultError:
             break
         new = np.clip(alpha + delta, SMALLEST, np.pi - SMALLEST)
@@ -160,8 +159,8 @@ def solve_angles(
     return real, np.where(converged, steps, 1), converged
 
 
-def _newton_step(system: _System, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(δα (m, 3), multipliers of the vertex conditions) of one step.
+def _newton_step(system: _System, alpha: FloatArray) -> FloatArray:
+    """δα (m, 3) of one step.
 
     With the Hessian Λ = diag(2/β²) the multipliers enter only through their new values, so the step solves
     min ½ δᵀΛδ + gᵀδ under the linearised conditions. The face conditions are eliminated first: their Schur
@@ -189,4 +188,4 @@ def _newton_step(system: _System, alpha: FloatArray) -> tuple[FloatArray, FloatA
     multipliers = Factor(sps.csc_matrix(schur)).solve(b2 - J @ step.ravel())
     correction = (J.T @ multipliers).reshape(-1, 3) * w
     correction -= w * (correction.sum(1) / total)[:, None]
-    return step + correction, multipliers
+    return step + correction

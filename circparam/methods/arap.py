@@ -16,8 +16,8 @@ from circparam.linear import Factor
 from circparam.mesh import Patches
 from circparam.methods.base import Layout, MethodOptions, check_pins, require_border
 from circparam.methods.descent import descend
-from circparam.methods.embed import embed
-from circparam.methods.unfold import mend
+from circparam.methods.embed import embed_start
+from circparam.methods.mend import mend
 from circparam.progress import Monitor
 
 LIMIT = 300
@@ -34,7 +34,7 @@ def arap(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
     if options.pins is not None:
         check_pins(patches, options.pins, 1)
         hold[options.pins.vertices] = True
-    uv, notes = embed(patches, options.start, options, monitor)
+    uv, notes = embed_start(patches, options.start, options, monitor)
     with monitor.stage("relax"):
         if options.pins is not None:
             uv = fit_pins(patches, uv, options)
@@ -90,7 +90,7 @@ def rigid_energy(
 
 
 def stiffness(patches: Patches, hold: BoolArray) -> tuple[Factor, BoolArray]:
-    """Factor of the cotangent Laplacian on the vertices that move, with a touch of ridge against translations."""
+    """Factor of the cotangent Laplacian on the vertices that move, with a touch of ridge for translations."""
     free = ~hold
     L = cotangent_laplacian(patches)
     d = L.diagonal()

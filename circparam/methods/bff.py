@@ -19,7 +19,7 @@ from circparam.linear import Factor
 from circparam.mesh import Patches, close_holes
 from circparam.methods.base import Layout, MethodOptions, require_border
 from circparam.methods.lscm import scaled
-from circparam.methods.unfold import mend
+from circparam.methods.mend import mend
 from circparam.progress import Monitor
 
 ROUNDS = 40  # of the fixed point iteration for the disk

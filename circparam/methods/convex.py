@@ -22,7 +22,9 @@ from circparam.weights import WEIGHTS, clamp_negative, half_edge_weights
 
 @dataclass(frozen=True, eq=False)
 class ConvexReport:
-    """negative (n_charts,): half-edges that leave a free vertex with a negative weight, before clamping. clamped: whether they were lifted. system: what was solved, to solve it again."""
+    """negative (n_charts,): half-edges that leave a free vertex with a negative weight, before
+    clamping. clamped: whether they were lifted. system: what was solved, to solve it again.
+    """
 
     negative: IntArray
     clamped: bool
@@ -66,8 +68,9 @@ def embed_convex(
 
     patches: disks, holes allowed (closed by virtual faces for the solve). weights: row of WEIGHTS. border: row
     of BORDERS. polygon: (k, 2), for the border of that name. grade: (n_vertices,), multiplies w_ij by
-    exp(grade_i − grade_j), which keeps all signs (see ``embed``). Returns ((n_vertices, 2) uv in units of the mesh,
-    every chart centred on the origin with about its own area; report).
+    exp(grade_i − grade_j), which keeps all signs (see ``embed``).
+    Returns ((n_vertices, 2) uv in units of the mesh, every chart centred on the origin with about its own
+    area; report).
     Raises OptionError for an unknown name, TopologyError where a chart is no disk, NoResultError where the
     system is singular (never with positive weights).
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -17,6 +18,16 @@ ARMIJO = 1e-4
 HALVINGS = 40
 
 
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """A step s and the change y of the gradient along it; for each group 1/sᵀy (0: no use) and yᵀHy."""
+
+    s: FloatArray
+    y: FloatArray
+    inverse: FloatArray
+    length: FloatArray
+
+
 def descend(
     energy: Energy,
     x: FloatArray,
@@ -28,7 +39,7 @@ def descend(
     memory: int = 8,
     monitor: Monitor | None = None,
 ) -> tuple[FloatArray, IntArray, list[str]]:
-    """Minimise the energy of every group of vertices (Nocedal, Wright 2006, algorithm 7.4, a start matrix given).
+    """Minimise the energy of every group of vertices (Nocedal, Wright 2006, algorithm 7.4).
 
     energy: x (v, 2) → (energies (n,), gradient (v, 2), zero where a vertex is held). group: (v,) int64.
     precondition: an approximate inverse Hessian, block diagonal over the groups. tolerance: a group stops when
@@ -39,7 +50,7 @@ def descend(
     steps = np.zeros(n, np.int64)
     idle = np.zeros(n, np.int64)
     reasons = np.full(n, "iterations", dtype="<U16")
-    pairs: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    pairs: list[_Pair] = []
     for iteration in range(limit):
         direction = -_two_loop(gradient, pairs, group, n, precondition)
         slope = _dot(gradient, direction, group, n)
@@ -48,15 +59,15 @@ def descend(
             plain = -precondition(gradient)
             direction = np.where(uphill[group][:, None], plain, direction)
             slope = _dot(gradient, direction, group, n)
-        trial, new_value, moved = _line_search(
+        trial, new_value, new_gradient, moved = _line_search(
             energy, x, value, direction, slope, group, open_groups
         )
-        _, new_gradient = energy(trial)
         s, y = trial - x, new_gradient - gradient
         curvature = _dot(s, y, group, n)
         norm = np.sqrt(_dot(s, s, group, n) * _dot(y, y, group, n))
         inverse = np.where(curvature > 1e-12 * norm, 1 / np.where(curvature > 0, curvature, 1), 0)
-        pairs = [*pairs, (s, y, inverse)][-memory:]
+        length = _dot(y, precondition(y), group, n)
+        pairs = [*pairs, _Pair(s, y, inverse, length)][-memory:]
         gain = value - new_value
         steps += open_groups & moved
         idle = np.where(gain > tolerance * np.abs(new_value), 0, idle + 1)
@@ -81,7 +92,7 @@ def _dot(a: FloatArray, b: FloatArray, group: IntArray, n: int) -> FloatArray:
 
 def _two_loop(
     gradient: FloatArray,
-    pairs: list[tuple[FloatArray, FloatArray, FloatArray]],
+    pairs: list[_Pair],
     group: IntArray,
     n: int,
     precondition: Precondition,
@@ -89,20 +100,19 @@ def _two_loop(
     """The inverse Hessian of the memory times the gradient; a pair without curvature has no effect."""
     q = gradient.copy()
     alphas = []
-    for s, y, inverse in reversed(pairs):
-        alpha = inverse * _dot(s, q, group, n)
+    for pair in reversed(pairs):
+        alpha = pair.inverse * _dot(pair.s, q, group, n)
         alphas.append(alpha)
-        q -= alpha[group][:, None] * y
+        q -= alpha[group][:, None] * pair.y
     r = precondition(q)
     if pairs:
-        s, y, inverse = pairs[-1]
-        length = _dot(y, precondition(y), group, n)
-        good = (inverse > 0) & (length > 0)
-        scale = np.where(good, 1 / np.where(good, inverse * length, 1.0), 1.0)
+        last = pairs[-1]
+        good = (last.inverse > 0) & (last.length > 0)
+        scale = np.where(good, 1 / np.where(good, last.inverse * last.length, 1.0), 1.0)
         r *= scale[group][:, None]
-    for (s, y, inverse), alpha in zip(pairs, reversed(alphas), strict=True):
-        beta = inverse * _dot(y, r, group, n)
-        r += (alpha - beta)[group][:, None] * s
+    for pair, alpha in zip(pairs, reversed(alphas), strict=True):
+        beta = pair.inverse * _dot(pair.y, r, group, n)
+        r += (alpha - beta)[group][:, None] * pair.s
     return r
 
 
@@ -114,12 +124,12 @@ def _line_search(
     slope: FloatArray,
     group: IntArray,
     open_groups: BoolArray,
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Armijo backtracking for each group; returns (x, energies, which groups have moved)."""
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Armijo backtracking for each group; returns (x, energies, gradient, which groups have moved)."""
     step = np.where(open_groups & (slope < 0), 1.0, 0.0)
     for _ in range(HALVINGS):
         trial = x + step[group][:, None] * direction
-        new_value, _ = energy(trial)
+        new_value, gradient = energy(trial)
         with np.errstate(invalid="ignore"):
             enough = new_value <= value + ARMIJO * step * slope
         enough |= step == 0
@@ -129,6 +139,6 @@ def _line_search(
     else:
         step = np.where(enough, step, 0.0)
         trial = x + step[group][:, None] * direction
-        new_value, _ = energy(trial)
+        new_value, gradient = energy(trial)
     still = step == 0
-    return trial, np.where(still, value, new_value), ~still
+    return trial, np.where(still, value, new_value), gradient, ~still

@@ -14,13 +14,15 @@ import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
 from circparam.arrays import BoolArray, FloatArray, IntArray
+from circparam.distortion import best_chart_scales, measure
 from circparam.mesh import Patches
 from circparam.methods.base import MethodOptions
 from circparam.methods.convex import ConvexReport, embed_convex
-from circparam.methods.unfold import flipped, mend
+from circparam.methods.unfold import flipped, unfold
 from circparam.progress import Monitor
 
 GRADES = (0.5, 1.0, 2.0, 3.0)
+CRUSHED = 1e5  # symmetric Dirichlet energy above which a convex map makes a poor start
 
 
 def embed(
@@ -40,8 +42,14 @@ def embed(
         uv, told = _graded(patches, weights, options, monitor, uv, bad)
         notes += told
     hold = None if options.border == "virtual" else _rim(patches)
-    uv, told = mend(patches, uv, weights, options, monitor, hold)
-    return uv, notes + told
+    left = int(_flips(patches, uv).sum())
+    if left:
+        with monitor.stage("unfold"):
+            uv, unfolded = unfold(patches, uv, hold, monitor)
+        after = int(unfolded.after.sum())
+        cure = "mended by the foldover-free energy" + (f" but for {after}" if after else "")
+        notes.append(f"{weights}: {left} flipped faces, {cure}")
+    return uv, notes
 
 
 def _embed(
@@ -62,6 +70,40 @@ def _embed(
         monitor,
         grade,
     )
+
+
+def embed_start(
+    patches: Patches, weights: str, options: MethodOptions, monitor: Monitor
+) -> tuple[FloatArray, list[str]]:
+    """``embed`` as a start for relaxation: charts that it crushes take the graded weights that distort least.
+
+    A tube with L/C = 6 starts at a symmetric Dirichlet energy of 77 instead of 3e15, and converges in 14 steps
+    instead of 52. Returns (uv, notes), every chart at its own best scale.
+    """
+    uv, notes = embed(patches, weights, options, monitor)
+    energy = _energies(patches, uv)
+    crushed = energy > CRUSHED
+    if crushed.any():
+        part, vertices, _ = patches.subset(crushed)
+        depth = border_depth(part)
+        best = energy[crushed]
+        for strength in GRADES:
+            new, _ = _embed(part, weights, options, monitor, strength * depth)
+            trial = _energies(part, new)
+            trial[_bad_charts(part, new)] = np.inf
+            better = (trial < best)[part.vertex_chart]
+            uv[vertices[better]] = new[better]
+            best = np.minimum(best, trial)
+        notes.append(
+            f"{weights}: {int(crushed.sum())} charts start from weights graded towards the border"
+        )
+    return uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None], notes
+
+
+def _energies(patches: Patches, uv: FloatArray) -> FloatArray:
+    """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale."""
+    scale = best_chart_scales(patches, uv)[patches.vertex_chart]
+    return measure(patches, uv * scale[:, None]).charts["sd"]
 
 
 def _graded(

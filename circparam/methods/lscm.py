@@ -25,7 +25,7 @@ from circparam.linear import ComplexFactor
 from circparam.mesh import Patches
 from circparam.methods.base import Layout, MethodOptions, Pins, check_pins, require_border
 from circparam.methods.convex import embed_convex
-from circparam.methods.unfold import mend
+from circparam.methods.mend import mend
 from circparam.progress import Monitor
 
 VARIANTS = ("spectral", "pinned")
@@ -132,7 +132,7 @@ def _chart_sums(values: ComplexArray, chart: IntArray, n: int) -> ComplexArray:
 def _rayleigh_ritz(
     patches: Patches, matrix: sps.csc_matrix, rim: FloatArray, x: ComplexArray
 ) -> ComplexArray:
-    """Rotate the subspace of each chart to its B-normalised Ritz vectors, in ascending order of their values."""
+    """Rotate the subspace of each chart to its B-normalised Ritz vectors, smallest value first."""
     chart, n, k = patches.vertex_chart, patches.n_charts, x.shape[1]
     size = np.sqrt(_chart_sums(rim[:, None] * np.abs(x) ** 2 + 0j, chart, n).real)
     x = x / np.maximum(size, 1e-300)[chart]
@@ -173,7 +173,7 @@ def conformal_pinned(patches: Patches, pins: Pins | None) -> tuple[ComplexArray,
     z[vertices] = places
     rows = matrix[free]
     z[free] = ComplexFactor(sps.csc_matrix(rows[:, free])).solve_complex(
-        -(rows[:, ~free] @ z[~free])
+        -np.asarray(rows[:, ~free] @ z[~free], np.complex128)
     )
     return z, held
 

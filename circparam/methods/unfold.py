@@ -6,7 +6,7 @@ flips; vertices on its rim keep their places, so that the rest of the map stays 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sps
@@ -15,14 +15,16 @@ import scipy.sparse.csgraph as csgraph
 from circparam.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
 from circparam.geometry import signed_areas
 from circparam.linear import Factor
-from circparam.mesh import Patches
-from circparam.methods.base import MethodOptions
+from circparam.mesh import Patches, corner_classes
 from circparam.methods.descent import descend
 from circparam.progress import Monitor
+from circparam.solve.newton import RelaxOptions, relax
 
-RINGS = (2, 5, 12, 30, 10**9)  # width of the region round a flipped face, tried in turn
+WHOLE = 10**9
+RINGS = (8, 3, 20, WHOLE)  # width of the region round a flipped face, tried in turn
 OUTER = 25
 INNER = 60
+POLISH = 10  # Newton steps on what was unfolded, for its shape
 AREA = 1.0  # weight of the area term against the shape term
 THINNEST = 0.02  # a reference triangle is at least so high, as a share of its longest edge
 
@@ -58,31 +60,34 @@ def unfold(
     """
     hold = np.zeros(patches.n_vertices, bool) if hold is None else hold
     n = patches.n_charts
-    bad = flipped(patches.faces, uv)
-    before = np.bincount(patches.chart[bad], minlength=n)
+    first = bad = flipped(patches.faces, uv)
     widest = 0
     uv = uv.copy()
+    touched = np.zeros(len(patches.faces), bool)
     for rings in RINGS:
         if not bad.any() or (monitor is not None and monitor.expired):
             break
         widest = rings
         region = _grow(patches, bad, rings)
-        new = _solve_region(patches, uv, region, hold, monitor)
-        # keep a region only where it has fewer flips than before: the next one starts from the better map
-        now = flipped(patches.faces, new)
-        better = np.bincount(patches.chart[now], minlength=n) <= np.bincount(
-            patches.chart[bad], minlength=n
-        )
-        uv = np.where(better[patches.vertex_chart][:, None], new, uv)
+        touched |= region
+        part = _region(patches, region, hold, uv)
+        x = _lowest(part, uv[part.source], monitor)
+        # a region is kept only where it has fewer flips than before: the next one starts from the better map
+        now = np.bincount(part.chart[flipped(part.faces, x)], minlength=part.n)
+        old = np.bincount(part.chart[flipped(part.faces, uv[part.source])], minlength=part.n)
+        keep = (now < old)[part.patches.vertex_chart] & ~part.fixed
+        uv[part.source[keep]] = x[keep]
         bad = flipped(patches.faces, uv)
-        if (region | ~bad[:]).all() and rings >= RINGS[-1]:
-            break
-    return uv, UnfoldReport(before, np.bincount(patches.chart[bad], minlength=n), widest)
+    if touched.any():
+        uv = _polished(patches, uv, touched, hold)
+        bad = flipped(patches.faces, uv)
+    count = [np.bincount(patches.chart[b], minlength=n) for b in (first, bad)]
+    return uv, UnfoldReport(count[0], count[1], widest)
 
 
 def _grow(patches: Patches, seed: BoolArray, rings: int) -> BoolArray:
     """(m,) faces within so many vertex rings of the seed faces; whole charts for a huge number."""
-    if rings >= RINGS[-1]:
+    if rings >= WHOLE:
         touched = np.zeros(patches.n_charts, bool)
         touched[patches.chart[seed]] = True
         return touched[patches.chart]
@@ -90,52 +95,79 @@ def _grow(patches: Patches, seed: BoolArray, rings: int) -> BoolArray:
     for _ in range(rings):
         near = np.zeros(patches.n_vertices, bool)
         near[patches.faces[region]] = True
-        region = near[patches.faces].any(1)
+        region = np.asarray(near[patches.faces].any(1))
     return region
 
 
-def _solve_region(
-    patches: Patches, uv: FloatArray, region: BoolArray, hold: BoolArray, monitor: Monitor | None
-) -> FloatArray:
-    """Minimise the energy of the faces of a region, with its rim and the held vertices fixed."""
-    outside = np.zeros(patches.n_vertices, bool)
-    outside[patches.faces[~region]] = True
-    vertices, local = np.unique(patches.faces[region], return_inverse=True)
-    faces = local.reshape(-1, 3)
-    fixed = (outside | hold)[vertices]
-    group, n = _components(faces, fixed, len(vertices))
-    face_group = group[faces].max(1)  # held vertices have group −1
-    use = face_group >= 0
-    faces, face_group = faces[use], face_group[use]
-    frames = _reference(patches.frames[region][use])
-    # centred for the digits; scaled so that a face of mean size has determinant 1
-    x = uv[vertices] - uv[vertices].mean(0)
-    signed = group_sum(signed_areas(faces, x), face_group, n)
-    size = group_sum(np.abs(signed_areas(faces, x)), face_group, n)
-    reference = group_sum(_areas(frames), face_group, n)
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Faces that move together, as patches of their own: one chart for each group of moving vertices.
+
+    source: vertex of the whole that each vertex is. fixed: it keeps its place (such a vertex may occur in
+    several groups). The frames are scaled so that a face of mean size has the area it has in the layout.
+    """
+
+    patches: Patches
+    source: IntArray
+    fixed: BoolArray
+
+    @property
+    def faces(self) -> IntArray:
+        """Faces of the part."""
+        return self.patches.faces
+
+    @property
+    def chart(self) -> IntArray:
+        """Group of each face."""
+        return self.patches.chart
+
+    @property
+    def n(self) -> int:
+        """Number of groups."""
+        return self.patches.n_charts
+
+    def groups(self, keep: BoolArray) -> tuple[_Part, IntArray]:
+        """Some groups only, and which vertex of this part each of theirs is."""
+        patches, vertices, _ = self.patches.subset(keep)
+        return _Part(patches, self.source[vertices], self.fixed[vertices]), vertices
+
+
+def _region(patches: Patches, region: BoolArray, hold: BoolArray, uv: FloatArray) -> _Part:
+    """The part of a region: vertices of faces outside it and held ones are fixed."""
+    fixed = hold.copy()
+    fixed[patches.faces[~region]] = True
+    region = region & ~fixed[patches.faces].all(1)
+    fid = np.flatnonzero(region)
+    label = _components(patches.faces[fid], fixed, patches.n_vertices)
+    chart = label[patches.faces[fid]].max(1)  # fixed vertices have label −1
+    _, chart = np.unique(chart, return_inverse=True)
+    local = np.full(len(patches.faces), -1)
+    local[fid] = np.arange(len(fid))
+    i, j = patches.edges[:, 0], patches.edges[:, 1]
+    both = region[i // 3] & region[j // 3]
+    edges = 3 * local[patches.edges[both] // 3] + patches.edges[both] % 3
+    edges = edges[chart[edges[:, 0] // 3] == chart[edges[:, 1] // 3]]
+    n, faces = corner_classes(len(fid), edges)
+    source = np.empty(n, np.int64)
+    source[faces.ravel()] = patches.faces[fid].ravel()
+    part = Patches(faces, _reference(patches.frames[fid]), chart, edges)
+    area = signed_areas(faces, uv[source])
+    signed = group_sum(area, chart, part.n_charts)
+    size = group_sum(np.abs(area), chart, part.n_charts)
+    # what the rim encloses is what the faces will share, unless the rim itself is folded
     wanted = np.where(signed > 0.05 * size, signed, size)
-    frames = frames * np.sqrt(np.maximum(wanted, 1e-300) / reference)[face_group][:, None, None]
-    problem = _Problem(
-        faces, face_group, n, frames, np.where(fixed, 0, np.maximum(group, 0)), fixed
-    )
-    new = problem.minimise(x, monitor)
-    out = uv.copy()
-    moved = ~fixed
-    out[vertices[moved]] = uv[vertices[moved]] + (new[moved] - x[moved])
-    return out
+    scale = np.sqrt(np.maximum(wanted, 1e-300) / part.chart_areas)
+    scaled = replace(part, frames=part.frames * scale[chart][:, None, None])
+    return _Part(scaled, source, fixed[source])
 
 
-def _components(faces: IntArray, fixed: BoolArray, n: int) -> tuple[IntArray, int]:
-    """Group of every vertex that may move (−1 for the others): those joined by faces move together."""
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    # two moving vertices of a face belong together even where the third is held
-    pairs = np.concatenate([pairs, faces[:, [2, 0]]])
+def _components(faces: IntArray, fixed: BoolArray, n: int) -> IntArray:
+    """(n,) label of every vertex that may move (−1 for the others): those joined by faces move together."""
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     pairs = pairs[~fixed[pairs].any(1)]
     graph = sps.coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     _, labels = csgraph.connected_components(graph, directed=False)
-    group = np.full(n, -1)
-    values, group[~fixed] = np.unique(labels[~fixed], return_inverse=True)
-    return group, len(values)
+    return np.where(fixed, -1, labels)
 
 
 def _areas(frames: FloatArray) -> FloatArray:
@@ -165,132 +197,116 @@ def _reference(frames: FloatArray) -> FloatArray:
 
 
 class _Problem:
-    """The foldover-free energy of some faces: Σ A (tr JᵀJ + λ(det² + 1)) / χ(det), χ = (D + √(ε² + D²))/2."""
+    """The foldover-free energy of a part: Σ A (tr JᵀJ + λ(det² + 1)) / χ(det), χ = (D + √(ε² + D²))/2.
 
-    def __init__(
-        self,
-        faces: IntArray,
-        face_group: IntArray,
-        n: int,
-        frames: FloatArray,
-        group: IntArray,
-        fixed: BoolArray,
-    ) -> None:
-        self.faces, self.face_group, self.n = faces, face_group, n
-        self.group, self.fixed = group, fixed
-        area = _areas(frames)
-        opposite = frames[:, [2, 0, 1]] - frames[:, [1, 2, 0]]
-        turned = np.stack([-opposite[..., 1], opposite[..., 0]], 2)
-        self.gradients = turned / (2 * area)[:, None, None]  # (m, corner, 2)
-        total = group_sum(area, face_group, n)
-        self.weight = area / total[face_group]
-        self.epsilon = np.ones(n)
+    Arrays have their components first, (2, 2, m), so that every operation runs over contiguous faces.
+    """
+
+    def __init__(self, part: _Part, epsilon: FloatArray) -> None:
+        p = part.patches
+        self.part, self.epsilon = part, epsilon[p.chart]
+        self.gradients = np.ascontiguousarray(p.gradients.transpose(1, 2, 0))  # (2, corner, m)
+        self.weight = p.areas / p.chart_areas[p.chart]
+        m = len(p.faces)
+        self.scatter = sps.csr_matrix(
+            (np.ones(3 * m), (p.faces.T.ravel(), np.arange(3 * m))), shape=(p.n_vertices, 3 * m)
+        )
 
     def jacobian(self, x: FloatArray) -> FloatArray:
-        """(m, 2, 2), from differences."""
-        p = x[self.faces]
-        g = self.gradients
-        d, e = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-        return d[:, :, None] * g[:, None, 1] + e[:, :, None] * g[:, None, 2]
+        """(2, 2, m), from differences."""
+        f, g = self.part.faces, self.gradients
+        origin = x[f[:, 0]]
+        d, e = (x[f[:, 1]] - origin).T, (x[f[:, 2]] - origin).T
+        result: FloatArray = d[:, None] * g[None, :, 1] + e[:, None] * g[None, :, 2]
+        return result
+
+    def determinants(self, x: FloatArray) -> FloatArray:
+        """(m,) determinant of the Jacobian of each face."""
+        j = self.jacobian(x)
+        result: FloatArray = j[0, 0] * j[1, 1] - j[0, 1] * j[1, 0]
+        return result
+
+    def barrier(self, det: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(χ, √(ε² + D²)); ε²/(√ − D)/2 is χ without cancellation where D < 0."""
+        root = np.sqrt(self.epsilon**2 + det**2)
+        chi = np.where(det >= 0, det + root, self.epsilon**2 / (root - np.minimum(det, 0)))
+        return chi / 2, root
 
     def energy(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Energies of the groups and the gradient."""
         j = self.jacobian(x)
-        det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-        trace = (j * j).sum((1, 2))
-        root = np.sqrt(self.epsilon[self.face_group] ** 2 + det**2)
-        # ε²/(√ − D)/2 is the same number without cancellation where D < 0
-        chi = np.where(
-            det >= 0, det + root, self.epsilon[self.face_group] ** 2 / (root - np.minimum(det, 0))
-        )
-        chi = chi / 2
-        top = trace + AREA * (det**2 + 1)
-        value = group_sum(self.weight * top / chi, self.face_group, self.n)
-        slope = chi / root  # χ' = (1 + D/√)/2
-        adjugate = np.empty_like(j)
-        adjugate[:, 0, 0], adjugate[:, 1, 1] = j[:, 1, 1], j[:, 0, 0]
-        adjugate[:, 0, 1], adjugate[:, 1, 0] = -j[:, 1, 0], -j[:, 0, 1]
-        by_det = (2 * AREA * det - top * slope / chi) / chi
-        stress = 2 * j / chi[:, None, None] + by_det[:, None, None] * adjugate
-        stress *= self.weight[:, None, None]
-        corner = np.einsum("mij,mkj->mki", stress, self.gradients).reshape(-1, 2)
-        flat = self.faces.ravel()
-        out = np.stack([group_sum(np.ascontiguousarray(c), flat, len(x)) for c in corner.T], 1)
-        out[self.fixed] = 0.0
+        (a, b), (c, d) = j
+        det = a * d - b * c
+        chi, root = self.barrier(det)
+        top = a * a + b * b + c * c + d * d + AREA * (det**2 + 1)
+        value = group_sum(self.weight * top / chi, self.part.chart, self.part.n)
+        by_det = (2 * AREA * det - top / root) * self.weight / chi  # χ' = χ/√
+        scale = 2 * self.weight / chi
+        stress = scale * j
+        stress[0, 0] += by_det * d
+        stress[0, 1] -= by_det * c
+        stress[1, 0] -= by_det * b
+        stress[1, 1] += by_det * a
+        g = self.gradients
+        corner = stress[:, 0, None] * g[0] + stress[:, 1, None] * g[1]  # (uv, corner, m)
+        out: FloatArray = self.scatter @ corner.reshape(2, -1).T
+        out[self.part.fixed] = 0.0
         return value, out
 
-    def start_matrix(self, x: FloatArray) -> Factor:
+    def start_matrix(self, x: FloatArray) -> tuple[Factor, IntArray]:
         """Factor of Σ A/χ gᵀg on the moving vertices: the part of the Hessian that is always positive."""
-        j = self.jacobian(x)
-        det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-        eps = self.epsilon[self.face_group]
-        chi = np.maximum((det + np.sqrt(eps**2 + det**2)) / 2, 1e-2 * eps)
+        chi, _ = self.barrier(self.determinants(x))
         weight = self.weight / np.maximum(chi, 1e-3)
-        blocks = np.einsum("mki,mli->mkl", self.gradients, self.gradients) * weight[:, None, None]
-        rows = np.repeat(self.faces, 3, axis=1).ravel()
-        columns = np.tile(self.faces, (1, 3)).ravel()
-        nv = len(x)
-        matrix = sps.csr_matrix((blocks.ravel(), (rows, columns)), shape=(nv, nv))
-        move = np.flatnonzero(~self.fixed)
+        g = self.gradients
+        blocks = (g[0][:, None] * g[0][None] + g[1][:, None] * g[1][None]) * weight
+        f = self.part.faces.T
+        rows, columns = np.broadcast_arrays(f[:, None], f[None])
+        n = len(x)
+        matrix = sps.csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n))
+        move = np.flatnonzero(~self.part.fixed)
         matrix = matrix[move][:, move]
         ridge = 1e-8 * matrix.diagonal() + 1e-12 * float(matrix.diagonal().mean())
-        return Factor(sps.csc_matrix(matrix + sps.diags(ridge)))
-
-    def minimise(self, x: FloatArray, monitor: Monitor | None) -> FloatArray:
-        """Lower ε with the worst determinant until all are positive."""
-        move = np.flatnonzero(~self.fixed)
-        good_once = np.zeros(self.n, bool)
-        best = x
-        for _ in range(OUTER):
-            j = self.jacobian(x)
-            det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-            worst = group_min(det, self.face_group, self.n)
-            good = worst > 0
-            best = np.where((good | ~good_once)[self.group][:, None], x, best)
-            if (good & good_once).all():  # one round more after the first good one, for some margin
-                break
-            good_once |= good
-            self.epsilon = np.sqrt(1e-12 + 0.04 * np.minimum(worst, 0.0) ** 2)
-            factor = self.start_matrix(x)
-
-            def precondition(g: FloatArray, factor: Factor = factor) -> FloatArray:
-                out = np.zeros_like(g)
-                out[move] = factor.solve(g[move])
-                return out
-
-            x, _, _ = descend(
-                self.energy, x, self.group, self.n, precondition, 1e-4, INNER, monitor=None
-            )
-            if monitor is not None and monitor.expired:
-                break
-        j = self.jacobian(x)
-        det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-        good = group_min(det, self.face_group, self.n) > 0
-        return np.where((good | ~good_once)[self.group][:, None], x, best)
+        return Factor(sps.csc_matrix(matrix + sps.diags(ridge))), move
 
 
-def mend(
-    patches: Patches,
-    uv: FloatArray,
-    name: str,
-    options: MethodOptions,
-    monitor: Monitor,
-    hold: BoolArray | None = None,
-) -> tuple[FloatArray, list[str]]:
-    """Unfold what a method without a guarantee has flipped, and say so in one line.
+def _lowest(part: _Part, x: FloatArray, monitor: Monitor | None) -> FloatArray:
+    """Lower ε with the worst determinant of each group until all of its faces are upright."""
+    out = x.copy()
+    all_vertices = np.arange(len(x))
+    for _ in range(OUTER):
+        problem = _Problem(part, np.ones(part.n))
+        worst = group_min(problem.determinants(x), part.chart, part.n)
+        left = worst <= 1e-9
+        if not left.any() or (monitor is not None and monitor.expired):
+            break
+        if not left.all():
+            part, vertices = part.groups(left)
+            x, worst, all_vertices = x[vertices], worst[left], all_vertices[vertices]
+        problem = _Problem(part, np.sqrt(1e-12 + 0.04 * np.minimum(worst, 0.0) ** 2))
+        factor, move = problem.start_matrix(x)
 
-    Returns (uv, notes). With ``options.repair`` off the flips stay, and are told.
-    """
-    bad = flipped(patches.faces, uv)
-    if not bad.any():
-        return uv, []
-    charts = len(np.unique(patches.chart[bad]))
-    count = f"{name}: {int(bad.sum())} flipped faces in {charts} charts"
-    if not options.repair:
-        return uv, [f"{count}; they stay, as asked"]
-    with monitor.stage("unfold"):
-        uv, report = unfold(patches, uv, hold, monitor)
-    left = int(report.after.sum())
-    if left == 0:
-        return uv, [f"{count}, mended by the foldover-free energy"]
-    return uv, [f"{count}, mended by the foldover-free energy but for {left} faces"]
+        def precondition(
+            g: FloatArray, factor: Factor = factor, move: IntArray = move
+        ) -> FloatArray:
+            result = np.zeros_like(g)
+            result[move] = factor.solve(g[move])
+            return result
+
+        group = part.patches.vertex_chart
+        x, _, _ = descend(problem.energy, x, group, part.n, precondition, 1e-4, INNER)
+        out[all_vertices] = x
+        if monitor is not None:
+            monitor.update(0.5, f"{int(left.sum())} regions to unfold")
+    return out
+
+
+def _polished(patches: Patches, uv: FloatArray, touched: BoolArray, hold: BoolArray) -> FloatArray:
+    """A few Newton steps of the symmetric Dirichlet energy where faces were moved: unfolding leaves them
+    upright, and this gives them back their shape. Groups that still hold a flipped face are left alone."""
+    part = _region(patches, touched, hold, uv)
+    options = RelaxOptions(tolerance=1e-3, max_iterations=POLISH, fixed=part.fixed)
+    x = relax(part.patches, uv[part.source], options).uv
+    out = uv.copy()
+    moved = ~part.fixed
+    out[part.source[moved]] = x[moved]
+    return out
