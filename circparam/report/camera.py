@@ -90,7 +90,9 @@ def best_directions(
     so_far = np.zeros(samples)
     for k in range(count):
         gain = np.maximum(seen - so_far, 0).sum(1) + (0.2 * seen.sum(1) if k else 0)
-        best.append(int(np.argmax(gain * bonus)))
+        # a side much like one that is shown already says little, even where all of it is seen well
+        alike = (directions @ directions[best].T > 0.82).any(1)
+        best.append(int(np.argmax(np.where(alike, -1.0, gain * bonus))))
         so_far = np.maximum(so_far, seen[best[-1]])
     return directions[best]
 

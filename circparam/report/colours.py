@@ -1,7 +1,8 @@
 """Colours of every picture and page, in one place: calm, and told apart by the colour-blind.
 
-Chart colours are those of Okabe and Ito (2008). The stretch map runs from pale to dark with falling
-lightness, interpolated in OKLab (Ottosson 2020), so that it reads in grey as well.
+Chart colours are those of Okabe and Ito (2008), with an indigo of Tol (2021) for their black. The stretch map
+runs from pale to dark with falling lightness, interpolated in OKLab (Ottosson 2020), so that it reads in grey
+as well.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ HAIRLINE = "#dfe3e8"
 PANEL = "#f5f6f8"
 PAPER = "#ffffff"
 FLIP = "#00b7c7"  # flipped faces: a hue that the stretch map never takes
-OVERLAP = "#c2185b"
 NO_UV = "#c8ccd2"
 
 CHARTS = (
@@ -26,8 +26,8 @@ CHARTS = (
     "#cc79a7",
     "#56b4e9",
     "#d55e00",
-    "#b9a800",
-    "#7b6fb0",
+    "#f0e442",
+    "#332288",
 )
 STRETCH_STOPS = ("#f4f1e6", "#f5d58a", "#ef9a4c", "#d4553f", "#93295f", "#4b1a5c", "#1d0f3a")
 

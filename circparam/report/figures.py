@@ -34,7 +34,8 @@ class PictureOptions:
 
     title: the heading. note: words beside it. up: the axis that points up. padding: of the layout, in uv
     units (0 shows none). stretch_end: end of the colour scale, None for the value that 99 % stay below.
-    directions: (d, 3) sides to look from, None for those that show most. For pages only: repairs, one line
+    directions: (d, 3) sides to look from, None for those that show most. samples: along a pixel's side, to
+    smooth edges; None takes 3, or 2 for large meshes. For pages only: repairs, one line
     each; images, the mesh's own textures; image_note, why there are none.
     """
 
@@ -44,6 +45,7 @@ class PictureOptions:
     padding: float = 0.0
     stretch_end: float | None = None
     directions: FloatArray | None = None
+    samples: int | None = None
     repairs: tuple[str, ...] = ()
     images: PageImages | None = None
     image_note: str = "this mesh has no texture"

@@ -97,7 +97,7 @@ def _table(figures: Figures) -> str:
 
 def _list(lines: Sequence[str]) -> str:
     if not lines:
-        return "<p>Nothing had to be repaired.</p>"
+        return "<p>None.</p>"
     return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
 
 

@@ -58,13 +58,13 @@ def draw_figure(
     figures: (label, text) pairs to print; None prints what the scene itself tells.
     """
     options = options or PictureOptions()
-    factor = 3 if len(scene.faces) < 200_000 else 2
+    factor = options.samples or (3 if len(scene.faces) < 200_000 else 2)
     directions = options.directions
     if directions is None:
         directions = best_directions(scene, 2, options.up)
     top = options.stretch_end or col.stretch_top(scene.stretch, scene.areas * scene.mapped)
     cells = checker_cells(scene)
-    plan = draw_plan(scene, 720, 2, cells=cells, padding=options.padding)
+    plan = draw_plan(scene, 720, min(factor, 2), cells=cells, padding=options.padding)
     width, height = 390, 345
     views = [
         see(scene, look_from(scene, d, options.up, width / height), width, height, factor)
@@ -75,7 +75,8 @@ def draw_figure(
     _heading(draw, options, scene)
     y = 128
     page.paste(to_image(plan.image), (MARGIN, y))
-    _label(draw, MARGIN, y - 26, "Layout", _tile_note(scene))
+    note = _tile_note(scene) + ("; hatched where it overlaps" if plan.overlap > 1e-4 else "")
+    _label(draw, MARGIN, y - 26, "Layout", note)
     for k, view in enumerate(views):
         x = MARGIN + 720 + 40 + k * (width + 20)
         page.paste(_checker_view(scene, view, cells), (x, y))

@@ -198,7 +198,8 @@ def draw_plan(
         flat[pixel[scene.flipped[seen]]] = col.rgb(col.FLIP)
     double = layers.ravel()[pixel] > 1
     stripe = ((pixel % n + pixel // n) // (3 * factor)) % 2 == 0
-    flat[pixel[double & stripe]] = col.rgb(col.OVERLAP)
+    twice = pixel[double & stripe]
+    flat[twice] = col.mix(flat[twice], col.rgb(col.INK), 0.5)
     _draw_borders(image, scene, uv, factor)
     return Plan(
         np.clip(shrink(image, factor), 0, 1),

@@ -48,7 +48,12 @@ class Scene:
 
     @cached_property
     def inside_out(self) -> bool:
-        """Whether the faces are wound inwards: the signed volume about the middle is negative."""
+        """Whether a (nearly) closed surface is wound inwards: its signed volume is negative."""
+        whole = float(np.linalg.norm(self._crosses, axis=1).sum())
+        if (
+            np.linalg.norm(self._crosses.sum(0)) > 0.02 * whole
+        ):  # the sum of a closed surface is zero
+            return False
         p = self.points[self.faces].mean(1)
         middle = (p * self.areas[:, None]).sum(0) / max(float(self.areas.sum()), 1e-300)
         return bool(np.einsum("ij,ij->", p - middle, self._crosses) < 0)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from PIL import Image
 
-from circparam.appearance import decode, media_type, textures
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.mesh import UVMap
+from circparam.report.appearance import decode, media_type, textures
 from circparam.report.figures import PageImages, PictureOptions
 from circparam.report.picture import save_scene
 from circparam.report.scene import Scene, make_scene

@@ -14,14 +14,8 @@ import numpy.typing as npt
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
-from circparam.appearance import colours, decode, texture_layout, textures
 from circparam.arrays import BoolArray, FloatArray, IntArray, group_max, group_min
-from circparam.errors import InputError, OptionError
-from circparam.formats.document import Document
-from circparam.mesh import Mesh, UVMap
-from circparam.progress import Monitor
-from circparam.report.raster import barycentric, fragments
-from circparam.sampling import (
+from circparam.bake.sampling import (
     Paint,
     closest_paint,
     corner_paint,
@@ -29,6 +23,12 @@ from circparam.sampling import (
     texel_ratio,
     texture_paint,
 )
+from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document
+from circparam.mesh import Mesh, UVMap
+from circparam.progress import Monitor
+from circparam.report.appearance import colours, decode, texture_layout, textures
+from circparam.report.raster import barycentric, fragments
 
 KINDS = ("vertex-colors", "texture")
 MAX_SIZE = 16384
@@ -212,7 +212,7 @@ def to_image(array: npt.NDArray[np.uint8]) -> Image.Image:
 
 def sample_back(baked: Baked, layout: UVMap, face: IntArray, bary: FloatArray) -> FloatArray:
     """(p, c) colours of a baked layout at places of the surface, 0..1: what a renderer would show."""
-    from circparam.sampling import bilinear
+    from circparam.bake.sampling import bilinear
 
     tile = tiles_of(layout)[face]
     uv = np.einsum("pk,pkc->pc", bary, layout.uv[layout.uv_faces[face]]) - tile

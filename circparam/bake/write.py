@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.bake import Baked, to_image
+from circparam.bake.atlas import Baked, to_image
 from circparam.errors import InputError, OptionError
 from circparam.formats import Document, WriteOptions, encode
 from circparam.report.figures import write_bytes

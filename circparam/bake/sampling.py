@@ -11,15 +11,17 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.appearance import Textures, decode
 from circparam.arrays import FloatArray, IntArray, cross2
 from circparam.errors import InputError
 from circparam.mesh import Mesh, UVMap
+from circparam.report.appearance import Textures, decode
+from circparam.report.scene import row_labels
 
 Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 
 CANDIDATES = 6  # nearest samples whose faces are tried for the closest point
 BLOCK = 200_000  # places at once
+WALK = 8  # steps to neighbouring faces, at most
 
 
 def corner_paint(corners: FloatArray) -> Paint:
@@ -93,11 +95,12 @@ class Closest:
     """Closest points on a surface, for many places at once.
 
     Every face is sampled, more often where it is larger; the exact closest point is sought on the faces of
-    the nearest samples.
+    the nearest samples, and then on the neighbours of the best face for as long as one of them is nearer.
     """
 
     def __init__(self, points: FloatArray, faces: IntArray) -> None:
         self.corners = points[faces]
+        self.beside = neighbours(points, faces)
         a = self.corners[:, 1] - self.corners[:, 0]
         b = self.corners[:, 2] - self.corners[:, 0]
         area = np.linalg.norm(np.cross(a, b), axis=1)
@@ -127,10 +130,38 @@ class Closest:
             b, d2 = closest_on_triangles(q[:, None], self.corners[candidates])
             best = np.argmin(d2, axis=1)
             rows = np.arange(len(q))
-            face[part] = candidates[rows, best]
-            bary[part] = b[rows, best]
+            face[part], bary[part] = candidates[rows, best], b[rows, best]
             distance[part] = np.sqrt(d2[rows, best])
+            self._walk(q, face[part], bary[part], distance[part])
         return face, bary, distance
+
+    def _walk(self, q: FloatArray, face: IntArray, bary: FloatArray, distance: FloatArray) -> None:
+        """Go on to neighbouring faces while that brings a place nearer; the arrays are changed in place."""
+        moving = np.arange(len(q))
+        for _ in range(WALK):
+            candidates = self.beside[face[moving]]
+            b, d2 = closest_on_triangles(q[moving, None], self.corners[candidates])
+            best = np.argmin(d2, axis=1)
+            rows = np.arange(len(moving))
+            nearer = np.sqrt(d2[rows, best]) < distance[moving]
+            rows, moving = rows[nearer], moving[nearer]
+            if len(moving) == 0:
+                return
+            face[moving], bary[moving] = candidates[rows, best[rows]], b[rows, best[rows]]
+            distance[moving] = np.sqrt(d2[rows, best[rows]])
+
+
+def neighbours(points: FloatArray, faces: IntArray) -> IntArray:
+    """(m, 3) the face across each side, the face itself where there is none; sides meet by position."""
+    w = row_labels(points)[faces]
+    a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
+    key = np.minimum(a, b) * (int(w.max()) + 1) + np.maximum(a, b)
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    out = np.repeat(np.arange(len(faces)), 3)
+    i, j = order[:-1][same], order[1:][same]
+    out[j], out[i] = i // 3, j // 3
+    return out.reshape(-1, 3)
 
 
 def closest_on_triangles(p: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
