@@ -71,6 +71,9 @@ fuzz: $(VENV)/.dev ## hostile meshes and broken files: make fuzz FUZZ=5000 SEED=
 figures: $(VENV)/.dev ## the pictures of README and docs
 	$(RUN) -m tests.figures
 
+docs: $(VENV)/.dev ## docs/cli.md out of the help texts
+	$(RUN) -m tests.reference
+
 clean: ## remove what make has made
 	rm -rf $(VENV) demo-output test-artefacts build dist *.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -29,6 +29,7 @@ from circparam.errors import (
 
 if TYPE_CHECKING:
     from circparam.formats import Document, read, write
+    from circparam.inspection import inspect
     from circparam.mesh import Mesh, UVMap
     from circparam.options import Options
     from circparam.output import save
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 _HOME = {
     "unwrap": "circparam.pipeline",
     "repack": "circparam.pipeline",
+    "inspect": "circparam.inspection",
     "Result": "circparam.result",
     "save": "circparam.output",
     "Options": "circparam.options",
@@ -66,6 +68,7 @@ __all__ = [
     "TopologyError",
     "UVMap",
     "__version__",
+    "inspect",
     "read",
     "repack",
     "save",

@@ -17,7 +17,7 @@ PACKAGE = ROOT / "circparam"
 FLOORS: list[tuple[str, set[str]]] = [
     ("ground", {"errors", "arrays", "registry", "progress", "_version"}),
     ("data", {"mesh", "options"}),
-    ("topology", {"topology", "manifold"}),
+    ("topology", {"topology", "manifold", "graphs"}),
     ("geometry", {"geometry", "linear"}),
     (
         "parts",
@@ -37,7 +37,17 @@ FLOORS: list[tuple[str, set[str]]] = [
     ("families", {"methods", "seams", "packing", "formats"}),
     (
         "pipeline",
-        {"verify", "sidecars", "chain", "stages", "result", "output", "pipeline", "samples"},
+        {
+            "verify",
+            "inspection",
+            "sidecars",
+            "chain",
+            "stages",
+            "result",
+            "output",
+            "pipeline",
+            "samples",
+        },
     ),
     ("reports", {"report", "compare", "baseline", "isolated", "table1", "bake"}),
     ("command line", {"cli"}),

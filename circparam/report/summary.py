@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from circparam._version import __version__
 
 if TYPE_CHECKING:
+    from circparam.inspection import Inspection
     from circparam.pipeline import Result
 
 SCHEMA = "circparam/{}/1"
@@ -43,6 +44,24 @@ def summarise(result: Result) -> dict[str, Any]:
         "notes": result.notes,
         "seconds": round(sum(result.seconds.values()), 4),
         "stages": {name: round(value, 4) for name, value in result.seconds.items()},
+    }
+
+
+def summarise_check(found: Inspection) -> dict[str, Any]:
+    """One JSON document about a mesh as it is; ``uv`` is null where no uv set was judged."""
+    uv = None
+    if found.uv is not None:
+        uv = {k: plain(v) for k, v in found.uv.numbers().items()}
+        uv |= {"outside": len(found.uv.outside), "valid": found.uv.valid, "faults": found.faults}
+    return {
+        "schema": SCHEMA.format("check"),
+        "version": __version__,
+        "input": found.document.source.name,
+        "format": found.document.format,
+        **found.topology.as_dict(),
+        "uv_sets": list(found.uv_sets),
+        "uv": uv,
+        "notes": found.notes,
     }
 
 

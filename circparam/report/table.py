@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from rich.console import Console
@@ -54,8 +55,72 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     return table
 
 
+LISTED = 12  # components that a table shows
+
+
+def check_table(report: dict[str, Any]) -> Table:
+    """What a mesh is, and what its uv are worth."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+
+    def row(name: str, value: object) -> None:
+        table.add_row(name, _plain(value))
+
+    row("input", f"{report['input']} ({report['format'].upper()})")
+    unused = report["unreferenced_vertices"]
+    row(
+        "vertices", f"{report['vertices']}" + (f" and {unused} that no face uses" if unused else "")
+    )
+    row("edges, faces", f"{report['edges']}, {report['faces']}")
+    row("Euler, genus", f"{report['euler']}, {'-' if report['genus'] is None else report['genus']}")
+    row("borders", report["borders"])
+    for name, label in _DEFECTS.items():
+        if report[name]:
+            row(label, report[name])
+    parts = report["component_list"]
+    for number, part in enumerate(parts[:LISTED]):
+        lengths = ", ".join(f"{x:.4g}" for x in part["border_lengths"][:4])
+        more = ", ..." if len(part["border_lengths"]) > 4 else ""
+        borders = f"; borders of length {lengths}{more}" if lengths else ""
+        row(f"component {number}", f"{part['verdict']}, {part['faces']} faces{borders}")
+    if len(parts) > LISTED:
+        row("", f"and {len(parts) - LISTED} components more")
+    row("uv sets", ", ".join(map(str, report["uv_sets"])) or "none")
+    if report["uv"] is not None:
+        _uv_rows(row, report["uv"])
+    return table
+
+
+_DEFECTS = {
+    "nonmanifold_edges": "non-manifold edges",
+    "nonmanifold_vertices": "non-manifold vertices",
+    "inconsistent_edges": "winding conflicts",
+    "degenerate_faces": "degenerate faces",
+    "duplicate_faces": "duplicate faces",
+}
+
+
+def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
+    row("charts", uv["charts"])
+    row("flips, overlaps, mirrored", f"{uv['flips']}, {uv['overlap']}, {uv['mirrored']}")
+    row(
+        "distortion",
+        f"{_number(uv['distortion'])} (worst chart {_number(uv['distortion_max_chart'])})",
+    )
+    row("stretch L2, L-infinity", f"{_number(uv['stretch_l2'])}, {_number(uv['stretch_linf'])}")
+    row("angle, area", f"{_number(uv['angle'])}, {_number(uv['area'])}")
+    row("seam length", f"{_number(uv['seam_length'])} x sqrt(area)")
+    if uv["pack"] is not None:
+        row("packed", f"{100 * uv['pack']:.1f} %")
+    for line in uv["faults"]:
+        row("fault", line)
+
+
 def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4f}"
+    if value is None or value > 1e100:
+        return "-" if value is None else "infinite"
+    return f"{value:.4f}" if value < 1e4 else f"{value:.3g}"
 
 
 def _plain(text: object) -> str:

@@ -1,0 +1,70 @@
+"""``circparam check``: what a mesh is, and what its uv are worth."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+
+from circparam.cli import options, progress
+
+_EPILOG = """\b
+Examples:
+  circparam check mesh.obj
+  circparam check mesh.glb --uv --json
+  circparam check mesh.obj --require disk && circparam unwrap mesh.obj --cut none
+  circparam check mesh.glb --uv --fail-if 'flips>0,overlap>0'
+"""
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("mesh", metavar="MESH", type=options.MESH)
+@options.apply(
+    click.option("--uv", is_flag=True, help="Judge the uv that the file has."),
+    options.uv_set,
+    options.resolution,
+    options.padding,
+    click.option(
+        "--require", type=click.Choice(["disk"]), help="Exit 4 unless every component is one."
+    ),
+    click.option("--weld", type=float, metavar="EPS", help="Weld vertices up to this distance."),
+    options.gates,
+    options.format_option,
+    options.json_option,
+    options.quiet,
+)
+def command(mesh: str, **given: Any) -> None:
+    """Report topology, and with --uv judge a uv set that is there.
+
+    Vertices, faces, components, Euler characteristic, genus, borders, what is non-manifold, degenerate,
+    duplicate or wound inconsistently; with --uv flips, overlaps, mirrored charts, distortion, seams, packing.
+    """
+    from circparam.errors import GateError, OptionError
+    from circparam.formats import read
+    from circparam.inspection import inspect, require_disks
+    from circparam.report.summary import summarise_check
+    from circparam.verify import parse_gates
+
+    wants_uv = given["uv"] or given["uv_set"] is not None
+    for name in ("resolution", "padding", "fail_if"):
+        if given[name] is not None and not wants_uv:
+            raise OptionError(f"--{name.replace('_', '-')} has no effect without --uv")
+    gates = parse_gates(given["fail_if"])
+    keywords = {k: given[k] for k in ("weld", "resolution", "padding") if given[k] is not None}
+    if wants_uv:
+        keywords["uv_set"] = given["uv_set"] or 0
+    with progress.listener(mesh, given["quiet"]):
+        found = inspect(read(mesh, format=given["format"]), **keywords)
+    report = summarise_check(found)
+    if given["as_json"]:
+        click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
+    elif not given["quiet"]:
+        from circparam.report.table import check_table, console
+
+        console().print(check_table(report))
+    if given["require"] == "disk":
+        require_disks(found)
+    missed = gates.missed(report["uv"] or {})
+    if missed:
+        raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")

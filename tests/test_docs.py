@@ -1,0 +1,97 @@
+"""The documentation runs: the reference is current, links resolve, examples do what they say."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from circparam.cli import COMMANDS, cli
+from tests import reference
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")])
+
+
+def test_the_reference_is_current() -> None:
+    assert reference.PAGE.read_text("utf-8") == reference.page(), "run make docs"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_resolve(path: Path) -> None:
+    text = re.sub(r"```.*?```", "", path.read_text("utf-8"), flags=re.S)
+    wrong = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if "://" in target or target.startswith(("#", "mailto:")):
+            continue
+        if not (path.parent / target.split("#")[0]).exists():
+            wrong.append(target)
+    assert not wrong, wrong
+
+
+def test_tests_named_in_the_guarantees_exist() -> None:
+    text = (ROOT / "docs" / "guarantees.md").read_text("utf-8")
+    names = re.findall(r"`(tests/[\w/.*]+)(?:::(\w+))?`", text)
+    assert names
+    wrong = []
+    for file, test in names:
+        found = list(ROOT.glob(file)) if "*" in file else [ROOT / file]
+        if not found or not all(p.exists() for p in found):
+            wrong.append(file)
+        elif test and f"def {test}(" not in found[0].read_text("utf-8"):
+            wrong.append(f"{file}::{test}")
+    assert not wrong, wrong
+
+
+def console_commands(path: Path) -> list[list[str]]:
+    """The ``$`` lines of the console blocks of a page, as arguments."""
+    out = []
+    for block in re.findall(r"```console\n(.*?)```", path.read_text("utf-8"), re.S):
+        for line in block.splitlines():
+            if line.startswith("$ circparam "):
+                out.append(shlex.split(line[2:])[1:])
+    return out
+
+
+def test_the_tutorial_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every command of the tutorial, in order, in one folder; none fails."""
+    monkeypatch.chdir(tmp_path)
+    commands = console_commands(ROOT / "docs" / "tutorial.md")
+    assert len(commands) > 10
+    for args in commands:
+        result = CliRunner().invoke(cli, args)
+        assert result.exit_code == 0, (args, result.stderr)
+
+
+def test_python_examples_of_the_tutorial() -> None:
+    failed, tried = doctest.testfile(
+        str(ROOT / "docs" / "tutorial.md"),
+        module_relative=False,
+        optionflags=doctest.NORMALIZE_WHITESPACE | doctest.IGNORE_EXCEPTION_DETAIL,
+    )
+    assert tried > 5
+    assert failed == 0
+
+
+def test_the_readme_names_every_command() -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert [name for name in COMMANDS if f"circparam {name}" not in text] == []
+
+
+def test_options_in_prose_exist() -> None:
+    """An option that README, tutorial or guarantees name is an option of some command."""
+    known = set(re.findall(r"--[a-z][a-z-]*", reference.page()))
+    for name in ("README.md", "docs/tutorial.md", "docs/guarantees.md", "docs/index.md"):
+        named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", (ROOT / name).read_text("utf-8")))
+        assert not named - known, (name, named - known)
+
+
+def test_make_help_lists_every_target() -> None:
+    text = (ROOT / "Makefile").read_text("utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", text, re.M))
+    told = set(re.findall(r"^([a-z-]+):.*## ", text, re.M))
+    assert targets == told
