@@ -27,6 +27,7 @@ from circparam.mesh import Mesh, UVMap
 from circparam.topology import Surface
 
 DEGENERATE = 1e-12  # a face with area <= this x longest edge² is degenerate
+TINY = 1e-50  # also one whose edges are this much shorter than the longest: its squares underflow
 POINT_PAIRS = 64  # more pairs within the weld tolerance than this a vertex: the tolerance is absurd
 
 
@@ -52,7 +53,7 @@ class Repairs:
     they have no area. twins: (t,) faces set aside because an earlier one, twin_of (t,), has the same three
     points. turned: faces solved on with reversed winding. near_vertices: vertices welded only because of
     the tolerance. nonmanifold_edges: edges with more than two faces (of the kept ones).
-    nonmanifold_vertices: vertices whose faces make several fans, without the ends of those edges.
+    nonmanifold_vertices: vertices whose faces make several fans, without the ends of edges that were split.
     non_orientable: components that were cut open to have two sides, along mobius_edges edges.
     unreferenced: vertices that no face uses; never touched.
     """
@@ -124,7 +125,7 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
     surface = Surface(
         points, turned_faces, kept, sides.turned, h[order], pairs.locked[sides.keep][order]
     )
-    fans = _split_vertices(surface, pairs.crowded)
+    fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~sides.keep, 0]])
     used = np.zeros(len(points), bool)
     used[mesh.faces] = True
     twins = np.flatnonzero(twin)
@@ -189,7 +190,7 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
 def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
     """(m,) bool: a repeated point, or an area <= 1e-12 x longest edge².
 
-    Also faces 1e100 times smaller than the mesh, whose squares float64 cannot hold.
+    Also faces 1e50 times smaller than the largest, whose squares float64 cannot hold.
     """
     p = points[faces]
     e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
@@ -199,7 +200,7 @@ def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
     e1, e2 = np.ldexp(e1, -exponent[:, None]), np.ldexp(e2, -exponent[:, None])
     area = 0.5 * np.linalg.norm(np.cross(e1, e2), axis=1)
     longest = np.max([(e1**2).sum(1), (e2**2).sum(1), ((e2 - e1) ** 2).sum(1)], 0)
-    tiny = span <= 1e-100 * span.max(initial=0.0)
+    tiny = span <= TINY * span.max(initial=0.0)
     a, b, c = faces.T
     result: BoolArray = (area <= DEGENERATE * longest) | tiny | (a == b) | (b == c) | (c == a)
     return result
@@ -332,16 +333,18 @@ def mesh_scale(mesh: Mesh) -> float:
     )
 
 
-def _split_vertices(surface: Surface, crowded: IntArray) -> IntArray:
-    """Points whose faces make more than one fan, without the ends of crowded edges."""
+def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:
+    """Points whose faces make more than one fan, without the ends of the edges that were split (``apart``,
+    half-edges in the winding of the file)."""
     corner = surface.corner_vertex.ravel()
     point = np.full(int(corner.max()) + 1, -1)
     point[corner] = surface.faces.ravel()
     fans = np.bincount(point, minlength=len(surface.points))
     face = surface.faces
-    k = np.where(surface.turned[crowded // 3], 2 - crowded % 3, crowded % 3)
-    fans[face[crowded // 3, k]] = 0
-    fans[face[crowded // 3, (k + 1) % 3]] = 0
+    # turning a face swaps its corners 1 and 2: half-edge k becomes 2 − k
+    k = np.where(surface.turned[apart // 3], 2 - apart % 3, apart % 3)
+    fans[face[apart // 3, k]] = 0
+    fans[face[apart // 3, (k + 1) % 3]] = 0
     return np.flatnonzero(fans > 1)
 
 
