@@ -177,7 +177,7 @@ class Polygons:
     @property
     def labels(self) -> IntArray | None:
         """Polygon label of each triangle for ``Mesh.polygons``; None where all are triangles."""
-        return None if len(self.owner) == len(self.start) - 1 else self.owner
+        return None if (np.diff(self.start) <= 3).all() else self.owner
 
     def corner_uv(self, uvmap: UVMap, name: str) -> IntArray:
         """(L,) int64: the uv of every polygon corner, from the first triangle that lists it; −1 for none.
