@@ -1,0 +1,157 @@
+"""What every row of METHODS promises, and what its tags promise on top."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from circparam.distortion import measure
+from circparam.geometry import signed_areas
+from circparam.mesh import Mesh, Patches
+from circparam.methods import METHODS, MethodOptions
+from circparam.progress import Monitor
+from circparam.repair import RepairOptions, repair
+from tests import shapes, strategies
+from tests.charts import apart, patches_of
+
+NAMES = METHODS.names()
+# iterations stop at a tolerance: what holds exactly for one solve holds to that tolerance for them
+ITERATIVE = {"isometric", "arap"}
+TIGHT = MethodOptions(tolerance=1e-14, max_iterations=2000)
+
+
+def run(name, patches, options=TIGHT):
+    return METHODS[name].function(patches, options, Monitor())
+
+
+def mild():
+    return shapes.bumped_disk(250, height=0.4)
+
+
+@pytest.mark.parametrize("name", METHODS.tagged("reproduces-plane"))
+@pytest.mark.parametrize(
+    "shape", [shapes.delaunay_square(200), shapes.half_cylinder(), shapes.cone(slit=True)]
+)
+def test_a_developable_surface_comes_back(name, shape):
+    patches, _ = patches_of(shape)
+    layout = run(name, patches)
+    measured = measure(patches, layout.uv)
+    assert measured.flips == 0
+    assert measured.sd <= 1 + 1e-6
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMES) - set(METHODS.tagged("reproduces-plane"))))
+def test_rows_without_the_tag_do_not_reproduce_a_plane(name):
+    patches, _ = patches_of(shapes.delaunay_square(200))
+    assert measure(patches, run(name, patches).uv).sd > 1 + 1e-6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_layout_fits_the_patches_and_is_upright(name):
+    patches, _ = patches_of(mild())
+    layout = run(name, patches, MethodOptions())
+    assert layout.uv.shape == (patches.n_vertices, 2)
+    assert np.isfinite(layout.uv).all()
+    assert len(layout.iterations) == len(layout.stopped) == patches.n_charts
+    assert (signed_areas(patches.faces, layout.uv) > 0).all()
+    # in units of the mesh: about the area of the surface
+    ratio = signed_areas(patches.faces, layout.uv).sum() / patches.areas.sum()
+    assert 0.5 < ratio < 2
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_input_is_not_touched(name):
+    patches, _ = patches_of(mild())
+    arrays = ("faces", "frames", "chart", "edges")
+    before = [getattr(patches, a).copy() for a in arrays]
+    locked = Patches(*(a.copy() for a in before))
+    for a in arrays:
+        getattr(locked, a).setflags(write=False)
+    run(name, locked, MethodOptions())
+    for a, old in zip(arrays, before, strict=True):
+        np.testing.assert_array_equal(getattr(locked, a), old)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_moving_and_scaling_the_surface_changes_the_map_by_a_similarity(name):
+    points, faces = mild()
+    turned = 5 * points @ shapes.rotation(2).T + 100
+    a = patches_of((points, faces))[0]
+    b = patches_of((turned, faces))[0]
+    assert apart(run(name, b).uv, run(name, a).uv) < (1e-5 if name in ITERATIVE else 1e-7)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_relabelling_commutes(name):
+    points, faces = mild()
+    new_points, new_faces, _, _ = shapes.shuffled(points, faces, 4)
+    a, pa = patches_of((points, faces))
+    b, pb = patches_of((new_points, new_faces))
+    key_a, key_b = (np.lexsort(p.T) for p in (pa, pb))
+    np.testing.assert_array_equal(pa[key_a], pb[key_b])
+    got = run(name, b).uv[key_b]
+    assert apart(got, run(name, a).uv[key_a]) < (1e-5 if name in ITERATIVE else 1e-7)
+
+
+@functools.cache
+def family():
+    """Three disks of different size and kind, and one with holes, far enough apart to share no point."""
+    parts = [mild(), shapes.hemisphere(5), shapes.holed_sheet(4), shapes.cone(16, 6)]
+    moved = [(p + 10 * k, f) for k, (p, f) in enumerate(parts)]
+    return moved, shapes.join(*moved)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_chart_alone_is_the_same_as_among_others(name):
+    parts, whole = family()
+    together, points = patches_of(whole)
+    layout = run(name, together)
+    for part in parts:
+        alone, own = patches_of(part)
+        uv = run(name, alone).uv
+        inside = (np.abs(points[:, None] - own[None]) == 0).all(2).any(1)
+        order, own_order = np.lexsort(points[inside].T), np.lexsort(own.T)
+        error = np.abs(layout.uv[inside][order] - uv[own_order]).max() / np.abs(uv).max()
+        if name in ITERATIVE:
+            error = apart(layout.uv[inside][order], uv[own_order])
+        assert error < (1e-6 if name in ITERATIVE else 1e-8)
+
+
+@pytest.mark.parametrize("name", METHODS.tagged("flip-free"))
+@given(shape=strategies.disks(60))
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_flip_free_rows_flip_nothing(name, shape):
+    patches, _ = patches_of(shape)
+    uv = run(name, patches, MethodOptions()).uv
+    assert (signed_areas(patches.faces, uv) > 0).all()
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMES) - set(METHODS.tagged("flip-free"))))
+@given(shape=strategies.disks(60))
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_the_other_rows_mend_or_tell_their_flips(name, shape):
+    patches, _ = patches_of(shape)
+    layout = run(name, patches, MethodOptions())
+    assert np.isfinite(layout.uv).all()
+    if (signed_areas(patches.faces, layout.uv) <= 0).any():
+        assert any(name in note for note in layout.notes)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_method_refuses_what_is_no_disk(name):
+    from circparam.errors import TopologyError
+
+    surface, _ = repair(Mesh(*shapes.torus(8, 6)), RepairOptions())
+    patches = surface.patches(np.zeros(len(surface.edges), bool))
+    with pytest.raises(TopologyError, match="chart 0 has 0 borders"):
+        run(name, patches)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_triangle_is_a_map(name):
+    patches, _ = patches_of(shapes.triangle())
+    uv = run(name, patches, MethodOptions()).uv
+    assert (signed_areas(patches.faces, uv) > 0).all()
