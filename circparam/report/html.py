@@ -55,12 +55,12 @@ def page(
             figures if figures is not None else scene_figures(scene, coverage(scene))
         ),
         "REPAIRS": _list(options.repairs),
-        "STYLE": _style(),
+        "STYLE": page_style("style.css"),
         "META": json.dumps(meta, separators=(",", ":")).replace("</", "<\\/"),
         "MESH": base64.b64encode(packed).decode(),
-        "SCRIPT": "\n".join(_file(name) for name in SCRIPTS),
+        "SCRIPT": "\n".join(viewer_file(name) for name in SCRIPTS),
     }
-    return fill_in(_file("page.html"), fields)
+    return fill_in(viewer_file("page.html"), fields)
 
 
 def fill_in(template: str, fields: dict[str, str]) -> str:
@@ -77,15 +77,16 @@ def fill_in(template: str, fields: dict[str, str]) -> str:
     return "".join(out)
 
 
-def _file(name: str) -> str:
+def viewer_file(name: str) -> str:
+    """The text of a file of the viewer."""
     return (resources.files("circparam.report") / "viewer" / name).read_text("utf-8")
 
 
-def _style() -> str:
-    names = {"INK", "MUTED", "HAIRLINE", "PANEL", "PAPER"}
-    return fill_in(
-        _file("style.css"), {n: getattr(col, n) for n in sorted(names)} | {"ACCENT": col.CHARTS[0]}
-    )
+def page_style(name: str) -> str:
+    """A style sheet of the viewer with the colours of all pictures filled in."""
+    names = ("INK", "MUTED", "HAIRLINE", "PANEL", "PAPER")
+    own = {"ACCENT": col.CHARTS[0], "WARN": col.CHARTS[5]}
+    return fill_in(viewer_file(name), {n: getattr(col, n) for n in names} | own)
 
 
 def _table(figures: Figures) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
@@ -22,7 +22,8 @@ class View:
     """A rasterised side of the surface, to be coloured as often as needed.
 
     pixel: (p,) flat indices of the samples that show a face, face and bary belong to them.
-    light: (p,) brightness. back: (p,) the face is seen from behind. seams: (h, w) mask of seam lines.
+    light: (p,) brightness. back: (p,) the face is seen from behind. depth: (h, w) of the nearest face.
+    seams: (h, w) mask of seam lines.
     """
 
     width: int
@@ -33,6 +34,7 @@ class View:
     bary: FloatArray
     light: FloatArray
     back: BoolArray
+    depth: FloatArray
     seams: FloatArray
 
 
@@ -51,13 +53,25 @@ def see(scene: Scene, camera: Camera, width: int, height: int, factor: int = 2) 
     if scene.inside_out:
         normal = -normal
     light = _brightness(normal, back, camera) * _occlusion(z, pixel, factor)
+    lines = _seam_lines(scene, camera, z, factor)
+    return View(width, height, factor, pixel, seen, bary, light, back, z, lines)
+
+
+def with_seams(view: View, scene: Scene, camera: Camera) -> View:
+    """The same view of the same mesh with the seams of another layout."""
+    return replace(view, seams=_seam_lines(scene, camera, view.depth, view.factor))
+
+
+def _seam_lines(scene: Scene, camera: Camera, z: FloatArray, factor: int) -> FloatArray:
+    """Mask of the seams that are seen; the bias keeps a line from sinking into its own faces."""
+    h, w = z.shape
+    xy, depth = camera.project(scene.points, w, h)
     seams = scene.inner_seams
     flat = scene.faces.ravel()
     a, b = flat[seams], flat[3 * (seams // 3) + (seams + 1) % 3]
     lines = np.concatenate([xy, depth[:, None]], 1)
     pixel_size = 2 * camera.reach / min(w, h)
-    mask = draw_lines(lines[a], lines[b], (h, w), 0.75 * factor, z, 3.5 * factor * pixel_size)
-    return View(width, height, factor, pixel, seen, bary, light, back, mask)
+    return draw_lines(lines[a], lines[b], (h, w), 0.75 * factor, z, 3.5 * factor * pixel_size)
 
 
 def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArray:
