@@ -22,8 +22,8 @@ class PackOptions:
     resolution: side of a page in texels. padding: empty texels between any two charts and at the border.
     rotate: 'free' (any angle), '90' (quarter turns), 'none'. pages: number of UDIM tiles that may be used.
     texel_density: texels per unit of the uv given; None fills the pages. scale: False keeps the sizes given
-    (the uv given are then in units of a page). seconds: bound of the search for a better layout; None takes
-    the bound that suits the number of charts.
+    (the uv given are then in units of a page). effort: multiplies the work of the search for a better layout,
+    which is counted in operations and not in seconds, so that results repeat.
 
     Raises OptionError for a value out of range, or for a density together with sizes that are kept.
     """
@@ -34,7 +34,7 @@ class PackOptions:
     pages: int = 1
     texel_density: float | None = None
     scale: bool = True
-    seconds: float | None = None
+    effort: float = 1.0
 
     def __post_init__(self) -> None:
         if self.rotate not in ROTATIONS:
@@ -61,8 +61,12 @@ class PackOptions:
 
     @property
     def gap(self) -> float:
-        """Distance in texels that two charts keep, so that covered centres are padding + 1 apart."""
-        return lattice_gap(self.padding) + MARGIN
+        """Distance in texels that two charts keep, so that covered centres are padding + 1 apart.
+
+        At least the diagonal of a texel, so that no texel is touched by two charts whatever the padding:
+        that keeps charts apart which are too small to cover any centre.
+        """
+        return max(lattice_gap(self.padding), math.sqrt(2)) + MARGIN
 
     @property
     def border(self) -> float:

@@ -6,11 +6,17 @@ import numpy as np
 
 from circparam.arrays import FloatArray, IntArray
 from circparam.errors import NoResultError, OptionError
+from circparam.packing.drop import drop_placement
 from circparam.packing.options import Packed, PackOptions
-from circparam.packing.raster import faults
+from circparam.packing.raster import Layout, faults
 from circparam.packing.shapes import Shapes, shapes_of
 from circparam.packing.shelf import Placement, shelf_placement
+from circparam.packing.squeeze import nested
 from circparam.progress import Monitor
+
+# Up to this many charts are nested on a grid; from this many on they are also dropped one by one.
+NESTED = 250
+DROPPED_FROM = 40
 
 
 def pack(
@@ -29,7 +35,38 @@ def pack(
     Raises OptionError where the charts cannot fit (padding, density or sizes too large, too many charts),
     NoResultError where no chart has any extent.
     """
-    return shelf(faces, uv, chart, options, monitor)
+    options = options or PackOptions()
+    monitor = monitor or Monitor()
+    shapes = shapes_of(faces, uv, chart)
+    check_room(shapes, options)
+    first = shelf_placement(shapes, options)
+    best: Packed | None = None
+    for placement in [*_candidates(shapes, options, monitor), first]:
+        if placement is None or (
+            best is not None and placement.scale <= best.scale * options.resolution
+        ):
+            continue
+        packed, wrong = finish(shapes, placement, options)
+        if not wrong:
+            best = packed
+    if best is None:
+        if first is None:
+            raise OptionError(does_not_fit(shapes, options))
+        raise NoResultError("packing failed its own check: try a larger --resolution")
+    return best
+
+
+def _candidates(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
+    """Placements worth checking, best first; fallbacks follow in the caller."""
+    if monitor.expired:
+        return []
+    found: list[Placement] = []
+    if shapes.n <= NESTED:
+        found = nested(shapes, options, monitor)
+    if shapes.n > DROPPED_FROM or not found:
+        dropped = drop_placement(shapes, options, monitor)
+        found += [dropped] if dropped is not None else []
+    return sorted(found, key=lambda p: -p.scale)
 
 
 def shelf(
@@ -82,8 +119,15 @@ def does_not_fit(shapes: Shapes, options: PackOptions) -> str:
 def finish(shapes: Shapes, placement: Placement, options: PackOptions) -> tuple[Packed, str | None]:
     """uv of a placement, checked on the raster: returns (packed, what is wrong or None)."""
     local = shapes.place(placement.angle, placement.offset, placement.scale) / options.resolution
-    face_page = placement.page[shapes.chart]
-    wrong, share = faults(local[shapes.faces], shapes.chart, face_page, options)
+    layout = Layout(
+        local[shapes.faces],
+        shapes.chart,
+        local[shapes.start],
+        local[shapes.end],
+        shapes.owner[shapes.start],
+        placement.page,
+    )
+    wrong, share = faults(layout, options)
     uv = local
     if options.pages > 1:
         uv = local.copy()

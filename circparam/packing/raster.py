@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -113,28 +114,75 @@ def border_distance(page: npt.NDArray[np.int32]) -> int:
     return int(min(rows[0], columns[0], last - rows[-1], last - columns[-1]))
 
 
-def faults(
-    corners: FloatArray, owner: IntArray, page: IntArray, options: PackOptions
-) -> tuple[str | None, FloatArray]:
-    """Check a finished layout on the raster: corners (m, 3, 2) in uv of their page, owner and page (m,).
+def shared_texels(
+    page: npt.NDArray[np.int32], start: FloatArray, end: FloatArray, owner: IntArray
+) -> int:
+    """Number of texels that the outlines of two charts run through, or one where another chart covers.
+
+    start, end: (b, 2) outline edges in texels, sampled every half texel; owner: (b,).
+    """
+    count = np.ceil(np.sqrt(((end - start) ** 2).sum(1)) * 2).astype(np.int64) + 1
+    edge = np.repeat(np.arange(len(start)), count)
+    t = (ranges(count) / np.maximum(count[edge] - 1, 1))[:, None]
+    p = np.floor(start[edge] * (1 - t) + end[edge] * t).astype(np.int64)
+    size = len(page)
+    texel = np.clip(p[:, 1], 0, size - 1) * size + np.clip(p[:, 0], 0, size - 1)
+    low = np.full(size * size, np.iinfo(np.int32).max, np.int32)
+    high = np.full(size * size, -1, np.int32)
+    np.minimum.at(low, texel, owner[edge].astype(np.int32))
+    np.maximum.at(high, texel, owner[edge].astype(np.int32))
+    touched = np.unique(texel)
+    who = page.ravel()[touched]
+    foreign = (who >= 0) & (who != low[touched])
+    return int(((low[touched] != high[touched]) | foreign).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A finished layout to be checked, in uv of the page each part lies on.
+
+    corners: (m, 3, 2) of the faces, owner: (m,) their charts. start, end: (b, 2) outline edges, edge_owner:
+    (b,). page: (n,) page of each chart.
+    """
+
+    corners: FloatArray
+    owner: IntArray
+    start: FloatArray
+    end: FloatArray
+    edge_owner: IntArray
+    page: IntArray
+
+
+def faults(layout: Layout, options: PackOptions) -> tuple[str | None, FloatArray]:
+    """Check a finished layout on the raster, as single-precision numbers, which formats store.
 
     Returns (what is wrong or None, (pages,) covered share of each page).
     """
     share = np.zeros(options.pages)
-    wrong: str | None = None
     for tile in range(options.pages):
-        on = page == tile
-        texels = corners[on].astype(np.float32).astype(np.float64) * options.resolution
-        grid, clashes = owner_raster(texels, owner[on], options.resolution)
+        on = layout.page[layout.owner] == tile
+        texels = _single(layout.corners[on]) * options.resolution
+        grid, clashes = owner_raster(texels, layout.owner[on], options.resolution)
         share[tile] = (grid >= 0).mean()
-        if wrong is not None:
-            continue
-        gap = least_gap(grid, options.padding)
-        border = border_distance(grid)
+        rim = layout.page[layout.edge_owner] == tile
+        start, end = _single(layout.start[rim]), _single(layout.end[rim])
+        if start.size and (start.min() < 0 or start.max() > 1):
+            return "a chart leaves the page", share
+        clashes += shared_texels(
+            grid, start * options.resolution, end * options.resolution, layout.edge_owner[rim]
+        )
         if clashes:
-            wrong = f"{clashes} texels are covered by two charts"
-        elif gap < options.padding + 1:
+            return f"{clashes} texels are touched by two charts", share
+        gap = least_gap(grid, options.padding)
+        if gap < options.padding + 1:
             wrong = f"two charts are {gap:.2f} texels apart where {options.padding + 1} are needed"
-        elif border < options.padding:
+            return wrong, share
+        border = border_distance(grid)
+        if border < options.padding:
             wrong = f"{border} texels are free at the border where {options.padding} are needed"
-    return wrong, share
+            return wrong, share
+    return None, share
+
+
+def _single(values: FloatArray) -> FloatArray:
+    return values.astype(np.float32).astype(np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -162,25 +163,35 @@ def least_box_angles(shapes: Shapes, rotate: str, steps: int = 90) -> FloatArray
     'free' tries ``steps`` angles of a quarter turn and refines round the best one; '90' only lays the long
     side along u; 'none' turns nothing.
     """
-    n = shapes.n
     if rotate == "none":
-        return np.zeros(n)
-    best = np.zeros(n)
+        return np.zeros(shapes.n)
+    best = np.zeros(shapes.n)
     if rotate == "free":
-        best = _refine_angles(shapes, best, _QUARTER, steps)
-        for _ in range(2):
-            best = _refine_angles(shapes, best, 2 * _QUARTER / steps, 9)
-            steps *= 8
+        best = _best_angles(shapes, steps, lambda w, h: w * h)
     box = shapes.boxes(best)
     tall = (box[:, 3] - box[:, 1]) > (box[:, 2] - box[:, 0]) * (1 + 1e-9)
     return best + np.where(tall, _QUARTER, 0.0)
 
 
-def _refine_angles(shapes: Shapes, centre: FloatArray, width: float, steps: int) -> FloatArray:
-    best, least = centre.copy(), np.full(shapes.n, np.inf)
-    for t in np.linspace(-width / 2, width / 2, steps):
-        box = shapes.boxes(centre + t)
-        size = (box[:, 2] - box[:, 0]) * (box[:, 3] - box[:, 1])
-        better = size < least * (1 - 1e-12)
-        best[better], least[better] = (centre + t)[better], size[better]
+def least_square_angles(shapes: Shapes, rotate: str, steps: int = 90) -> FloatArray:
+    """(n,) angle at which each chart fits the smallest upright square."""
+    if rotate != "free":
+        return np.zeros(shapes.n)
+    return _best_angles(shapes, steps, np.maximum)
+
+
+def _best_angles(
+    shapes: Shapes, steps: int, cost: Callable[[FloatArray, FloatArray], FloatArray]
+) -> FloatArray:
+    """Angles of least cost of width and height: a quarter turn in steps, then two rounds about the best."""
+    best = np.zeros(shapes.n)
+    width, count = _QUARTER, steps
+    for _ in range(3):
+        centre, least = best.copy(), np.full(shapes.n, np.inf)
+        for t in np.linspace(-width / 2, width / 2, count):
+            box = shapes.boxes(centre + t)
+            size = cost(box[:, 2] - box[:, 0], box[:, 3] - box[:, 1])
+            better = size < least * (1 - 1e-12)
+            best[better], least[better] = (centre + t)[better], size[better]
+        width, count = 2 * width / (count - 1), 9
     return best

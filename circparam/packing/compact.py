@@ -1,0 +1,240 @@
+"""Squeeze a layout: grow all charts at once until they lock, by linear programs.
+
+Near a layout that is free of overlap the distance between two outlines is, to first order, linear in the
+moves, the turns and the common growth of the charts. The largest growth that keeps all distances is then a
+linear program (compaction after Li and Milenkovic 1995, "Compaction and separation algorithms for
+non-convex polygons", here with turns and growth); a few steps in a shrinking trust region reach the lock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sps
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from circparam.arrays import FloatArray, IntArray, ranges
+from circparam.packing.options import PackOptions
+from circparam.packing.shapes import Shapes
+from circparam.packing.shelf import Placement
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Samples of one chart's outline: points (k, 2), the edge each lies on (start, end), a tree, the hull."""
+
+    points: FloatArray
+    start: FloatArray
+    end: FloatArray
+    tree: cKDTree
+    hull: FloatArray
+
+
+def sample_outline(start: FloatArray, end: FloatArray, step: float) -> Outline:
+    """Samples at most ``step`` apart on every edge, edge starts among them; short edges are thinned."""
+    length = np.sqrt(((end - start) ** 2).sum(1))
+    count = np.maximum(np.ceil(length / step), 1).astype(np.int64)
+    edge = np.repeat(np.arange(len(start)), count)
+    t = (ranges(count) / count[edge])[:, None]
+    points = start[edge] * (1 - t) + end[edge] * t
+    # one sample a cell of half a step is enough where edges are shorter than that
+    _, first = np.unique(np.floor(points / (0.5 * step)), axis=0, return_index=True)
+    first = np.sort(first)
+    hull = start
+    try:
+        hull = start[ConvexHull(start).vertices]
+    except (QhullError, ValueError):
+        hull = start
+    return Outline(
+        points[first], start[edge[first]], end[edge[first]], cKDTree(points[first]), hull
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Pairs of points that come near each other: chart i at p, chart j at q (both (k, 2), page texels)."""
+
+    i: IntArray
+    j: IntArray
+    p: FloatArray
+    q: FloatArray
+
+
+def _world(placement: Placement, c: int, points: FloatArray) -> FloatArray:
+    k, s = np.cos(placement.angle[c]), np.sin(placement.angle[c])
+    p = points * placement.scale
+    turned = np.stack([k * p[:, 0] - s * p[:, 1], s * p[:, 0] + k * p[:, 1]], 1)
+    return np.asarray(turned + placement.offset[c])
+
+
+def _local(placement: Placement, c: int, points: FloatArray) -> FloatArray:
+    k, s = np.cos(placement.angle[c]), np.sin(placement.angle[c])
+    p = (points - placement.offset[c]) / placement.scale
+    return np.stack([k * p[:, 0] + s * p[:, 1], -s * p[:, 0] + k * p[:, 1]], 1)
+
+
+def _nearest(outline: Outline, points: FloatArray, reach: float) -> tuple[IntArray, FloatArray]:
+    """Which points (local) come within reach of an outline, and the nearest point on its edge."""
+    distance, index = outline.tree.query(points, distance_upper_bound=reach)
+    hit = np.flatnonzero(np.isfinite(distance))
+    near = np.asarray(index)[hit]
+    a, b = outline.start[near], outline.end[near]
+    d = b - a
+    t = ((points[hit] - a) * d).sum(1) / np.maximum((d * d).sum(1), 1e-300)
+    return hit, a + np.clip(t, 0.0, 1.0)[:, None] * d
+
+
+def contacts(placement: Placement, outlines: list[Outline], reach: float) -> Contacts:
+    """All pairs of near points of all pairs of charts of one page; reach in texels."""
+    n = len(outlines)
+    world = [_world(placement, c, o.points) for c, o in enumerate(outlines)]
+    low = np.array([w.min(0) for w in world]) - reach
+    high = np.array([w.max(0) for w in world]) + reach
+    near = (low[:, None] < high[None] - reach).all(2) & (high[:, None] - reach > low[None]).all(2)
+    near &= placement.page[:, None] == placement.page[None]
+    parts: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
+    for i, j in np.argwhere(near & ~np.eye(n, dtype=bool)):
+        p = world[i]
+        inside = ((p >= low[j]) & (p <= high[j])).all(1)
+        p = p[inside]
+        if len(p) == 0:
+            continue
+        hit, q = _nearest(outlines[j], _local(placement, j, p), reach / placement.scale)
+        if len(hit):
+            k = len(hit)
+            parts.append((np.full(k, i), np.full(k, j), p[hit], _world(placement, j, q)))
+    if not parts:
+        none = np.zeros(0, np.int64)
+        return Contacts(none, none, np.zeros((0, 2)), np.zeros((0, 2)))
+    i_, j_, p_, q_ = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return Contacts(i_, j_, p_, q_)
+
+
+def least_distance(found: Contacts) -> float:
+    """Smallest distance among contacts; infinity where there are none."""
+    if len(found.i) == 0:
+        return float("inf")
+    return float(np.sqrt(((found.p - found.q) ** 2).sum(1).min()))
+
+
+def _program(
+    placement: Placement,
+    outlines: list[Outline],
+    found: Contacts,
+    gap: float,
+    border: float,
+    side: float,
+) -> tuple[sps.csr_matrix, FloatArray]:
+    """Rows A z <= b with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
+    n = len(outlines)
+    d = found.p - found.q
+    distance = np.sqrt((d * d).sum(1))
+    normal = d / np.maximum(distance, 1e-12)[:, None]
+    rp, rq = found.p - placement.offset[found.i], found.q - placement.offset[found.j]
+    k = len(distance)
+    rows = np.arange(k)
+
+    def cross(r: FloatArray) -> FloatArray:
+        return np.asarray(normal[:, 1] * r[:, 0] - normal[:, 0] * r[:, 1])
+
+    entries = [
+        (rows, found.i, -normal[:, 0]),
+        (rows, found.j, normal[:, 0]),
+        (rows, n + found.i, -normal[:, 1]),
+        (rows, n + found.j, normal[:, 1]),
+        (rows, 2 * n + found.i, -cross(rp)),
+        (rows, 2 * n + found.j, cross(rq)),
+        (rows, np.full(k, 3 * n), -(normal * (rp - rq)).sum(1)),
+    ]
+    bounds = [distance - gap]
+    own = np.repeat(np.arange(n), [len(o.hull) for o in outlines])
+    r = np.concatenate([_world(placement, c, o.hull) for c, o in enumerate(outlines)])
+    r -= placement.offset[own]
+    at, h = k, len(own)
+    for axis, sign in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
+        rows = at + np.arange(h)
+        lever = -r[:, 1] if axis == 0 else r[:, 0]
+        entries += [
+            (rows, axis * n + own, np.full(h, sign)),
+            (rows, 2 * n + own, sign * lever),
+            (rows, np.full(h, 3 * n), sign * r[:, axis]),
+        ]
+        here = placement.offset[own, axis] + r[:, axis]
+        bounds.append(here - border if sign < 0 else side - border - here)
+        at += h
+    data = np.concatenate([e[2] for e in entries])
+    row = np.concatenate([e[0] for e in entries])
+    column = np.concatenate([e[1] for e in entries])
+    return sps.csr_matrix((data, (row, column)), shape=(at, 3 * n + 1)), np.concatenate(bounds)
+
+
+def squeeze(
+    placement: Placement,
+    outlines: list[Outline],
+    radius: FloatArray,
+    options: PackOptions,
+    trust: float,
+    margin: float,
+    turn: bool,
+) -> Placement | None:
+    """One linear program: the largest growth within the trust region (texels); None where it fails."""
+    n = len(outlines)
+    gap = options.gap + margin
+    found = contacts(placement, outlines, gap + 4 * trust)
+    matrix, bound = _program(
+        placement, outlines, found, gap, options.border + margin, float(options.resolution)
+    )
+    keep = bound < 4 * trust
+    reach = np.maximum(radius * placement.scale, 1e-9)
+    most = np.concatenate([np.full(2 * n, trust), trust / reach * turn, [trust / reach.max()]])
+    cost = np.zeros(3 * n + 1)
+    cost[-1] = -1.0
+    # unknowns in units of the trust region, so that the solver sees numbers near 1
+    scaled = matrix[np.flatnonzero(keep)] @ sps.diags_array(most)
+    answer = linprog(
+        cost, A_ub=scaled / trust, b_ub=bound[keep] / trust, bounds=(-1, 1), method="highs"
+    )
+    if answer.x is None:
+        return None
+    z = answer.x * most
+    return replace(
+        placement,
+        scale=placement.scale * (1 + z[-1]),
+        angle=placement.angle + z[2 * n : 3 * n],
+        offset=placement.offset + np.stack([z[:n], z[n : 2 * n]], 1),
+    )
+
+
+def compact(
+    shapes: Shapes,
+    placement: Placement,
+    options: PackOptions,
+    schedule: tuple[float, ...],
+    expired: Callable[[], bool],
+) -> Placement:
+    """Grow a layout free of overlap until it locks: trust regions in texels of a page of 2048, one each.
+
+    The result keeps the distances up to the error of the last step, which its small trust region bounds;
+    the caller checks.
+    """
+    unit = options.resolution / 2048
+    turn = options.rotate == "free"
+    outlines: list[Outline] = []
+    sampled = np.inf
+    for trust in schedule:
+        step = max(trust * unit / 2, 0.75)
+        if step < sampled / 1.5:
+            sampled = step
+            outlines = [
+                sample_outline(*shapes.outline(c), step / placement.scale) for c in range(shapes.n)
+            ]
+        after = squeeze(placement, outlines, shapes.radius, options, trust * unit, 0.02, turn)
+        if after is None:
+            break
+        placement = after
+        if expired():
+            break
+    return placement

