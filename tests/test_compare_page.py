@@ -42,7 +42,7 @@ class Size:
 class Tags(HTMLParser):
     """Checks that every element is closed, and keeps those that were opened."""
 
-    VOID = {"meta", "link", "img", "input", "br", "rect"}
+    VOID = frozenset({"meta", "link", "img", "input", "br", "rect"})
 
     def __init__(self) -> None:
         super().__init__()

@@ -111,7 +111,7 @@ def _table(rows: Sequence[Side]) -> str:
     for row in rows:
         cells = "".join(
             f'<td data-value="{_sort_value(row.figures.get(k))}"'
-            f"{' class=best' if row.status == 'ok' and row.figures.get(k) == best[k] else ''}>"
+            f"{' class=best' if row.status == 'ok' and _is(row.figures.get(k), best[k]) else ''}>"
             f"{cell_text(k, row.figures.get(k))}</td>"
             for k in keys
         )
@@ -131,6 +131,10 @@ def _best(rows: Sequence[Side], key: str) -> float | None:
     if len(set(numbers)) < 2:
         return None
     return max(numbers) if key == "pack" else min(numbers)
+
+
+def _is(value: float | int | None, best: float | None) -> bool:
+    return best is not None and value == best
 
 
 def _sort_value(value: float | int | None) -> str:

@@ -1,0 +1,215 @@
+"""The pages in headless chromium: no errors, no network, a picture that answers to mouse, touch and keys.
+
+Needs chromium and node (``apt install chromium nodejs npm``) and playwright-core (``npm install`` in this
+folder); skipped where one is missing. Screenshots stay under test-artefacts/.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from circparam.mesh import Mesh, UVMap
+from circparam.report.compare_page import save_report
+from circparam.report.figures import PageImages, PictureOptions
+from circparam.report.picture import save_preview
+from circparam.report.sides import Side, Sides
+
+HERE = Path(__file__).parent
+ARTEFACTS = HERE.parents[1] / "test-artefacts"
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+NODE = shutil.which("node")
+
+
+def modules() -> Path | None:
+    """The folder that holds playwright-core: NODE_PATH, or node_modules of this folder or above."""
+    places = [Path(p) for p in os.environ.get("NODE_PATH", "").split(os.pathsep) if p]
+    places += [p / "node_modules" for p in (HERE, *HERE.parents)]
+    return next((p for p in places if (p / "playwright-core").is_dir()), None)
+
+
+missing = [
+    name
+    for name, found in (("chromium", CHROMIUM), ("node", NODE), ("playwright-core", modules()))
+    if found is None
+]
+pytestmark = pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
+
+SIZES = {"desktop": (1280, 800, False), "phone": (390, 844, True)}
+
+
+def ball() -> tuple[Mesh, UVMap]:
+    """A bumpy ball of six charts in a 3 × 2 grid, one for each side of a cube."""
+    n = 14
+    g = np.linspace(0, 1, n + 1)
+    s, t = (a.ravel() for a in np.meshgrid(g, g))
+    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
+    one = np.concatenate(
+        [np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)]
+    )
+    points, faces, uv = [], [], []
+    for k in range(6):
+        centre = np.zeros(3)
+        centre[k // 2] = 1.0 if k % 2 else -1.0
+        a = np.roll([0.0, 1.0, 0.0], k // 2)
+        p = centre + (2 * s - 1)[:, None] * a + (2 * t - 1)[:, None] * np.cross(centre, a)
+        p /= np.linalg.norm(p, axis=1, keepdims=True)
+        points.append(p * (1 + 0.08 * np.sin(5 * p[:, :1]) * np.cos(4 * p[:, 1:2])))
+        faces.append(one + k * len(s))
+        uv.append(np.stack([(k % 3 + 0.06 + 0.88 * s) / 3, (k // 3 + 0.06 + 0.88 * t) / 2], 1))
+    together = np.concatenate(faces)
+    return Mesh(np.concatenate(points), together), UVMap(np.concatenate(uv), together)
+
+
+def drive(page: Path, name: str, size: str, steps: list[list[Any]]) -> dict[str, Any]:
+    """Run the steps in the browser; returns what drive.cjs saw."""
+    width, height, touch = SIZES[size]
+    folder = ARTEFACTS / f"{name}-{size}"
+    folder.mkdir(parents=True, exist_ok=True)
+    assert NODE is not None
+    assert CHROMIUM is not None
+    done = subprocess.run(
+        [NODE, str(HERE / "drive.cjs"), CHROMIUM, page.as_uri(), str(folder), str(width), str(height),
+         "yes" if touch else "no", json.dumps(steps)],
+        capture_output=True, text=True, check=False, env={**os.environ, "NODE_PATH": str(modules())},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def pixels(seen: dict[str, Any], step: str, panel: str | None = None) -> np.ndarray:
+    """A screenshot, or the part of it that shows a panel, without the panel's name in its corner."""
+    image = np.asarray(Image.open(seen["shots"][step]).convert("RGB")).astype(int)
+    if panel is None:
+        return image
+    box = seen[panel]
+    x, y = round(box["x"]), round(box["y"])
+    return image[y + 40 : y + round(box["height"]), x : x + round(box["width"])]
+
+
+def changed(seen: dict[str, Any], a: str, b: str, panel: str) -> float:
+    """Share of a panel's pixels that differ clearly between two steps."""
+    difference = np.abs(pixels(seen, a, panel) - pixels(seen, b, panel)).max(2)
+    return float((difference > 12).mean())
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    mesh, uvmap = ball()
+    path = tmp_path_factory.mktemp("page") / "ball.html"
+    red = tmp_path_factory.mktemp("image") / "red.png"
+    Image.new("RGB", (8, 8), (220, 40, 30)).save(red)
+    images = PageImages([(red.read_bytes(), "image/png")], np.zeros(len(mesh.faces), np.int64))
+    options = PictureOptions(
+        title="ball", repairs=("2 twin faces were set aside", "a <tag> is only text"), images=images
+    )
+    save_preview(path, mesh, uvmap, None, options)
+    return path
+
+
+@pytest.fixture(scope="module", params=list(SIZES))
+def seen(request: pytest.FixtureRequest, page: Path) -> dict[str, Any]:
+    """One visit: look, turn, zoom, point, switch modes."""
+    touch = SIZES[request.param][2]
+    if request.param == "desktop":
+        surface, plane = (260, 430), (750, 433)
+        chart = (plane[0] - 140, plane[1] + 105)  # the first chart lies bottom left
+    else:
+        surface, plane = (195, 350), (195, 680)
+        chart = (plane[0] - 95, plane[1] + 70)
+    steps: list[list[Any]] = [
+        ["start", "none"],
+        ["on-surface", "move", *surface],
+        ["off", "move", 5, 5],
+        ["on-layout", "move", *chart],
+        ["away", "move", 5, 5],
+        ["turned", "swipe" if touch else "drag", *surface, *([] if touch else [90, 20])],
+        ["rested", "click", "#reset"],
+        ["zoomed", *(["pinch", *surface] if touch else ["wheel", *surface, -240])],
+        ["reset", "click", "#reset"],
+        ["keys", "key", "#surface", "ArrowLeft"],
+        ["reset-again", "click", "#reset"],
+        ["dense", "fill", "#density", "2"],
+        ["stretch", "click", "input[value=stretch] + span"],
+        ["charts", "click", "input[value=charts] + span"],
+        ["texture", "click", "input[value=texture] + span"],
+        ["full", "full"],
+    ]
+    out = drive(page, "view", request.param, steps)
+    out["size"] = request.param
+    return out
+
+
+def test_no_errors_and_no_network(seen: dict[str, Any], page: Path):
+    assert seen["console"] == []
+    assert seen["requests"] == [page.as_uri()]
+
+
+def test_the_picture_is_there(seen: dict[str, Any]):
+    for panel in ("surface", "plane"):
+        colours = np.unique(pixels(seen, "start", panel).reshape(-1, 3) @ [1, 256, 65536])
+        assert len(colours) > 60
+    assert not seen["text"]["start"]["overflow"]
+    names = [name for name, _ in seen["marks"]]
+    assert names == ["inflated", "decoded", "uploaded", "drawn"]
+
+
+def test_turning_and_zooming_move_the_surface_only(seen: dict[str, Any]):
+    assert changed(seen, "away", "turned", "surface") > 0.03
+    assert changed(seen, "away", "turned", "plane") < 0.002
+    assert changed(seen, "rested", "zoomed", "surface") > 0.03
+    assert changed(seen, "rested", "zoomed", "plane") < 0.002
+    assert changed(seen, "rested", "reset", "surface") < 0.002
+    assert changed(seen, "reset", "keys", "surface") > 0.01
+
+
+def test_pointing_at_a_chart_lights_it_up_in_both_views(seen: dict[str, Any]):
+    for step, text in (("on-surface", "Chart "), ("on-layout", "Chart ")):
+        assert seen["text"][step]["hovered"].startswith(text)
+        assert "392 faces" in seen["text"][step]["hovered"]
+        for panel in ("surface", "plane"):
+            share = changed(seen, "start", step, panel)
+            assert 0.05 < share < 0.95  # the other charts fade, the chart itself stays
+    assert not seen["text"]["off"]["hovered"].startswith("Chart")
+    for panel in ("surface", "plane"):
+        assert changed(seen, "start", "off", panel) < 0.002
+
+
+def test_modes_and_slider(seen: dict[str, Any]):
+    for a, b in (("reset-again", "dense"), ("dense", "stretch"), ("stretch", "charts")):
+        for panel in ("surface", "plane"):
+            assert changed(seen, a, b, panel) > 0.05
+    red = pixels(seen, "texture", "plane")
+    share = ((red[..., 0] > 200) & (red[..., 1] < 60)).mean()
+    assert share > 0.3  # the texture, through its own uv
+
+
+def test_a_comparison_sorts_and_fits(tmp_path: Path):
+    mesh, uvmap = ball()
+    squeezed = UVMap(uvmap.uv * [1.0, 0.5], uvmap.uv_faces)
+    rows = [
+        Side("slow", uvmap, "ok", {"seconds": 3.0, "distortion": 1.1}, {"solve": 3.0}),
+        Side("quick", squeezed, "ok", {"seconds": 0.5, "distortion": 1.9}, {"solve": 0.5}),
+        Side("lost", None, "failed", {}, {}, "no result"),
+    ]
+    save_report(tmp_path / "c.html", [Sides("ball", mesh, rows, "cut charts")])
+    for size in SIZES:
+        seconds, method = "thead th:nth-child(2) button", "thead th:nth-child(1) button"
+        steps = [
+            ["start", "none"], ["up", "click", seconds], ["down", "click", seconds],
+            ["name", "click", method], ["full", "full"],
+        ]  # fmt: skip
+        seen = drive(tmp_path / "c.html", "compare", size, steps)
+        assert seen["console"] == []
+        assert len(seen["requests"]) == 1
+        order = [seen["text"][s]["first"] for s in ("start", "up", "down", "name")]
+        assert order == ["slow", "quick", "slow", "lost"]
+        assert not seen["text"]["start"]["overflow"]
