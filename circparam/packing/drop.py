@@ -19,7 +19,7 @@ from circparam.packing.shapes import Shapes, least_box_angles
 from circparam.packing.shelf import Placement
 from circparam.progress import Monitor
 
-Bounds: TypeAlias = npt.NDArray[np.float32] | FloatArray
+Bounds: TypeAlias = npt.NDArray[np.float32]
 
 # Columns of a chart of average width: more are slower and hardly tighter.
 COLUMNS = 24
@@ -61,28 +61,29 @@ def profiles(shapes: Shapes, angle: FloatArray, scale: float, grow: float, cell:
         )
         entry = own * k + j
         _column_bounds(a, b, left[entry], start[entry], cell, lower, upper)
-    return _trimmed(Profiles(start, *_grown(lower, upper, grow, cell), left), cell)
+    return _trimmed(start, *_grown(lower, upper, grow, cell), left, cell)
 
 
-def _trimmed(shape: Profiles, cell: float) -> Profiles:
+def _trimmed(
+    start: IntArray, lower: FloatArray, upper: FloatArray, left: FloatArray, cell: float
+) -> Profiles:
     """Without the empty columns at both ends; an empty one in between (a chart in parts) bounds nothing."""
-    filled = np.isfinite(shape.lower)
-    count = np.diff(shape.start)
+    filled = np.isfinite(lower)
+    count = np.diff(start)
     entry = np.repeat(np.arange(len(count)), count)
     column = ranges(count)
-    first = np.minimum.reduceat(np.where(filled, column, len(filled)), shape.start[:-1])
-    last = np.maximum.reduceat(np.where(filled, column, -1), shape.start[:-1])
+    first = np.minimum.reduceat(np.where(filled, column, len(filled)), start[:-1])
+    last = np.maximum.reduceat(np.where(filled, column, -1), start[:-1])
     keep = (column >= first[entry]) & (column <= last[entry])
     start = np.r_[0, np.cumsum(last - first + 1)].astype(np.int64)
-    lower, upper, own = shape.lower[keep], shape.upper[keep], entry[keep]
+    lower, upper, own = lower[keep], upper[keep], entry[keep]
+    gap = ~filled[keep]
     top = np.maximum.reduceat(upper, start[:-1])[own]
     bottom = np.minimum.reduceat(lower, start[:-1])[own]
-    gap = ~filled[keep]
     lower, upper = np.where(gap, top, lower), np.where(gap, bottom, upper)
+    left = left + first * cell
     # single precision: half the time, and rounding far below the margin of the gap
-    return Profiles(
-        start, lower.astype(np.float32), upper.astype(np.float32), shape.left + first * cell
-    )
+    return Profiles(start, lower.astype(np.float32), upper.astype(np.float32), left)
 
 
 def _column_bounds(
@@ -222,7 +223,7 @@ def _top(shape: Profiles, e: int, y: float) -> float:
     return y + float(shape.upper[shape.start[e] : shape.start[e + 1]].max())
 
 
-def _rest(sky: FloatArray, lower: FloatArray, upper: FloatArray) -> tuple[float, int, float] | None:
+def _rest(sky: Bounds, lower: Bounds, upper: Bounds) -> tuple[float, int, float] | None:
     """Where a chart comes to rest with the least waste: (cost, first column, height of its centre)."""
     w = len(lower)
     if w > len(sky):

@@ -245,6 +245,24 @@ def search(
     return results
 
 
+def lay_first(
+    board: Board, shapes: Shapes, options: PackOptions, side: int, work: Work
+) -> Found | None:
+    """The first layout found on pages of ``side`` cells, the fewest pages first."""
+    rng = np.random.default_rng(20)
+    key = np.log(np.maximum(shapes.area, 1e-300))
+    everything = [np.arange(len(m.angle)) for m in board.masks]
+    for pages in range(1, options.pages + 1):
+        if pages * side**2 < sum(float(m.area.min()) for m in board.masks):
+            continue
+        for tried in range(6):
+            order = np.argsort(-key - rng.normal(0, 0.1 * tried, shapes.n), kind="stable")
+            found = lay(board, order, side, SIGMAS[tried % 5], pages, everything, work)
+            if found is not None or work.left <= 0:
+                return found
+    return None
+
+
 # Blurs of the contact score, in cells, of the first tries.
 SIGMAS = (2.0, 4.0, 1.2, 8.0, 3.0)
 

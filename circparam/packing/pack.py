@@ -7,11 +7,11 @@ import numpy as np
 from circparam.arrays import FloatArray, IntArray
 from circparam.errors import NoResultError, OptionError
 from circparam.packing.drop import drop_placement
+from circparam.packing.nesting import nested
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.raster import Layout, faults
 from circparam.packing.shapes import Shapes, shapes_of
 from circparam.packing.shelf import Placement, shelf_placement
-from circparam.packing.squeeze import nested
 from circparam.progress import Monitor
 
 # Up to this many charts are nested on a grid; from this many on they are also dropped one by one.
@@ -39,34 +39,30 @@ def pack(
     monitor = monitor or Monitor()
     shapes = shapes_of(faces, uv, chart)
     check_room(shapes, options)
-    first = shelf_placement(shapes, options)
-    best: Packed | None = None
-    for placement in [*_candidates(shapes, options, monitor), first]:
-        if placement is None or (
-            best is not None and placement.scale <= best.scale * options.resolution
-        ):
-            continue
-        packed, wrong = finish(shapes, placement, options)
-        if not wrong:
-            best = packed
-    if best is None:
-        if first is None:
+    with monitor.stage("pack"):
+        rows = shelf_placement(shapes, options)
+        candidates = _candidates(shapes, options, monitor)
+        candidates += [rows] if rows is not None else []
+        if not candidates:
             raise OptionError(does_not_fit(shapes, options))
-        raise NoResultError("packing failed its own check: try a larger --resolution")
-    return best
+        # the largest scale, then the fewest pages; what the check refuses gives way to the next
+        candidates.sort(key=lambda p: (-p.scale, int(p.page.max())))
+        for placement in candidates:
+            packed, wrong = finish(shapes, placement, options)
+            if wrong is None:
+                return packed
+    raise NoResultError(f"packing failed its own check ({wrong}): try a larger --resolution")
 
 
 def _candidates(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
-    """Placements worth checking, best first; fallbacks follow in the caller."""
-    if monitor.expired:
-        return []
+    """Placements that are tighter than rows of boxes; none when the time is over."""
     found: list[Placement] = []
-    if shapes.n <= NESTED:
+    if shapes.n <= NESTED and not monitor.expired:
         found = nested(shapes, options, monitor)
-    if shapes.n > DROPPED_FROM or not found:
+    if (shapes.n > DROPPED_FROM or not found) and not monitor.expired:
         dropped = drop_placement(shapes, options, monitor)
         found += [dropped] if dropped is not None else []
-    return sorted(found, key=lambda p: -p.scale)
+    return found
 
 
 def shelf(

@@ -10,6 +10,7 @@ from circparam.packing.nest import (
     Work,
     cell_size,
     chart_angles,
+    lay_first,
     make_board,
     search,
     to_placement,
@@ -33,7 +34,7 @@ _SQUEEZED = 150
 def nested(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
     """Placements by nesting, best first; empty where the search found none."""
     if options.fixed_scale is not None:
-        return _at_fixed_scale(shapes, options, monitor)
+        return _at_fixed_scale(shapes, options, options.fixed_scale, monitor)
     layouts = _layouts(shapes, options, monitor)
     if not layouts:
         return []
@@ -45,12 +46,15 @@ def nested(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Place
             break
         rough.append(compact(shapes, layout, options, _ROUGH, lambda: monitor.expired))
     rough.sort(key=lambda p: -p.scale)
-    fine = [compact(shapes, p, options, _FINE, lambda: monitor.expired) for p in rough[:1]]
+    steps = _FINE if shapes.n <= 60 else _FINE[::2]
+    fine = [compact(shapes, p, options, steps, lambda: monitor.expired) for p in rough[:1]]
     return [*fine, layouts[0]]
 
 
 def _layouts(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
-    cells = 128 if shapes.n <= 60 else 192
+    # several pages share the cells of one, so that the work stays the same
+    cells = (128 if shapes.n <= 60 else 192) / np.sqrt(min(options.pages, 6))
+    cells = int(cells * np.sqrt(np.clip(options.effort, 0.25, 4.0)))
     side = shapes.boxes(least_square_angles(shapes, options.rotate))
     widest = float((side[:, 2:] - side[:, :2]).max())
     density = float(min(_HOPE, 0.97 * shapes.area.sum() / widest**2 / options.pages))
@@ -75,8 +79,19 @@ def _different(found: list[Found]) -> list[Found]:
     return kept[:4]
 
 
-def _at_fixed_scale(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
-    """One search for a layout at the scale the user fixed, on as many pages as it takes."""
-    scale = options.fixed_scale
-    assert scale is not None
-    return []
+def _at_fixed_scale(
+    shapes: Shapes, options: PackOptions, scale: float, monitor: Monitor
+) -> list[Placement]:
+    """Layouts at the scale the user fixed, on as few pages as the search finds."""
+    inner = options.resolution - 2 * options.border + options.gap
+    cells = 160
+    # the cell at which a page at that scale has this many cells a side
+    density = float(shapes.area.sum() * scale**2 / inner**2 / options.pages)
+    if not 0 < density <= 1:
+        return []
+    cell = cell_size(shapes, options, cells, density)
+    angles = chart_angles(shapes, options, cell, 32 if shapes.n <= 30 else 16)
+    board = make_board(shapes, options, angles, cells, density)
+    work = Work(_BUDGET * options.effort, lambda: monitor.expired)
+    found = lay_first(board, shapes, options, cells, work)
+    return [] if found is None else [to_placement(board, found, options)]
