@@ -54,7 +54,7 @@ def problems(case: Case, folder: Path, bound: float = 20.0) -> list[str]:
     if extra:
         out.append(f"left files behind: {', '.join(extra)}")
     if result.exit_code == exits.OK:
-        out += _judge(source, target, result.stdout, result.stderr)
+        out += _judge(case, source, target, result.stdout, result.stderr)
     elif target is not None and target.exists():
         out.append(f"exit {result.exit_code} and an output file")
     if result.exit_code not in (exits.OK, exits.INTERNAL) and not result.stderr.strip():
@@ -62,7 +62,7 @@ def problems(case: Case, folder: Path, bound: float = 20.0) -> list[str]:
     return out
 
 
-def _judge(source: Path, target: Path | None, said: str, warned: str) -> list[str]:
+def _judge(case: Case, source: Path, target: Path | None, said: str, warned: str) -> list[str]:
     """Problems of a case that ended with exit 0."""
     try:
         report = json.loads(said)
@@ -86,8 +86,16 @@ def _judge(source: Path, target: Path | None, said: str, warned: str) -> list[st
     if not np.isfinite(corners).all():
         return ["uv that are not finite"]
     out = []
-    if corners.min() < -1e-6 or corners.max() > 1 + 1e-6:
-        out.append("uv outside the unit square")
+    if "--no-normalize" in case.options:
+        corners = (corners - corners.min((0, 1))) / max(
+            float(np.ptp(corners, (0, 1)).max()), 1e-300
+        )
+    elif (
+        corners[..., 1].min() < -1e-6
+        or corners[..., 1].max() > 1 + 1e-6
+        or corners[..., 0].min() < -1e-6
+    ):
+        out.append("uv outside the pages")
     live = live_faces(written.mesh.points, written.mesh.weld[written.mesh.faces])
     slack = 3e-7 if target.suffix == ".glb" else 1e-9
     pair = overlapping(corners[live], slack)
