@@ -48,7 +48,9 @@ p 1 2
 """
 
 
-def naive(data: bytes) -> tuple[np.ndarray, list[list[int]], list[list[tuple[float, float] | None]]]:
+def naive(
+    data: bytes,
+) -> tuple[np.ndarray, list[list[int]], list[list[tuple[float, float] | None]]]:
     """Points, polygons, and the uv of their corners, one line after the other as a text."""
     v, vt, polygons, uv = [], [], [], []
     text = re.sub(rb"\\\r?\n", b" ", data).decode("latin-1")
@@ -210,7 +212,20 @@ def test_a_concave_polygon_is_cut_inside() -> None:
 
 def test_a_comb_needs_ear_clipping() -> None:
     """A polygon that no fan fits: triangles still agree with it and tile it."""
-    comb = [(0, 0), (5, 0), (5, 2), (4, 2), (4, 1), (3, 1), (3, 2), (2, 2), (2, 1), (1, 1), (1, 2), (0, 2)]
+    comb = [
+        (0, 0),
+        (5, 0),
+        (5, 2),
+        (4, 2),
+        (4, 1),
+        (3, 1),
+        (3, 2),
+        (2, 2),
+        (2, 1),
+        (1, 1),
+        (1, 2),
+        (0, 2),
+    ]
     text = "".join(f"v {x} {y} 0\n" for x, y in comb) + "f " + " ".join(map(str, range(1, 13)))
     mesh = read_data(text.encode(), format="obj").mesh
     p = mesh.points[mesh.faces]
@@ -338,7 +353,7 @@ def test_real_files_keep_every_other_byte(path) -> None:
 
 @pytest.mark.parametrize("path", corpus_files(".obj"))
 def test_real_files_read_as_trimesh_reads_them(path) -> None:
-    """trimesh is the independent reader: the same triangles at the same places (n-gons may be cut elsewhere)."""
+    """trimesh is the independent reader: the same triangles at the same places (n-gons may differ)."""
     import trimesh
 
     from circparam.formats import read
@@ -346,7 +361,9 @@ def test_real_files_read_as_trimesh_reads_them(path) -> None:
     document = read(path)
     if document.mesh.polygons is not None:
         pytest.skip("trimesh cuts polygons by another rule")
-    theirs = trimesh.load(path, process=False, maintain_order=True, force="mesh", skip_materials=True)
+    theirs = trimesh.load(
+        path, process=False, maintain_order=True, force="mesh", skip_materials=True
+    )
     ours = document.mesh.points[document.mesh.faces].reshape(-1, 9)
     other = np.asarray(theirs.vertices)[theirs.faces].reshape(-1, 9)
     assert ours.shape == other.shape

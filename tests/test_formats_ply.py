@@ -20,7 +20,16 @@ from tests.formats_tools import (
     smooth_layout,
 )
 
-CODES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d"}
+CODES = {
+    "char": "b",
+    "uchar": "B",
+    "short": "h",
+    "ushort": "H",
+    "int": "i",
+    "uint": "I",
+    "float": "f",
+    "double": "d",
+}
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -95,7 +104,12 @@ def sample(encoding: str, kind: str = "float", uv: str = "") -> bytes:
     faces = [[0, 1, 2, 3], [1, 4, 5, 6, 2], [3, 2, 6], [0, 3, 1]]
     vertex = [f"{kind} x", f"{kind} y", f"{kind} z", "uchar red", "short weight"]
     rows: list[list[object]] = [[x, y, 0.25 * k, 10 + k, -k] for k, (x, y) in enumerate(xy)]
-    face = ["uchar material", "list uchar int vertex_indices", "list uchar float extra", "double area"]
+    face = [
+        "uchar material",
+        "list uchar int vertex_indices",
+        "list uchar float extra",
+        "double area",
+    ]
     cells: list[list[object]] = [[k, f, [0.5] * k, 1 / (k + 3)] for k, f in enumerate(faces)]
     if uv == "vertex":
         vertex.insert(3, "float s")
@@ -103,7 +117,10 @@ def sample(encoding: str, kind: str = "float", uv: str = "") -> bytes:
         rows = [[*r[:3], k / 8, *r[3:], k / 16] for k, r in enumerate(rows)]
     if uv == "face":
         face.insert(2, "list uchar float texcoord")
-        cells = [[*r[:2], rng.random(2 * len(f)).astype("f4").tolist(), *r[2:]] for r, f in zip(cells, faces, strict=True)]
+        cells = [
+            [*r[:2], rng.random(2 * len(f)).astype("f4").tolist(), *r[2:]]
+            for r, f in zip(cells, faces, strict=True)
+        ]
     return build(
         encoding,
         {
@@ -153,15 +170,15 @@ def test_everything_but_uv_is_kept(encoding: str, uv: str, mode: str | None, sea
 def test_the_uv_of_the_file_is_read(encoding: str) -> None:
     at_vertices = read_data(sample(encoding, uv="vertex")).uv()
     assert at_vertices is not None
-    np.testing.assert_array_equal(at_vertices.uv, np.stack([np.arange(7) / 8, np.arange(7) / 16], 1))
+    np.testing.assert_array_equal(
+        at_vertices.uv, np.stack([np.arange(7) / 8, np.arange(7) / 16], 1)
+    )
     document = read_data(sample(encoding, uv="face"))
     at_faces = document.uv()
     assert at_faces is not None
     wanted = np.concatenate([r["texcoord"] for r in naive(sample(encoding, uv="face"))["face"]])  # type: ignore[misc]
     got = corners(at_faces).reshape(-1, 2)
-    np.testing.assert_array_equal(
-        got, wanted.reshape(-1, 2)[document.polygons().triangles.ravel()]
-    )
+    np.testing.assert_array_equal(got, wanted.reshape(-1, 2)[document.polygons().triangles.ravel()])
 
 
 @pytest.mark.parametrize("encoding", ORDERS)
@@ -174,9 +191,15 @@ def test_doubles_stay_doubles(encoding: str) -> None:
 
 
 def test_uv_kept_in_doubles_where_the_file_has_doubles() -> None:
-    data = sample("binary_little_endian", uv="vertex").replace(b"property float s", b"property float q")
+    data = sample("binary_little_endian", uv="vertex").replace(
+        b"property float s", b"property float q"
+    )
     header, _, body = sample("ascii", uv="vertex").partition(b"end_header\n")
-    text = header.replace(b"float s", b"double s").replace(b"float t", b"double t") + b"end_header\n" + body
+    text = (
+        header.replace(b"float s", b"double s").replace(b"float t", b"double t")
+        + b"end_header\n"
+        + body
+    )
     document = read_data(text)
     uvmap = smooth_layout(document)
     np.testing.assert_array_equal(stored(uvmap, "ply", document).uv, uvmap.uv)
@@ -185,7 +208,11 @@ def test_uv_kept_in_doubles_where_the_file_has_doubles() -> None:
 
 
 def test_names_of_the_uv_are_kept() -> None:
-    data = sample("ascii", uv="vertex").replace(b"float s\n", b"float texture_u\n").replace(b"float t\n", b"float texture_v\n")
+    data = (
+        sample("ascii", uv="vertex")
+        .replace(b"float s\n", b"float texture_u\n")
+        .replace(b"float t\n", b"float texture_v\n")
+    )
     document = read_data(data)
     assert document.uv_sets == (0,)
     out = encode(document, smooth_layout(document), "ply").data
@@ -242,7 +269,10 @@ def test_strips(encoding: str) -> None:
 
 
 @settings(max_examples=80, deadline=None)
-@given(st.lists(st.lists(st.integers(-1, 11), min_size=1, max_size=14), min_size=1, max_size=3), st.integers(0, 5))
+@given(
+    st.lists(st.lists(st.integers(-1, 11), min_size=1, max_size=14), min_size=1, max_size=3),
+    st.integers(0, 5),
+)
 def test_any_strips_come_back(rows: list[list[int]], seed: int) -> None:
     wanted = [t for row in rows for t in triangles_of(row)]
     data = strip_file("binary_little_endian", rows)
@@ -266,17 +296,25 @@ def ply_files(draw: st.DrawFn) -> bytes:
     real = draw(st.sampled_from(["float", "double"]))
     vertex = [*scalars[:at], f"{real} x", f"{real} y", f"{real} z", *scalars[at:]]
     rows = [
-        [rng.integers(0, 9) + 0.5 if p.split()[1] in "xyz" else int(rng.integers(0, 99)) for p in vertex]
+        [
+            rng.integers(0, 9) + 0.5 if p.split()[1] in "xyz" else int(rng.integers(0, 99))
+            for p in vertex
+        ]
         for _ in range(n)
     ]
-    index = f"list {draw(st.sampled_from(['uchar', 'int', 'ushort']))} {draw(st.sampled_from(['int', 'uchar', 'uint']))} vertex_indices"
+    counter = draw(st.sampled_from(["uchar", "int", "ushort"]))
+    index = f"list {counter} {draw(st.sampled_from(['int', 'uchar', 'uint']))} vertex_indices"
     face = [index]
     if draw(st.booleans()):
         face.insert(draw(st.integers(0, 1)), f"{draw(kinds)} label")
     if draw(st.booleans()):
         face.insert(draw(st.integers(0, len(face))), "list uchar short more")
     count = draw(st.integers(1, 6))
-    sizes = [3] * count if draw(st.booleans()) else [draw(st.integers(1, min(n, 5))) for _ in range(count)]
+    sizes = (
+        [3] * count
+        if draw(st.booleans())
+        else [draw(st.integers(1, min(n, 5))) for _ in range(count)]
+    )
     sizes[0] = 3
     cells = [
         [

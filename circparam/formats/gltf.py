@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -70,7 +72,8 @@ class GltfDocument(Document):
         for pool in self.pools:
             if name not in pool.attributes:
                 continue
-            value = self.tree.values(pool.attributes[name])
+            with sound_tree(self.source):
+                value = self.tree.values(pool.attributes[name])
             if value.shape != (pool.count, 2):
                 raise self.source.error(
                     f"{name} has {value.shape[0]} entries for {pool.count} vertices"
@@ -96,7 +99,8 @@ class GltfDocument(Document):
         if format not in ("gltf", "glb"):
             return None
         number, note = check_uv_set(self, options, only_first=False)
-        out = write_uv(self, uvmap, number, format, stem)
+        with sound_tree(self.source):
+            out = write_uv(self, uvmap, number, format, stem)
         if note:
             out.notes.insert(0, note)
         return out
@@ -108,13 +112,18 @@ def read_gltf(data: bytes, source: Source, *, unshare: bool = False) -> GltfDocu
     unshare: give every node that shares a mesh with another its own copy, so that each gets its own uv.
     Raises InputError where the tree is malformed, lies about its data, or is compressed.
     """
-    tree = Tree(data, source)
+    with sound_tree(source):
+        return _read(Tree(data, source), source, unshare)
+
+
+@contextmanager
+def sound_tree(source: Source) -> Iterator[None]:
+    """Turn what a tree of the wrong shape makes Python raise into an InputError that names the file."""
     try:
-        return _read(tree, source, unshare)
+        yield
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise source.error(
-            f"the glTF tree is malformed ({type(error).__name__}: {error})"
-        ) from None
+        what = f"{type(error).__name__}: {error}"
+        raise source.error(f"the glTF tree is malformed ({what[:120]})") from None
 
 
 def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:

@@ -111,6 +111,7 @@ class Packing:
         buffers = self.json.setdefault("buffers", [])
         if format == "glb" and not self.tree.is_glb:
             glb_bin = self._pack()
+            buffers = self.json["buffers"]
         if glb_bin is not None or (format == "glb" and not buffers):
             body = self._grow(glb_bin or b"", dead)
             if not buffers:
@@ -144,11 +145,11 @@ class Packing:
             views = self.json["bufferViews"][: len(old)]
             moving = [v for k, v in enumerate(views) if k not in dead and v["buffer"] == 0]
             body = _cut(body, gone, alive, moving)
-            for k in (
-                set(dead) - fresh
-            ):  # an entry that is left over keeps its number and four bytes
-                views[k] |= {"buffer": 0, "byteOffset": 0, "byteLength": 4}
+            left = sorted(set(dead) - fresh)
+            for k in left:  # an entry that is left over keeps its number, and four bytes of its own
+                views[k] |= {"buffer": 0, "byteOffset": len(body) + -len(body) % 4, "byteLength": 4}
                 views[k].pop("byteStride", None)
+            body += b"\0" * (-len(body) % 4 + 4) if left else b""
         return self._append(body, 0)
 
     def _append(self, body: bytes, buffer: int) -> bytes:
@@ -238,15 +239,15 @@ def _cut(body: bytes, gone: list[Json], alive: list[Json], views: list[Json]) ->
         start = v.get("byteOffset", 0)
         delta[start] += 1
         delta[start + v["byteLength"]] -= 1
-    used = np.cumsum(delta)[:-1] > 0
-    keep = np.ones(len(body), bool)
+    # whole words go, so that everything behind them stays aligned
+    used = np.zeros(-(-len(body) // 4) * 4, bool)
+    used[: len(body)] = np.cumsum(delta)[:-1] > 0
+    dead = np.zeros(len(used), bool)
     for v in gone:
         start = v.get("byteOffset", 0)
-        inside = used[start : start + v["byteLength"]]
-        if inside.any():
-            continue
-        first = start + -start % 4
-        keep[first : first + max(start + v["byteLength"] - first, 0) // 4 * 4] = False
+        dead[start : start + v["byteLength"]] = True
+    drop = dead.reshape(-1, 4).all(1) & ~used.reshape(-1, 4).any(1)
+    keep = np.repeat(~drop, 4)[: len(body)]
     shift = np.concatenate([[0], np.cumsum(~keep)])
     for v in views:
         start = v.get("byteOffset", 0)
