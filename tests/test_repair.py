@@ -219,6 +219,8 @@ def _apart(p):
 def test_one_sided_surfaces_are_cut_open_between_polygons(shape, polygons):
     p, f = shape()
     quads = np.arange(len(f)) // 2 if polygons else None
+    back = np.random.default_rng(4).random(len(f)) < 0.4  # windings differ even inside a polygon
+    f = np.where(back[:, None], f[:, [0, 2, 1]], f)
     mesh = Mesh(p, f, polygons=quads)
     surface, repairs = repair(mesh)
     assert repairs.non_orientable == 1
@@ -282,7 +284,7 @@ soup = st.integers(3, 9).flatmap(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(soup, st.booleans())
 def test_any_soup_becomes_a_surface_and_comes_back(case, paired):
     points, faces = case

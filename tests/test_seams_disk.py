@@ -109,14 +109,31 @@ def test_the_seams_of_a_torus_are_about_its_two_shortest_loops():
     assert 0.9 * shortest < length < 1.15 * shortest
 
 
-def test_shortening_pays():
-    """The loops from one point that a tree-cotree pair leaves are far longer than what becomes of them."""
+def parts(surface):
+    """The inner parts of the disk cut: (module, the whole surface as a part)."""
     import importlib
 
     module = importlib.import_module("circparam.seams.disk")
-    surface = surface_of(shapes.double_torus(5))
     whole = np.zeros(len(surface.edges), bool)
-    part = module._part(surface, whole, np.ones(len(surface.faces), bool))
+    return module, module._part(surface, whole, np.ones(len(surface.faces), bool))
+
+
+def test_the_loops_left_by_tree_and_cotree_are_short_and_between_polygons():
+    p, f = shapes.torus(64, 32, 1.0, 0.35)
+    for quads in (None, np.arange(len(f)) // 2):
+        surface = surface_of((p, f), quads)
+        module, part = parts(surface)
+        loops = module._tree_cotree(part)
+        check_disks(surface, loops, 1)
+        assert not (loops & part.locked).any()
+        shortest = 2 * np.pi * 0.35 + 2 * np.pi * 0.65
+        assert part.weight[loops].sum() < 1.6 * shortest
+
+
+def test_shortening_pays():
+    """The loops from one point that a tree-cotree pair leaves are far longer than what becomes of them."""
+    surface = surface_of(shapes.double_torus(5))
+    module, part = parts(surface)
     start = module._tree_cotree(part)
     check_disks(surface, start, 1)
     done = module._shorten(part, start, Monitor())
@@ -238,7 +255,7 @@ soup = st.integers(4, 9).flatmap(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(soup, st.booleans())
 def test_any_soup_opens_into_disks(case, paired):
     n, faces = case

@@ -96,6 +96,7 @@ def test_components_come_in_the_order_of_their_first_face():
 def test_non_manifold_edges_and_points():
     report = describe(Mesh(*shapes.fins(3, 5)))
     assert report.nonmanifold_edges == 4
+    assert report.nonmanifold_vertices == 0, "the fans at these edges hang together across them"
     assert report.components[0].verdict == "non-manifold"
     assert report.genus is None
     report = describe(Mesh(*shapes.pinched()))
