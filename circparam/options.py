@@ -49,6 +49,9 @@ class Options:
     mesh, ``rotate`` free|90|none, ``scale`` False keeps the sizes of the charts, ``normalize`` False keeps
     the coordinates of the solver.
 
+    Scenes: ``lightmap`` writes the second uv set and keeps the first; ``group_by`` primitive|mesh|scene: what
+    shares one atlas; ``unshare`` gives every node of a glTF that shares a mesh its own copy.
+
     Writing: ``format``, ``uv_set``, ``overwrite_uv``, ``ply_uv`` vertex|face, ``copy_assets``, ``overwrite``.
 
     Bounds: ``timeout`` seconds.
@@ -89,6 +92,9 @@ class Options:
     overwrite_uv: bool | None = None
     ply_uv: str | None = None
     copy_assets: bool | None = None
+    lightmap: bool | None = None
+    group_by: str | None = None
+    unshare: bool | None = None
     overwrite: bool = False
     timeout: float | None = None
 
@@ -104,9 +110,25 @@ class Options:
         return DEFAULT_BOUND if self.max_distortion is None else self.max_distortion
 
     @property
+    def target_set(self) -> int | None:
+        """The uv set that is written; None for the first one, replaced where it exists."""
+        return 1 if self.lightmap and self.uv_set is None else self.uv_set
+
+    @property
+    def grouped(self) -> bool:
+        """Whether there is more than one atlas."""
+        return self.group_by in ("primitive", "mesh")
+
+    @property
     def packed(self) -> bool:
         """Whether the layout is packed into pages."""
         return self.normalize is not False
+
+    @property
+    def padding_uv(self) -> float:
+        """The padding in uv units; 0 where the layout is not packed."""
+        padding = DEFAULT_PADDING if self.padding is None else self.padding
+        return padding / (self.resolution or DEFAULT_RESOLUTION) if self.packed else 0.0
 
     def given(self) -> dict[str, Any]:
         """The options that differ from their defaults, for a report."""
@@ -158,6 +180,7 @@ _CHOICES = {
     "cut": CUTS,
     "rotate": ("free", "90", "none"),
     "ply_uv": ("vertex", "face"),
+    "group_by": ("primitive", "mesh", "scene"),
     "spacing": ("arc-length", "uniform"),
     "lscm": ("spectral", "pinned"),
 }
@@ -216,7 +239,13 @@ def _check_applies(o: Options) -> None:
             o.packed,
             "--no-normalize keeps the coordinates of the solver",
         ),
-        (("overwrite_uv",), o.uv_set is not None, "it protects the set named by --uv-set"),
+        (("overwrite_uv",), o.target_set is not None, "it allows to replace the set of --uv-set"),
+        (
+            ("group_by",),
+            o.packed and o.cut != "none",
+            "an atlas for each group needs seams and packing",
+        ),
+        (("lightmap",), o.packed and not o.grouped, "it makes one packed atlas of the scene"),
     ]
     for names, applies, why in rules:
         for name in names:

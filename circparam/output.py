@@ -22,7 +22,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
     monitor = monitor or Monitor()
     o = result.options
     writing = WriteOptions(
-        uv_set=o.uv_set,
+        uv_set=o.target_set,
         overwrite_uv=bool(o.overwrite_uv),
         ply_uv=o.ply_uv,
         copy_assets=bool(o.copy_assets),
@@ -45,11 +45,11 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         return
     with monitor.stage("verify"):
         again = read(result.path, format=o.format)
-        uvmap = again.uv(o.uv_set or 0)
+        uvmap = again.uv(o.target_set or 0)
         uvmap = None if uvmap is None else in_input_order(uvmap, written.face_map, result)
         if uvmap is None:
             raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
-        result.verification = verify_layout(result.surface, uvmap, o)
+        result.verification = verify_layout(result.surface, uvmap, o, result.tiles)
     result.uv, result.uv_faces = uvmap.uv, uvmap.uv_faces
     result.charts[result.surface.source] = result.verification.patches.chart
     judge(result, monitor.expired)

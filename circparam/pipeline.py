@@ -32,6 +32,7 @@ from circparam.stages import (
     pack_options,
     seam_options,
     target_format,
+    tiles_of,
 )
 from circparam.topology import Surface
 from circparam.verify import corners_of, uv_seams
@@ -156,13 +157,15 @@ def lay_out(
 ) -> UVMap:
     """Mend, scale and pack until the numbers as stored have no flip and no overlap; uv for every face."""
     may_split = options.cut == "charts"
+    tiles = tiles_of(document, options)
     convex = method_options(options)
     uvmap: UVMap | None = None
     for _ in range(ROUNDS):
         chain.settle(atlas, may_split, convex, monitor)
         patches, uv = atlas.open()
         with monitor.stage("pack"):
-            placed = place(patches, uv, options, atlas.notes, monitor)
+            group = None if tiles is None else _chart_tiles(patches, tiles[atlas.surface.source])
+            placed = place(patches, uv, options, atlas.notes, monitor, group)
         uvmap = complete(document.mesh, atlas.surface, mended, placed, patches.faces)
         uvmap = stored(uvmap, target, document)
         with monitor.stage("check"):
@@ -186,18 +189,36 @@ def _stored_faults(atlas: chain.Atlas, uvmap: UVMap, patches: Patches) -> IntArr
 
 
 def place(
-    patches: Patches, uv: FloatArray, options: Options, notes: list[str], monitor: Monitor
+    patches: Patches,
+    uv: FloatArray,
+    options: Options,
+    notes: list[str],
+    monitor: Monitor,
+    group: IntArray | None = None,
 ) -> FloatArray:
-    """Charts at their best scales, packed into pages; or side by side as the solver left them."""
+    """Charts at their best scales, packed into pages; or side by side as the solver left them.
+
+    group: (n_charts,) charts of different groups get pages of their own, one atlas each.
+    """
     uv = np.where(np.isfinite(uv), uv, 0.0)
     if not options.packed:
         return _side_by_side(patches, uv)
     uv = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
-    packed = pack(patches.faces, uv, patches.chart, pack_options(options), monitor)
-    for note in packed.notes:
-        if note not in notes:
-            notes.append(note)
-    return packed.uv
+    wanted = pack_options(options)
+    for label in np.unique(group if group is not None else 0):
+        mine = np.full(patches.n_charts, True) if group is None else group == label
+        part, vertices, _ = patches.subset(mine)
+        packed = pack(part.faces, uv[vertices], part.chart, wanted, monitor)
+        uv[vertices] = packed.uv
+        notes += [note for note in packed.notes if note not in notes]
+    return uv
+
+
+def _chart_tiles(patches: Patches, tile: IntArray) -> IntArray:
+    """(n_charts,) tile of each chart, from that of each face."""
+    out = np.zeros(patches.n_charts, np.int64)
+    out[patches.chart] = tile
+    return out
 
 
 def _side_by_side(patches: Patches, uv: FloatArray) -> FloatArray:
@@ -223,7 +244,8 @@ def _result(
     monitor: Monitor,
 ) -> Result:
     with monitor.stage("verify"):
-        verification = verify_layout(surface, uvmap, options)
+        tiles = tiles_of(document, options)
+        verification = verify_layout(surface, uvmap, options, tiles)
     charts = np.full(len(document.mesh.faces), -1)
     charts[surface.source] = verification.patches.chart
     result = Result(
@@ -244,6 +266,7 @@ def _result(
         iterations=atlas.iterations,
         stopped=atlas.stopped,
         format=target,
+        tiles=tiles,
     )
     judge(result, monitor.expired)
     return result

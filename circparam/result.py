@@ -25,7 +25,8 @@ class Result:
     status: ok | repaired | degraded, with reasons. warnings: what a user must know; notes: what may interest.
     repairs: what was done to the mesh and to the layout, one line each. iterations, stopped: of each chart as
     the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and face_map:
-    input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
+    input vertex and face of every one in that file. work: unwrap, or pack
+    where the charts were there before. tiles: (m,) atlas of each face, None where there is one.
     """
 
     options: Options
@@ -44,6 +45,7 @@ class Result:
     seconds: dict[str, float]
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     stopped: list[str] = field(default_factory=list)
+    tiles: IntArray | None = None
     work: str = "unwrap"
     path: str | None = None
     format: str = ""
@@ -68,14 +70,16 @@ def promise(options: Options) -> Promise:
     return Promise(options.bound, padding if options.packed else None)
 
 
-def verify_layout(surface: Surface, uvmap: UVMap, options: Options) -> Verification:
+def verify_layout(
+    surface: Surface, uvmap: UVMap, options: Options, tiles: IntArray | None = None
+) -> Verification:
     """Verify a layout of the whole mesh as the options ask for it."""
     return verify(
         surface,
         uvmap,
         resolution=(options.resolution or DEFAULT_RESOLUTION) if options.packed else None,
         padding=DEFAULT_PADDING if options.padding is None else options.padding,
-        pages=options.pages or 1,
+        tiles=tiles,
     )
 
 

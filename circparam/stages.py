@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.arrays import IntArray
+from circparam.arrays import IntArray, relabel
 from circparam.borders import BORDERS
 from circparam.errors import InputError, OptionError
 from circparam.formats import DEFAULT_OUTPUT, Document, format_of, from_arrays, from_trimesh, read
@@ -38,7 +38,7 @@ def open_source(source: Any, options: Options) -> Document:
     if isinstance(source, Document):
         return source
     if isinstance(source, (str, os.PathLike)):
-        return read(os.fspath(source), format=None)
+        return read(os.fspath(source), unshare=bool(options.unshare))
     if isinstance(source, Mesh):
         return from_arrays(source.points, source.faces)
     if isinstance(source, tuple) and len(source) == 2:
@@ -72,10 +72,17 @@ def seam_options(document: Document, surface: Surface, mended: Repairs, o: Optio
     }
     groups = document.mesh.groups
     several = groups is not None and len(np.unique(groups)) > 1
+    check_scene(document, o)
     if o.cut_materials and not several:
         raise OptionError("--cut-materials has no effect: the file has one material; leave it out")
     if several and o.cut_materials is not False and o.cut != "none":
         given |= {"groups": groups, "cut_groups": True}
+    if o.grouped:
+        atlases = document.labels(str(o.group_by))
+        both = atlases
+        if groups is not None and "groups" in given:
+            both = atlases * (int(groups.max()) + 1) + groups
+        given |= {"groups": both, "cut_groups": True}
     for name, pairs in (("cut", o.seams), ("no_cut", o.no_seams)):
         if pairs is not None:
             given[name] = mended.weld[_vertex_pairs(pairs, len(mended.weld))]
@@ -85,6 +92,28 @@ def seam_options(document: Document, surface: Surface, mended: Repairs, o: Optio
             raise OptionError("--keep-uv-seams: the file has no uv to start from; leave it out")
         given["start"] = uv_seams(surface, uvmap)
     return SeamOptions(**{k: v for k, v in given.items() if v is not None})
+
+
+def check_scene(document: Document, o: Options) -> None:
+    """Raise OptionError where an option for scenes does not fit the file."""
+    gltf = document.format in ("gltf", "glb")
+    if o.unshare and not gltf:
+        raise OptionError(
+            f"--unshare has no effect: {document.format.upper()} files share no meshes"
+        )
+    if o.lightmap and document.instances and not o.unshare:
+        raise OptionError(
+            f"{document.source.name}: {document.instances} nodes show a mesh that another node shows too, "
+            "so they would share their light: give --unshare to copy it for each node"
+        )
+
+
+def tiles_of(document: Document, o: Options) -> IntArray | None:
+    """(m,) how far to the right each face's atlas is laid out to be judged; None where there is one atlas."""
+    if not o.grouped:
+        return None
+    _, labels = relabel(document.labels(str(o.group_by)))
+    return labels * (o.pages or 1)
 
 
 def _vertex_pairs(pairs: Any, n: int) -> IntArray:

@@ -108,18 +108,23 @@ def verify(
     *,
     resolution: int | None = None,
     padding: int = 4,
-    pages: int = 1,
+    tiles: IntArray | None = None,
 ) -> Verification:
     """Judge a layout over the faces of the mesh that the surface was made from.
 
     uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this.
+    tiles: (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane;
+    tile t is laid out t units to the right.
     Raises InputError where no face has uv.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
         raise InputError("no face has uv: unwrap the mesh first")
     cut = _seams(surface, corners, ok)
+    if tiles is not None:
+        e = tiles[surface.source][surface.edges // 3]
+        cut |= e[:, 0] != e[:, 1]
     patches = surface.patches(cut)
     uv = np.zeros((patches.n_vertices, 2))
     uv[patches.faces.ravel()] = corners.reshape(-1, 2)
@@ -132,6 +137,8 @@ def verify(
     mirror = negative > positive
     flipped = ok & (np.where(mirror[chart], -sign, sign) <= 0)
     used = group_count(chart[ok], n) > 0
+    if tiles is not None:
+        uv = uv + np.stack([_vertex_tiles(patches, tiles[surface.source]), np.zeros(len(uv))], 1)
     part, vertices, _ = patches.subset(used) if not used.all() else (patches, slice(None), None)
     found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
     number = np.flatnonzero(used)
@@ -160,6 +167,13 @@ def verify(
         uv_max=points.max(0),
         coverage=covered,
     )
+
+
+def _vertex_tiles(patches: Patches, tile: IntArray) -> IntArray:
+    """(nv,) tile of each vertex, from that of each face."""
+    out = np.zeros(patches.n_vertices, np.int64)
+    out[patches.faces.ravel()] = np.repeat(tile, 3)
+    return out
 
 
 def uv_seams(surface: Surface, uvmap: UVMap) -> BoolArray:

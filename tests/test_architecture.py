@@ -31,6 +31,7 @@ FLOORS: list[tuple[str, set[str]]] = [
             "nearby",
             "borderlines",
             "coverage",
+            "describe",
             "solve",
         },
     ),

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from circparam.cli import exits, options, progress
+from circparam.cli import exits, options, progress, unwrap_options
 from circparam.cli.paths import check_outputs, output_path
 from circparam.errors import CircparamError, GateError, OptionError
 
@@ -49,86 +49,11 @@ class UnwrapCommand(click.Command):
     options.overwrite,
     options.format_option,
     options.method,
-    click.option("--start", type=options.START, help="What isometric relaxes.  [default: circle]"),
-    click.option(
-        "--border",
-        metavar="NAME",
-        help="Border of convex methods: circle, square, virtual, polygon FILE.  [default: circle]",
-    ),
-    click.option(
-        "--spacing", help="Along the border: arc-length or uniform.  [default: arc-length]"
-    ),
-    click.option("--clamp", is_flag=True, help="Lift negative weights, so that nothing can flip."),
-    click.option(
-        "--pin", type=options.FILE, metavar="FILE", help="Fixed points: vertex u v a line."
-    ),
-    click.option("--tolerance", type=float, metavar="T", help="Stop below this relative decrease."),
-    click.option("--blend", type=float, metavar="B", help="0 isometric .. 1 conformal."),
-    click.option(
-        "--lscm",
-        type=click.Choice(["spectral", "pinned"]),
-        help="Form of lscm.  [default: spectral]",
-    ),
-    click.option("--linear", is_flag=True, help="abf in its one-solve form."),
-    click.option(
-        "--bff-border", metavar="disk|FILE", help="Target border of bff: a disk, or edge lengths."
-    ),
-    click.option(
-        "--cut",
-        type=click.Choice(["charts", "disk", "none"]),
-        help="Where to cut: few charts, one disk a component, nowhere.  [default: charts]",
-    ),
-    click.option(
-        "--max-distortion",
-        type=float,
-        metavar="D",
-        help="Bound that no chart exceeds; 1 is perfect.  [default: 1.05]",
-    ),
-    click.option("--max-charts", type=int, metavar="N", help="At most so many charts."),
-    click.option(
-        "--min-chart-faces", type=int, metavar="K", help="Join smaller charts where it can be."
-    ),
-    click.option(
-        "--sharp", type=float, metavar="DEGREES", help="Always cut edges at least so sharp."
-    ),
-    click.option(
-        "--keep-uv-seams", is_flag=True, help="Start from the charts of the file's own uv."
-    ),
-    click.option(
-        "--seams", type=options.FILE, metavar="FILE", help="Edges to cut: vertex pairs, or OBJ l."
-    ),
-    click.option(
-        "--no-seams", type=options.FILE, metavar="FILE", help="Edges that may not be cut."
-    ),
-    click.option(
-        "--cut-materials/--no-cut-materials",
-        default=None,
-        help="Cut between materials.  [default: where there are several]",
-    ),
-    click.option(
-        "--export-seams", type=options.FILE, metavar="FILE", help="Write the seams as vertex pairs."
-    ),
+    unwrap_options.flattening,
+    unwrap_options.seams,
     options.packing,
-    click.option(
-        "--no-normalize", is_flag=True, help="Keep the coordinates of the solver, unpacked."
-    ),
-    options.uv_set,
-    click.option("--overwrite-uv", is_flag=True, help="Replace the set that --uv-set names."),
-    click.option(
-        "--ply-uv", type=click.Choice(["vertex", "face"]), help="Where a PLY holds its uv."
-    ),
-    click.option(
-        "--copy-assets", is_flag=True, help="Copy materials and textures beside the output."
-    ),
-    click.option(
-        "--map", "index_map", type=options.FILE, metavar="FILE.npz", help="Write the index map."
-    ),
-    click.option(
-        "--repair/--no-repair",
-        default=True,
-        help="Mend the mesh for the solve, or refuse.  [default: repair]",
-    ),
-    click.option("--weld", type=float, metavar="EPS", help="Weld vertices up to this distance."),
+    unwrap_options.writing,
+    unwrap_options.mending,
     options.gates,
     click.option(
         "--timeout", type=float, metavar="SECONDS", help="Best valid result within this time."
@@ -193,7 +118,11 @@ class _Run:
         with progress.listener(os.path.basename(mesh), self.quiet) as listener:
             monitor = Monitor(listener, self.options.timeout)
             with monitor.stage("read"):
-                document = read(mesh, format=self.given["format"] if mesh == "-" else None)
+                document = read(
+                    mesh,
+                    format=self.given["format"] if mesh == "-" else None,
+                    unshare=self.given["unshare"],
+                )
             options = replace(self.options, format=self.given["format"] if out == "-" else None)
             result = unwrap_document(document, out, options, monitor)
             self._extras(result)
@@ -218,6 +147,21 @@ class _Run:
             output.export_seams(result, self.given["export_seams"], self.given["overwrite"])
         if self.given["index_map"]:
             output.write_map(result, self.given["index_map"], self.given["overwrite"])
+
+        if self.given["preview"]:
+            from circparam.mesh import UVMap
+            from circparam.report.figures import PictureOptions
+            from circparam.report.picture import save_preview
+
+            o = result.options
+            look = PictureOptions(
+                title=os.path.basename(result.path or ""),
+                note=f"{o.method}, cut {o.cut}",
+                padding=o.padding_uv,
+                repairs=tuple(result.repairs),
+            )
+            layout = UVMap(result.uv, result.uv_faces)
+            save_preview(self.given["preview"], result.mesh, layout, result.measures, look)
 
     def _print_json(self, report: dict[str, Any]) -> None:
         click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
