@@ -252,14 +252,24 @@ def test_garbage_is_refused(format: str, data: bytes) -> None:
         assert "\n" not in str(caught.value)
 
 
+TOP = ["meshes", "nodes", "scenes", "accessors", "bufferViews", "buffers", "materials"]
+KEYS = [*TOP, "primitives", "attributes", "POSITION", "mesh", "children", "count", "type", "targets",
+        "componentType", "indices"]  # fmt: skip
+any_json = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-5, 99)
+    | st.floats(allow_nan=False)
+    | st.text(max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(KEYS), inner, max_size=4)
+    ),
+    max_leaves=12,
+)
+
+
 @settings(max_examples=200, deadline=None)
-@given(st.recursive(
-    st.none() | st.booleans() | st.integers(-5, 99) | st.floats(allow_nan=False) | st.text(max_size=4),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(
-        ["meshes", "primitives", "attributes", "POSITION", "nodes", "scenes", "mesh", "children",
-         "accessors", "bufferViews", "buffers", "count", "type", "componentType", "indices", "targets"]
-    ), inner, max_size=4), max_leaves=12,
-    st.none() | st.booleans() | st.integers(-5, 99) | st.floats(allow_nan=False) | st.text(max_size=3),
+@given(any_json, st.sampled_from(TOP))
 def test_trees_of_any_shape_are_refused(value: object, key: str) -> None:
     g = small()
     g.gltf()

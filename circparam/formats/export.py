@@ -15,6 +15,7 @@ from circparam.formats.gltf_tree import COMPONENTS, Json
 from circparam.formats.gltf_write import file_uv, stored_uv
 from circparam.formats.obj import compact
 from circparam.formats.obj_scan import vt_lines
+from circparam.formats.ply import POLYGON_UV
 from circparam.formats.polygons import polygon_of_corner
 from circparam.formats.seamsplit import split_vertices
 from circparam.formats.splice import ByteArray, as_bytes, digits, interleave
@@ -139,6 +140,8 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
     lines += [f"property list {count_name} float texcoord"] if at_faces else []
     head = "\n".join([*lines, "end_header", ""]).encode()
     notes = lost(document, "polygons")
+    if at_faces and polys.labels is not None and options.ply_uv is None:
+        notes.append(POLYGON_UV)
     if not at_faces and split.added:
         notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
     data = head + vertex.tobytes() + body.tobytes()

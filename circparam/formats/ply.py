@@ -25,6 +25,11 @@ from circparam.formats.seamsplit import split_vertices
 from circparam.mesh import Mesh, UVMap
 
 
+POLYGON_UV = (
+    "some readers (MeshLab) refuse face texcoord of polygons: --ply-uv vertex is read everywhere"
+)
+
+
 @dataclass(frozen=True, eq=False)
 class PlyDocument(Document):
     """A PLY file: its bytes, the place of every value, and its polygons and strips.
@@ -114,6 +119,8 @@ class PlyDocument(Document):
             )
         m = len(self.mesh.faces)
         if mode == "face":
+            if self.polys.labels is not None and options.ply_uv is None:
+                notes.append(POLYGON_UV)
             data = plywrite.with_face_uv(self, uv, corner_uv[: self.n_corners], kind)
             return Encoded(data, "ply", np.arange(n), np.arange(m), notes=notes)
         if split.added:
