@@ -23,8 +23,10 @@ from circparam.methods.mend import mend
 from circparam.progress import Monitor
 
 LIMIT = 20
-CONVERGED = 1e-10  # largest violation of a constraint, in radians (or logarithm)
-SMALLEST = 1e-4  # angles stay above this
+CONVERGED = 1e-9  # largest violation of a constraint, in radians (or logarithm)
+PATIENCE = 4  # steps without progress after which a chart is given up
+CG_LIMIT = 15  # conjugate gradient steps, each about a twentieth of a factorisation
+SMALLEST = 1e-8  # targets stay so far from 0 and π; angles above a twentieth of their target
 VIRTUAL = 1e-3  # weight of the faces that close holes
 
 
@@ -130,15 +132,19 @@ def solve_angles(
     n, chart = patches.n_charts, closed.chart
     alpha = system.target
     linear = alpha
+    lowest = 0.05 * system.target
     steps = np.zeros(n, np.int64)
     open_charts = np.ones(n, bool)
+    converged = np.zeros(n, bool)
+    best, best_at = np.full(n, np.inf), np.zeros(n, np.int64)
+    solver = _Solver()
     vertex_chart = closed.vertex_chart[system.row >= 0]
     for iteration in range(limit):
         try:
-            delta = _newton_step(system, alpha)
+            delta = _newton_step(system, alpha, solver)
         except NoResultError:
             break
-        new = np.clip(alpha + delta, SMALLEST, np.pi - SMALLEST)
+        new = np.clip(alpha + delta, lowest, np.pi - SMALLEST)
         alpha = np.where(open_charts[chart][:, None], new, alpha)
         if iteration == 0:
             linear = new
@@ -149,17 +155,58 @@ def solve_angles(
             worst = np.maximum(worst, group_max(np.abs(violation), vertex_chart, n))
         size = group_max(np.abs(delta).max(1), chart, n)
         worst = np.where(np.isfinite(worst), worst, np.inf)
-        open_charts &= ~((worst < CONVERGED) & (size < 1e-6))
+        converged |= open_charts & (worst < CONVERGED) & (size < 1e-6)
+        better = worst < 0.9 * best
+        best, best_at = np.where(better, worst, best), np.where(better, iteration, best_at)
+        open_charts &= ~converged & (iteration - best_at < PATIENCE)
         monitor.update(iteration / limit, f"angle error {worst.max():.2g}")
         if not open_charts.any() or monitor.expired:
             break
-    converged = ~open_charts
     alpha = np.where(converged[chart][:, None], alpha, linear)
     real = alpha[: len(patches.faces)]
     return real, np.where(converged, steps, 1), converged
 
 
-def _newton_step(system: _System, alpha: FloatArray) -> FloatArray:
+class _Solver:
+    """Solves the systems of successive steps: they change little, so the factor of an earlier one is a good
+    preconditioner for conjugate gradients, and a new one is made only where those take long."""
+
+    def __init__(self) -> None:
+        self.factor: Factor | None = None
+
+    def solve(self, matrix: sps.csc_matrix, b: FloatArray) -> FloatArray:
+        """x with matrix @ x = b, to rounding."""
+        if self.factor is not None:
+            x = self._iterate(matrix, b, self.factor)
+            if x is not None:
+                return x
+        self.factor = Factor(matrix)
+        return self.factor.solve(b)
+
+    @staticmethod
+    def _iterate(matrix: sps.csc_matrix, b: FloatArray, factor: Factor) -> FloatArray | None:
+        """Preconditioned conjugate gradients; None where they do not get there."""
+        x = factor.solve(b)
+        r = b - matrix @ x
+        target = 1e-13 * float(np.abs(b).max(initial=0.0))
+        z = factor.solve(r)
+        p, rz = z, float(r @ z)
+        for _ in range(CG_LIMIT):
+            if float(np.abs(r).max(initial=0.0)) <= target:
+                return x
+            q = matrix @ p
+            curvature = float(p @ q)
+            if not (curvature > 0 and rz > 0):
+                return None
+            x = x + (rz / curvature) * p
+            r = r - (rz / curvature) * q
+            z = factor.solve(r)
+            rz, last = float(r @ z), rz
+            p = z + (rz / last) * p
+        return None
+
+
+def _newton_step(system: _System, alpha: FloatArray, solver: _Solver) -> FloatArray:
     """δα (m, 3) of one step.
 
     With the Hessian Λ = diag(2/β²) the multipliers enter only through their new values, so the step solves
@@ -185,7 +232,7 @@ def _newton_step(system: _System, alpha: FloatArray) -> FloatArray:
     schur = (J @ W @ J.T - half @ half.T).tocsc()
     d = schur.diagonal()
     schur = schur + sps.diags(1e-12 * d + 1e-300)
-    multipliers = Factor(sps.csc_matrix(schur)).solve(b2 - J @ step.ravel())
+    multipliers = solver.solve(sps.csc_matrix(schur), b2 - J @ step.ravel())
     correction = (J.T @ multipliers).reshape(-1, 3) * w
     correction -= w * (correction.sum(1) / total)[:, None]
     return step + correction

@@ -20,7 +20,7 @@ from circparam.methods.embed import embed_start
 from circparam.methods.mend import mend
 from circparam.progress import Monitor
 
-LIMIT = 300
+LIMIT = 1000
 TOLERANCE = 1e-9
 
 
@@ -55,7 +55,7 @@ def arap(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
             LIMIT if options.max_iterations is None else options.max_iterations,
             monitor=monitor,
         )
-    uv, told = mend(patches, uv, "arap", options, monitor, hold)
+    uv, told = mend(patches, uv, "arap", options, monitor, hold, conformal=False)
     return Layout(uv, steps, reasons, notes + told)
 
 

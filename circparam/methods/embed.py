@@ -45,7 +45,7 @@ def embed(
     left = int(_flips(patches, uv).sum())
     if left:
         with monitor.stage("unfold"):
-            uv, unfolded = unfold(patches, uv, hold, monitor)
+            uv, unfolded = unfold(patches, uv, hold, monitor, conformal=True)
         after = int(unfolded.after.sum())
         cure = "mended by the foldover-free energy" + (f" but for {after}" if after else "")
         notes.append(f"{weights}: {left} flipped faces, {cure}")

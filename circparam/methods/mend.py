@@ -20,12 +20,13 @@ def mend(
     options: MethodOptions,
     monitor: Monitor,
     hold: BoolArray | None = None,
+    conformal: bool = True,
 ) -> tuple[FloatArray, list[str]]:
     """Unfold what a method without a guarantee has flipped, and say so in one line.
 
-    hold: (n_vertices,) vertices that keep their places. A chart that does not unfold becomes the isometric
-    map from its convex start, where no vertex of it is held. With ``options.repair`` off the flips stay, and
-    are told. Returns (uv, notes).
+    hold: (n_vertices,) vertices that keep their places. conformal: the map keeps angles. A chart that does
+    not unfold becomes the isometric map from its convex start, where no vertex of it is held. With
+    ``options.repair`` off the flips stay, and are told. Returns (uv, notes).
     """
     bad = flipped(patches.faces, uv)
     if not bad.any():
@@ -35,7 +36,7 @@ def mend(
     if not options.repair:
         return uv, [f"{count}; they stay, as asked"]
     with monitor.stage("unfold"):
-        uv, report = unfold(patches, uv, hold, monitor)
+        uv, report = unfold(patches, uv, hold, monitor, conformal)
     left = report.after > 0
     if not left.any():
         return uv, [f"{count}, mended by the foldover-free energy"]

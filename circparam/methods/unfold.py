@@ -21,7 +21,10 @@ from circparam.progress import Monitor
 from circparam.solve.newton import RelaxOptions, relax
 
 WHOLE = 10**9
-RINGS = (8, 3, 20, WHOLE)  # width of the region round a flipped face, tried in turn
+# Widths of the region round a flipped face, tried in turn. A wide one leaves room for shape; a map whose scale
+# varies much, as conformal ones do, is kept best by a narrow one.
+RINGS = (8, 3, 20, WHOLE)
+NARROW_RINGS = (2, 5, 12, 30, WHOLE)
 OUTER = 25
 INNER = 60
 POLISH = 10  # Newton steps on what was unfolded, for its shape
@@ -52,11 +55,13 @@ def unfold(
     uv: FloatArray,
     hold: BoolArray | None = None,
     monitor: Monitor | None = None,
+    conformal: bool = False,
 ) -> tuple[FloatArray, UnfoldReport]:
     """A layout near ``uv`` without flipped faces, where the energy finds one.
 
     uv: (n_vertices, 2). hold: (n_vertices,) vertices that keep their places (none by default). Charts without
-    flips are returned as they are. Returns (uv, report); the input is not changed.
+    flips are returned as they are. conformal: the map keeps angles rather than areas. Returns (uv, report);
+    the input is not changed.
     """
     hold = np.zeros(patches.n_vertices, bool) if hold is None else hold
     n = patches.n_charts
@@ -64,7 +69,7 @@ def unfold(
     widest = 0
     uv = uv.copy()
     touched = np.zeros(len(patches.faces), bool)
-    for rings in RINGS:
+    for rings in NARROW_RINGS if conformal else RINGS:
         if not bad.any() or (monitor is not None and monitor.expired):
             break
         widest = rings
@@ -79,7 +84,7 @@ def unfold(
         uv[part.source[keep]] = x[keep]
         bad = flipped(patches.faces, uv)
     if touched.any():
-        uv = _polished(patches, uv, touched, hold)
+        uv = _polished(patches, uv, touched, hold, 1.0 if conformal else 0.0)
         bad = flipped(patches.faces, uv)
     count = [np.bincount(patches.chart[b], minlength=n) for b in (first, bad)]
     return uv, UnfoldReport(count[0], count[1], widest)
@@ -300,11 +305,13 @@ def _lowest(part: _Part, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     return out
 
 
-def _polished(patches: Patches, uv: FloatArray, touched: BoolArray, hold: BoolArray) -> FloatArray:
-    """A few Newton steps of the symmetric Dirichlet energy where faces were moved: unfolding leaves them
-    upright, and this gives them back their shape. Groups that still hold a flipped face are left alone."""
+def _polished(
+    patches: Patches, uv: FloatArray, touched: BoolArray, hold: BoolArray, blend: float
+) -> FloatArray:
+    """A few Newton steps where faces were moved: unfolding leaves them upright, and this gives them back their
+    shape. Groups that still hold a flipped face are left alone."""
     part = _region(patches, touched, hold, uv)
-    options = RelaxOptions(tolerance=1e-3, max_iterations=POLISH, fixed=part.fixed)
+    options = RelaxOptions(tolerance=1e-3, max_iterations=POLISH, fixed=part.fixed, blend=blend)
     x = relax(part.patches, uv[part.source], options).uv
     out = uv.copy()
     moved = ~part.fixed
