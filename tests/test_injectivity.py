@@ -70,6 +70,15 @@ def test_orientation_is_exact_where_floating_point_is_known_to_fail():
         )
 
 
+def test_orientation_is_exact_for_full_mantissas_on_a_rounded_line():
+    rng = np.random.default_rng(7)
+    a, b = rng.random((1500, 2)), rng.random((1500, 2))
+    c = a + rng.uniform(-1, 2, (1500, 1)) * (b - a)
+    assert np.array_equal(
+        orientation(a, b, c), [exact_sign(*abc) for abc in zip(a, b, c, strict=True)]
+    )
+
+
 def test_signs_turn_with_the_winding():
     rng = np.random.default_rng(3)
     uv, faces = rng.random((50, 2)), rng.integers(0, 50, (400, 3))
