@@ -125,7 +125,7 @@ def test_same_view_and_same_scale():
 def test_plot_and_files(tmp_path: Path):
     sides = sheet_sides()
     image = compare_plot([sides, sides], columns=2)
-    assert image.width >= 900
+    assert image.width >= 660
     save_plot(tmp_path / "a.png", [sides])
     save_report(tmp_path / "a.html", [sides])
     assert Image.open(tmp_path / "a.png").size[1] > 400

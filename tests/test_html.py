@@ -64,10 +64,11 @@ def check_geometry(scene: Scene, order: np.ndarray) -> dict[str, np.ndarray]:
 def test_geometry_comes_back():
     scene = make_scene(*cube())
     out = check_geometry(scene, np.arange(12))
-    assert out["seams"].shape == (24, 1)
-    assert out["inner"].all()  # a closed surface has cuts only
-    quad = check_geometry(flat_quad(), np.arange(2))
-    assert not quad["inner"].any()  # and a sheet has borders only
+    assert out["seams"][:, 0].tolist() == scene.seams.tolist()
+    turned = check_geometry(scene, np.arange(12)[::-1])
+    face, side = turned["seams"][:, 0] // 3, turned["seams"][:, 0] % 3
+    assert sorted((3 * (11 - face) + side).tolist()) == scene.seams.tolist()
+    assert len(check_geometry(flat_quad(), np.arange(2))["seams"]) == 4
 
 
 @settings(max_examples=30, deadline=None)

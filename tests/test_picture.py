@@ -15,7 +15,7 @@ from PIL import Image
 from circparam.errors import InputError, OptionError, OutputError
 from circparam.mesh import Mesh, UVMap
 from circparam.report import colours as col
-from circparam.report.camera import best_directions, look_from
+from circparam.report.camera import best_directions, look_from, up_vector
 from circparam.report.figures import PictureOptions, as_figures
 from circparam.report.picture import draw_figure, save_preview
 from circparam.report.raster import barycentric, draw_lines, fragments, rasterise, shrink
@@ -383,6 +383,22 @@ def test_best_views_see_the_front_of_an_open_surface():
     assert best_directions(turned, 1)[0] @ [0, 1, 0] < 0
     with pytest.raises(OptionError, match="up axis"):
         best_directions(scene, 2, up="w")
+
+
+def test_up_is_where_the_feet_are_not():
+    """A table stands on four feet: they span the outline along the axis that points up, and along no other."""
+    points, faces, uv, uv_faces = cube()
+    parts = [points * [1.0, 0.05, 0.7] + [0.0, 1.0, 0.0]]
+    for x in (-0.7, 0.7):
+        for z in (-0.5, 0.5):
+            parts.append(points * [0.06, 0.5, 0.06] + [x, 0.5, z])
+    points = np.concatenate(parts)
+    faces, uv_faces = (np.concatenate([f + 24 * k for k in range(5)]) for f in (faces, uv_faces))
+    uv = np.concatenate([uv] * 5)
+    assert np.array_equal(up_vector(make_scene(points, faces, uv, uv_faces)), [0, 1, 0])
+    lying = points[:, [2, 0, 1]]
+    assert np.array_equal(up_vector(make_scene(lying, faces, uv, uv_faces)), [0, 0, 1])
+    assert np.array_equal(up_vector(flat_quad()), [0, 1, 0])
 
 
 def test_views_are_the_same_in_every_run():

@@ -50,8 +50,8 @@ Examples:
 )
 @click.option(
     "--up",
-    type=click.Choice(["x", "y", "z"]),
-    default="y",
+    type=click.Choice(["auto", "x", "y", "z"]),
+    default="auto",
     show_default=True,
     help="The axis that points up.",
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from circparam.arrays import FloatArray
 from circparam.errors import OptionError
@@ -35,11 +36,11 @@ class Camera:
 
 
 def look_from(
-    scene: Scene, direction: FloatArray, up: str = "y", aspect: float = 1.0, margin: float = 1.06
+    scene: Scene, direction: FloatArray, up: str = "auto", aspect: float = 1.0, margin: float = 1.06
 ) -> Camera:
     """The camera that looks at the whole surface from a direction (3,). aspect: width / height."""
     back = direction / np.linalg.norm(direction)
-    upright = up_vector(up)
+    upright = up_vector(scene, up)
     right = np.cross(upright, back)
     if np.linalg.norm(right) < 1e-6:
         right = np.cross(np.roll(upright, 1), back)
@@ -54,21 +55,42 @@ def look_from(
     return Camera(right, top, back, centre, float(reach) * margin)
 
 
-def up_vector(up: str) -> FloatArray:
-    """The unit vector of an axis name; raises OptionError for any other name."""
+def up_vector(scene: Scene, up: str = "auto") -> FloatArray:
+    """The unit vector of an axis name; raises OptionError for any other name.
+
+    auto: y, or z where the surface stands much better on its lower end along z: what is within 3 % of that
+    end spans more of the outline seen from above (after the idea of Fu et al. 2008).
+    """
+    if up == "auto":
+        up = "z" if _support(scene, 2) > 1.5 * _support(scene, 1) + 0.1 else "y"
     if up not in UP:
-        raise OptionError(f"unknown up axis {up!r}: choose one of {', '.join(UP)}")
+        raise OptionError(f"unknown up axis {up!r}: choose one of auto, {', '.join(UP)}")
     return np.array(UP[up])
 
 
+def _support(scene: Scene, axis: int) -> float:
+    """How much of the outline along an axis the lower end spans, 0..1; 0 for a surface flat along it."""
+    p = scene.used_points
+    height = np.ptp(p[:, axis])
+    flat = np.delete(p, axis, 1)
+    if height < 0.05 * np.ptp(p, axis=0).max() or (np.ptp(flat, axis=0) == 0).any():
+        return 0.0
+    low = flat[p[:, axis] <= p[:, axis].min() + 0.03 * height]
+    try:
+        return float(ConvexHull(low).volume / ConvexHull(flat).volume)
+    except QhullError:  # too few points, or all on a line
+        return 0.0
+
+
 def best_directions(
-    scene: Scene, count: int = 2, up: str = "y", samples: int = 12000
+    scene: Scene, count: int = 2, up: str = "auto", samples: int = 12000
 ) -> FloatArray:
     """(count, 3) directions that together show most of the surface, seen from slightly above if possible.
 
     Greedy: every direction adds the surface that the ones before it did not show well. Visibility comes
     from a coarse depth grid over points spread evenly by area, at the same places in every run.
     """
+    axis = up_vector(scene, up)
     area = np.cumsum(scene.areas)
     if not area[-1] > 0:
         return np.tile([0.3, 0.3, 1.0], (count, 1))
@@ -84,8 +106,8 @@ def best_directions(
     )
     normals = scene.normals[face] * (-1 if scene.inside_out else 1)
     cell = 1.8 * np.sqrt(area[-1] / samples)
-    directions, bonus = _candidates(up)
-    seen = np.stack([_visibility(points, normals, d, up, cell) for d in directions])
+    directions, bonus = _candidates(axis)
+    seen = np.stack([_visibility(points, normals, d, axis, cell) for d in directions])
     best: list[int] = []
     so_far = np.zeros(samples)
     for k in range(count):
@@ -97,9 +119,8 @@ def best_directions(
     return directions[best]
 
 
-def _candidates(up: str) -> tuple[FloatArray, FloatArray]:
+def _candidates(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Directions round the upright axis, and how much each height is liked."""
-    axis = up_vector(up)
     side = np.roll(axis, 1)
     front = np.cross(side, axis)
     heights = {20: 1.0, 45: 0.93, -15: 0.9, 80: 0.8, -80: 0.7}
@@ -116,10 +137,10 @@ def _candidates(up: str) -> tuple[FloatArray, FloatArray]:
 
 
 def _visibility(
-    points: FloatArray, normals: FloatArray, direction: FloatArray, up: str, cell: float
+    points: FloatArray, normals: FloatArray, direction: FloatArray, axis: FloatArray, cell: float
 ) -> FloatArray:
     """(s,) how well each sample is seen from a direction: 0 hidden, 1 seen face on."""
-    right = np.cross(up_vector(up), direction)
+    right = np.cross(axis, direction)
     right /= np.linalg.norm(right)
     top = np.cross(direction, right)
     x = np.floor(points @ right / cell).astype(np.int64)

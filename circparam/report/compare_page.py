@@ -17,7 +17,7 @@ from circparam.report import colours as col
 from circparam.report.figures import write_bytes
 from circparam.report.html import fill_in, page_style, viewer_file
 from circparam.report.picture import font, png_bytes, to_image
-from circparam.report.sides import COLUMNS, Drawn, Side, Sides, cell_text, draw_sides
+from circparam.report.sides import COLUMNS, Drawn, Side, Sides, caption, cell_text, draw_sides
 
 STAGE_COLOURS = (col.CHARTS[0], col.CHARTS[1], col.CHARTS[4], col.CHARTS[2])
 REST = col.NO_UV
@@ -88,9 +88,7 @@ def _card(drawn: Drawn) -> str:
         f'width="{image.width}" height="{image.height}">'
         for what, image in zip(("layout", "checker", "stretch"), drawn.images, strict=True)
     )
-    stretch = cell_text("distortion", side.figures.get("distortion"))
-    seconds = cell_text("seconds", side.figures.get("seconds"))
-    return f"<article>{head}{pictures}<p>stretch {stretch} · {seconds} s</p></article>"
+    return f"<article>{head}{pictures}<p>{html.escape(caption(side))}</p></article>"
 
 
 def _png_url(image: Image.Image) -> str:
@@ -240,14 +238,17 @@ def _table1(sizes: Sequence[Any]) -> str:
 
 
 def compare_plot(meshes: Sequence[Sides], columns: int = 5) -> Image.Image:
-    """Methods side by side as an image: layout, checker and stretch below each other, figures under them."""
+    """Methods side by side as an image: layout, checker and stretch below each other, figures under them.
+
+    A mesh with one row has its three pictures beside each other.
+    """
     size, gap, margin, head = 280, 20, 40, 76
     drawn = [(m, *draw_sides(m, size)) for m in meshes]
     cards = [_card_height(d) for _, d, _ in drawn]
-    widest = max(min(columns, len(d)) for _, d, _ in drawn)
-    width = max(2 * margin + widest * size + (widest - 1) * gap, 900)
+    widest = max(3 if len(d) == 1 else min(columns, len(d)) for _, d, _ in drawn)
+    width = max(2 * margin + widest * size + (widest - 1) * gap, 660)
     heights = [head + c * -(-len(d) // columns) for c, (_, d, _) in zip(cards, drawn, strict=True)]
-    page = Image.new("RGB", (width, sum(heights) + margin), col.PAPER)
+    page = Image.new("RGB", (width, sum(heights) + margin // 2), col.PAPER)
     draw = ImageDraw.Draw(page)
     y = 0
     for (sides, rows, top), card, height in zip(drawn, cards, heights, strict=True):
@@ -255,19 +256,20 @@ def compare_plot(meshes: Sequence[Sides], columns: int = 5) -> Image.Image:
         _plot_legend(page, draw, width - margin, y + 32, top)
         for k, row in enumerate(rows):
             x = margin + (k % columns) * (size + gap)
-            _plot_card(page, draw, x, y + head + (k // columns) * card, size, row)
+            _plot_card(page, draw, x, y + head + (k // columns) * card, row, len(rows) == 1)
         y += height
     return page
 
 
 def _card_height(rows: Sequence[Drawn]) -> int:
     """Room for a name, three pictures and a line of figures."""
-    tallest = [sum(i.height + 6 for i in row.images) for row in rows if row.images is not None]
-    return 34 + max(tallest, default=60) + 46
+    each = [[i.height + 6 for i in row.images] for row in rows if row.images is not None]
+    tallest = [max(h) if len(rows) == 1 else sum(h) for h in each]
+    return 34 + max(tallest, default=60) + 40
 
 
 def _plot_card(
-    page: Image.Image, draw: ImageDraw.ImageDraw, x: int, y: int, size: int, row: Drawn
+    page: Image.Image, draw: ImageDraw.ImageDraw, x: int, y: int, row: Drawn, across: bool
 ) -> None:
     side = row.side
     draw.text((x, y), side.name, font=font(20), fill=col.INK)
@@ -277,14 +279,12 @@ def _plot_card(
     if row.images is None:
         draw.text((x, y + 60), "no layout", font=font(16), fill=col.MUTED)
         return
-    top = y + 34
+    left, top, bottom = x, y + 34, y + 34
     for image in row.images:
-        page.paste(image, (x, top))
-        top += image.height + 6
-    stretch = cell_text("distortion", side.figures.get("distortion"))
-    seconds = cell_text("seconds", side.figures.get("seconds"))
-    text = f"stretch {stretch}" + (f" · {seconds} s" if seconds != "–" else "")
-    draw.text((x, top + 2), text, font=font(17), fill=col.MUTED)
+        page.paste(image, (left, top))
+        bottom = max(bottom, top + image.height + 6)
+        left, top = (left + image.width + 20, top) if across else (left, bottom)
+    draw.text((x, bottom + 2), caption(side), font=font(17), fill=col.MUTED)
 
 
 def _plot_legend(

@@ -32,16 +32,16 @@ class PageImages:
 class PictureOptions:
     """How a picture or a page is made.
 
-    title: the heading. note: words beside it. up: the axis that points up. padding: of the layout, in uv
-    units (0 shows none). stretch_end: end of the colour scale, None for the value that 99 % stay below.
-    directions: (d, 3) sides to look from, None for those that show most. samples: along a pixel's side, to
-    smooth edges; None takes 3, or 2 for large meshes. For pages only: repairs, one line
-    each; images, the mesh's own textures; image_note, why there are none.
+    title: the heading. note: words beside it. up: the axis that points up: x, y, z, or auto. padding: of the
+    layout, in uv units (0 shows none). stretch_end: end of the colour scale, None for the value that 99 % stay
+    below. directions: (d, 3) sides to look from, None for those that show most. samples: along a pixel's side,
+    to smooth edges; None takes 3, or 2 for large meshes. For pages only: repairs, one line each; images, the
+    mesh's own textures; image_note, why there are none.
     """
 
     title: str = "uv layout"
     note: str = ""
-    up: str = "y"
+    up: str = "auto"
     padding: float = 0.0
     stretch_end: float | None = None
     directions: FloatArray | None = None

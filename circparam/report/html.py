@@ -113,7 +113,7 @@ def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
     palette = col.chart_colours(np.arange(24))
     return {
         "extent": extent.tolist(),
-        "up": up_vector(options.up).tolist(),
+        "up": up_vector(scene, options.up).tolist(),
         "direction": [round(float(c), 4) for c in directions[0]],
         "insideOut": scene.inside_out,
         "uvBox": [*scene.uv.min(0).tolist(), *_uv_span(scene).tolist()],
@@ -202,8 +202,6 @@ def pack_geometry(scene: Scene, order: IntArray) -> tuple[list[dict[str, Any]], 
     position_of = np.empty(len(order), np.int64)
     position_of[order] = np.arange(len(order))
     seams = 3 * position_of[scene.seams // 3] + scene.seams % 3
-    inner = np.isin(scene.seams, _both_sides(scene))
-    by_place = np.argsort(seams)
     next_new = np.r_[0, np.maximum.accumulate(label)[:-1] + 1]
     parts: list[tuple[str, Any, str]] = [
         ("position", position, "delta"),
@@ -216,8 +214,7 @@ def pack_geometry(scene: Scene, order: IntArray) -> tuple[list[dict[str, Any]], 
             "delta",
         ),
         ("stretch", _stretch_codes(scene)[order], "plain"),
-        ("seams", seams[by_place].astype(np.uint32), "delta"),
-        ("inner", inner[by_place].astype(np.uint8), "plain"),
+        ("seams", np.sort(seams).astype(np.uint32), "delta"),
     ]
     sections, data = [], []
     for name, array, coding in parts:
@@ -238,16 +235,6 @@ def pack_geometry(scene: Scene, order: IntArray) -> tuple[list[dict[str, Any]], 
             }
         )
     return sections, zlib.compress(b"".join(data), 7)
-
-
-def _both_sides(scene: Scene) -> IntArray:
-    """Half-edges of ``seams`` on cuts (not on borders of the surface), both sides."""
-    w = scene.weld[scene.faces]
-    a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
-    h = scene.seams
-    key = np.minimum(a, b)[h] * (len(scene.points) + 1) + np.maximum(a, b)[h]
-    _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
-    return h[count[inverse.reshape(-1)] > 1]
 
 
 def _quantise(values: FloatArray) -> Any:

@@ -63,10 +63,10 @@ def with_seams(view: View, scene: Scene, camera: Camera) -> View:
 
 
 def _seam_lines(scene: Scene, camera: Camera, z: FloatArray, factor: int) -> FloatArray:
-    """Mask of the seams that are seen; the bias keeps a line from sinking into its own faces."""
+    """Mask of the seams and borders that are seen; the bias keeps a line from sinking into its own faces."""
     h, w = z.shape
     xy, depth = camera.project(scene.points, w, h)
-    seams = scene.inner_seams
+    seams = scene.seams
     flat = scene.faces.ravel()
     a, b = flat[seams], flat[3 * (seams // 3) + (seams + 1) % 3]
     lines = np.concatenate([xy, depth[:, None]], 1)
@@ -80,7 +80,7 @@ def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArr
     n[back] *= -1
     key = np.clip(0.5 + 0.5 * (n @ (LIGHT / np.linalg.norm(LIGHT))), 0, 1) ** 1.6
     sky = 0.5 + 0.5 * n[:, 1]
-    result: FloatArray = 0.36 + 0.58 * key + 0.12 * sky
+    result: FloatArray = 0.42 + 0.56 * key + 0.10 * sky
     return result
 
 

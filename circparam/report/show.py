@@ -33,14 +33,14 @@ def view_document(
     *,
     uv_set: int = 0,
     padding: float = 0.0,
-    up: str = "y",
+    up: str = "auto",
     stretch_end: float | None = None,
 ) -> Scene:
     """Draw a uv set of a file into a PNG, an SVG or a page, by the ending of ``path``; returns the scene.
 
-    padding: in uv units, drawn round the charts. up: the axis that points up. stretch_end: end of the colour
-    scale. Raises OptionError for an unknown ending, InputError where the file lacks that set or its uv are no
-    numbers, OutputError where the picture cannot be written.
+    padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or auto. stretch_end:
+    end of the colour scale. Raises OptionError for an unknown ending, InputError where the file lacks that set
+    or its uv are no numbers, OutputError where the picture cannot be written.
     """
     check_kind(path)
     uvmap = document.uv(uv_set)
@@ -54,6 +54,8 @@ def view_document(
         images, note, more = page_images(document, uv_set)
         notes += more
     name = Path(document.source.name).name
+    if up == "auto":  # two formats say what is up: glTF by its standard, STL by what it is used for
+        up = {"glb": "y", "gltf": "y", "stl": "z"}.get(document.format, up)
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
         padding=padding, stretch_end=stretch_end, repairs=tuple(notes), images=images, image_note=note,

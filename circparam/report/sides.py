@@ -27,7 +27,7 @@ from circparam.report.render import (
 )
 from circparam.report.scene import Scene, make_scene
 
-LARGEST_TOP = 10.0  # a scale that ends later shows no difference between the good ones
+LARGEST_TOP = 5.0  # a scale that ends later shows no difference between the good ones
 COLUMNS = {
     "seconds": "seconds",
     "charts": "charts",
@@ -70,7 +70,7 @@ class Sides:
     mesh: Mesh
     rows: Sequence[Side]
     note: str = ""
-    up: str = "y"
+    up: str = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class Drawn:
     images: tuple[Image.Image, Image.Image, Image.Image] | None
 
 
-def sides_of(comparison: Any, mesh: Mesh, title: str = "", up: str = "y") -> Sides:
+def sides_of(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto") -> Sides:
     """The sides of a ``circparam.compare.Comparison`` whose rows keep their layout as ``uvmap``."""
     rows = []
     for row in comparison.rows:
@@ -138,6 +138,19 @@ def _scene(mesh: Mesh, side: Side) -> Scene | None:
         return make_scene(mesh.points, mesh.faces, side.uvmap.uv, side.uvmap.uv_faces)
     except InputError:
         return None
+
+
+def caption(side: Side, seconds: bool = True) -> str:
+    """Charts, stretch and seconds of a row in a few words; what is unknown is left out."""
+    charts, stretch, time = (side.figures.get(k) for k in ("charts", "distortion", "seconds"))
+    parts = []
+    if charts is not None:
+        parts.append(f"{charts:,} chart{'s' * (charts != 1)}")
+    if stretch is not None:
+        parts.append(f"stretch {cell_text('distortion', stretch)}")
+    if time is not None and seconds:
+        parts.append(f"{cell_text('seconds', time)} s")
+    return " · ".join(parts)
 
 
 def cell_text(key: str, value: float | int | None) -> str:

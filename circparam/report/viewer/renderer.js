@@ -41,13 +41,13 @@ function cornerBuffer(mesh) {
   return bytes;
 }
 
-/* One record of 28 bytes for each border half-edge of a chart. */
+/* One record of 24 bytes for each border half-edge of a chart. */
 function seamBuffer(mesh) {
-  const { index, position, uv, chart, seams, inner } = mesh;
-  const bytes = new ArrayBuffer(seams.length * 28);
+  const { index, position, uv, chart, seams } = mesh;
+  const bytes = new ArrayBuffer(seams.length * 24);
   const words = new Uint16Array(bytes), long = new Uint32Array(bytes);
   for (let s = 0; s < seams.length; s++) {
-    const h = seams[s], a = index[h], b = index[h % 3 === 2 ? h - 2 : h + 1], w = s * 14;
+    const h = seams[s], a = index[h], b = index[h % 3 === 2 ? h - 2 : h + 1], w = s * 12;
     for (let k = 0; k < 3; k++) {
       words[w + k] = position[3 * a + k];
       words[w + 3 + k] = position[3 * b + k];
@@ -56,8 +56,7 @@ function seamBuffer(mesh) {
       words[w + 6 + k] = uv[2 * a + k];
       words[w + 8 + k] = uv[2 * b + k];
     }
-    long[s * 7 + 5] = chart[(h / 3) | 0];
-    long[s * 7 + 6] = inner[s];
+    long[s * 6 + 5] = chart[(h / 3) | 0];
   }
   return bytes;
 }
@@ -78,9 +77,9 @@ class Renderer {
       [3, gl.UNSIGNED_SHORT, 0], [2, gl.UNSIGNED_SHORT, 8], [2, gl.UNSIGNED_BYTE, 12],
       [1, gl.UNSIGNED_INT, 16], [1, gl.UNSIGNED_SHORT, 6],
     ], 3);
-    this.edges = this.vertexArray(seamBuffer(mesh), 28, 1, [
+    this.edges = this.vertexArray(seamBuffer(mesh), 24, 1, [
       [3, gl.UNSIGNED_SHORT, 0], [3, gl.UNSIGNED_SHORT, 6], [2, gl.UNSIGNED_SHORT, 12],
-      [2, gl.UNSIGNED_SHORT, 16], [1, gl.UNSIGNED_INT, 20], [1, gl.UNSIGNED_INT, 24],
+      [2, gl.UNSIGNED_SHORT, 16], [1, gl.UNSIGNED_INT, 20],
     ], 4);
     this.empty = gl.createVertexArray();
     this.ramp = this.texture(gl.CLAMP_TO_EDGE, false);

@@ -93,7 +93,7 @@ void main() {
     vec3 n = normalize(smoothNormal) * (back != insideOut ? -1.0 : 1.0);
     if (dot(n, flat_) < 0.766) n = flat_;
     float key = pow(clamp(0.5 + 0.5 * dot(n, normalize(vec3(-0.40, 0.55, 0.73))), 0.0, 1.0), 1.6);
-    float light = 0.36 + 0.60 * key + 0.12 * (0.5 + 0.5 * n.y);
+    float light = 0.42 + 0.57 * key + 0.10 * (0.5 + 0.5 * n.y);
     if (back && mode != 3) c = mix(c, vec3(0.62, 0.63, 0.65), 0.45);
     c *= 1.0 - shade + shade * light;
   }
@@ -107,7 +107,6 @@ layout(location = 1) in vec3 stopPosition;
 layout(location = 2) in vec2 startUv;
 layout(location = 3) in vec2 stopUv;
 layout(location = 4) in uint chart;
-layout(location = 5) in uint inner;
 uniform vec2 pixels;      // size of the panel
 uniform float thickness;
 out float strength;
@@ -124,8 +123,7 @@ void main() {
   p.xy += shift / pixels * p.w;
   if (!plane) p.z -= (lit ? 0.0030 : 0.0024) * p.w;   // in front of the faces it lies on
   strength = lit ? 1.0 : hovered >= 0 ? 0.25 : 1.0;
-  bool hidden = (!plane && inner == 0u && !lit) || p.w <= 0.0;
-  gl_Position = hidden ? vec4(2.0, 2.0, 2.0, 1.0) : p;
+  gl_Position = p.w <= 0.0 ? vec4(2.0, 2.0, 2.0, 1.0) : p;
 }`;
 
 const LINE_FRAGMENT = `${COMMON}
