@@ -15,7 +15,7 @@ import numpy as np
 
 from circparam.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
 from circparam.errors import OptionError
-from circparam.geometry import corner_angles, vertex_angle_sums
+from circparam.geometry import corner_angles
 from circparam.mesh import Patches
 from circparam.registry import Row, Table
 
@@ -91,7 +91,7 @@ def outer_ring(patches: Patches, spacing: str = "arc-length") -> Ring:
     local = np.arange(len(chart)) - first[chart]
     h = loops.half_edges[loops.start[outer][chart] + local]
     # begin where the surface's corner is sharpest: a choice that no renumbering changes
-    sharp = vertex_angle_sums(patches, corner_angles(patches))[patches.faces.ravel()[h]]
+    sharp = _angles_at(patches, patches.faces.ravel()[h])
     order = np.lexsort((local, np.round(sharp, 9), chart))
     begin = local[order[first]]
     h = h[first[chart] + (local + begin[chart]) % size[chart]]
@@ -106,6 +106,18 @@ def outer_ring(patches: Patches, spacing: str = "arc-length") -> Ring:
     place = np.clip(run - run[first[chart]], 0, 1)
     labels = loops.chart[outer][chart]
     return Ring(patches.faces.ravel()[h], labels, h, place, size)
+
+
+def _angles_at(patches: Patches, vertices: IntArray) -> FloatArray:
+    """(k,) sum of the corner angles at these vertices, from the faces that touch them only."""
+    wanted = np.zeros(patches.n_vertices, bool)
+    wanted[vertices] = True
+    near = np.flatnonzero(wanted[patches.faces].any(1))
+    part = Patches(
+        patches.faces[near], patches.frames[near], patches.chart[near], patches.edges[:0]
+    )
+    sums = group_sum(corner_angles(part).ravel(), part.faces.ravel(), patches.n_vertices)
+    return sums[vertices]
 
 
 def circle(patches: Patches, options: BorderOptions) -> Border:
