@@ -18,7 +18,7 @@ needs_alarm = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="the bou
 
 
 @needs_alarm
-@settings(max_examples=40, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, deadline=None, database=None, suppress_health_check=list(HealthCheck))
 @given(cases())
 def test_whatever_comes_in_ends_as_documented(case: Case) -> None:
     with tempfile.TemporaryDirectory() as name:
@@ -38,11 +38,10 @@ def test_the_judge_finds_a_lying_report(tmp_path: Path, monkeypatch: pytest.Monk
     original = pipeline.complete
     monkeypatch.setattr(pipeline, "complete", crushed)
     monkeypatch.setattr("circparam.chain.faults", _sound)
-    monkeypatch.setattr("circparam.save.reasons", lambda *_: [], raising=False)
-    monkeypatch.setattr("circparam.result.reasons", lambda *_: [], raising=False)
+    monkeypatch.setattr("circparam.result.reasons", lambda *_: [])
     p, f = shapes.bumped_disk(60)
     lines = [f"v {x} {y} {z}" for x, y, z in p] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in f]
-    case = Case("mesh.obj", "\n".join(lines).encode(), ("unwrap",), (), ".obj")
+    case = Case("mesh.obj", "\n".join(lines).encode(), ("unwrap",), ("--no-normalize",), ".obj")
     assert any("overlap" in line for line in problems(case, tmp_path))
 
 

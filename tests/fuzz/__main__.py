@@ -35,6 +35,7 @@ def main() -> int:
     end = time.monotonic() + 60 * chosen.minutes
     wrong: list[tuple[Case, list[str]]] = []
     count: collections.Counter[str] = collections.Counter()
+    endings: collections.Counter[str] = collections.Counter()
     slowest = 0.0
 
     @seed(chosen.seed)
@@ -53,7 +54,7 @@ def main() -> int:
             return
         with tempfile.TemporaryDirectory() as name:
             start = time.monotonic()
-            found = problems(case, Path(name), chosen.bound)
+            found = problems(case, Path(name), chosen.bound, endings)
             slowest = max(slowest, time.monotonic() - start)
         count["run"] += 1
         count[case.command[0]] += 1
@@ -75,6 +76,7 @@ def main() -> int:
         f"fuzz: {count['run']} cases (unwrap {count['unwrap']}, check {count['check']}), seed {chosen.seed}: "
         f"{len(wrong)} wrong, slowest {slowest:.1f} s{skipped}"
     )
+    print("fuzz: " + ", ".join(f"{n} {how}" for how, n in endings.most_common()))
     if wrong:
         print(f"fuzz: files of the wrong cases are in {keep}")
     elif chosen.keep is None:

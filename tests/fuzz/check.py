@@ -7,6 +7,7 @@ import faulthandler
 import json
 import signal
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -25,10 +26,12 @@ class OverBoundError(BaseException):
     """A case took longer than its bound."""
 
 
-def problems(case: Case, folder: Path, bound: float = 20.0) -> list[str]:
+def problems(
+    case: Case, folder: Path, bound: float = 20.0, tally: Counter[str] | None = None
+) -> list[str]:
     """What is wrong, one line each; empty where the case went as it should.
 
-    folder: an empty one, left as the case left it. bound: seconds.
+    folder: an empty one, left as the case left it. bound: seconds. tally: how cases ended is counted there.
     """
     source = folder / case.name
     source.write_bytes(case.data)
@@ -42,6 +45,8 @@ def problems(case: Case, folder: Path, bound: float = 20.0) -> list[str]:
         result = CliRunner().invoke(cli, words)
     if over:
         return [f"took more than {bound:g} s"]
+    if tally is not None:
+        tally[_ending(result.exit_code, result.stdout)] += 1
     out = []
     if result.exit_code not in ALLOWED:
         out.append(f"exit {result.exit_code}: {_tail(result.stderr)}")
@@ -167,6 +172,13 @@ def _bounded(seconds: float, over: list[bool]) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0)
         faulthandler.cancel_dump_traceback_later()
         signal.signal(signal.SIGALRM, before)
+
+
+def _ending(code: int, said: str) -> str:
+    """How a case ended, in a word or two."""
+    with contextlib.suppress(ValueError, KeyError, TypeError):
+        return f"{json.loads(said)['status']}" if code == exits.OK else f"exit {code}"
+    return f"exit {code}"
 
 
 def _tail(text: str) -> str:
