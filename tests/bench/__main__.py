@@ -1,0 +1,20 @@
+"""``python -m tests.bench [solve|atlas|packing] ...``: one benchmark by name; solve when none is named."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+NAMES = ("solve", "atlas", "packing")
+
+
+def main() -> None:
+    """Hand over to the benchmark of that name."""
+    named = sys.argv[1:2] and sys.argv[1] in NAMES
+    name = sys.argv.pop(1) if named else "solve"
+    sys.argv[0] = f"python -m tests.bench {name}"
+    importlib.import_module(f"tests.bench.{name}").main()
+
+
+if __name__ == "__main__":
+    main()
