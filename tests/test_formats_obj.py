@@ -192,6 +192,16 @@ def test_groups_stand_in_where_no_material_is_named() -> None:
     assert document.group_names == ("one", "two")
 
 
+def test_labels_for_grouping() -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\no p\nf 3 2 1\nusemtl b\nf 1 2 3\no q\nf 2 3 1\n"
+    document = read_data(data, format="obj")
+    assert document.labels("primitive").tolist() == [0, 0, 1, 1]
+    assert document.labels("mesh").tolist() == [0, 1, 1, 2]
+    assert document.labels("scene").tolist() == [0, 0, 0, 0]
+    with pytest.raises(OptionError, match="grouping"):
+        document.labels("page")
+
+
 def test_short_faces_are_kept_and_give_no_triangle() -> None:
     data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\nf 1/1 2/1 3/1\nf 3\nvt 0 0\n"
     document = read_data(data, format="obj")

@@ -50,6 +50,13 @@ class ObjDocument(Document):
             return None
         return UVMap(self.texture_points, self.corner_vt[self.polys.triangles])
 
+    def labels(self, kind: str) -> IntArray:
+        """(m,) label of each face by material, by ``o`` name for 'mesh', or one for 'scene'."""
+        if kind == "mesh":
+            lines, _ = self.scan.lines(b"o")
+            return relabel(np.searchsorted(lines, self.scan.face_lines)[self.polys.owner])[1]
+        return super().labels(kind)
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:

@@ -147,9 +147,16 @@ def from_arrays(
 
 
 def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene | Any) -> Document:
-    """A document from a trimesh.Trimesh, with its uv; a Scene is joined with its node transforms applied."""
+    """A document from a trimesh.Trimesh, with its uv; a Scene is joined with its node transforms applied.
+
+    Raises InputError for an object without faces, such as a PointCloud.
+    """
     if hasattr(mesh, "to_mesh"):  # a Scene
         mesh = mesh.to_mesh()
+    if not hasattr(mesh, "faces"):
+        raise InputError(
+            f"a trimesh {type(mesh).__name__} has no faces: there is nothing to unwrap"
+        )
     uv = getattr(getattr(mesh, "visual", None), "uv", None)
     if uv is not None and np.shape(uv) != (len(mesh.vertices), 2):
         uv = None

@@ -24,9 +24,7 @@ from circparam.formats.polygons import list_start, strips, triangulate
 from circparam.formats.seamsplit import split_vertices
 from circparam.mesh import Mesh, UVMap
 
-POLYGON_UV = (
-    "some readers (MeshLab) refuse face texcoord of polygons: --ply-uv vertex is read everywhere"
-)
+POLYGON_UV = "some readers refuse face texcoord of polygons: --ply-uv vertex is read everywhere"
 
 
 @dataclass(frozen=True, eq=False)
