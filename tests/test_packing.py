@@ -55,7 +55,7 @@ def covered(faces, uv, chart, res):
         inside = np.ones(x.shape, bool)
         for k in range(3):
             a, b = q[k], q[(k + 1) % 3]
-            inside &= sign * ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) > 0
+            inside &= sign * ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) >= -1e-9
         part = owner[low[1] : high[1], low[0] : high[0]]
         twice += int(((part >= 0) & (part != c) & inside).sum())
         part[inside] = c

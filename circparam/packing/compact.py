@@ -17,9 +17,12 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from circparam.arrays import FloatArray, IntArray, ranges
-from circparam.packing.options import PackOptions
+from circparam.packing.options import PackOptions, strip_gap
 from circparam.packing.shapes import Shapes
 from circparam.packing.shelf import Placement
+
+# Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
+_MARGIN = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,12 +127,12 @@ def _program(
     placement: Placement,
     outlines: list[Outline],
     found: Contacts,
-    gap: float,
-    border: float,
-    side: float,
+    options: PackOptions,
+    strict: bool,
 ) -> tuple[sps.csr_matrix, FloatArray]:
     """Rows A z <= b with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
     n = len(outlines)
+    border, side = options.border + _MARGIN, float(options.resolution)
     d = found.p - found.q
     distance = np.sqrt((d * d).sum(1))
     normal = d / np.maximum(distance, 1e-12)[:, None]
@@ -149,7 +152,8 @@ def _program(
         (rows, 2 * n + found.j, cross(rq)),
         (rows, np.full(k, 3 * n), -(normal * (rp - rq)).sum(1)),
     ]
-    bounds = [distance - gap]
+    width = options.gap if strict else strip_gap(options.padding, normal)
+    bounds = [distance - (width + _MARGIN)]
     own = np.repeat(np.arange(n), [len(o.hull) for o in outlines])
     r = np.concatenate([_world(placement, c, o.hull) for c, o in enumerate(outlines)])
     r -= placement.offset[own]
@@ -177,16 +181,13 @@ def squeeze(
     radius: FloatArray,
     options: PackOptions,
     trust: float,
-    margin: float,
     turn: bool,
+    strict: bool,
 ) -> Placement | None:
     """One linear program: the largest growth within the trust region (texels); None where it fails."""
     n = len(outlines)
-    gap = options.gap + margin
-    found = contacts(placement, outlines, gap + 4 * trust)
-    matrix, bound = _program(
-        placement, outlines, found, gap, options.border + margin, float(options.resolution)
-    )
+    found = contacts(placement, outlines, options.gap + _MARGIN + 4 * trust)
+    matrix, bound = _program(placement, outlines, found, options, strict)
     keep = bound < 4 * trust
     reach = np.maximum(radius * placement.scale, 1e-9)
     most = np.concatenate([np.full(2 * n, trust), trust / reach * turn, [trust / reach.max()]])
@@ -212,29 +213,44 @@ def compact(
     shapes: Shapes,
     placement: Placement,
     options: PackOptions,
-    schedule: tuple[float, ...],
+    steps: int,
     expired: Callable[[], bool],
+    trust: float = 32.0,
+    strict: bool = False,
 ) -> Placement:
-    """Grow a layout free of overlap until it locks: trust regions in texels of a page of 2048, one each.
+    """Grow a layout free of overlap until it locks, by at most ``steps`` linear programs.
 
-    The result keeps the distances up to the error of the last step, which its small trust region bounds;
-    the caller checks.
+    trust: first trust region in texels of a page of 2048; it is halved when a step gains little of what the
+    region allows, down to a quarter of a texel. strict: keep the full gap in all directions, where the width
+    of straight strips would do; for layouts that the check refuses.
+    The result keeps the distances up to the error of the last step; the caller checks.
     """
     unit = options.resolution / 2048
     turn = options.rotate == "free"
     outlines: list[Outline] = []
     sampled = np.inf
-    for trust in schedule:
+    for _ in range(steps):
         step = max(trust * unit / 2, 0.75)
         if step < sampled / 1.5:
             sampled = step
             outlines = [
                 sample_outline(*shapes.outline(c), step / placement.scale) for c in range(shapes.n)
             ]
-        after = squeeze(placement, outlines, shapes.radius, options, trust * unit, 0.02, turn)
+        after = squeeze(placement, outlines, shapes.radius, options, trust * unit, turn, strict)
         if after is None:
             break
+        gain = after.scale / placement.scale - 1
         placement = after
-        if expired():
+        if gain < 0.2 * trust * unit / (shapes.radius.max() * placement.scale):
+            trust /= 2
+        if trust < 0.25 or expired():
             break
+    if trust >= 0.5 and not expired():
+        # cut short: a last small step takes back what the linear programs overshot
+        outlines = [
+            sample_outline(*shapes.outline(c), 1 / placement.scale) for c in range(shapes.n)
+        ]
+        for trust in (1.0 * unit, 0.5 * unit):
+            after = squeeze(placement, outlines, shapes.radius, options, trust, turn, strict)
+            placement = placement if after is None else after
     return placement

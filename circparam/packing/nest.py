@@ -229,15 +229,19 @@ def search(
         order = np.argsort(-key, kind="stable")
         tried += 1
         failures += 1
+        stride = 1
         while True:
-            side = results[0].side - 1 if results else min(int(cells * 1.12), most)
+            side = results[0].side - stride if results else min(int(cells * 1.12), most)
             if not results and failures > 1:
                 side = min(int(side * 1.05 ** (failures - 1)), most)
             found = lay(board, order, side, sigma, options.pages, choice, work)
-            if found is None:
+            if found is not None:
+                results.insert(0, found)
+                failures, stride = 0, 2 * stride
+            elif stride > 1:
+                stride = 1
+            else:
                 break
-            results.insert(0, found)
-            failures = 0
         if work.left <= 0 or not work.spend(0):
             break
         if not results and failures > 8:

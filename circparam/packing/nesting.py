@@ -24,31 +24,43 @@ from circparam.progress import Monitor
 _HOPE = 0.68
 # Cells that are transformed in the search: 3 to 4 seconds on one core of 2020.
 _BUDGET = 1.5e8
-# Trust regions of the squeezing, in texels of a page of 2048: first for all candidates, then for the best.
-_ROUGH = (24.0, 24.0, 16.0, 12.0)
-_FINE = (12.0, 8.0, 6.0, 4.0, 2.0, 1.0, 0.5)
+# Linear programs of the squeezing: first for every candidate, then for the best.
+_ROUGH = 5
+_FINE = 12
 # Charts up to which linear programs are solved in a second or so.
 _SQUEEZED = 150
 
 
-def nested(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
-    """Placements by nesting, best first; empty where the search found none."""
+def nested(
+    shapes: Shapes, options: PackOptions, rows: Placement | None, monitor: Monitor
+) -> list[Placement]:
+    """Placements by nesting, best first; empty where the search found none.
+
+    rows: a plain layout, squeezed beside those found: for charts like boxes it can be the best start.
+    """
     if options.fixed_scale is not None:
         return _at_fixed_scale(shapes, options, options.fixed_scale, monitor)
     layouts = _layouts(shapes, options, monitor)
-    if not layouts:
-        return []
     if shapes.n > _SQUEEZED:
         return layouts[:1]
+    part = min(1.0, 4 * options.effort)
     rough = []
-    for layout in layouts[: 3 if shapes.n <= 60 else 1]:
-        if monitor.expired:
-            break
-        rough.append(compact(shapes, layout, options, _ROUGH, lambda: monitor.expired))
+    for layout in [*layouts[: 3 if shapes.n <= 60 else 1], rows]:
+        if layout is None or monitor.expired:
+            continue
+        rough.append(
+            compact(shapes, layout, options, _steps(_ROUGH, part), lambda: monitor.expired)
+        )
     rough.sort(key=lambda p: -p.scale)
-    steps = _FINE if shapes.n <= 60 else _FINE[::2]
-    fine = [compact(shapes, p, options, steps, lambda: monitor.expired) for p in rough[:1]]
-    return [*fine, layouts[0]]
+    steps = _steps(_FINE if shapes.n <= 60 else _FINE // 2, part)
+    fine = [compact(shapes, p, options, steps, lambda: monitor.expired, 8.0) for p in rough[:1]]
+    # the check may refuse a tight layout: then one with the full gap everywhere stands ready
+    safe = [compact(shapes, p, options, 3, lambda: monitor.expired, 1.0, strict=True) for p in fine]
+    return [*fine, *safe, *layouts[:1]]
+
+
+def _steps(most: int, part: float) -> int:
+    return max(2, round(most * part))
 
 
 def _layouts(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:

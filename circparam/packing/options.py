@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from circparam.arrays import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.registry import unknown_name
@@ -69,6 +71,11 @@ class PackOptions:
         return max(lattice_gap(self.padding), math.sqrt(2)) + MARGIN
 
     @property
+    def box_gap(self) -> float:
+        """The same for charts that an upright strip separates: centres on its sides are whole texels apart."""
+        return max(self.padding, 1) + MARGIN
+
+    @property
     def border(self) -> float:
         """Distance in texels that charts keep from the border of the page.
 
@@ -101,6 +108,19 @@ def lattice_gap(padding: int) -> float:
         b = math.isqrt(bound - 1 - a * a)
         best = max(best, a * a + b * b)
     return math.sqrt(best)
+
+
+def strip_gap(padding: int, normal: FloatArray) -> FloatArray:
+    """Width in texels of an empty strip that keeps covered centres padding + 1 apart: normal (k, 2) → (k,).
+
+    Two centres on its sides at a distance below padding + 1 have a difference (a, b) in whole texels; the
+    strip is wide enough when no such (a, b) reaches across it. 4 for an upright strip and padding 4, up to
+    ``lattice_gap`` for a slanted one.
+    """
+    a = np.arange(padding + 1)
+    b = np.array([math.isqrt((padding + 1) ** 2 - 1 - int(x) ** 2) for x in a])
+    width = (np.abs(normal) @ np.stack([a, b]).astype(np.float64)).max(1)
+    return np.asarray(np.maximum(width, math.sqrt(2)) + MARGIN)
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ def pack(
     check_room(shapes, options)
     with monitor.stage("pack"):
         rows = shelf_placement(shapes, options)
-        candidates = _candidates(shapes, options, monitor)
+        candidates = _candidates(shapes, options, rows, monitor)
         candidates += [rows] if rows is not None else []
         if not candidates:
             raise OptionError(does_not_fit(shapes, options))
@@ -54,11 +54,13 @@ def pack(
     raise NoResultError(f"packing failed its own check ({wrong}): try a larger --resolution")
 
 
-def _candidates(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
+def _candidates(
+    shapes: Shapes, options: PackOptions, rows: Placement | None, monitor: Monitor
+) -> list[Placement]:
     """Placements that are tighter than rows of boxes; none when the time is over."""
     found: list[Placement] = []
     if shapes.n <= NESTED and not monitor.expired:
-        found = nested(shapes, options, monitor)
+        found = nested(shapes, options, rows, monitor)
     if (shapes.n > DROPPED_FROM or not found) and not monitor.expired:
         dropped = drop_placement(shapes, options, monitor)
         found += [dropped] if dropped is not None else []
@@ -90,7 +92,7 @@ def check_room(shapes: Shapes, options: PackOptions) -> None:
     if not shapes.radius.max() > 0:
         raise NoResultError("no chart has any extent in uv: there is nothing to pack")
     side = options.resolution - 2 * options.border
-    places = options.pages * (int(side / options.gap) + 1) ** 2
+    places = options.pages * (int(side / options.box_gap) + 1) ** 2
     if shapes.n > places:
         raise OptionError(
             f"{shapes.n} charts do not fit: {options.pages} page(s) of {options.resolution} texels have "

@@ -68,7 +68,7 @@ def _largest_scale(size: FloatArray, options: PackOptions) -> float | None:
 
 def _rows(size: FloatArray, options: PackOptions) -> tuple[FloatArray, IntArray] | None:
     """Lower left corners and pages of boxes (n, 2) sorted by falling height; None where they do not fit."""
-    n, gap, border = len(size), options.gap, options.border
+    n, gap, border = len(size), options.box_gap, options.border
     room = options.resolution - 2 * border
     if size.max(initial=0.0) > room * (1 + 1e-12):
         return None
