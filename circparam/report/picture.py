@@ -65,7 +65,7 @@ def draw_figure(
     top = options.stretch_end or col.stretch_top(scene.stretch, scene.areas * scene.mapped)
     cells = checker_cells(scene)
     plan = draw_plan(scene, 720, min(factor, 2), cells=cells, padding=options.padding)
-    width, height = 390, 345
+    width, height = 370, 345
     views = [
         see(scene, look_from(scene, d, options.up, width / height), width, height, factor)
         for d in directions[:2]
