@@ -14,7 +14,7 @@ from circparam.registry import unknown_name
 ROTATIONS = ("free", "90", "none")
 
 # Largest side of a page: the check of the finished layout is made on a raster of that size.
-MAX_RESOLUTION = 32768
+MAX_RESOLUTION = 16384
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class PackOptions:
         return self.texel_density
 
 
-# Room for rounding to float32 (1.2e-4 texels at 2048, 2e-3 at 32768) and for the raster's own rounding.
+# Room for rounding to float32 (1.2e-4 texels at 2048, 1e-3 at 16384) and for the raster's own rounding.
 MARGIN = 0.01
 
 
