@@ -9,7 +9,7 @@ from circparam.arrays import cross2
 from circparam.borders import BORDERS, BorderOptions, check_polygon, outer_ring
 from circparam.errors import OptionError
 from circparam.geometry import signed_areas
-from circparam.methods.convex import embed_convex
+from circparam.solve.convex import embed_convex
 from tests import shapes
 from tests.charts import patches_of
 

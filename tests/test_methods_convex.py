@@ -8,8 +8,8 @@ import pytest
 from circparam.errors import OptionError, TopologyError
 from circparam.geometry import signed_areas
 from circparam.methods import METHODS, MethodOptions
-from circparam.methods.convex import embed_convex
 from circparam.progress import Monitor
+from circparam.solve.convex import embed_convex
 from tests import shapes
 from tests.charts import apart, complex_of, patches_of
 

@@ -9,10 +9,10 @@ import pytest
 
 from circparam.distortion import measure
 from circparam.methods import MethodOptions
-from circparam.methods.convex import embed_convex
 from circparam.methods.embed import border_depth, embed, embed_start
-from circparam.methods.unfold import flipped
 from circparam.progress import Monitor
+from circparam.solve.convex import embed_convex
+from circparam.solve.unfold import flipped
 from tests import shapes
 from tests.charts import patches_of, rim
 

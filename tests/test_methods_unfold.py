@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from circparam.methods import METHODS, MethodOptions
-from circparam.methods.convex import embed_convex
-from circparam.methods.descent import descend
-from circparam.methods.unfold import _Problem, _region, flipped, unfold
 from circparam.progress import Monitor
+from circparam.solve.convex import embed_convex
+from circparam.solve.descent import descend
+from circparam.solve.unfold import _Problem, _region, flipped, unfold
 from tests import shapes
 from tests.charts import patches_of, rim
 

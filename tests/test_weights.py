@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from circparam.arrays import group_sum
 from circparam.geometry import corner_angles, signed_areas, tan_half_angles
 from circparam.mesh import Patches
-from circparam.methods.convex import embed_convex
+from circparam.solve.convex import embed_convex
 from circparam.weights import WEIGHTS, clamp_negative, flat_rings, half_edge_weights
 from tests import shapes, strategies
 from tests.charts import patches_of, rim

@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from functools import partial
 
-from circparam.mesh import Patches
 from circparam.methods.abf import abf
 from circparam.methods.arap import arap
-from circparam.methods.base import Layout, Method, MethodOptions, Pins, direct
+from circparam.methods.base import Layout, Method, MethodOptions, Pins
 from circparam.methods.bff import bff
-from circparam.methods.embed import embed
+from circparam.methods.convex import convex
 from circparam.methods.isometric import isometric
 from circparam.methods.lscm import lscm
-from circparam.progress import Monitor
 from circparam.registry import Row, Table
 from circparam.weights import WEIGHTS
 
 __all__ = ["METHODS", "Layout", "Method", "MethodOptions", "Pins"]
-
-
-def convex(patches: Patches, options: MethodOptions, monitor: Monitor, *, weights: str) -> Layout:
-    """The convex map of one weight scheme on the border of the options."""
-    uv, notes = embed(patches, weights, options, monitor)
-    return direct(patches, uv, notes)
 
 
 def _convex_rows() -> list[Row[Method]]:

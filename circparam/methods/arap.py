@@ -15,10 +15,10 @@ from circparam.geometry import cotangent_laplacian, jacobians
 from circparam.linear import Factor
 from circparam.mesh import Patches
 from circparam.methods.base import Layout, MethodOptions, check_pins, require_border
-from circparam.methods.descent import descend
 from circparam.methods.embed import embed_start
 from circparam.methods.mend import mend
 from circparam.progress import Monitor
+from circparam.solve.descent import descend
 
 LIMIT = 1000
 TOLERANCE = 1e-9

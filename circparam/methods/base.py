@@ -9,9 +9,20 @@ from typing import TypeAlias
 import numpy as np
 
 from circparam.arrays import FloatArray, IntArray
-from circparam.errors import OptionError, TopologyError
+from circparam.errors import OptionError
 from circparam.mesh import Patches
 from circparam.progress import Monitor
+from circparam.solve.convex import require_border
+
+__all__ = [
+    "Layout",
+    "Method",
+    "MethodOptions",
+    "Pins",
+    "check_pins",
+    "direct",
+    "require_border",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,19 +90,6 @@ def direct(patches: Patches, uv: FloatArray, notes: list[str]) -> Layout:
     """The layout of a method that solves once."""
     n = patches.n_charts
     return Layout(uv, np.ones(n, np.int64), ["solved"] * n, notes)
-
-
-def require_border(patches: Patches) -> None:
-    """Raise TopologyError unless every chart is a disk, with or without holes."""
-    loops = np.bincount(patches.loops.chart, minlength=patches.n_charts)
-    bad = np.flatnonzero((loops == 0) | (patches.euler() != 2 - loops))
-    if len(bad):
-        c = int(bad[0])
-        genus = int(2 - loops[c] - patches.euler()[c]) // 2
-        raise TopologyError(
-            f"chart {c} has {loops[c]} borders and genus {genus}: a map into the plane needs "
-            "at least one border and genus 0. Cut it first: --cut disk"
-        )
 
 
 def check_pins(patches: Patches, pins: Pins, fewest: int) -> None:

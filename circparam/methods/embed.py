@@ -17,9 +17,9 @@ from circparam.arrays import BoolArray, FloatArray, IntArray
 from circparam.distortion import best_chart_scales, measure
 from circparam.mesh import Patches
 from circparam.methods.base import MethodOptions
-from circparam.methods.convex import ConvexReport, embed_convex
-from circparam.methods.unfold import flipped, unfold
 from circparam.progress import Monitor
+from circparam.solve.convex import ConvexReport, embed_convex
+from circparam.solve.unfold import flipped, unfold
 
 GRADES = (0.5, 1.0, 2.0, 3.0)
 CRUSHED = 1e5  # symmetric Dirichlet energy above which a convex map makes a poor start

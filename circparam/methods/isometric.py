@@ -10,9 +10,9 @@ from circparam.mesh import Patches
 from circparam.methods.arap import fit_pins
 from circparam.methods.base import Layout, MethodOptions, check_pins, require_border
 from circparam.methods.embed import embed
-from circparam.methods.unfold import unfold
 from circparam.progress import Monitor
 from circparam.solve.newton import RelaxOptions, relax
+from circparam.solve.unfold import unfold
 
 TOLERANCE = 1e-6
 LIMIT = 500

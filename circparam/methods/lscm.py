@@ -24,9 +24,9 @@ from circparam.geometry import cotangent_laplacian, signed_areas
 from circparam.linear import ComplexFactor
 from circparam.mesh import Patches
 from circparam.methods.base import Layout, MethodOptions, Pins, check_pins, require_border
-from circparam.methods.convex import embed_convex
 from circparam.methods.mend import mend
 from circparam.progress import Monitor
+from circparam.solve.convex import embed_convex
 
 VARIANTS = ("spectral", "pinned")
 MODES = 4  # vectors of the subspace of each chart: eigenvalues come close together on smooth charts

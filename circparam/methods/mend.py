@@ -8,9 +8,9 @@ from circparam.arrays import BoolArray, FloatArray
 from circparam.mesh import Patches
 from circparam.methods.base import MethodOptions
 from circparam.methods.embed import embed_start
-from circparam.methods.unfold import flipped, unfold
 from circparam.progress import Monitor
 from circparam.solve.newton import RelaxOptions, relax
+from circparam.solve.unfold import flipped, unfold
 
 
 def mend(

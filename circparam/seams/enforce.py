@@ -16,15 +16,15 @@ from circparam.arrays import (
 from circparam.graphs import nearest, undirected
 from circparam.injectivity import crossings
 from circparam.mesh import Patches
-from circparam.methods.convex import embed_convex
-from circparam.methods.unfold import unfold
 from circparam.progress import Monitor
 from circparam.seams.cutting import Cutting
 from circparam.seams.relayout import Laid, judge
 from circparam.seams.segment import DualGraph, make_disks, split_charts
 from circparam.seams.shorten import edge_costs, propose
 from circparam.solve import dirichlet
+from circparam.solve.convex import embed_convex
 from circparam.solve.newton import RelaxOptions, relax
+from circparam.solve.unfold import unfold
 
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
 SLITS = 3  # times that a chart may be slit before it is split

@@ -16,8 +16,8 @@ from circparam.arrays import BoolArray, FloatArray, IntArray, group_min, group_s
 from circparam.geometry import signed_areas
 from circparam.linear import Factor
 from circparam.mesh import Patches, corner_classes
-from circparam.methods.descent import descend
 from circparam.progress import Monitor
+from circparam.solve.descent import descend
 from circparam.solve.newton import RelaxOptions, relax
 
 WHOLE = 10**9
