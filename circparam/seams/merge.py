@@ -23,7 +23,7 @@ from circparam.arrays import (
 )
 from circparam.injectivity import self_overlapping
 from circparam.mesh import Patches
-from circparam.methods.convex import embed_convex
+from circparam.solve.convex import embed_convex
 from circparam.progress import Monitor
 from circparam.seams.cutting import Arcs, Cutting, not_disks
 from circparam.solve import dirichlet

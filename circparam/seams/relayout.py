@@ -9,7 +9,7 @@ import numpy as np
 from circparam.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
 from circparam.injectivity import self_overlapping
 from circparam.mesh import Patches
-from circparam.methods.convex import embed_convex
+from circparam.solve.convex import embed_convex
 from circparam.seams.cutting import Cutting, not_disks
 from circparam.seams.segment import DualGraph, make_disks
 from circparam.seams.shorten import Proposal, propose, space_gradients, spread, targets_from
