@@ -65,11 +65,13 @@ class Entry:
     runs: int = 1
     notes: list[str] = field(default_factory=list)
     error: str | None = None
+    uvmap: UVMap | None = field(default=None, repr=False)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON and CSV."""
-        whole = dataclasses.asdict(self)
+        whole = dataclasses.asdict(replace(self, uvmap=None))
         figures = whole.pop("figures")
+        del whole["uvmap"]
         return {**whole, **{name: _plain(figures.get(name)) for name in FIGURES}}
 
 
@@ -216,7 +218,7 @@ def _input_row(scene: _Scene) -> list[Entry]:
     if uvmap is None or not (uvmap.uv_faces >= 0).any():
         return []
     status, figures = _judge(scene, uvmap)
-    return [Entry(INPUT, status, figures=figures)]
+    return [Entry(INPUT, status, figures=figures, uvmap=uvmap)]
 
 
 def _row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
@@ -248,7 +250,7 @@ def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) ->
     status, figures = _judge(scene, uvmap, resolution)
     return Entry(
         name, status, done.info["stages"], done.info["seconds"], done.peak_bytes, figures,
-        done.info["iterations"], done.info["runs"], notes,
+        done.info["iterations"], done.info["runs"], notes, uvmap=uvmap,
     )  # fmt: skip
 
 
@@ -276,9 +278,10 @@ def _baseline_row(scene: _Scene, name: str) -> Entry:
     uv_faces = np.full((len(scene.document.mesh.faces), 3), -1, np.int64)
     own = done.arrays["uv_faces"]
     uv_faces[surface.source] = np.where(surface.turned[:, None], own[:, [0, 2, 1]], own)
-    status, figures = _judge(scene, UVMap(done.arrays["uv"], uv_faces))
-    stages = done.info["stages"]
-    return Entry(name, status, stages, sum(stages.values()), done.peak_bytes, figures)
+    uvmap = UVMap(done.arrays["uv"], uv_faces)
+    status, figures = _judge(scene, uvmap)
+    stages, seconds = done.info["stages"], sum(done.info["stages"].values())
+    return Entry(name, status, stages, seconds, done.peak_bytes, figures, uvmap=uvmap)
 
 
 def _moderate(points: FloatArray) -> FloatArray:

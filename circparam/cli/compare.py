@@ -26,6 +26,7 @@ Examples:
   circparam compare mesh.obj --methods circle,mean-value,lscm,isometric
   circparam compare mesh.obj --methods isometric,xatlas --json
   circparam compare *.obj --methods all --csv figures.csv -q
+  circparam compare mesh.obj --methods circle,floater,isometric --report report.html
 """
 
 
@@ -57,6 +58,15 @@ Examples:
     show_default=True,
     help="Of each size of Table 1.",
 )
+@click.option(
+    "--report",
+    type=options.FILE,
+    metavar="FILE.html",
+    help="Write a page: pictures, tables, plots.",
+)
+@click.option(
+    "--plot", type=options.FILE, metavar="FILE.png", help="Write the layouts side by side."
+)
 @options.json_option
 @click.option("--csv", "csv_file", type=options.FILE, metavar="FILE", help="Write the rows as CSV.")
 @options.overwrite
@@ -68,6 +78,8 @@ def command(
     repeats: int,
     as_json: bool,
     csv_file: str | None,
+    report: str | None,
+    plot: str | None,
     overwrite: bool,
     quiet: bool,
     **keywords: Any,
@@ -82,8 +94,9 @@ def command(
     from circparam.compare import compare, method_names
 
     names = method_names(methods)
-    if csv_file is not None:
-        _check_output(csv_file, overwrite)
+    for path, ending in ((csv_file, ""), (report, ".html"), (plot, ".png")):
+        if path is not None:
+            _check_output(path, overwrite, ending)
     given = {k: v for k, v in keywords.items() if v is not None}
     silent = as_json or (quiet and csv_file is not None)
     found, codes = [], [exits.OK]
@@ -101,7 +114,7 @@ def command(
         if not silent:
             click.echo(_table(found[-1], None if meshes else mesh) + "\n")
     sizes = None
-    if not meshes and {table1.METHOD, table1.PEER} <= set(names):
+    if (not meshes or report is not None) and {table1.METHOD, table1.PEER} <= set(names):
         sizes = table1.measure(repeats=repeats)
         if not silent:
             click.echo(_table1(sizes, repeats))
@@ -110,12 +123,31 @@ def command(
         click.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
     if csv_file is not None:
         _write_csv(csv_file, found)
+    if report is not None or plot is not None:
+        _write_pictures(found, report, plot, sizes)
     _fail_if_nothing(found)
     return next((code for code in codes if code), exits.OK)
 
 
-def _check_output(path: str, overwrite: bool) -> None:
+def _write_pictures(
+    found: list[Comparison], report: str | None, plot: str | None, sizes: list[Size] | None
+) -> None:
+    """The page and the image of what was compared."""
+    from circparam.formats import read
+    from circparam.report.compare_page import save_plot, save_report
+    from circparam.report.sides import sides_of
+
+    meshes = [sides_of(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
+    if report is not None:
+        save_report(report, meshes, sizes or ())
+    if plot is not None:
+        save_plot(plot, meshes)
+
+
+def _check_output(path: str, overwrite: bool, ending: str = "") -> None:
     """Refuse before hours of work, not after."""
+    if not path.lower().endswith(ending):
+        raise OptionError(f"{path}: end the name in {ending}")
     if Path(path).exists() and not overwrite:
         raise OptionError(f"{path} exists already: give --overwrite or another name")
     if not Path(path).absolute().parent.is_dir():
