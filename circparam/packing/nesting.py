@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from circparam.packing.compact import compact
@@ -32,11 +34,17 @@ _SQUEEZED = 150
 
 
 def nested(
-    shapes: Shapes, options: PackOptions, rows: Placement | None, monitor: Monitor
+    shapes: Shapes,
+    options: PackOptions,
+    rows: Placement | None,
+    monitor: Monitor,
+    sound: Callable[[Placement], bool],
 ) -> list[Placement]:
     """Placements by nesting, best first; empty where the search found none.
 
     rows: a plain layout, squeezed beside those found: for charts like boxes it can be the best start.
+    sound: the check on the raster. A long first step may push a thin tip through a neighbour, which no later
+    step undoes; then the next layout is taken.
     """
     if options.fixed_scale is not None:
         return _at_fixed_scale(shapes, options, options.fixed_scale, monitor)
@@ -53,10 +61,15 @@ def nested(
         )
     rough.sort(key=lambda p: -p.scale)
     steps = _steps(_FINE if shapes.n <= 60 else _FINE // 2, part)
-    fine = [compact(shapes, p, options, steps, lambda: monitor.expired, 8.0) for p in rough[:1]]
-    # the check may refuse a tight layout: then one with the full gap everywhere stands ready
-    safe = [compact(shapes, p, options, 3, lambda: monitor.expired, 1.0, strict=True) for p in fine]
-    return [*fine, *safe, *layouts[:1]]
+    for start in rough:
+        fine = compact(shapes, start, options, steps, lambda: monitor.expired, 8.0)
+        if sound(fine):
+            return [fine]
+        # the straight strips were too narrow somewhere: the full gap everywhere may do
+        safe = compact(shapes, fine, options, 3, lambda: monitor.expired, 1.0, strict=True)
+        if sound(safe):
+            return [safe]
+    return layouts[:1]
 
 
 def _steps(most: int, part: float) -> int:

@@ -60,7 +60,9 @@ def _candidates(
     """Placements that are tighter than rows of boxes; none when the time is over."""
     found: list[Placement] = []
     if shapes.n <= NESTED and not monitor.expired:
-        found = nested(shapes, options, rows, monitor)
+        found = nested(
+            shapes, options, rows, monitor, lambda p: finish(shapes, p, options)[1] is None
+        )
     if (shapes.n > DROPPED_FROM or not found) and not monitor.expired:
         dropped = drop_placement(shapes, options, monitor)
         found += [dropped] if dropped is not None else []
