@@ -46,8 +46,8 @@ class Options:
     Repair: ``repair`` False refuses what would have to be repaired; ``weld`` distance in mesh units.
 
     Packing: ``resolution`` and ``padding`` in texels, ``pages``, ``texel_density`` texels per unit of the
-    mesh, ``rotate`` free|90|none, ``scale`` False keeps the sizes of the charts, ``normalize`` False keeps
-    the coordinates of the solver.
+    mesh, ``rotate`` free|90|none, ``effort`` a factor on the work of the search, ``scale`` False keeps the
+    sizes of the charts, ``normalize`` False keeps the coordinates of the solver.
 
     Scenes: ``lightmap`` writes the second uv set and keeps the first; ``group_by`` primitive|mesh|scene: what
     shares one atlas; ``unshare`` gives every node of a glTF that shares a mesh its own copy.
@@ -85,6 +85,7 @@ class Options:
     pages: int | None = None
     texel_density: float | None = None
     rotate: str | None = None
+    effort: float | None = None
     scale: bool | None = None
     normalize: bool | None = None
     format: str | None = None
@@ -173,6 +174,7 @@ _RANGES: dict[str, tuple[float, float, str]] = {
     "padding": (0, 4096, "texels, 0 to 4096"),
     "pages": (1, 100, "a number of pages, 1 to 100"),
     "texel_density": (1e-300, 1e300, "texels per unit of the mesh, more than 0"),
+    "effort": (0.0, 1000.0, "a factor on the work of the search, from 0 on"),
     "uv_set": (0, 7, "the number of a uv set, 0 to 7"),
     "timeout": (1e-9, 1e9, "seconds, more than 0"),
 }
@@ -235,7 +237,7 @@ def _check_applies(o: Options) -> None:
             "--cut none makes no seams",
         ),
         (
-            ("resolution", "padding", "pages", "texel_density", "rotate", "scale"),
+            ("resolution", "padding", "pages", "texel_density", "rotate", "scale", "effort"),
             o.packed,
             "--no-normalize keeps the coordinates of the solver",
         ),

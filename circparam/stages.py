@@ -148,6 +148,7 @@ def pack_options(o: Options) -> PackOptions:
         "resolution": o.resolution,
         "padding": o.padding,
         "rotate": o.rotate,
+        "effort": o.effort,
         "pages": o.pages,
         "texel_density": o.texel_density,
         "scale": o.scale,

@@ -139,7 +139,7 @@ def verify(
     used = group_count(chart[ok], n) > 0
     if tiles is not None:
         uv = uv + np.stack([_vertex_tiles(patches, tiles[surface.source]), np.zeros(len(uv))], 1)
-    part, vertices, _ = patches.subset(used) if not used.all() else (patches, slice(None), None)
+    part, vertices, faces = patches.subset(used)
     found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
     number = np.flatnonzero(used)
     lo, hi = _boxes(patches, uv)
@@ -151,6 +151,7 @@ def verify(
         )
         covered = cover(patches, uv, resolution, padding + 2)
     points = uv[vertices]
+    alike = points if tiles is None else _at_best_scales(part, points, tiles[surface.source][faces])
     return Verification(
         patches=patches,
         uv=uv,
@@ -161,7 +162,7 @@ def verify(
         overlapping=number[np.flatnonzero(found.self_overlapping)],
         overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
         outside=outside,
-        measures=measure(part, points),
+        measures=measure(part, alike),
         seam_length=float(surface.edge_lengths[cut].sum() / np.sqrt(surface.areas.sum())),
         uv_min=points.min(0),
         uv_max=points.max(0),
@@ -173,6 +174,17 @@ def _vertex_tiles(patches: Patches, tile: IntArray) -> IntArray:
     """(nv,) tile of each vertex, from that of each face."""
     out = np.zeros(patches.n_vertices, np.int64)
     out[patches.faces.ravel()] = np.repeat(tile, 3)
+    return out
+
+
+def _at_best_scales(patches: Patches, uv: FloatArray, tile: IntArray) -> FloatArray:
+    """uv with every atlas at its own best scale: each may have a density of its own."""
+    of_chart = np.zeros(patches.n_charts, np.int64)
+    of_chart[patches.chart] = tile
+    out = uv.copy()
+    for t in np.unique(of_chart):
+        part, vertices, _ = patches.subset(of_chart == t)
+        out[vertices] *= measure(part, uv[vertices]).scale
     return out
 
 

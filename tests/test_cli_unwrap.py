@@ -47,7 +47,8 @@ def disk(tmp_path: Path) -> Path:
     return obj(tmp_path / "disk.obj", shapes.bumped_disk(150))
 
 
-CONVEX = ("--cut", "none", "--method", "mean-value")
+QUICK = ("--effort", "0.01")  # the search for a better packing is tested elsewhere
+CONVEX = ("--cut", "none", "--method", "mean-value", *QUICK)
 
 
 def one_line_error(result: Result, code: int, *words: str) -> None:
@@ -91,7 +92,7 @@ def test_json_holds_what_is_promised(disk: Path, tmp_path: Path) -> None:
 
 
 def test_the_defaults_are_isometric_charts(tmp_path: Path) -> None:
-    got = report(obj(tmp_path / "cube.obj", shapes.cube(3)))
+    got = report(obj(tmp_path / "cube.obj", shapes.cube(3)), *QUICK)
     assert (got["method"], got["cut"], got["status"]) == ("isometric", "charts", "ok")
     assert got["distortion_max_chart"] <= 1.05 * (1 + 1e-4)
     assert got["flips"] == got["overlap"] == 0
@@ -163,9 +164,9 @@ def test_seams_go_out_and_come_in_again(tmp_path: Path) -> None:
     """The seams of one run, given to the next one, make the same charts."""
     mesh = obj(tmp_path / "cube.obj", shapes.cube(2))
     seams = tmp_path / "seams.txt"
-    first = report(mesh, "-o", tmp_path / "a.obj", "--sharp", "60", "--export-seams", seams)
+    first = report(mesh, "-o", tmp_path / "a.obj", *QUICK, "--sharp", "60", "--export-seams", seams)
     assert first["charts"] == 6
-    second = report(mesh, "-o", tmp_path / "b.obj", "--seams", seams)
+    second = report(mesh, "-o", tmp_path / "b.obj", *QUICK, "--seams", seams)
     assert second["charts"] == 6
 
 
@@ -194,7 +195,7 @@ def test_gates_exit_6_and_the_file_is_written(disk: Path, tmp_path: Path) -> Non
 def test_degraded_warns_and_exits_0(tmp_path: Path) -> None:
     """A bound that one chart cannot reach."""
     mesh = obj(tmp_path / "ball.obj", shapes.icosphere(2))
-    result = run("unwrap", mesh, "--max-charts", "1", "--max-distortion", "1.001", "--json")
+    result = run("unwrap", mesh, "--max-charts", "1", "--max-distortion", "1.001", *QUICK, "--json")
     assert result.exit_code == 0, result.stderr
     got = json.loads(result.stdout)
     assert got["status"] == "degraded"
@@ -355,7 +356,7 @@ def test_the_same_bytes_whatever_the_surroundings(tmp_path: Path) -> None:
             "OPENBLAS_NUM_THREADS": threads,
             "PYTHONPATH": str(Path(__file__).parents[1]),
         }
-        done = python("unwrap", mesh, "-o", folder / "o.glb", "-q", env=env, cwd=folder)
+        done = python("unwrap", mesh, "-o", folder / "o.glb", "-q", *QUICK, env=env, cwd=folder)
         assert done.returncode == 0, done.stderr
         outs.append((folder / "o.glb").read_bytes())
     assert outs[0] == outs[1]

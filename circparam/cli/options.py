@@ -112,6 +112,12 @@ packing = [
         help="How charts may be turned.  [default: free]",
     ),
     click.option(
+        "--effort",
+        type=float,
+        metavar="X",
+        help="Search longer or shorter for a good packing.  [default: 1]",
+    ),
+    click.option(
         "--no-scale", is_flag=True, help="Keep the sizes of the charts: 1 unit is 1 page."
     ),
 ]

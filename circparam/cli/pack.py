@@ -72,6 +72,16 @@ def command(mesh: str, **given: Any) -> None:
 
 
 _LIBRARY = (
-    *("resolution", "padding", "pages", "texel_density", "rotate", "format", "uv_set", "ply_uv"),
+    *(
+        "resolution",
+        "padding",
+        "pages",
+        "texel_density",
+        "rotate",
+        "effort",
+        "format",
+        "uv_set",
+        "ply_uv",
+    ),
     *("copy_assets", "overwrite"),
 )
