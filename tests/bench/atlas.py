@@ -108,7 +108,7 @@ def unwrap(path: Path, folder: Path, judge: Path | None, bound: float, limit: fl
     if done.error is not None:
         return Atlas("circparam", bound=bound, why=done.error)
     stages = done.info["stages"]
-    seconds = sum(v for k, v in stages.items() if k not in ("read", "write", "verify"))
+    seconds = sum(v for k, v in stages.items() if k not in ("read", "write"))
     peak = None if done.peak_bytes is None else done.peak_bytes / 2**30
     return Atlas("circparam", seconds, peak, bound, done.info["status"], judged(out, judge))
 
@@ -274,7 +274,7 @@ def report(runs: list[Run], lines: list[Line], judge: Path | None) -> Path:
     intro = (
         f"Made by `make bench-atlas`; figures of the written files, read by {by}. Seam: length of all seams / "
         "√(surface area). SD/4: symmetric Dirichlet energy of the atlas at its best scale; worst chart: of one "
-        "chart at that scale, what the bound bounds. Seconds without reading, writing and verifying."
+        "chart at that scale, what the bound bounds. Seconds without reading and writing."
     )
     blocks = [
         ["## Wanted and measured", "", *common.figures(lines)],
