@@ -100,13 +100,15 @@ def route(
     value: FloatArray,
     start: IntArray,
     end: IntArray,
+    size: IntArray,
     jump: float = 2.0,
 ) -> Routes:
     """Shortest paths from start[k] to end[k], each through the vertices that chain k owns: one search for all.
 
     ends: (e,), (e,) vertices of the edges that may be used. weight: (e,) lengths. owner: (vertices,) chain or
-    −1. value: (vertices,) position along the chain: no step goes further than ``jump`` along it, so that a path
-    does not skip to another part of a seam that runs beside itself. Bands are disjoint, so paths never cross.
+    −1. value: (vertices,) position along the chain, from 0 to size (k,): no step goes further than ``jump``
+    along it, so that a path does not skip to another part of a seam that runs beside itself. The bands are
+    disjoint, so paths never cross.
     """
     n, k = len(owner), len(start)
     a, b = np.r_[ends[0], ends[1]], np.r_[ends[1], ends[0]]
@@ -115,8 +117,8 @@ def route(
     both = (owner[a] >= 0) & (owner[a] == owner[b]) & (np.abs(value[a] - value[b]) <= jump)
     rows, columns, ids, lengths = [a[both]], [b[both]], [edge[both]], [w[both]]
     chain = np.where(owner[a] >= 0, owner[a], 0)
-    for node, at in ((n + np.arange(k), start), (n + k + np.arange(k), end)):
-        touch = (owner[a] >= 0) & (at[chain] == b)
+    for node, at, place in ((n + np.arange(k), start, 0 * size), (n + k + np.arange(k), end, size)):
+        touch = (owner[a] >= 0) & (at[chain] == b) & (np.abs(value[a] - place[chain]) <= jump)
         rows += [a[touch], node[chain[touch]]]
         columns += [node[chain[touch]], a[touch]]
         ids += [edge[touch], edge[touch]]

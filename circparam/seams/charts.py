@@ -8,20 +8,20 @@ import numpy as np
 
 from circparam.arrays import BoolArray
 from circparam.progress import Monitor
+from circparam.seams.carry import (
+    carry_seams,
+    drop_slivers,
+    fine_targets,
+    nearest_coarse_face,
+    separate,
+)
 from circparam.seams.cutting import Cutting, not_disks
 from circparam.seams.enforce import enforce, lay_out_sound
 from circparam.seams.merge import MergeOptions, Merger
 from circparam.seams.options import SeamOptions, Seams, constrain
-from circparam.seams.proxy import (
-    Proxy,
-    carry_seams,
-    decimate,
-    drop_slivers,
-    fine_targets,
-    nearest_coarse_face,
-)
+from circparam.seams.proxy import Proxy, decimate
 from circparam.seams.relayout import Laid, judge, lay_out_fresh, straighten
-from circparam.seams.segment import dual_graph, first_charts, make_disks, split_charts
+from circparam.seams.segment import DualGraph, dual_graph, first_charts, make_disks, split_charts
 from circparam.seams.shorten import propose
 from circparam.solve.newton import RelaxOptions
 from circparam.solve.poisson import from_jacobians
@@ -31,6 +31,9 @@ DIRECT_FACES = 10_000  # up to this size charts are decided on the mesh itself
 PROXY_FACES = 6_000  # faces of the proxy of a mesh in one piece
 PROXY_SHARE = 1 / 30  # and at least this share of the faces
 SEEDS = 60
+REGROUPINGS = 8  # rounds of merging on the fine mesh after charts were split there
+MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
+PROXY_MARGIN = 0.01  # on the proxy, whose borders are only about those of the mesh
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
@@ -61,27 +64,39 @@ def atlas(
     """Decide the seams of a surface and lay its charts out."""
     if len(surface.faces) <= DIRECT_FACES:
         with monitor.stage("charts"):
-            cutting, _ = decide(surface, bound, options.max_charts, monitor)
+            graph = dual_graph(surface)
+            cutting, _ = decide(surface, bound, MARGIN, options.max_charts, monitor)
     else:
         with monitor.stage("charts"):
             target = max(PROXY_FACES, int(PROXY_SHARE * len(surface.faces)))
             proxy = decimate(surface, target)
             inner = 1 + (bound - 1) * (1 - SLACK)
-            coarse, _ = decide(proxy.surface, inner, options.max_charts, monitor)
+            coarse, _ = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, monitor)
         with monitor.stage("carry"):
-            cutting = carry(surface, coarse, proxy)
-    graph = dual_graph(surface)
+            graph = dual_graph(surface)
+            cutting = carry(surface, graph, coarse, proxy)
     make_disks(cutting, graph)
     with monitor.stage("relax"):
         laid = settle(cutting, monitor)
     if options.max_charts is None:
         with monitor.stage("enforce"):
+            count = laid.patches.n_charts
             laid = enforce(cutting, graph, laid, bound, FINAL, monitor)
+            if laid.patches.n_charts > count:
+                laid = regroup(cutting, bound, monitor)
     return cutting, laid
 
 
+def regroup(cutting: Cutting, bound: float, monitor: Monitor) -> Laid:
+    """Merge the pieces that enforcing left with their neighbours where that is good again."""
+    fixed = np.zeros(len(cutting.cut), bool)
+    Merger(cutting, MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS), fixed).run(monitor)
+    patches = cutting.patches()
+    return judge(patches, cutting.gather(patches))
+
+
 def decide(
-    surface: Surface, bound: float, max_charts: int | None, monitor: Monitor
+    surface: Surface, bound: float, margin: float, max_charts: int | None, monitor: Monitor
 ) -> tuple[Cutting, Laid]:
     """Grow charts, split what is bad, merge, straighten, merge again: on the surface itself."""
     cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
@@ -105,8 +120,8 @@ def decide(
         laid = lay_out_fresh(cutting, again, ROUGH)
     fixed = np.zeros(len(cutting.cut), bool)
     for rings in (3, 1):
-        Merger(cutting, MergeOptions(bound), fixed).run(monitor)
-        laid = straighten(cutting, graph, bound, FAIR, rings)
+        Merger(cutting, MergeOptions(bound, margin=margin), fixed).run(monitor)
+        laid = straighten(cutting, graph, bound, FAIR, rings, margin=margin)
     if max_charts is not None:
         laid = reach_count(cutting, bound, max_charts, fixed, monitor)
     return cutting, laid
@@ -128,14 +143,15 @@ def reach_count(
     return judge(patches, cutting.gather(patches))
 
 
-def carry(surface: Surface, coarse: Cutting, proxy: Proxy) -> Cutting:
+def carry(surface: Surface, graph: DualGraph, coarse: Cutting, proxy: Proxy) -> Cutting:
     """Seams and layout of the proxy on the fine surface (not relaxed yet)."""
     fine = Cutting(surface, np.zeros(len(surface.edges), bool))
-    none = np.zeros(len(surface.edges), bool)
-    carry_seams(coarse, proxy, fine, none)
+    missing = carry_seams(coarse, proxy, fine)
     near = nearest_coarse_face(surface, proxy)
     _, coarse_chart = coarse.charts()
-    carried = drop_slivers(fine, coarse_chart, near, none)
+    if missing:
+        separate(fine, graph, coarse, coarse_chart, near)
+    carried = drop_slivers(fine, coarse_chart, near)
     targets, _ = fine_targets(coarse, fine, coarse_chart, near, carried)
     patches = fine.patches()
     bad = not_disks(patches)

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum, next_half_edge
 from circparam.graphs import components
 from circparam.mesh import Patches
 from circparam.topology import Surface
@@ -124,3 +124,25 @@ def not_disks(patches: Patches) -> BoolArray:
     loops = np.bincount(patches.loops.chart, minlength=patches.n_charts)
     result: BoolArray = (loops < 1) | (patches.euler() != 2 - loops)
     return result
+
+
+def matching(score: FloatArray, left: IntArray, right: IntArray, n: int) -> IntArray:
+    """The greedy matching: the best pair, then the best among what is left, and so on, in array rounds.
+
+    score: (a,) higher is better; ties go to the lower index. Returns the indices of the chosen pairs,
+    ascending. A pair may join a node with itself.
+    """
+    rank = np.empty(len(score), np.float64)
+    rank[np.lexsort((np.arange(len(score)), -score))] = np.arange(len(score))
+    alive = np.arange(len(score))
+    chosen = []
+    while len(alive):
+        best = np.minimum(
+            group_min(rank[alive], left[alive], n), group_min(rank[alive], right[alive], n)
+        )
+        wins = (rank[alive] == best[left[alive]]) & (rank[alive] == best[right[alive]])
+        chosen.append(alive[wins])
+        taken = np.zeros(n, bool)
+        taken[left[alive[wins]]] = taken[right[alive[wins]]] = True
+        alive = alive[~taken[left[alive]] & ~taken[right[alive]]]
+    return np.sort(np.concatenate(chosen)) if chosen else np.zeros(0, np.int64)

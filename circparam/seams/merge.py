@@ -17,27 +17,24 @@ from circparam.arrays import (
     FloatArray,
     IntArray,
     cross2,
-    group_min,
     group_sum,
     next_half_edge,
 )
 from circparam.injectivity import self_overlapping
 from circparam.mesh import Patches
-from circparam.solve.convex import embed_convex
 from circparam.progress import Monitor
-from circparam.seams.cutting import Arcs, Cutting, not_disks
+from circparam.seams.cutting import Arcs, Cutting, matching, not_disks
 from circparam.solve import dirichlet
+from circparam.solve.convex import embed_convex
 from circparam.solve.newton import RelaxOptions, relax
 from circparam.solve.poisson import from_jacobians
-
-MARGIN = 0.004  # parts of one chart keep this share of the root of its area apart
 
 
 @dataclass(frozen=True)
 class MergeOptions:
     """bound: no chart's energy exceeds it. tolerance: of the relaxation of a trial. untangle: rounds of the
     Poisson start. rounds: at most so many. min_gain: arcs shorter than this share of the smaller chart's
-    border are not glued.
+    border are not glued. margin: parts of one chart keep this share of the root of its area apart.
     """
 
     bound: float
@@ -45,28 +42,7 @@ class MergeOptions:
     untangle: int = 30
     rounds: int = 80
     min_gain: float = 0.0
-
-
-def matching(score: FloatArray, left: IntArray, right: IntArray, n: int) -> IntArray:
-    """The greedy matching: the best pair, then the best among what is left, and so on, in array rounds.
-
-    score: (a,) higher is better; ties go to the lower index. Returns the indices of the chosen pairs,
-    ascending. A pair may join a node with itself.
-    """
-    rank = np.empty(len(score), np.float64)
-    rank[np.lexsort((np.arange(len(score)), -score))] = np.arange(len(score))
-    alive = np.arange(len(score))
-    chosen = []
-    while len(alive):
-        best = np.minimum(
-            group_min(rank[alive], left[alive], n), group_min(rank[alive], right[alive], n)
-        )
-        wins = (rank[alive] == best[left[alive]]) & (rank[alive] == best[right[alive]])
-        chosen.append(alive[wins])
-        taken = np.zeros(n, bool)
-        taken[left[alive[wins]]] = taken[right[alive[wins]]] = True
-        alive = alive[~taken[left[alive]] & ~taken[right[alive]]]
-    return np.sort(np.concatenate(chosen)) if chosen else np.zeros(0, np.int64)
+    margin: float = 0.004
 
 
 class Merger:
@@ -168,7 +144,7 @@ class Merger:
         if good.any():
             sub, vid, _ = patches.subset(good)
             over = np.zeros(len(good), bool)
-            over[good] = self_overlapping(sub, uv[vid], margin=MARGIN)
+            over[good] = self_overlapping(sub, uv[vid], margin=self.options.margin)
             self.tally["overlap"] += int(over.sum())
             good &= ~over
         self.tally["merged"] += int(good.sum())

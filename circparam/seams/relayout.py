@@ -9,14 +9,15 @@ import numpy as np
 from circparam.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
 from circparam.injectivity import self_overlapping
 from circparam.mesh import Patches
-from circparam.solve.convex import embed_convex
-from circparam.seams.cutting import Cutting, not_disks
+from circparam.seams.cutting import Cutting, matching, not_disks
 from circparam.seams.segment import DualGraph, make_disks
 from circparam.seams.shorten import Proposal, propose, space_gradients, spread, targets_from
+from circparam.solve.convex import embed_convex
 from circparam.solve.newton import RelaxOptions, relax
 from circparam.solve.poisson import from_jacobians
 
 UNTANGLE = 12
+ROUNDS = 8  # of single chains that are straightened where all at once spoil a chart
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,9 @@ def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArra
     return result
 
 
-def lay_out_again(cutting: Cutting, before: IntArray, options: RelaxOptions) -> Laid:
+def lay_out_again(
+    cutting: Cutting, before: IntArray, options: RelaxOptions, margin: float = 0.0
+) -> Laid:
     """Lay all charts out from the Jacobians they had. before: (m,) charts for which ``corners`` is the layout.
 
     Faces that came from another chart take the Jacobian of their nearest neighbour, turned to their plane.
@@ -86,7 +89,7 @@ def lay_out_again(cutting: Cutting, before: IntArray, options: RelaxOptions) -> 
         uv[vid] = embed_convex(sub, "mean-value")[0]
     relaxed = relax(patches, uv, options)
     cutting.scatter(patches, relaxed.uv)
-    return judge(patches, relaxed.uv)
+    return judge(patches, relaxed.uv, margin)
 
 
 def straighten(
@@ -96,32 +99,66 @@ def straighten(
     options: RelaxOptions,
     rings: int = 3,
     pinned: BoolArray | None = None,
+    margin: float = 0.0,
 ) -> Laid:
-    """Shorten the seams where the charts beside them stay good; the others keep the seams they had.
+    """Shorten the seams as far as every chart stays good; chains that would spoil one keep their old path.
 
-    A chart may end worse than it began only below the bound. Never leaves a chart worse off than that: in the
-    end nothing moves.
+    All chains are tried at once first. Where that spoils a chart, they are tried again in rounds of the largest
+    gains, at most one chain a chart, and each stays only if its charts are good.
     """
     start_cut, start_corners = cutting.cut.copy(), cutting.corners.copy()
     _, before = cutting.charts()
     proposal = propose(cutting, rings, pinned)
-    take = np.ones(proposal.n, bool)
-    for _ in range(6):
+
+    def attempt(take: BoolArray) -> Laid:
         cutting.cut = proposal.cut(take)
         cutting.corners = start_corners.copy()
-        if bool(not_disks(cutting.patches()).any()):
+        if not_disks(cutting.patches()).any():
             make_disks(cutting, graph)
-        laid = lay_out_again(cutting, before, options)
-        bad = laid.bad(bound)
-        if not bad.any():
-            return laid
-        blamed = _chains_beside(cutting, proposal, laid.patches.chart, bad, take)
-        if not blamed.any():
+        return lay_out_again(cutting, before, options, margin)
+
+    left, right, gain = _chain_sides(cutting, proposal, before)
+    take = gain > 0
+    laid = attempt(take)
+    if not laid.bad(bound).any():
+        return laid
+    open_chains = np.flatnonzero(gain > 1e-3 * cutting.surface.edge_lengths[start_cut].sum())
+    take[:] = False
+    n = int(before.max()) + 1
+    for _ in range(ROUNDS):
+        if len(open_chains) == 0:
             break
-        take &= ~blamed
+        pick = matching(gain[open_chains], left[open_chains], right[open_chains], n)
+        chosen = open_chains[pick]
+        trial = take.copy()
+        trial[chosen] = True
+        laid = attempt(trial)
+        spoilt = _chains_beside(cutting, proposal, laid.patches.chart, laid.bad(bound), trial)
+        take[chosen[~spoilt[chosen]]] = True
+        open_chains = np.setdiff1d(open_chains, chosen)
+    laid = attempt(take)
+    if not laid.bad(bound).any():
+        return laid
     cutting.cut, cutting.corners = start_cut, start_corners
     patches = cutting.patches()
     return judge(patches, cutting.gather(patches))
+
+
+def _chain_sides(
+    cutting: Cutting, proposal: Proposal, chart: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """The charts on both sides of every chain, and how much shorter its new path is."""
+    e = cutting.surface.edges
+    length = cutting.surface.edge_lengths
+    on = np.flatnonzero(proposal.old >= 0)
+    chain = proposal.old[on]
+    left, right = np.zeros(proposal.n, np.int64), np.zeros(proposal.n, np.int64)
+    left[chain], right[chain] = chart[e[on, 0] // 3], chart[e[on, 1] // 3]
+    now = np.flatnonzero(proposal.new >= 0)
+    gain = group_sum(length[on], chain, proposal.n) - group_sum(
+        length[now], proposal.new[now], proposal.n
+    )
+    return left, right, gain
 
 
 def _chains_beside(

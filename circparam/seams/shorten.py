@@ -87,7 +87,9 @@ def propose(cutting: Cutting, rings: int = 2, pinned: BoolArray | None = None) -
     owner, value = bands(cutting.ends, n, chains, stop, rings)
     cost = edge_costs(cutting)
     usable = np.flatnonzero(np.isfinite(cost) & ~kept)
-    routes = route((a[usable], b[usable]), cost[usable], owner, value, chains.start, chains.end)
+    routes = route(
+        (a[usable], b[usable]), cost[usable], owner, value, chains.start, chains.end, chains.size
+    )
     of_vertex = np.full(n, -1)
     of_vertex[chains.vertex] = chains.chain
     old[move] = np.maximum(of_vertex[a[move]], of_vertex[b[move]])

@@ -1,0 +1,348 @@
+"""Carry seams and layout from a coarse surface to the fine one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_count,
+    group_sum,
+    ranges,
+)
+from circparam.graphs import nearest, undirected
+from circparam.seams.chains import Chains, chains_of, route
+from circparam.seams.cutting import Cutting
+from circparam.seams.proxy import Proxy
+from circparam.seams.segment import DualGraph
+from circparam.seams.shorten import (
+    bands,
+    edge_costs,
+    propose,
+    space_gradients,
+    spread,
+    targets_from,
+    turn_gradients,
+)
+from circparam.topology import Surface
+
+RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by attempt
+
+
+def carry_seams(coarse: Cutting, proxy: Proxy, fine: Cutting) -> int:
+    """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found."""
+    surface = coarse.surface
+    n = len(surface.points)
+    flat = surface.faces.ravel()
+    h = surface.edges[coarse.cut, 0]
+    along = surface.faces[:, [1, 2, 0]].ravel()
+    a, b = np.r_[flat[h], proxy.apart[:, 0]], np.r_[along[h], proxy.apart[:, 1]]
+    fine.cut = np.zeros(len(fine.cut), bool)
+    if len(a) == 0:
+        return 0
+    border = np.zeros(n, bool)
+    border[flat[surface.border]] = border[along[surface.border]] = True
+    border[proxy.apart.ravel()] = False
+    chains = chains_of(a, b, n, border)
+    cost = edge_costs(fine)
+    usable = np.flatnonzero(np.isfinite(cost))
+    ends = fine.ends[0][usable], fine.ends[1][usable]
+    stand = np.zeros(0, np.int64)
+    open_chains = np.arange(len(chains.start))
+    for rings in RINGS:
+        some = _some_chains(chains, open_chains)
+        owner, value = bands((flat, along), n, some, border, rings)
+        fine_owner, fine_value = _fine_bands(fine, proxy, some, ends, owner, value)
+        if rings == 0:
+            stand = _representatives(fine, proxy, surface.points, border, some, fine_owner)
+        start, end = stand[some.start], stand[some.end]
+        fine_owner[stand[chains.start]] = -1
+        fine_owner[stand[chains.end]] = -1
+        jump = 1.0 if rings == 0 else 2.0
+        routes = route(ends, cost[usable], fine_owner, fine_value, start, end, some.size, jump)
+        fine.cut[usable[routes.edges]] = True
+        open_chains = open_chains[routes.failed]
+        if len(open_chains) == 0:
+            return 0
+    missing = 0
+    for k in open_chains:
+        missing += not _find_way(
+            fine, usable, cost, int(stand[chains.start[k]]), int(stand[chains.end[k]])
+        )
+    return missing
+
+
+def _find_way(fine: Cutting, usable: IntArray, cost: FloatArray, start: int, end: int) -> bool:
+    """Cut a shortest path through any vertices that no seam uses: for the last few chains, one by one."""
+    if start < 0 or end < 0 or start == end:
+        return False
+    a, b = fine.ends
+    n = fine.n_vertices
+    free = ~fine.on_border
+    free[a[fine.cut]] = free[b[fine.cut]] = False
+    free[[start, end]] = True
+    use = usable[free[a[usable]] & free[b[usable]] & ~fine.cut[usable]]
+    links = undirected(n, a[use], b[use], cost[use])
+    points = fine.surface.vertex_points
+    reach = 6 * float(np.linalg.norm(points[start] - points[end]))
+    distance, before, _ = nearest(links, np.array([start]), reach)
+    if not np.isfinite(distance[end]):
+        return False
+    path = [end]
+    while path[-1] != start:
+        path.append(int(before[path[-1]]))
+    low, high = np.minimum(path[:-1], path[1:]), np.maximum(path[:-1], path[1:])
+    key = np.minimum(a[use], b[use]) * n + np.maximum(a[use], b[use])
+    order = np.lexsort((cost[use], key))
+    fine.cut[use[order[np.searchsorted(key[order], low * n + high)]]] = True
+    return True
+
+
+def _some_chains(chains: Chains, which: IntArray) -> Chains:
+    """Some chains, numbered anew."""
+    number = np.full(len(chains.start), -1)
+    number[which] = np.arange(len(which))
+    inner = number[chains.chain] >= 0
+    return Chains(
+        chains.start[which],
+        chains.end[which],
+        chains.vertex[inner],
+        number[chains.chain[inner]],
+        chains.position[inner],
+        chains.size[which],
+    )
+
+
+def _fine_bands(
+    fine: Cutting,
+    proxy: Proxy,
+    chains: Chains,
+    ends: tuple[IntArray, IntArray],
+    owner: IntArray,
+    value: FloatArray,
+) -> tuple[IntArray, FloatArray]:
+    """The bands of the chains on the fine surface: cells of their own, shares of the cells at their ends."""
+    cell = proxy.cell
+    n = len(owner)
+    has = cell >= 0
+    fine_owner = np.where(has, owner[cell], -1)
+    fine_value = np.where(has, value[cell], 0.0)
+    # a chain of one edge has no cell of its own: it begins where its two end cells meet
+    short = np.flatnonzero(chains.size == 1)
+    key = (
+        np.minimum(chains.start, chains.end)[short] * n
+        + np.maximum(chains.start, chains.end)[short]
+    )
+    order = np.argsort(key, kind="stable")
+    meet = np.minimum(cell[ends[0]], cell[ends[1]]) * n + np.maximum(cell[ends[0]], cell[ends[1]])
+    if len(short):
+        at = np.minimum(np.searchsorted(key[order], meet), len(short) - 1)
+        hit = (key[order][at] == meet) & (cell[ends[0]] >= 0) & (cell[ends[1]] >= 0)
+        for side in ends:
+            vertex, chain = side[hit], short[order[at[hit]]]
+            free = fine_owner[vertex] < 0
+            fine_owner[vertex[free]] = chain[free]
+    closed = fine.on_border.copy()
+    closed[fine.ends[0][fine.cut]] = closed[fine.ends[1][fine.cut]] = True
+    at_end = np.zeros(n, bool)
+    at_end[chains.start] = at_end[chains.end] = True
+    return _share_out(ends, fine_owner, fine_value, cell, has & at_end[cell], closed)
+
+
+def _representatives(
+    fine: Cutting,
+    proxy: Proxy,
+    points: FloatArray,
+    border: BoolArray,
+    chains: Chains,
+    owner: IntArray,
+) -> IntArray:
+    """(coarse points,) fine vertex that stands for each.
+
+    At a junction the vertex beside which the most chains begin; then one on the border where the coarse point
+    is on it; then the nearest.
+    """
+    cell = proxy.cell
+    a = np.r_[fine.ends[0], fine.ends[1], np.arange(len(cell))]
+    b = np.r_[fine.ends[1], fine.ends[0], np.arange(len(cell))]
+    k = owner[b]
+    here = (k >= 0) & (cell[a] >= 0)
+    a, k = a[here], k[here]
+    own = (chains.start[k] == cell[a]) | (chains.end[k] == cell[a])
+    pairs = np.unique(a[own] * (len(chains.start) + 1) + k[own])
+    beside = np.bincount(pairs // (len(chains.start) + 1), minlength=len(cell))
+    member = np.flatnonzero(cell >= 0)
+    c = cell[member]
+    distance = np.linalg.norm(fine.surface.vertex_points[member] - points[c], axis=1)
+    inside = border[c] & ~fine.on_border[member]
+    order = np.lexsort((distance, -beside[member], inside, c))
+    first = first_of_runs(c[order])
+    out = np.full(len(points), -1)
+    out[c[order][first]] = member[order][first]
+    return out
+
+
+def _share_out(
+    ends: tuple[IntArray, IntArray],
+    owner: IntArray,
+    value: FloatArray,
+    cell: IntArray,
+    junction: BoolArray,
+    closed: BoolArray,
+) -> tuple[IntArray, FloatArray]:
+    """Give the vertices of junction cells to the nearest chain; borders and ends of chains to none."""
+    n = len(owner)
+    owner = np.where(closed, -1, owner)
+    fill = junction & ~closed & (owner < 0)
+    a, b = ends
+    # from a chain's own cells into a junction cell, but not on from there into another one
+    use = (
+        (fill[a] & fill[b] & (cell[a] == cell[b]))
+        | (fill[a] & (owner[b] >= 0))
+        | (fill[b] & (owner[a] >= 0))
+    )
+    a, b = a[use], b[use]
+    seeds = np.unique(np.r_[a[~fill[a]], b[~fill[b]]])
+    if len(seeds):
+        _, _, source = nearest(undirected(n, a, b, np.ones(len(a))), seeds)
+        got = fill & (source >= 0)
+        owner, value = owner.copy(), value.copy()
+        owner[got] = owner[source[got]]
+        value[got] = value[source[got]]
+    return owner, value
+
+
+def separate(
+    fine: Cutting, graph: DualGraph, coarse: Cutting, coarse_chart: IntArray, near: IntArray
+) -> None:
+    """Cut fine charts that hold several coarse ones (a path between them was not found) along their labels."""
+    _, chart = fine.charts()
+    clear = _clear_of_seams(coarse)
+    sure = np.flatnonzero((near >= 0) & clear[near])
+    label = coarse_chart[near[sure]]
+    width = int(coarse_chart.max()) + 1
+    pairs, inverse = np.unique(chart[sure] * width + label, return_inverse=True)
+    area = group_sum(fine.surface.areas[sure], inverse.reshape(-1), len(pairs))
+    whole = np.zeros(width)
+    np.maximum.at(whole, pairs % width, area)
+    much = area >= 0.3 * np.maximum(whole[pairs % width], 1e-300)
+    several = group_count((pairs // width)[much], int(chart.max()) + 1) > 1
+    seed = sure[much[inverse.reshape(-1)] & several[chart[sure]]]
+    if len(seed) == 0:
+        return
+    before = fine.cut.copy()
+    use = ~fine.cut & several[chart[fine.surface.edges[:, 0] // 3]]
+    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
+    of_cell = np.full(graph.n, -1)
+    of_cell[graph.cell[seed]] = coarse_chart[near[seed]]
+    _, _, source = nearest(links, np.unique(graph.cell[seed]))
+    side = np.where(source >= 0, of_cell[source], -1)
+    fine.cut |= use & (side[graph.tail] != side[graph.head])
+    proposal = propose(fine, 3, before)
+    fine.cut = proposal.cut(np.ones(proposal.n, bool))
+
+
+def _clear_of_seams(coarse: Cutting) -> BoolArray:
+    """(m,) coarse faces with no corner on a seam."""
+    on_seam = np.zeros(coarse.n_vertices, bool)
+    on_seam[coarse.ends[0][coarse.cut]] = on_seam[coarse.ends[1][coarse.cut]] = True
+    touched = on_seam[coarse.surface.corner_vertex]
+    return ~(touched[:, 0] | touched[:, 1] | touched[:, 2])
+
+
+def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
+    """(m,) a coarse face near every fine face, facing alike: among those round the cell of its first corner."""
+    coarse = proxy.surface
+    order = np.argsort(coarse.faces.ravel(), kind="stable")
+    degree = group_count(coarse.faces.ravel(), len(coarse.points))
+    first = np.cumsum(degree) - degree
+    cell = proxy.cell[fine.corner_vertex[:, 0]]
+    out = np.full(len(fine.faces), -1)
+    face = np.flatnonzero(cell >= 0)
+    centre = coarse.points[coarse.faces].mean(1)
+    size = float(np.sqrt(coarse.areas.mean()))
+    for part in np.array_split(face, max(1, len(face) // 300_000)):
+        k = degree[cell[part]]
+        f = np.repeat(part, k)
+        candidate = order[np.repeat(first[cell[part]], k) + ranges(k)] // 3
+        here = fine.points[fine.faces[f]].mean(1)
+        apart = np.linalg.norm(centre[candidate] - here, axis=1) / size
+        turn = 1 - (coarse.normals[candidate] * fine.normals[f]).sum(1)
+        best = np.lexsort((apart + 0.5 * turn, f))
+        start = first_of_runs(f[best])
+        out[f[best][start]] = candidate[best][start]
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """Fine charts matched to coarse ones. main: (n,) coarse chart of each fine chart; real: (n,) bool, it is
+    the largest of its coarse chart (the others are slivers between paths)."""
+
+    chart: IntArray
+    main: IntArray
+    real: BoolArray
+
+
+def match_charts(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Carried:
+    """Which coarse chart each fine chart stands for, by the area they share."""
+    n, chart = fine.charts()
+    label = np.where(near >= 0, coarse_chart[near], -1)
+    ok = label >= 0
+    nc = int(coarse_chart.max()) + 1
+    shared = group_sum(fine.surface.areas[ok], chart[ok] * nc + label[ok], n * nc).reshape(n, nc)
+    main = shared.argmax(1)
+    area = shared.max(1)
+    order = np.lexsort((-area, main))
+    real = np.zeros(n, bool)
+    real[order[first_of_runs(main[order])]] = True
+    # a chart without any coarse face (a component too small for the proxy) stands for itself
+    real |= area == 0
+    return Carried(chart, main, real)
+
+
+def drop_slivers(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Carried:
+    """Glue charts that stand for no coarse chart to the neighbour with the longest common seam."""
+    for _ in range(6):
+        found = match_charts(fine, coarse_chart, near)
+        if found.real.all():
+            return found
+        arcs = fine.arcs(found.chart)
+        sliver = ~found.real
+        may = (arcs.left != arcs.right) & (sliver[arcs.left] | sliver[arcs.right])
+        if not may.any():
+            return found
+        which = np.flatnonzero(may)
+        side = np.where(sliver[arcs.left[which]], arcs.left[which], arcs.right[which])
+        order = np.lexsort((-arcs.length[which], side))
+        glue = which[order[first_of_runs(side[order])]]
+        chosen = np.zeros(len(arcs.left), bool)
+        chosen[glue] = True
+        fine.cut[arcs.edge[chosen[arcs.arc]]] = False
+    return match_charts(fine, coarse_chart, near)
+
+
+def fine_targets(
+    coarse: Cutting, fine: Cutting, coarse_chart: IntArray, near: IntArray, carried: Carried
+) -> tuple[FloatArray, BoolArray]:
+    """(2, 2, m) Jacobians that the coarse layout asks of the fine faces, and which charts have any."""
+    gradients = space_gradients(coarse)
+    surface, chart = fine.surface, carried.chart
+    clear = _clear_of_seams(coarse)
+    own = (near >= 0) & (np.where(near >= 0, coarse_chart[near], -1) == carried.main[chart])
+    known = own & clear[near]
+    # small charts may have no face clear of seams: there every face of its own counts
+    none_clear = np.bincount(chart, known, int(chart.max()) + 1) == 0
+    known |= own & none_clear[chart]
+    source = np.where(known, near, 0)
+    turned = turn_gradients(gradients[source], coarse.surface.normals[source], surface.normals)
+    turned[~known] = 0
+    filled, have = spread(fine, turned, known)
+    whole = np.ones(int(chart.max()) + 1, bool)
+    whole[chart[np.flatnonzero(~have)]] = False
+    return targets_from(fine, filled), whole
