@@ -9,8 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from PIL import Image
 
+from circparam import samples
+from circparam.cli import cli
 from circparam.errors import OptionError
 from circparam.mesh import Mesh, UVMap
 from circparam.report.compare_page import (
@@ -153,6 +156,7 @@ def test_cells():
     assert cell_text("pack", 0.614) == "61.4 %"
     assert cell_text("peak_bytes", 1_234_000_000) == "1,234"
     assert cell_text("charts", 12345) == "12,345"
+    assert cell_text("stretch_linf", 7.7e146) == "over 1e9"
 
 
 def test_sides_of_a_comparison():
@@ -183,3 +187,19 @@ def test_sides_of_a_comparison():
     assert out.rows[0].figures == {"distortion": 1.5, "seconds": 1.0, "peak_bytes": 5}
     assert out.rows[0].uvmap is sides.rows[0].uvmap
     assert "disk" in out.note
+
+
+def test_from_the_shell(tmp_path: Path):
+    """compare --report --plot: both files, and a refusal before any work."""
+    disk = str(samples.path("bumped-disk"))
+    words = ["compare", disk, "--methods", "circle,mean-value", "-q"]
+    report, plot = tmp_path / "r.html", tmp_path / "p.png"
+    result = CliRunner().invoke(cli, [*words, "--report", str(report), "--plot", str(plot)])
+    assert result.exit_code == 0, result.output
+    text = report.read_text("utf-8")
+    assert text.count("<article>") == 2
+    assert text.count("<img ") == 6
+    assert Image.open(plot).size[0] >= 660
+    for option, name in (("--report", "r.txt"), ("--plot", "p.jpg"), ("--report", "r.html")):
+        again = CliRunner().invoke(cli, [*words, option, str(tmp_path / name)])
+        assert again.exit_code == 2

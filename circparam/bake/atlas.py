@@ -121,11 +121,10 @@ def _bake_tile(
     for part in fragments(xy, size, size):
         bary = barycentric(xy, part.face, part.pixel, size)
         colour = paint(face_of[part.face], bary)
-        twice += int(mask[part.pixel].sum())
         image[part.pixel] = np.round(np.clip(colour, 0, 1) * 255).astype(np.uint8)
-        fresh = ~mask[part.pixel]
+        before = int(np.count_nonzero(mask))
         mask[part.pixel] = True
-        twice += int(fresh.sum() - len(np.unique(part.pixel[fresh])))
+        twice += len(part.pixel) - (int(np.count_nonzero(mask)) - before)
     return image.reshape(size, size, channels), mask.reshape(size, size), twice
 
 

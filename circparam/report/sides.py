@@ -149,7 +149,7 @@ def caption(side: Side, seconds: bool = True) -> str:
     if stretch is not None:
         parts.append(f"stretch {cell_text('distortion', stretch)}")
     if time is not None and seconds:
-        parts.append(f"{cell_text('seconds', time)} s")
+        parts.append(f"{cell_text('seconds', time)}\u00a0s")
     return " · ".join(parts)
 
 
@@ -157,6 +157,8 @@ def cell_text(key: str, value: float | int | None) -> str:
     """A value of a column as text; an empty cell is a dash."""
     if value is None or not np.isfinite(value):
         return "–" if value is None else "∞"
+    if abs(value) > 1e9 and key != "peak_bytes":  # collapsed faces: the digits would say nothing
+        return "over 1e9"
     if key == "peak_bytes":
         return f"{value / 1e6:,.0f}"
     if key == "pack":
