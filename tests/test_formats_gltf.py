@@ -16,6 +16,7 @@ from circparam.errors import OptionError
 from circparam.formats import WriteOptions, encode, read, read_data, stored
 from circparam.formats.gltf import GltfDocument
 from circparam.formats.gltf_tree import Tree
+from circparam.formats.seamsplit import split_vertices
 from circparam.mesh import UVMap
 from tests.formats_tools import (
     GltfMaker,
@@ -161,8 +162,26 @@ def test_the_flip_of_v_is_exact(values: list[tuple[float, float]]) -> None:
     once = stored(uvmap, "glb")
     np.testing.assert_array_equal(stored(once, "glb").uv, once.uv)
     file = (1.0 - once.uv[:, 1]).astype(np.float32)
+    np.testing.assert_array_equal(file, (1.0 - uvmap.uv[:, 1]).astype(np.float32))  # rounded once
     # what lies in the file, turned exactly (negated), has the same differences as what is read
     np.testing.assert_array_equal(np.diff(-file.astype(np.float64)), np.diff(once.uv[:, 1]))
+
+
+def test_the_first_corner_of_a_vertex_keeps_it() -> None:
+    vertex = np.array([0, 1, 2, 2, 1, 3])
+    split = split_vertices(4, vertex, np.arange(10.0).reshape(5, 2), np.array([0, 1, 2, 4, 1, 3]))
+    assert split.corner.tolist() == [0, 1, 2, 4, 1, 3]
+    assert split.source.tolist() == [0, 1, 2, 3, 2]
+    assert split.uv.tolist() == [[0, 1], [2, 3], [4, 5], [6, 7], [8, 9]]
+    assert split.added == 1
+
+
+def test_a_tiny_triangle_near_the_top_is_not_flipped() -> None:
+    """float32 has no number between 1 − 6e-8 and 1; the file holds 1 − v, and there it has many."""
+    uv = np.array([[0.0, 1 - 3e-9], [1e-9, 1 - 3e-9], [0.0, 1 - 1e-9]])
+    p = stored(UVMap(uv, np.array([[0, 1, 2]])), "glb").uv
+    a, b = p[1] - p[0], p[2] - p[0]
+    assert a[0] * b[1] - a[1] * b[0] == pytest.approx(2e-18, rel=1e-5)
 
 
 def test_a_seam_keeps_index_types_small_and_grows_them_when_needed() -> None:
@@ -456,7 +475,7 @@ def gltf_files(draw: st.DrawFn) -> bytes:
     return g.glb() if draw(st.booleans()) else g.gltf()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(gltf_files(), st.integers(0, 9), st.sampled_from([None, 0, 1, 2]))
 def test_generated_trees_come_back(data: bytes, seed: int, uv_set: int | None) -> None:
     document = read_data(data)

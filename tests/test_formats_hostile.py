@@ -225,7 +225,7 @@ def read_or_refuse(data: bytes, format: str | None, output: str) -> None:
     assert "\n" not in message
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(
     st.sampled_from(sorted(SAMPLES)),
     st.lists(st.tuples(st.integers(0, 5000), st.integers(0, 255)), max_size=6),

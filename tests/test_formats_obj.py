@@ -202,6 +202,16 @@ def test_labels_for_grouping() -> None:
         document.labels("page")
 
 
+def test_negative_indices_count_back_from_where_they_stand() -> None:
+    part = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nf -3/-2 -2/-1 -1/-2\n"
+    document = read_data(part + part, format="obj")
+    assert document.mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+    uvmap = document.uv()
+    assert uvmap is not None
+    assert uvmap.uv_faces.tolist() == [[0, 1, 0], [2, 3, 2]]
+    assert_round_trip(document, layout_with_seams(document), "obj")
+
+
 def test_short_faces_are_kept_and_give_no_triangle() -> None:
     data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\nf 1/1 2/1 3/1\nf 3\nvt 0 0\n"
     document = read_data(data, format="obj")
@@ -280,7 +290,7 @@ def obj_files(draw: st.DrawFn) -> bytes:
     return newline.join(line for line in lines).encode()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(obj_files(), st.integers(0, 9))
 def test_generated_files_come_back(data: bytes, seed: int) -> None:
     document = read_data(data, format="obj")
