@@ -304,7 +304,9 @@ def test_nothing_is_overwritten_unasked(tmp_path: Path) -> None:
         write(target, doc, smooth_layout(doc, 1))
     assert target.read_bytes() == before
     target.chmod(0o640)
+    inode = target.stat().st_ino
     written = write(target, doc, smooth_layout(doc, 1), overwrite=True)
+    assert target.stat().st_ino != inode  # renamed into place, not written over
     assert written.files == [target]
     assert target.read_bytes() != before
     assert target.stat().st_mode & 0o777 == 0o640
