@@ -215,6 +215,10 @@ def test_groups_and_polygons_go_where_they_can(format: str) -> None:
         assert again.mesh.polygons is not None
     else:
         assert again.group_names == ("red one", "blue")
+        face_map = encode(doc, layout_with_seams(doc), format).face_map
+        named = [again.group_names[k] for k in again.mesh.groups]  # type: ignore[union-attr]
+        wanted = doc.mesh.groups[face_map]  # type: ignore[index]
+        assert named == [doc.group_names[k] for k in wanted]
     back = encode(again, again.uv(), "obj").data  # type: ignore[arg-type]
     if format == "glb":
         assert b"usemtl red_one\n" in back
