@@ -94,7 +94,7 @@ def newton() -> list[Line]:
             break
         near = k
     lines = [
-        Line("39k faces, Newton steps from the mean-value start to within 1e-6 of the optimum", near, "", "<= 5",
+        Line("39k faces, Newton steps from a mean-value start to within 1e-6 of the optimum", near, "", "<= 5",
              f"{len(patches.faces)} faces, SD/4 {best:.6f}; it stops by itself after {steps} steps, "
              f"{done.info['seconds'][0]:.2f} s")
     ]  # fmt: skip
