@@ -178,6 +178,12 @@ def test_flips_are_against_the_chart():
     assert not mirrored.flipped.any()
 
 
+def test_degenerate_faces_and_twins_are_no_flips():
+    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
+    faces = np.concatenate([QUAD, [[0, 2, 2]], [[2, 1, 0]]])  # a face without area, a turned twin
+    assert not make_scene(points, faces, SQUARE, faces).flipped.any()
+
+
 def test_charts_and_seams_of_the_cube():
     points, faces, uv, uv_faces = cube()
     scene = make_scene(points, faces, uv, uv_faces)

@@ -143,11 +143,23 @@ class Scene:
 
     @cached_property
     def flipped(self) -> BoolArray:
-        """(m,) faces whose uv winding differs from that of their chart, or whose uv area is zero."""
+        """(m,) faces whose uv winding differs from that of their chart, or whose uv area is zero.
+
+        Faces without area on the surface, and further faces on the same three places (twins, which can only
+        lie on the uv of the first one), are no flips.
+        """
         n = self.n_charts
         chart = np.maximum(self.chart, 0)
         turn = np.sign(group_sum(self.uv_areas * self.mapped, chart, max(n, 1)))
         result: BoolArray = self.mapped & (np.sign(self.uv_areas) != turn[chart])
+        c = self.points[self.faces]
+        longest = np.square(c - c[:, [1, 2, 0]]).sum(2).max(1)
+        result &= self.areas > 1e-12 * longest
+        if result.any():
+            label = row_labels(np.sort(self.weld[self.faces], axis=1).astype(np.float64))
+            first = np.full(int(label.max()) + 1, len(label))
+            np.minimum.at(first, label, np.arange(len(label)))
+            result &= first[label] == np.arange(len(label))
         return result
 
     @cached_property
