@@ -32,7 +32,8 @@ SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to piece
 class Atlas:
     """Seams and a layout over them: cut (e,) bool over surface.edges, corners (m, 3, 2) uv of each corner.
 
-    tries: (m,) int64, how many links the chart of each face has been through. notes: of methods and seams.
+    tries: (m,) int64, how many links the chart of each face has been through. again: a flipped chart may be
+    mapped by another method (not where the user asked for a convex map of a disk). notes: of methods and seams.
     repairs: what the chain had to do, one line each.
     """
 
@@ -40,6 +41,7 @@ class Atlas:
     cut: BoolArray
     corners: FloatArray
     tries: IntArray
+    again: bool = True
     stopped: list[str] = field(default_factory=list)
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     notes: list[str] = field(default_factory=list)
@@ -149,9 +151,8 @@ def advance(
     tries = np.zeros(n, np.int64)
     np.maximum.at(tries, chart, atlas.tries)
     bad = fault > 0
-    again = (
-        bad & (tries == 0) & (fault == FLIPPED)
-    )  # an isometric map may do where the method failed
+    # an isometric map may do where the method failed
+    again = bad & (tries == 0) & (fault == FLIPPED) & atlas.again
     split = bad & ~again if may_split else np.zeros(n, bool)
     if not (again | split).any():
         return False
@@ -198,7 +199,7 @@ def _solve_again(
             patches, MethodOptions(tolerance=options.tolerance), monitor
         )
         atlas.corners[fid] = layout.uv[patches.faces]
-    except (NoResultError, TopologyError):
+    except (NoResultError, TopologyError, np.linalg.LinAlgError, ArithmeticError):
         atlas.corners[fid] = np.nan
 
 

@@ -15,16 +15,18 @@ import numpy as np
 from circparam import chain
 from circparam.arrays import FloatArray, IntArray
 from circparam.distortion import best_chart_scales
-from circparam.errors import InputError, NoResultError
+from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats import Document, stored
 from circparam.mesh import Patches, UVMap
+from circparam.methods import METHODS
 from circparam.options import Options, from_keywords
 from circparam.output import save
 from circparam.packing import pack
 from circparam.progress import Listener, Monitor
 from circparam.repair import RepairOptions, Repairs, complete, repair
 from circparam.result import Result, judge, verify_layout
-from circparam.seams import SEAMS, Seams
+from circparam.seams import SEAMS, SeamOptions, Seams
+from circparam.seams.options import constrain
 from circparam.stages import (
     check_names,
     method_options,
@@ -81,9 +83,10 @@ def unwrap_document(
     monitor.check()
     with monitor.stage("seams"):
         wanted = seam_options(document, surface, mended, options)
-        seams = SEAMS[options.cut].function(surface, wanted, monitor)
+        seams = find_seams(surface, wanted, options, monitor)
     with monitor.stage("flatten"):
         atlas = first_layout(surface, seams, options, monitor)
+    atlas.again = options.cut == "charts" or "convex-border" not in METHODS[options.method].tags
     atlas.notes = [*document.notes, *seams.notes, *atlas.notes]
     uvmap = lay_out(atlas, document, mended, target, options, monitor)
     result = _result(document, surface, mended, atlas, uvmap, target, options, monitor)
@@ -138,13 +141,36 @@ def repack(
     return result
 
 
+# What a numerical method raises where the numbers of a mesh are beyond it
+NUMERICAL = (NoResultError, np.linalg.LinAlgError, ArithmeticError)
+
+
+def find_seams(surface: Surface, wanted: SeamOptions, options: Options, monitor: Monitor) -> Seams:
+    """The seams; where finding charts fails on numbers, only those demanded: the chain splits further."""
+    try:
+        return SEAMS[options.cut].function(surface, wanted, monitor)
+    except NUMERICAL as error:
+        if options.cut != "charts":
+            raise
+        _, forced, notes = constrain(surface, wanted)
+        nothing = np.full((len(surface.faces), 3, 2), np.nan)
+        return Seams(forced, nothing, [*notes, f"charts were made by halving ({error})"])
+
+
 def first_layout(surface: Surface, seams: Seams, options: Options, monitor: Monitor) -> chain.Atlas:
     """The layout of the method, or the one that the seams come with where that is the same thing."""
     plain = options.method == "isometric" and not (options.blend or options.pins is not None)
     start = seams.uv if plain else None
-    return chain.flatten(
-        surface, seams.cut, start, options.method, method_options(options), options.pins, monitor
-    )
+    told = method_options(options)
+    try:
+        return chain.flatten(surface, seams.cut, start, options.method, told, options.pins, monitor)
+    except (*NUMERICAL, TopologyError) as error:
+        if options.cut != "charts":
+            raise
+        nothing = np.full((len(surface.faces), 3, 2), np.nan)
+        atlas = chain.flatten(surface, seams.cut, nothing, options.method, told, None, monitor)
+        atlas.repairs.append(f"--method {options.method} failed at first ({error})")
+        return atlas
 
 
 def lay_out(
