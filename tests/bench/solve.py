@@ -81,18 +81,28 @@ def million() -> list[Line]:
     ]  # fmt: skip
 
 
+def first_within(patches: Patches, enough: float, steps: int, **options: Any) -> tuple[int, float]:
+    """(fewest steps of isometric to an energy of ``enough``, seconds of the run that stops there).
+
+    steps: a number that suffices. The energy falls with every step, so halving finds the fewest.
+    """
+    low, high = 1, max(steps, 1)
+    while low < high:
+        middle = (low + high) // 2
+        done = flatten(patches, "isometric", max_iterations=middle, **options)
+        reached = tasks.energy(patches, done.arrays["uv"]) <= enough
+        low, high = (low, middle) if reached else (middle + 1, high)
+    done = flatten(patches, "isometric", max_iterations=high, **options)
+    return high, done.info["seconds"][0]
+
+
 def newton() -> list[Line]:
     """Isometric: steps on a bumped disk of 39k faces, memory at 400k faces."""
     patches = tasks.whole(*shapes.bumped_disk(19_500 - 495))
     done = flatten(patches, "isometric", start="mean-value")
     steps = done.info["iterations"][0]
     best = tasks.energy(patches, done.arrays["uv"])
-    near = steps
-    for k in range(steps - 1, 0, -1):
-        part = flatten(patches, "isometric", start="mean-value", max_iterations=k)
-        if tasks.energy(patches, part.arrays["uv"]) > best * (1 + 1e-6):
-            break
-        near = k
+    near, _ = first_within(patches, best * (1 + 1e-6), steps, start="mean-value")
     lines = [
         Line("39k faces, Newton steps from a mean-value start to within 1e-6 of the optimum", near, "", "<= 5",
              f"{len(patches.faces)} faces, SD/4 {best:.6f}; it stops by itself after {steps} steps, "
@@ -125,10 +135,10 @@ def blocks() -> list[Line]:
 
 
 def slim() -> list[Line]:
-    """Isometric beside libigl's SLIM: seconds until within 0.1 % of the minimum.
+    """Isometric beside libigl's SLIM: seconds to the first iterate within 0.1 % of the minimum.
 
-    circparam's time is that of the whole run: start, relaxation, until it stops by itself. SLIM's is that of
-    its set-up and its steps from the same kind of start, which is a gift.
+    circparam's time includes its start. SLIM's is that of its set-up and its steps from the same start, which
+    it is given.
     """
     lines = []
     for name, patches, points in _slim_meshes():
@@ -136,19 +146,20 @@ def slim() -> list[Line]:
         start = flatten(patches, "circle")
         best = tasks.energy(patches, flatten(patches, "isometric", tolerance=1e-12).arrays["uv"])
         reached = tasks.energy(patches, own.arrays["uv"])
+        steps, seconds = first_within(patches, 1.001 * best, own.info["iterations"][0])
         arrays = {**tasks.arrays_of(patches), "points": points, "uv": start.arrays["uv"]}
-        seconds = own.info["seconds"][0]
         peer = run("slim_by_igl", arrays, iterations=300, bound=60 * seconds, enough=1.001 * best)
-        done = peer.info["energies"][-1] <= 1.001 * best
-        sign = "" if done else "more than "
+        theirs, count = peer.info["seconds"][-1], len(peer.info["energies"])
+        sign = "" if peer.info["energies"][-1] <= 1.001 * best else "more than "
         lines.append(
-            Line(f"{name}: SLIM's time / isometric's", peer.info["seconds"][-1] / seconds, "", ">= 2",
-                 f"{sign}{peer.info['seconds'][-1]:.2f} s in {len(peer.info['energies'])} steps "
-                 f"/ {seconds:.2f} s; {len(patches.faces)} faces, SD/4 {best:.5f}")
+            Line(f"{name}: SLIM's time / isometric's", theirs / seconds, "", ">= 2",
+                 f"{sign}{theirs:.2f} s in {count} steps / {seconds:.2f} s in {steps} steps; "
+                 f"{len(patches.faces)} faces, SD/4 {best:.5f}")
         )  # fmt: skip
         lines.append(
-            Line(f"{name}: SD/4 where isometric stops / minimum", reached / best, "", "<= 1.001")
-        )
+            Line(f"{name}: SD/4 where isometric stops / minimum", reached / best, "", "<= 1.001",
+                 f"{own.info['seconds'][0]:.2f} s")
+        )  # fmt: skip
     return lines
 
 
