@@ -42,10 +42,11 @@ def save(name: str, image: Image.Image) -> None:
     chooser.paste(image, (0, 0))
     chooser.paste(ramp.resize((image.width, ramp.height)), (0, image.height))
     palette = chooser.quantize(256, kmeans=1)
-    colours = np.array(palette.getpalette()).reshape(-1, 3)
-    colours[np.argmax(colours.sum(1))] = 255  # paper stays white, whatever was averaged into it
-    palette.putpalette(colours.ravel().tolist())
-    data = png_bytes(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    small = image.quantize(palette=palette, dither=Image.Dither.NONE)
+    colours = np.array(small.getpalette()).reshape(-1, 3)
+    colours[small.getpixel((0, 0))] = 255  # paper stays white, whatever was averaged into it
+    small.putpalette(colours.ravel().tolist())
+    data = png_bytes(small)
     if len(data) >= LIMIT:
         raise SystemExit(f"{path} has {len(data)} bytes, the limit is {LIMIT}: draw it smaller")
     path.write_bytes(data)

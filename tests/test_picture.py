@@ -182,6 +182,10 @@ def test_degenerate_faces_and_twins_are_no_flips():
     points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
     faces = np.concatenate([QUAD, [[0, 2, 2]], [[2, 1, 0]]])  # a face without area, a turned twin
     assert not make_scene(points, faces, SQUARE, faces).flipped.any()
+    turned = np.array(
+        [[0, 1, 2], [0, 3, 2]]
+    )  # the file winds one against the other: the uv do not fold
+    assert not make_scene(points, turned, SQUARE, turned).flipped.any()
 
 
 def test_charts_and_seams_of_the_cube():

@@ -145,8 +145,8 @@ class Scene:
     def flipped(self) -> BoolArray:
         """(m,) faces whose uv winding differs from that of their chart, or whose uv area is zero.
 
-        Faces without area on the surface, and further faces on the same three places (twins, which can only
-        lie on the uv of the first one), are no flips.
+        Faces without area on the surface, further faces on the same three places (twins, which can only lie
+        on the uv of the first one), and faces that the file winds against their neighbours are no flips.
         """
         n = self.n_charts
         chart = np.maximum(self.chart, 0)
@@ -160,7 +160,16 @@ class Scene:
             first = np.full(int(label.max()) + 1, len(label))
             np.minimum.at(first, label, np.arange(len(label)))
             result &= first[label] == np.arange(len(label))
+            result &= ~self._turned()
         return result
+
+    def _turned(self) -> BoolArray:
+        """(m,) faces that run along a uv edge in the same direction as another: wound against a neighbour."""
+        a, b = self.uv_faces.ravel(), self.uv_faces[:, [1, 2, 0]].ravel()
+        key = np.where(a >= 0, a * (len(self.uv) + 1) + b, -1)
+        _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
+        shared = (count[inverse.reshape(-1)] > 1) & (a >= 0)
+        return np.asarray(shared.reshape(-1, 3).any(axis=1), bool)
 
     @cached_property
     def seams(self) -> IntArray:
