@@ -158,8 +158,6 @@ def advance(
         return False
     with monitor.stage("repair layout"):
         single = split & ((size <= SINGLE_BELOW) | (tries >= SPLITS) | monitor.expired)
-        if single.any():
-            _take_to_pieces(atlas, single[chart])
         halve = split & ~single
         if halve.any():
             atlas.cut = atlas.cut | split_charts(surface, atlas.cut, halve)
@@ -168,6 +166,8 @@ def advance(
                 f"{len(what)} chart(s) split, of {_some(size[what])} faces: "
                 f"{_causes(fault[halve])} in one piece"
             )
+        if single.any():  # after the halving, which counts charts as they were
+            _take_to_pieces(atlas, single[chart])
         if again.any():
             atlas.repairs.append(
                 f"{int(again.sum())} chart(s) mapped again: {_causes(fault[again])} at first"
