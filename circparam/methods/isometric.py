@@ -1,4 +1,4 @@
-"""Isometric maps: a convex map relaxed to the least symmetric Dirichlet energy, without ever flipping a face."""
+"""Isometric maps: a convex map relaxed to the least symmetric Dirichlet energy, never flipping a face."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from circparam.errors import NoResultError, OptionError
 from circparam.mesh import Patches
 from circparam.methods.arap import fit_pins
 from circparam.methods.base import Layout, MethodOptions, check_pins, require_border
-from circparam.methods.embed import embed
+from circparam.methods.embed import embed_start
 from circparam.progress import Monitor
 from circparam.solve.newton import RelaxOptions, relax
 from circparam.solve.unfold import unfold
@@ -28,7 +28,7 @@ def isometric(patches: Patches, options: MethodOptions, monitor: Monitor) -> Lay
     require_border(patches)
     if not 0 <= options.blend <= 1:
         raise OptionError(f"blend {options.blend} is outside 0 (isometric) .. 1 (conformal)")
-    uv, notes = embed(patches, options.start, options, monitor)
+    uv, notes = embed_start(patches, options.start, options, monitor)
     fixed: BoolArray | None = None
     if options.pins is not None:
         check_pins(patches, options.pins, 1)

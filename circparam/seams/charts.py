@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 
-from circparam.arrays import BoolArray
 from circparam.progress import Monitor
 from circparam.seams.carry import (
     carry_seams,
@@ -30,7 +29,9 @@ from circparam.topology import Surface
 DIRECT_FACES = 10_000  # up to this size charts are decided on the mesh itself
 PROXY_FACES = 6_000  # faces of the proxy of a mesh in one piece
 PROXY_SHARE = 1 / 30  # and at least this share of the faces
-SEEDS = 60
+SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
+RETRY_FACES = (3000, 1500, 1500)  # up to this size a second, third, fourth start is made
+CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 REGROUPINGS = 8  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose borders are only about those of the mesh
@@ -98,10 +99,30 @@ def regroup(cutting: Cutting, bound: float, monitor: Monitor) -> Laid:
 def decide(
     surface: Surface, bound: float, margin: float, max_charts: int | None, monitor: Monitor
 ) -> tuple[Cutting, Laid]:
-    """Grow charts, split what is bad, merge, straighten, merge again: on the surface itself."""
-    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
+    """Grow, merge and straighten charts on the surface itself: the best of a few starts where that is cheap."""
     graph = dual_graph(surface)
-    first_charts(cutting, graph, SEEDS)
+    tries = 1 + sum(len(surface.faces) <= limit for limit in RETRY_FACES)
+    best: tuple[float, Cutting, Laid] | None = None
+    for seeds in SEEDS[:tries]:
+        if best is not None and monitor.expired:
+            break
+        cutting, laid = decide_once(surface, graph, bound, margin, seeds, monitor)
+        cost = cutting.seam_length + CHART_COST * laid.patches.n_charts
+        if best is None or cost < best[0]:
+            best = cost, cutting, laid
+    assert best is not None
+    _, cutting, laid = best
+    if max_charts is not None:
+        laid = reach_count(cutting, bound, max_charts, monitor)
+    return cutting, laid
+
+
+def decide_once(
+    surface: Surface, graph: DualGraph, bound: float, margin: float, seeds: int, monitor: Monitor
+) -> tuple[Cutting, Laid]:
+    """Grow charts round so many seeds, split what is bad, merge, straighten, merge again."""
+    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
+    first_charts(cutting, graph, seeds)
     make_disks(cutting, graph)
     proposal = propose(cutting, 2)
     cutting.cut = proposal.cut(np.ones(proposal.n, bool))
@@ -122,21 +143,18 @@ def decide(
     for rings in (3, 1):
         Merger(cutting, MergeOptions(bound, margin=margin), fixed).run(monitor)
         laid = straighten(cutting, graph, bound, FAIR, rings, margin=margin)
-    if max_charts is not None:
-        laid = reach_count(cutting, bound, max_charts, fixed, monitor)
     return cutting, laid
 
 
-def reach_count(
-    cutting: Cutting, bound: float, count: int, fixed: BoolArray, monitor: Monitor
-) -> Laid:
+def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) -> Laid:
     """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
-    for _ in range(14):
+    fixed = np.zeros(len(cutting.cut), bool)
+    for _ in range(24):
         n, _ = cutting.charts()
         if n <= count:
             break
-        bound = 1 + (bound - 1) * 1.6
-        merger = Merger(cutting, MergeOptions(bound), fixed)
+        bound = 1 + max(bound - 1, 1e-3) * 1.6
+        merger = Merger(cutting, MergeOptions(bound, margin=0.0), fixed)
         while not monitor.expired and cutting.charts()[0] > count and merger.round():
             pass
     patches = cutting.patches()

@@ -7,10 +7,20 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum, next_half_edge
+from circparam.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    group_min,
+    group_sum,
+    next_half_edge,
+)
 from circparam.graphs import components
 from circparam.mesh import Patches
 from circparam.topology import Surface
+
+CONE = 0.5  # radians of angle defect from which a vertex ends arcs
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +76,17 @@ class Cutting:
         result: FloatArray = np.linalg.norm(f[next_half_edge(h)] - f[h], axis=1)
         return result
 
+    @cached_property
+    def cone_points(self) -> BoolArray:
+        """(vertices,) bool: so much curvature in one vertex that gluing round it can be too much."""
+        corner = self.surface.frames
+        ahead = corner[:, [1, 2, 0]] - corner
+        back = corner[:, [2, 0, 1]] - corner
+        angle = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
+        total = group_sum(angle.ravel(), self.surface.corner_vertex.ravel(), self.n_vertices)
+        result: BoolArray = np.abs(2 * np.pi - total) > CONE
+        return result
+
     @property
     def seam_length(self) -> float:
         """Length of all seams over the square root of the area."""
@@ -94,14 +115,12 @@ class Cutting:
         else:
             self.corners[fid] = uv[patches.faces]
 
-    def arcs(self, chart: IntArray, pinned: BoolArray | None = None) -> Arcs:
-        """The arcs of the seams as they are now. pinned: (vertices,) further junctions."""
+    def arcs(self, chart: IntArray) -> Arcs:
+        """The arcs of the seams as they are now: chains between junctions, borders and cone points."""
         c = np.flatnonzero(self.cut)
         a, b = self.ends[0][c], self.ends[1][c]
         valence = np.bincount(np.r_[a, b], minlength=self.n_vertices)
-        through = (valence == 2) & ~self.on_border
-        if pinned is not None:
-            through &= ~pinned
+        through = (valence == 2) & ~self.on_border & ~self.cone_points
         k = np.arange(len(c))
         vertex, entry = np.r_[a, b], np.r_[k, k]
         keep = through[vertex]

@@ -33,16 +33,41 @@ from circparam.solve.poisson import from_jacobians
 @dataclass(frozen=True)
 class MergeOptions:
     """bound: no chart's energy exceeds it. tolerance: of the relaxation of a trial. untangle: rounds of the
-    Poisson start. rounds: at most so many. min_gain: arcs shorter than this share of the smaller chart's
-    border are not glued. margin: parts of one chart keep this share of the root of its area apart.
+    Poisson start. rounds: at most so many. margin: parts of one chart keep this share of the root of its area
+    apart.
     """
 
     bound: float
     tolerance: float = 1e-3
     untangle: int = 30
     rounds: int = 80
-    min_gain: float = 0.0
     margin: float = 0.004
+
+
+@dataclass(frozen=True, eq=False)
+class _Glues:
+    """Candidates for gluing: every arc, then every pair of neighbouring charts with all its arcs.
+
+    left, right: charts. key: what was tried is remembered by it. score: the best are tried first. may: bool.
+    pair: (arcs,) pair of each arc.
+    """
+
+    left: IntArray
+    right: IntArray
+    key: npt.NDArray[np.uint64]
+    score: FloatArray
+    may: BoolArray
+    pair: IntArray
+
+    def glued(self, arcs: Arcs, chosen: IntArray, n_edges: int) -> BoolArray:
+        """(n_edges,) bool: edges that the chosen candidates glue."""
+        n = len(arcs.left)
+        arc = np.zeros(n, bool)
+        arc[chosen[chosen < n]] = True
+        arc |= np.isin(self.pair, chosen[chosen >= n] - n)
+        out = np.zeros(n_edges, bool)
+        out[arcs.edge[arc[arcs.arc]]] = True
+        return out
 
 
 class Merger:
@@ -69,42 +94,48 @@ class Merger:
         arcs = c.arcs(chart)
         if len(arcs.left) == 0:
             return False
-        candidates, keys = self._candidates(arcs, chart, n)
-        if len(candidates) == 0:
+        glues = self._glues(arcs, chart, n)
+        open_glues = np.flatnonzero(glues.may & ~np.isin(glues.key, self.tried))
+        if len(open_glues) == 0:
             return False
-        score = self._scores(arcs, chart, n)[candidates]
-        pick = matching(score, arcs.left[candidates], arcs.right[candidates], n)
-        self.tried = np.union1d(self.tried, keys[pick])
-        chosen = candidates[pick]
-        self._try(arcs, chart, n, chosen)
+        pick = matching(glues.score[open_glues], glues.left[open_glues], glues.right[open_glues], n)
+        chosen = open_glues[pick]
+        self.tried = np.union1d(self.tried, glues.key[chosen])
+        self._try(arcs, chart, n, glues, chosen)
         return True
 
-    def _candidates(
-        self, arcs: Arcs, chart: IntArray, n: int
-    ) -> tuple[IntArray, npt.NDArray[np.uint64]]:
-        """Arcs that may be glued and were not tried between the same charts, with their keys."""
+    def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> _Glues:
+        """What may be glued: single arcs, and all arcs between two charts at once where there are several.
+
+        Several at once are tried only when each alone has failed: two charts that close a flat ring overlap
+        with one arc glued, and not with both.
+        """
         c = self.cutting
-        m = len(chart)
         size = np.bincount(chart, minlength=n)
-        first_face = np.full(n, m)
-        np.minimum.at(first_face, chart, np.arange(m))
+        first_face = np.full(n, len(chart))
+        np.minimum.at(first_face, chart, np.arange(len(chart)))
         first_edge = np.full(len(arcs.left), len(c.cut))
         np.minimum.at(first_edge, arcs.arc, arcs.edge)
-        parts = (first_face[arcs.left], size[arcs.left], first_face[arcs.right], size[arcs.right])
-        key = np.zeros(len(arcs.left), np.uint64)
-        for part in (*parts, first_edge):
-            key = (key ^ part.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
-            key ^= key >> np.uint64(29)
         held = np.zeros(len(arcs.left), bool)
         held[arcs.arc[self.fixed[arcs.edge]]] = True
-        may = ((arcs.left != arcs.right) | arcs.tip) & ~held
-        if self.options.min_gain:
-            rim = self._perimeters(arcs, chart, n)
-            smaller = np.minimum(rim[arcs.left], rim[arcs.right])
-            may &= (arcs.length >= self.options.min_gain * smaller) | arcs.tip
-        may &= ~np.isin(key, self.tried)
-        which = np.flatnonzero(may)
-        return which, key[which]
+        pairs, pair = np.unique(arcs.left * n + arcs.right, return_inverse=True)
+        pair = pair.reshape(-1)
+        left, right = np.r_[arcs.left, pairs // n], np.r_[arcs.right, pairs % n]
+        several = (np.bincount(pair) > 1) & (pairs // n != pairs % n)
+        length = np.r_[arcs.length, group_sum(arcs.length, pair, len(pairs))]
+        key = np.zeros(len(left), np.uint64)
+        mark = np.r_[first_edge, np.full(len(pairs), len(c.cut) + 1)]
+        for part in (first_face[left], size[left], first_face[right], size[right], mark):
+            key = (key ^ part.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+            key ^= key >> np.uint64(29)
+        alone = key[: len(arcs.left)]
+        waiting = np.zeros(len(pairs), bool)
+        waiting[pair[~np.isin(alone, self.tried) | held]] = True
+        may = np.r_[((arcs.left != arcs.right) | arcs.tip) & ~held, several & ~waiting]
+        rim = self._perimeters(arcs, chart, n)
+        # zipping a chart up uses distortion that gluing another chart on may need: it comes last
+        score = length / np.minimum(rim[left], rim[right]) - (left == right)
+        return _Glues(left, right, key, score, may, pair)
 
     def _perimeters(self, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
         """(n,) length of the border of every chart."""
@@ -112,22 +143,13 @@ class Merger:
         rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
         return rim + group_sum(c.border_lengths, chart[c.surface.border // 3], n)
 
-    def _scores(self, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
-        """Share of the smaller chart's border that the arc is: long shared borders are glued first."""
-        rim = self._perimeters(arcs, chart, n)
-        return arcs.length / np.minimum(rim[arcs.left], rim[arcs.right])
-
-    def _try(self, arcs: Arcs, chart: IntArray, n: int, chosen: IntArray) -> None:
+    def _try(self, arcs: Arcs, chart: IntArray, n: int, glues: _Glues, chosen: IntArray) -> None:
         """Lay out the unions of the chosen arcs and keep the good ones."""
         c = self.cutting
-        number = np.full(len(arcs.left), -1)
         while True:
-            number[:] = -1
-            number[chosen] = np.arange(len(chosen))
-            cut = c.cut.copy()
-            cut[arcs.edge[number[arcs.arc] >= 0]] = False
+            cut = c.cut & ~glues.glued(arcs, chosen, len(c.cut))
             union = np.full(n, -1)
-            union[arcs.left[chosen]] = union[arcs.right[chosen]] = np.arange(len(chosen))
+            union[glues.left[chosen]] = union[glues.right[chosen]] = np.arange(len(chosen))
             label = union[chart]
             patches, fid = c.surface.some_patches(cut, label >= 0, label)
             bad = not_disks(patches)
@@ -138,7 +160,7 @@ class Merger:
             if len(chosen) == 0:
                 return
         self.tally["trials"] += len(chosen)
-        uv, energy = self._lay_out(patches, fid, chart, arcs.left[chosen], arcs.right[chosen])
+        uv, energy = self._lay_out(patches, fid, chart, glues.left[chosen], glues.right[chosen])
         good = energy <= self.options.bound
         self.tally["distortion"] += int((np.isfinite(energy) & ~good).sum())
         if good.any():
@@ -150,9 +172,7 @@ class Merger:
         self.tally["merged"] += int(good.sum())
         kept = good[patches.chart]
         c.corners[fid[kept]] = uv[patches.faces[kept]]
-        glued = np.zeros(len(arcs.left), bool)
-        glued[chosen[good]] = True
-        c.cut[arcs.edge[glued[arcs.arc]]] = False
+        c.cut &= ~glues.glued(arcs, chosen[good], len(c.cut))
 
     def _lay_out(
         self, patches: Patches, fid: IntArray, chart: IntArray, left: IntArray, right: IntArray

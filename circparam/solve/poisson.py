@@ -42,9 +42,9 @@ def from_jacobians(
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
-    targets: (2, 2, m). untangle: while a chart has flipped faces, clamp the singular values of its Jacobians to
-    [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, so many times at most
-    (the local/global idea of Liu and others 2008).
+    targets: (2, 2, m). untangle: while a chart has flipped faces, clamp the singular values of its Jacobians
+    to [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, at most so many
+    times (the local/global idea of Liu and others 2008).
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
     n = patches.n_vertices

@@ -1,0 +1,216 @@
+"""The atlas: charts that are disks under the bound, none overlapping itself, on shapes with known answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.distortion import best_chart_scales, measure
+from circparam.injectivity import overlaps, signs
+from circparam.mesh import Mesh
+from circparam.progress import Monitor
+from circparam.repair import repair
+from circparam.seams import SEAMS, SeamOptions
+from circparam.seams import charts as module
+from circparam.seams.chains import chains_of, route
+from circparam.seams.cutting import Cutting, matching, not_disks
+from circparam.seams.proxy import decimate
+from circparam.topology import Surface
+from tests import shapes
+
+
+def surface_of(shape) -> Surface:
+    return repair(Mesh(*shape))[0]
+
+
+def atlas(shape, **options) -> tuple[Surface, Cutting]:
+    """The charts of a shape, checked for everything that is promised of them."""
+    surface = surface_of(shape)
+    wanted = SeamOptions(**options)
+    seams = SEAMS["charts"].function(surface, wanted, Monitor())
+    cutting = Cutting(surface, seams.cut, seams.uv)
+    patches = cutting.patches()
+    uv = cutting.gather(patches)
+    # one uv a vertex of the cut mesh: the corners agree wherever there is no seam
+    assert np.array_equal(uv[patches.faces], seams.uv)
+    assert not not_disks(patches).any()
+    assert len(patches.chart) == len(surface.faces)
+    assert (signs(uv, patches.faces) > 0).all()
+    found = overlaps(patches.faces, uv, patches.chart, patches.edges)
+    assert not found.self_overlapping.any()
+    if wanted.max_charts is None:
+        scaled = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
+        assert measure(patches, scaled).sd_max_chart <= wanted.max_distortion
+    return surface, cutting
+
+
+def test_a_flat_sheet_stays_in_one_piece_without_a_seam() -> None:
+    _, cutting = atlas(shapes.delaunay_square(400))
+    assert not cutting.cut.any()
+
+
+def test_a_cube_comes_apart_into_one_net() -> None:
+    """A net of the cube is one chart without distortion: at D = 1.0001 nothing else is as good."""
+    surface, cutting = atlas(shapes.cube(3), max_distortion=1.0001)
+    assert cutting.charts()[0] == 1
+    edge = np.sqrt(surface.areas.sum() / 6)
+    # every net of the cube cuts 7 of its 12 edges
+    assert surface.edge_lengths[cutting.cut].sum() == pytest.approx(7 * edge, rel=0.15)
+
+
+def test_a_closed_cylinder_comes_apart_into_wall_and_caps() -> None:
+    _, cutting = atlas(shapes.cylinder(32, 10, caps=True), max_distortion=1.001)
+    assert cutting.charts()[0] <= 3
+
+
+@pytest.mark.parametrize(
+    ("shape", "most"),
+    [
+        (shapes.icosphere(3), 3),
+        (shapes.torus(40, 20), 2),
+        (shapes.double_torus(), 4),
+        (shapes.annulus(), 1),
+        (shapes.hemisphere(10), 2),
+    ],
+    ids=["sphere", "torus", "double torus", "annulus", "hemisphere"],
+)
+def test_round_shapes_need_few_charts(shape, most: int) -> None:
+    _, cutting = atlas(shape)
+    assert cutting.charts()[0] <= most
+
+
+def test_a_lower_bound_gives_more_seam_and_less_distortion() -> None:
+    shape = shapes.icosphere(3)
+    lengths = [atlas(shape, max_distortion=d)[1].seam_length for d in (1.01, 1.2)]
+    assert lengths[0] > lengths[1]
+
+
+def test_max_charts_is_kept_where_the_bound_is_not() -> None:
+    _, cutting = atlas(shapes.cylinder(24, 8, caps=True), max_distortion=1.001, max_charts=1)
+    assert cutting.charts()[0] == 1
+
+
+def test_every_component_gets_charts_of_its_own() -> None:
+    shape = shapes.row_of(shapes.cube(2), 5)
+    surface, cutting = atlas(shape)
+    n, chart = cutting.charts()
+    assert n == 5
+    x = surface.points[surface.faces].mean(1)[:, 0]
+    for k in range(5):
+        assert np.ptp(x[chart == k]) <= np.ptp(x) / 5
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [shapes.triangle(), shapes.fins(), shapes.moebius(), shapes.klein(), shapes.pinched()],
+    ids=["triangle", "fins", "moebius", "klein", "pinched"],
+)
+def test_awkward_surfaces_end_in_a_valid_atlas(shape) -> None:
+    atlas(shape)
+
+
+def test_forced_seams_are_cut_and_forbidden_ones_are_not() -> None:
+    shape = shapes.cube(3)
+    surface = surface_of(shape)
+    free = atlas(shape)[1]
+    flat = surface.faces.ravel()
+    ends = np.stack(
+        [flat[surface.edges[:, 0]], surface.faces[:, [1, 2, 0]].ravel()[surface.edges[:, 0]]], 1
+    )
+    wanted = ends[~free.cut][:5]
+    forbidden = ends[free.cut][:3]
+    cutting = atlas(shape, cut=wanted, no_cut=forbidden)[1]
+    index = {tuple(sorted(e)): k for k, e in enumerate(ends.tolist())}
+    assert all(cutting.cut[index[tuple(sorted(e))]] for e in wanted.tolist())
+    assert not any(cutting.cut[index[tuple(sorted(e))]] for e in forbidden.tolist())
+
+
+def test_the_same_input_gives_the_same_bytes() -> None:
+    a, b = (atlas(shapes.torus(24, 12))[1] for _ in range(2))
+    assert np.array_equal(a.cut, b.cut)
+    assert a.corners.tobytes() == b.corners.tobytes()
+
+
+def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shape = shapes.torus(70, 35)
+    monkeypatch.setattr(module, "DIRECT_FACES", 10**9)
+    direct = atlas(shape)[1]
+    monkeypatch.setattr(module, "DIRECT_FACES", 0)
+    monkeypatch.setattr(module, "PROXY_FACES", 2500)
+    proxy = atlas(shape)[1]
+    assert proxy.seam_length == pytest.approx(direct.seam_length, rel=0.15, abs=0.05)
+    assert abs(proxy.charts()[0] - direct.charts()[0]) <= 1
+
+
+def test_the_proxy_keeps_the_genus_and_maps_every_vertex() -> None:
+    surface = surface_of(shapes.torus(60, 30))
+    proxy = decimate(surface, 600)
+    none = np.zeros(len(proxy.surface.edges), bool)
+    assert proxy.surface.patches(none).euler().tolist() == [0]
+    assert len(proxy.surface.faces) < 700
+    assert proxy.cell.min() >= 0
+    assert set(proxy.cell.tolist()) == set(range(len(proxy.surface.points)))
+
+
+@given(st.integers(0, 5000))
+@settings(max_examples=60, deadline=None)
+def test_matching_is_the_greedy_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, count = int(rng.integers(1, 12)), int(rng.integers(0, 30))
+    left, right = rng.integers(0, n, count), rng.integers(0, n, count)
+    score = np.round(rng.random(count), 1)
+    used = np.zeros(n, bool)
+    expected = []
+    for k in sorted(range(count), key=lambda k: (-score[k], k)):
+        if not used[left[k]] and not used[right[k]]:
+            used[left[k]] = used[right[k]] = True
+            expected.append(k)
+    assert matching(score, left, right, n).tolist() == sorted(expected)
+
+
+def test_chains_end_at_junctions_and_closed_ones_are_halved() -> None:
+    # a path 0-1-2-3, a closed loop 4-5-6-7, and a junction at 2 with a branch to 8
+    a = np.array([0, 1, 2, 4, 5, 6, 7, 2])
+    b = np.array([1, 2, 3, 5, 6, 7, 4, 8])
+    chains = chains_of(a, b, 9, np.zeros(9, bool))
+    ends = sorted(
+        tuple(sorted(e)) for e in zip(chains.start.tolist(), chains.end.tolist(), strict=True)
+    )
+    assert ends == [(0, 2), (2, 3), (2, 8), (4, 6), (4, 6)]
+    assert chains.size.sum() == len(a)
+    assert sorted(chains.vertex.tolist()) == [1, 5, 7]
+
+
+def test_routes_are_shortest_inside_their_bands_and_never_cross() -> None:
+    """Two chains on a grid, side by side: each keeps to its own columns although the other's are shorter."""
+    width, height = 6, 8
+    index = np.arange(width * height).reshape(height, width)
+    a = np.r_[index[:, :-1].ravel(), index[:-1].ravel()]
+    b = np.r_[index[:, 1:].ravel(), index[1:].ravel()]
+    owner = np.where(np.arange(width) < 3, 0, 1) * np.ones((height, 1), int)
+    value = np.arange(height)[:, None] * np.ones(width)
+    start, end = index[0, [1, 4]], index[-1, [1, 4]]
+    owner = owner.ravel().copy()
+    owner[np.r_[start, end]] = -1
+    found = route((a, b), np.ones(len(a)), owner, value.ravel(), start, end, np.full(2, height - 1))
+    assert len(found.failed) == 0
+    assert np.bincount(found.chain).tolist() == [height - 1, height - 1]
+    for k in range(2):
+        on = found.edges[found.chain == k]
+        columns = np.r_[a[on], b[on]] % width
+        assert ((columns < 3) == (k == 0)).all()
+
+
+@pytest.mark.parametrize(
+    "name", ["spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply"]
+)
+@pytest.mark.corpus
+def test_real_meshes(corpus, name: str) -> None:
+    from circparam.formats import read
+
+    mesh = read(corpus / name).mesh
+    atlas((mesh.points, mesh.faces))
