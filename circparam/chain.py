@@ -25,6 +25,7 @@ from circparam.topology import Surface
 SOUND, FLIPPED, OVERLAPPING = 0, 1, 2
 SPLITS = 12  # times that a chart may be halved before it is taken to pieces
 CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
+STAND_IN = 1e-3  # least side of a triangle that stands in, in units of √(surface area)
 SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to pieces at once
 
 
@@ -33,8 +34,9 @@ class Atlas:
     """Seams and a layout over them: cut (e,) bool over surface.edges, corners (m, 3, 2) uv of each corner.
 
     tries: (m,) int64, how many links the chart of each face has been through. again: a flipped chart may be
-    mapped by another method (not where the user asked for a convex map of a disk). notes: of methods and seams.
-    repairs: what the chain had to do, one line each.
+    mapped by another method (not where the user asked for a convex map of a disk). laid: (m,), 1 for faces
+    laid down one by one, 2 for those with an equilateral triangle in their place. notes: of methods and
+    seams. repairs: what the chain had to do, one line each.
     """
 
     surface: Surface
@@ -42,10 +44,15 @@ class Atlas:
     corners: FloatArray
     tries: IntArray
     again: bool = True
+    laid: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     stopped: list[str] = field(default_factory=list)
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     notes: list[str] = field(default_factory=list)
     repairs: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if len(self.laid) == 0:
+            self.laid = np.zeros(len(self.surface.faces), np.int64)
 
     def open(self) -> tuple[Patches, FloatArray]:
         """Patches along the seams, and the uv (nv, 2) of their vertices."""
@@ -210,6 +217,13 @@ def _take_to_pieces(atlas: Atlas, faces: BoolArray) -> None:
     polygons are triangulated), so none of them is flipped.
     """
     surface = atlas.surface
+    again = faces & (atlas.laid > 0)
+    if again.any():
+        _stand_in(atlas, again)
+    faces = faces & ~again
+    if not faces.any():
+        return
+    atlas.laid[faces] = 1
     e = surface.edges // 3
     inside = faces[e].any(1)
     atlas.cut = atlas.cut | (inside & ~surface.locked)
@@ -228,6 +242,21 @@ def _take_to_pieces(atlas: Atlas, faces: BoolArray) -> None:
     atlas.corners = atlas.corners.copy()
     atlas.corners[fid] = np.einsum("mkc,mdc->mkd", p - origin[label][:, None], basis)
     atlas.repairs.append(f"{len(fid)} face(s) laid down one by one: no larger chart was sound")
+
+
+def _stand_in(atlas: Atlas, faces: BoolArray) -> None:
+    """Equilateral triangles for faces so thin or small that stored numbers cannot hold their shape."""
+    surface = atlas.surface
+    p = surface.points[surface.faces[faces]]
+    longest = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).max(1)
+    side = np.maximum(longest, STAND_IN * np.sqrt(surface.areas.sum()))
+    corner = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
+    atlas.corners = atlas.corners.copy()
+    atlas.corners[faces] = side[:, None, None] * corner
+    atlas.laid[faces] = 2
+    atlas.repairs.append(
+        f"{int(faces.sum())} face(s) too thin or small to be stored got an equilateral triangle"
+    )
 
 
 def split_charts(surface: Surface, cut: BoolArray, charts: BoolArray) -> BoolArray:

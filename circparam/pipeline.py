@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from circparam import chain
-from circparam.arrays import FloatArray, IntArray
+from circparam.arrays import BoolArray, FloatArray, IntArray
 from circparam.distortion import best_chart_scales
 from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats import Document, stored
@@ -191,7 +191,9 @@ def lay_out(
         patches, uv = atlas.open()
         with monitor.stage("pack"):
             group = None if tiles is None else _chart_tiles(patches, tiles[atlas.surface.source])
-            placed = place(patches, uv, options, atlas.notes, monitor, group)
+            keep = np.zeros(patches.n_charts, bool)
+            keep[patches.chart[atlas.laid == 2]] = True
+            placed = place(patches, uv, options, atlas.notes, monitor, group, keep)
         uvmap = complete(document.mesh, atlas.surface, mended, placed, patches.faces)
         uvmap = stored(uvmap, target, document)
         with monitor.stage("check"):
@@ -221,15 +223,20 @@ def place(
     notes: list[str],
     monitor: Monitor,
     group: IntArray | None = None,
+    keep: BoolArray | None = None,
 ) -> FloatArray:
     """Charts at their best scales, packed into pages; or side by side as the solver left them.
 
     group: (n_charts,) charts of different groups get pages of their own, one atlas each.
+    keep: (n_charts,) charts that keep the size they have.
     """
     uv = np.where(np.isfinite(uv), uv, 0.0)
     if not options.packed:
         return _side_by_side(patches, uv)
-    uv = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
+    scale = best_chart_scales(patches, uv)
+    if keep is not None:
+        scale[keep] = 1.0
+    uv = uv * scale[patches.vertex_chart][:, None]
     wanted = pack_options(options)
     for label in np.unique(group if group is not None else 0):
         mine = np.full(patches.n_charts, True) if group is None else group == label
