@@ -20,8 +20,9 @@ def output_path(mesh: str, given: dict[str, Any]) -> str:
     path = Path(mesh)
     kind = path.suffix.lower().lstrip(".")
     suffix = f".{DEFAULT_OUTPUT[kind]}" if DEFAULT_OUTPUT.get(kind, kind) != kind else path.suffix
-    if given.get("out_dir") is not None:
-        return str(Path(given.get("out_dir")) / f"{path.stem}{suffix}")
+    folder = given.get("out_dir")
+    if folder is not None:
+        return str(Path(folder) / f"{path.stem}{suffix}")
     return str(path.with_name(f"{path.stem}_uv{suffix}"))
 
 
