@@ -92,6 +92,23 @@ def border_of(faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray,
     )
 
 
+def turned_out(border: Border, n: int) -> BoolArray:
+    """(n,) charts with more than one border loop that runs counter-clockwise.
+
+    A point inside a chart has as many originals as loops wind round it. Loops that do not cross leave each at
+    most one exactly if a single loop is counter-clockwise: a second one is a flap at an inner hole, folded out
+    over the chart without any crossing.
+    """
+    loop, _, total = border.along
+    count = int(loop.max(initial=-1)) + 1
+    first = np.unique(loop, return_index=True)[1]
+    origin = border.start[first][loop]
+    area = group_sum(cross2(border.start - origin, border.end - origin), loop, count)
+    outward = area > 1e-13 * total[first] ** 2  # a slit in the plane has no area but for rounding
+    result: BoolArray = np.bincount(border.chart[first], outward, n) > 1
+    return result
+
+
 def meeting(border: Border, between: bool) -> tuple[IntArray, IntArray, IntArray]:
     """Pairs of segments beside which the insides of charts meet.
 

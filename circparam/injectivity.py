@@ -25,7 +25,7 @@ from circparam.arrays import (
     first_of_runs,
     next_half_edge,
 )
-from circparam.borderlines import Border, border_of, meeting, nearby, winding_pairs
+from circparam.borderlines import Border, border_of, meeting, nearby, turned_out, winding_pairs
 from circparam.mesh import Patches
 from circparam.predicates import SignArray, orientation
 
@@ -86,6 +86,7 @@ def overlaps(
     found = _wound_twice(faces, uv, chart, edges, n)
     found[border.chart[i]] = True
     found[undecided] = True
+    found |= turned_out(border, len(found))
     crossed = np.stack([border.half_edge[i], border.half_edge[j]], 1)
     return Overlaps(found, crossed, border, faces, uv, chart)
 
@@ -101,6 +102,7 @@ def self_overlapping(patches: Patches, uv: FloatArray, margin: float = 0.0) -> B
     found = _wound_twice(patches.faces, uv, patches.chart, patches.edges, patches.n_charts)
     found[border.chart[i]] = True
     found[undecided] = True
+    found |= turned_out(border, len(found))
     if margin > 0:
         i, _ = nearby(border, margin * border.size, ~found)
         found[border.chart[i]] = True

@@ -440,3 +440,34 @@ def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
     monkeypatch.setattr(nearby, "FEW", 0)
     patches, uv = patches_of(*strip(np.stack([np.linspace(0, 1, 50), np.zeros(50)], 1)))
     assert self_overlapping(patches, uv)[0]
+
+
+def _ring_with_flap(folded: bool) -> tuple[np.ndarray, np.ndarray]:
+    """A flat ring, and on one edge of its hole a piece that fills the hole, or (folded) lies over the ring."""
+    n = 24
+    angle = 2 * np.pi * np.arange(n) / n
+    unit = np.stack([np.cos(angle), np.sin(angle)], 1)
+    k = np.arange(n)
+    follower = (k + 1) % n
+    ring = np.concatenate(
+        [np.stack([k, n + k, n + follower], 1), np.stack([k, n + follower, follower], 1)]
+    )
+    # the piece hangs on the edge 0–1 of the hole: its outline runs from 1 round the middle to 0
+    outline = np.linspace(angle[1] + 0.05, 2 * np.pi - 0.05, 40)
+    radius = 0.7 if folded else 0.39
+    points = np.concatenate(
+        [0.4 * unit, unit, [[0.0, 0.0]], radius * np.stack([np.cos(outline), np.sin(outline)], 1)]
+    )
+    middle = 2 * n
+    rim = np.concatenate([[0, 1], middle + 1 + np.arange(40), [0]])
+    piece = np.stack([np.full(len(rim) - 1, middle), rim[:-1], rim[1:]], 1)
+    return points, np.concatenate([ring, piece])
+
+
+@pytest.mark.parametrize("folded", [False, True])
+def test_a_flap_folded_out_of_a_hole_overlaps_without_any_crossing(folded):
+    uv, faces = _ring_with_flap(folded)
+    assert (signs(uv, faces) > 0).all()
+    found = overlaps(faces, uv, np.zeros(len(faces), np.int64))
+    assert len(found.crossings) == 0
+    assert found.self_overlapping.tolist() == [folded]
