@@ -24,7 +24,7 @@ from circparam.formats import Document
 from circparam.mesh import Patches, UVMap
 from circparam.methods import METHODS, MethodOptions
 from circparam.options import FREE, Options
-from circparam.pipeline import place
+from circparam.pipeline import place, sides
 from circparam.progress import Listener, Monitor
 from circparam.registry import unknown_name
 from circparam.repair import RepairOptions, Repairs, complete, repair
@@ -245,7 +245,9 @@ def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) ->
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     notes = list(done.info["notes"])
-    placed, resolution = _placed(p, done.arrays["uv"], options, notes, monitor)
+    uv = done.arrays["uv"].copy()
+    uv[:, 0] *= sides(scene.surface, p, options)[p.vertex_chart]
+    placed, resolution = _placed(p, uv, options, notes, monitor)
     uvmap = complete(scene.document.mesh, scene.surface, scene.mended, placed, p.faces)
     status, figures = _judge(scene, uvmap, resolution)
     return Entry(

@@ -37,7 +37,7 @@ from circparam.stages import (
     tiles_of,
 )
 from circparam.topology import Surface
-from circparam.verify import corners_of, uv_seams
+from circparam.verify import corners_of, uv_seams, wound_against
 
 ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
 
@@ -193,11 +193,13 @@ def lay_out(
             group = None if tiles is None else _chart_tiles(patches, tiles[atlas.surface.source])
             keep = np.zeros(patches.n_charts, bool)
             keep[patches.chart[atlas.laid == 2]] = True
+            side = sides(atlas.surface, patches, options)
+            uv[:, 0] *= side[patches.vertex_chart]
             placed = place(patches, uv, options, atlas.notes, monitor, group, keep)
         uvmap = complete(document.mesh, atlas.surface, mended, placed, patches.faces)
         uvmap = stored(uvmap, target, document)
         with monitor.stage("check"):
-            fault = _stored_faults(atlas, uvmap, patches)
+            fault = _stored_faults(atlas, uvmap, patches, side)
         if not (fault > 0).any():
             break
         if not chain.advance(atlas, fault, may_split, convex, monitor):
@@ -207,11 +209,24 @@ def lay_out(
     return uvmap
 
 
-def _stored_faults(atlas: chain.Atlas, uvmap: UVMap, patches: Patches) -> IntArray:
-    """Faults of the charts in the numbers as the file will hold them."""
+def sides(surface: Surface, patches: Patches, options: Options) -> FloatArray:
+    """(n_charts,) −1 for charts to be mirrored, so that most of each lies as the file winds it; else 1.
+
+    Nothing is mirrored where pins say where vertices lie.
+    """
+    if options.pins is not None:
+        return np.ones(patches.n_charts)
+    return np.where(wound_against(surface, patches), -1.0, 1.0)
+
+
+def _stored_faults(
+    atlas: chain.Atlas, uvmap: UVMap, patches: Patches, side: FloatArray
+) -> IntArray:
+    """Faults of the charts in the numbers as the file will hold them; side: see ``sides``."""
     corners, _ = corners_of(atlas.surface, uvmap)
     uv = np.zeros((patches.n_vertices, 2))
     uv[patches.faces.ravel()] = corners.reshape(-1, 2)
+    uv[:, 0] *= side[patches.vertex_chart]
     fault, _ = chain.faults(patches, uv)
     return fault
 

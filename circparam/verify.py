@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_count
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
 from circparam.coverage import Coverage, cover, pages_of
 from circparam.distortion import Measures, measure
 from circparam.errors import InputError, OptionError
@@ -32,10 +32,10 @@ class Verification:
     """What was found. Faces are those of the surface (degenerate and duplicate ones are set aside).
 
     patches: the surface cut where uv differ; uv (nv, 2) of its vertices. missing: faces without uv.
-    flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that are
-    wound the wrong way as a whole. overlapping: charts that overlap themselves; overlapping_pairs (p, 2).
-    outside: charts that leave their page. seam_length: length of all seams / √(surface area).
-    coverage: None where the layout was not rasterised.
+    flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
+    clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
+    that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that
+    of all seams / √(surface area). coverage: None where the layout was not rasterised.
     """
 
     patches: Patches
@@ -135,6 +135,7 @@ def verify(
         group_count(chart[ok & (sign < 0)], n),
     )
     mirror = negative > positive
+    wrong_side = (mirror != wound_against(surface, patches)) & (negative + positive > 0)
     flipped = ok & (np.where(mirror[chart], -sign, sign) <= 0)
     used = group_count(chart[ok], n) > 0
     if tiles is not None:
@@ -158,7 +159,7 @@ def verify(
         missing=int((~ok).sum()),
         flips=int(flipped.sum()),
         flipped=flipped,
-        mirrored=np.flatnonzero(mirror),
+        mirrored=np.flatnonzero(wrong_side),
         overlapping=number[np.flatnonzero(found.self_overlapping)],
         overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
         outside=outside,
@@ -168,6 +169,17 @@ def verify(
         uv_max=points.max(0),
         coverage=covered,
     )
+
+
+def wound_against(surface: Surface, patches: Patches) -> BoolArray:
+    """(n_charts,) charts of which the file winds more area the other way than the surface is wound.
+
+    Repair gives a whole component one winding, that of most of its area; where a file is wound at random a
+    single chart may go the other way, and readers take the side that most of the chart shows for its front.
+    """
+    area = np.where(surface.turned, -surface.areas, surface.areas)
+    result: BoolArray = group_sum(area, patches.chart, patches.n_charts) < 0
+    return result
 
 
 def _vertex_tiles(patches: Patches, tile: IntArray) -> IntArray:

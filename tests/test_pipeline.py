@@ -244,3 +244,17 @@ def test_whatever_comes_in_a_valid_layout_or_a_documented_error(
     except errors.InputError:
         return
     assert result.verification.valid, result.reasons
+
+
+def test_a_chart_lies_as_the_file_winds_most_of_it() -> None:
+    """One side of a cube is wound the other way: turned for the solve, its chart is no mirror image."""
+    p, f = shapes.cube(2)
+    side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
+    f = np.where(side[:, None], f[:, [0, 2, 1]], f)
+    result = circparam.unwrap((p, f), sharp=60, effort=0.0)
+    q = result.uv[result.uv_faces]
+    ahead, back = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
+    assert side.any()
+    assert result.mended.turned == side.sum()
+    assert (ahead[:, 0] * back[:, 1] > ahead[:, 1] * back[:, 0]).all()
+    assert result.measures["mirrored"] == 0

@@ -12,7 +12,7 @@ from circparam.injectivity import overlaps, signs
 from circparam.mesh import Mesh
 from circparam.progress import Monitor
 from circparam.repair import repair
-from circparam.seams import SEAMS, SeamOptions
+from circparam.seams import SEAMS, SeamOptions, segment
 from circparam.seams import charts as module
 from circparam.seams.chains import chains_of, route
 from circparam.seams.cutting import Cutting, matching, not_disks
@@ -214,3 +214,23 @@ def test_real_meshes(corpus, name: str) -> None:
 
     mesh = read(corpus / name).mesh
     atlas((mesh.points, mesh.faces))
+
+
+def test_seeds_spread_over_components_in_few_searches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many components share the searches; one component takes its farthest cell each time."""
+    searches = []
+    plain = segment.distances
+
+    def counted(*given: object) -> object:
+        searches.append(1)
+        return plain(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(segment, "distances", counted)
+    tail = np.arange(400)[np.arange(400) % 4 != 3]  # 100 paths of four cells
+    region = segment.grow(400, tail, tail + 1, np.ones(len(tail)), 200, 0)
+    assert len(searches) <= 3
+    assert (np.array([len(np.unique(r)) for r in region.reshape(100, 4)]) == 2).all()
+    line = np.arange(8)
+    region = segment.grow(9, line, line + 1, np.ones(8), 3, 0)
+    assert len(np.unique(region)) == 3
+    assert len(np.unique(region[[0, 4, 8]])) == 3

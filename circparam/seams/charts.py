@@ -101,17 +101,15 @@ def decide(
 ) -> tuple[Cutting, Laid]:
     """Grow, merge and straighten charts on the surface itself: the best of a few starts where that is cheap."""
     graph = dual_graph(surface)
-    tries = 1 + sum(len(surface.faces) <= limit for limit in RETRY_FACES)
-    best: tuple[float, Cutting, Laid] | None = None
-    for seeds in SEEDS[:tries]:
-        if best is not None and monitor.expired:
+    cutting, laid = decide_once(surface, graph, bound, margin, SEEDS[0], monitor)
+    cost = cutting.seam_length + CHART_COST * laid.patches.n_charts
+    for seeds, limit in zip(SEEDS[1:], RETRY_FACES, strict=True):
+        if len(surface.faces) > limit or monitor.expired:
             break
-        cutting, laid = decide_once(surface, graph, bound, margin, seeds, monitor)
-        cost = cutting.seam_length + CHART_COST * laid.patches.n_charts
-        if best is None or cost < best[0]:
-            best = cost, cutting, laid
-    assert best is not None
-    _, cutting, laid = best
+        other = decide_once(surface, graph, bound, margin, seeds, monitor)
+        other_cost = other[0].seam_length + CHART_COST * other[1].patches.n_charts
+        if other_cost < cost:
+            cost, (cutting, laid) = other_cost, other
     if max_charts is not None:
         laid = reach_count(cutting, bound, max_charts, monitor)
     return cutting, laid

@@ -20,7 +20,7 @@ from circparam.graphs import components
 from circparam.mesh import Patches
 from circparam.topology import Surface
 
-CONE = 0.5  # radians of angle defect from which a vertex ends arcs
+CONE = 1.2  # radians of angle defect from which a vertex ends arcs
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sps
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
+from circparam.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_max, group_sum
 from circparam.graphs import components, distances, nearest, undirected
 from circparam.seams.cutting import Cutting, not_disks
 from circparam.topology import Surface
@@ -65,17 +66,7 @@ def grow(
     """
     graph = undirected(n, tail, head, step)
     _, component = components(n, tail, head)
-    _, first = np.unique(component, return_index=True)
-    seeds = [int(s) for s in first]
-    distance = distances(graph, np.array(seeds))
-    while len(seeds) < min(count, n):
-        far = int(np.argmax(distance))
-        if distance[far] <= 0:
-            break
-        seeds.append(far)
-        reach = distances(graph, np.array([far]), float(distance.max()))
-        distance = np.minimum(distance, reach)
-    middle = np.array(seeds)
+    middle = _far_seeds(graph, component, count)
     for turn in range(rounds + 1):
         _, _, source = nearest(graph, middle)
         _, region = np.unique(source, return_inverse=True)
@@ -92,6 +83,31 @@ def grow(
         order = np.lexsort((np.arange(n), -depth, region))
         middle = order[first_of_runs(region[order])]
     return region
+
+
+def _far_seeds(graph: sps.csr_matrix, component: IntArray, count: int) -> IntArray:
+    """Seeds far apart, at least one in every component: each time the cell that is farthest from all seeds.
+
+    Components do not bear on each other, so a round takes the farthest cell of every one that reaches at
+    least half as far as the best: as many rounds as the busiest component has seeds, not one a seed.
+    """
+    n = len(component)
+    _, first = np.unique(component, return_index=True)
+    seeds = [first]
+    missing = min(count, n) - len(first)
+    distance = distances(graph, first)
+    while missing > 0:
+        reach = group_max(distance, component, len(first))
+        best = float(reach.max())
+        if best <= 0:
+            break
+        candidate = np.flatnonzero((distance == reach[component]) & (distance > best / 2))
+        far = candidate[np.unique(component[candidate], return_index=True)[1]]
+        far = far[np.lexsort((far, -distance[far]))][:missing]
+        seeds.append(far)
+        missing -= len(far)
+        distance = np.minimum(distance, distances(graph, far, best))
+    return np.concatenate(seeds)
 
 
 def first_charts(cutting: Cutting, graph: DualGraph, count: int) -> None:
