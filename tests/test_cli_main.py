@@ -112,17 +112,23 @@ def wait(*args):
     left = Path({left!r})
     left.write_text("half a file")
     atomic.TEMPORARIES.append(left)
-    print("ready", file=sys.stderr, flush=True)
+    told = False
     {work}
 pipeline.repair = wait
 sys.argv = ["circparam", "unwrap", {mesh!r}, "-q"]
 from circparam.cli import main
 main()
 """
-PYTHON_WORK = "time.sleep(600)"
+READY = 'print("ready", file=sys.stderr, flush=True)'
+PYTHON_WORK = f"""{READY}
+    time.sleep(600)
+"""
 # a call that no signal interrupts, as a factorisation is: it releases the interpreter and runs on
-NATIVE_WORK = """while True:
+NATIVE_WORK = f"""while True:
         try:
+            if not told:
+                told = True
+                {READY}
             hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)
         except BaseException:
             pass  # the signal came before the call

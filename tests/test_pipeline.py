@@ -150,7 +150,7 @@ def test_no_normalize_keeps_the_solver_coordinates() -> None:
     np.testing.assert_allclose(
         np.linalg.norm(q[:, 1] - q[:, 0], axis=1),
         np.linalg.norm(s[:, 1] - s[:, 0], axis=1),
-        rtol=1e-6,
+        rtol=1e-4,  # the energy is at its minimum to 1e-6, so lengths are to about its root
     )
     assert result.measures["pack"] is None
 
@@ -251,7 +251,7 @@ def test_a_chart_lies_as_the_file_winds_most_of_it() -> None:
     p, f = shapes.cube(2)
     side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
     f = np.where(side[:, None], f[:, [0, 2, 1]], f)
-    result = circparam.unwrap((p, f), sharp=60, effort=0.0)
+    result = circparam.unwrap((p, f), sharp=np.pi / 3, effort=0.0)
     q = result.uv[result.uv_faces]
     ahead, back = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
     assert side.any()

@@ -31,6 +31,7 @@ PROXY_FACES = 6_000  # faces of the proxy of a mesh in one piece
 PROXY_SHARE = 1 / 30  # and at least this share of the faces
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 RETRY_FACES = (3000, 1500, 1500)  # up to this size a second, third, fourth start is made
+SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 REGROUPINGS = 8  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
@@ -152,7 +153,7 @@ def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) ->
         if n <= count:
             break
         bound = 1 + max(bound - 1, 1e-3) * 1.6
-        merger = Merger(cutting, MergeOptions(bound, margin=0.0), fixed)
+        merger = Merger(cutting, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS), fixed)
         while not monitor.expired and cutting.charts()[0] > count and merger.round():
             pass
     patches = cutting.patches()

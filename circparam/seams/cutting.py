@@ -20,7 +20,7 @@ from circparam.graphs import components
 from circparam.mesh import Patches
 from circparam.topology import Surface
 
-CONE = 1.2  # radians of angle defect from which a vertex ends arcs
+CONE = 1.2  # radians of angle defect above which a vertex ends arcs
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +77,14 @@ class Cutting:
         return result
 
     @cached_property
-    def cone_points(self) -> BoolArray:
-        """(vertices,) bool: so much curvature in one vertex that gluing round it can be too much."""
+    def angle_defects(self) -> FloatArray:
+        """(vertices,) curvature of every vertex: 2π minus the angles of its faces."""
         corner = self.surface.frames
         ahead = corner[:, [1, 2, 0]] - corner
         back = corner[:, [2, 0, 1]] - corner
         angle = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
         total = group_sum(angle.ravel(), self.surface.corner_vertex.ravel(), self.n_vertices)
-        result: BoolArray = np.abs(2 * np.pi - total) > CONE
+        result: FloatArray = 2 * np.pi - total
         return result
 
     @property
@@ -115,12 +115,15 @@ class Cutting:
         else:
             self.corners[fid] = uv[patches.faces]
 
-    def arcs(self, chart: IntArray) -> Arcs:
-        """The arcs of the seams as they are now: chains between junctions, borders and cone points."""
+    def arcs(self, chart: IntArray, cone: float = CONE) -> Arcs:
+        """The arcs of the seams as they are now: chains between junctions, borders and cone points.
+
+        cone: radians of curvature that make a vertex one; gluing round it can be too much.
+        """
         c = np.flatnonzero(self.cut)
         a, b = self.ends[0][c], self.ends[1][c]
         valence = np.bincount(np.r_[a, b], minlength=self.n_vertices)
-        through = (valence == 2) & ~self.on_border & ~self.cone_points
+        through = (valence == 2) & ~self.on_border & (np.abs(self.angle_defects) <= cone)
         k = np.arange(len(c))
         vertex, entry = np.r_[a, b], np.r_[k, k]
         keep = through[vertex]

@@ -23,7 +23,7 @@ from circparam.arrays import (
 from circparam.injectivity import self_overlapping
 from circparam.mesh import Patches
 from circparam.progress import Monitor
-from circparam.seams.cutting import Arcs, Cutting, matching, not_disks
+from circparam.seams.cutting import CONE, Arcs, Cutting, matching, not_disks
 from circparam.solve import dirichlet
 from circparam.solve.convex import embed_convex
 from circparam.solve.newton import RelaxOptions, relax
@@ -34,13 +34,14 @@ from circparam.solve.poisson import from_jacobians
 class MergeOptions:
     """bound: no chart's energy exceeds it. tolerance: of the relaxation of a trial. untangle: rounds of the
     Poisson start. rounds: at most so many. margin: parts of one chart keep this share of the root of its area
-    apart.
+    apart. cone: curvature of a vertex above which arcs end there.
     """
 
     bound: float
     tolerance: float = 1e-3
     untangle: int = 30
     rounds: int = 80
+    cone: float = CONE
     margin: float = 0.004
 
 
@@ -91,7 +92,7 @@ class Merger:
         """One round; False when there was nothing to try."""
         c = self.cutting
         n, chart = c.charts()
-        arcs = c.arcs(chart)
+        arcs = c.arcs(chart, self.options.cone)
         if len(arcs.left) == 0:
             return False
         glues = self._glues(arcs, chart, n)

@@ -239,6 +239,11 @@ class _Problem:
 
     def energy(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Energies of the groups and the gradient."""
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            # a trial step may leave the range of floats; its infinite energy refuses it
+            return self._energy(x)
+
+    def _energy(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         j = self.jacobian(x)
         (a, b), (c, d) = j
         det = a * d - b * c
