@@ -277,16 +277,19 @@ def test_real_off_and_stl(path: Path) -> None:
 # names and places -----------------------------------------------------------------------------------
 
 
-def test_the_content_decides_the_format(tmp_path: Path) -> None:
+def test_a_name_that_denies_the_content_is_refused(tmp_path: Path) -> None:
     doc = document()
     for format in ("obj", "ply", "glb", "gltf"):
         data = encode(doc, smooth_layout(doc), format).data
         for row in FORMATS:
             path = tmp_path / f"{format}.{row.name}"
             path.write_bytes(data)
-            again = read(path)
-            assert again.format == format
-            assert bool(again.notes) == (row.name != format)
+            if row.name == format:
+                assert read(path).format == format
+                continue
+            with pytest.raises(InputError, match="rename it"):
+                read(path)
+            assert read(path, format=format).format == format
         path = tmp_path / f"{format}.mesh"
         path.write_bytes(data)
         assert read(path).format == format

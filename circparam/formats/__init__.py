@@ -139,7 +139,8 @@ def read(
 
     format: a name of ``FORMATS``; else the content tells, and where it does not, the suffix. unshare: glTF
     meshes that several nodes use become copies, one for each node.
-    Raises InputError where the file is missing, unreadable, malformed, without faces, or holds NaN.
+    Raises InputError where the file is missing, unreadable, malformed, without faces, or holds NaN, or where
+    its name says another format than its content.
     """
     data, source = read_bytes(path)
     return read_data(data, source, format=format, unshare=unshare)
@@ -150,7 +151,6 @@ def read_data(
 ) -> Document:
     """Read a mesh from bytes; see ``read``."""
     source = source or Source("the given data")
-    notes = []
     if format is None:
         name = sniff(data)
         try:
@@ -162,8 +162,9 @@ def read_data(
         if name is None and by_suffix is None:
             raise source.error("the content tells no mesh format; give --format")
         if name and by_suffix and name != by_suffix:
-            notes.append(
-                f"the name says {by_suffix.upper()}, the content is {name.upper()}: read as that"
+            raise source.error(
+                f"the name says {by_suffix.upper()}, the content is {name.upper()}: "
+                "rename it to what it holds"
             )
         name = name or by_suffix or ""
     else:
@@ -181,7 +182,6 @@ def read_data(
         raise source.error(
             f"it asks for more memory than there is ({type(error).__name__})"
         ) from None
-    document.notes[:0] = notes
     return document
 
 
