@@ -244,7 +244,25 @@ def complete(
     if len(repairs.twins):
         same = welded[repairs.twins][:, :, None] == welded[repairs.twin_of][:, None, :]
         out[repairs.twins] = np.take_along_axis(out[repairs.twin_of], same.argmax(2), 1)
+        if mesh.polygons is not None:
+            _keep_polygons_whole(mesh.polygons, welded, surface.source, repairs.twins, out)
     return UVMap(uv, out)
+
+
+def _keep_polygons_whole(
+    polygons: IntArray, welded: IntArray, kept: IntArray, twins: IntArray, out: IntArray
+) -> None:
+    """Twins in a polygon take the uv of its other triangles, in place: one corner of it has one uv."""
+    n = int(welded.max()) + 1
+    beside = kept[np.isin(polygons[kept], polygons[twins])]
+    if len(beside) == 0:
+        return
+    key = (polygons[beside][:, None] * n + welded[beside]).ravel()
+    order = np.argsort(key, kind="stable")
+    wanted = polygons[twins][:, None] * n + welded[twins]
+    at = np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)
+    own = key[order][at] == wanted
+    out[twins] = np.where(own, out[beside].ravel()[order][at], out[twins])
 
 
 def _degenerate_uv(
