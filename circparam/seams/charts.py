@@ -26,13 +26,14 @@ from circparam.solve.newton import RelaxOptions
 from circparam.solve.poisson import from_jacobians
 from circparam.topology import Surface
 
-DIRECT_FACES = 10_000  # up to this size charts are decided on the mesh itself
-PROXY_FACES = 6_000  # faces of the proxy of a mesh in one piece
-PROXY_SHARE = 1 / 30  # and at least this share of the faces
+DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
+PROXY_FACES = 3_000  # faces of the proxy of a mesh in one piece
+PROXY_SHARE = 1 / 60  # and at least this share of the faces
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
-RETRY_FACES = (3000, 1500, 1500)  # up to this size a second, third, fourth start is made
+RETRY_FACES = (4000, 1500, 1500)  # up to this size a second, third, fourth start is made
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
+REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose borders are only about those of the mesh
@@ -92,7 +93,8 @@ def atlas(
 def regroup(cutting: Cutting, bound: float, monitor: Monitor) -> Laid:
     """Merge the pieces that enforcing left with their neighbours where that is good again."""
     fixed = np.zeros(len(cutting.cut), bool)
-    Merger(cutting, MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS), fixed).run(monitor)
+    options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
+    Merger(cutting, options, fixed).run(monitor)
     patches = cutting.patches()
     return judge(patches, cutting.gather(patches))
 
@@ -138,11 +140,14 @@ def decide_once(
         again = np.zeros(n, bool)
         again[chart[was]] = True
         laid = lay_out_fresh(cutting, again, ROUGH)
-    fixed = np.zeros(len(cutting.cut), bool)
-    for rings in (3, 1):
-        Merger(cutting, MergeOptions(bound, margin=margin), fixed).run(monitor)
-        laid = straighten(cutting, graph, bound, FAIR, rings, margin=margin)
-    return cutting, laid
+    merger = Merger(cutting, MergeOptions(bound, margin=margin), np.zeros(len(cutting.cut), bool))
+    merger.run(monitor)
+    _, before = cutting.charts()
+    arcs = cutting.arcs(before)
+    laid = straighten(cutting, graph, bound, FAIR, 3, margin=margin)
+    merger.seams_moved(before, arcs)
+    merger.run(monitor)
+    return cutting, straighten(cutting, graph, bound, FAIR, 1, margin=margin)
 
 
 def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) -> Laid:

@@ -12,6 +12,7 @@ from circparam.arrays import (
     FloatArray,
     IntArray,
     cross2,
+    first_of_runs,
     group_min,
     group_sum,
     next_half_edge,
@@ -145,6 +146,20 @@ def not_disks(patches: Patches) -> BoolArray:
     """(n_charts,) bool: the chart is neither a disk nor a disk with holes."""
     loops = np.bincount(patches.loops.chart, minlength=patches.n_charts)
     result: BoolArray = (loops < 1) | (patches.euler() != 2 - loops)
+    return result
+
+
+def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArray:
+    """(m,) bool: the face was in that earlier chart from which its chart has most of its area."""
+    width = int(before.max()) + 1
+    pairs, inverse = np.unique(chart * width + before, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    area = group_sum(areas, inverse, len(pairs))
+    now = pairs // width
+    order = np.lexsort((-area, now))
+    main = np.zeros(len(pairs), bool)
+    main[order[first_of_runs(now[order])]] = True
+    result: BoolArray = main[inverse]
     return result
 
 

@@ -17,32 +17,36 @@ from circparam.arrays import (
     FloatArray,
     IntArray,
     cross2,
+    group_max,
+    group_min,
     group_sum,
     next_half_edge,
 )
 from circparam.injectivity import self_overlapping
 from circparam.mesh import Patches
 from circparam.progress import Monitor
-from circparam.seams.cutting import CONE, Arcs, Cutting, matching, not_disks
+from circparam.seams.cutting import CONE, Arcs, Cutting, main_parts, matching, not_disks
 from circparam.solve import dirichlet
-from circparam.solve.convex import embed_convex
 from circparam.solve.newton import RelaxOptions, relax
 from circparam.solve.poisson import from_jacobians
+
+SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
 
 
 @dataclass(frozen=True)
 class MergeOptions:
     """bound: no chart's energy exceeds it. tolerance: of the relaxation of a trial. untangle: rounds of the
     Poisson start. rounds: at most so many. margin: parts of one chart keep this share of the root of its area
-    apart. cone: curvature of a vertex above which arcs end there.
+    apart. cone: curvature of a vertex above which arcs end there. faces: no union has more (None: any may).
     """
 
     bound: float
     tolerance: float = 1e-3
-    untangle: int = 30
+    untangle: int = 12
     rounds: int = 80
     cone: float = CONE
     margin: float = 0.004
+    faces: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +83,7 @@ class Merger:
         self.options = options
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
+        self.toll = np.zeros(len(cutting.cut))  # (e,) see _charge
         self.tally = {"trials": 0, "topology": 0, "distortion": 0, "overlap": 0, "merged": 0}
 
     def run(self, monitor: Monitor) -> None:
@@ -133,10 +138,61 @@ class Merger:
         waiting = np.zeros(len(pairs), bool)
         waiting[pair[~np.isin(alone, self.tried) | held]] = True
         may = np.r_[((arcs.left != arcs.right) | arcs.tip) & ~held, several & ~waiting]
+        if self.options.faces is not None:
+            may &= size[left] + np.where(left == right, 0, size[right]) <= self.options.faces
+        may &= ~self._hopeless(arcs, chart, left, right, pair)
         rim = self._perimeters(arcs, chart, n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
         score = length / np.minimum(rim[left], rim[right]) - (left == right)
         return _Glues(left, right, key, score, may, pair)
+
+    def _hopeless(
+        self, arcs: Arcs, chart: IntArray, left: IntArray, right: IntArray, pair: IntArray
+    ) -> BoolArray:
+        """(candidates,) bool: a part of the union is known to be distorted too much for it.
+
+        A map of a chart is one of each of its parts, so its distortion times its area is no less than that of
+        a part, and arcs and charts only grow.
+        """
+        area = group_sum(self.cutting.surface.areas, chart, len(np.bincount(chart)))
+        union = np.where(left == right, area[left], area[left] + area[right])
+        toll = group_max(self.toll[arcs.edge], arcs.arc, len(arcs.left))
+        toll = np.r_[toll, group_max(toll, pair, len(left) - len(toll))]
+        result: BoolArray = 1 + toll / union > self.options.bound
+        return result
+
+    def _charge(self, arcs: Arcs, chosen: IntArray, toll: FloatArray) -> None:
+        """Keep (energy − 1) · area of the unions that failed, on the edges of their arcs.
+
+        Where all arcs of a pair were glued nothing is known of each alone.
+        """
+        alone = chosen < len(arcs.left)
+        of_arc = np.zeros(len(arcs.left))
+        of_arc[chosen[alone]] = toll[alone]
+        self.toll[arcs.edge] = np.maximum(self.toll[arcs.edge], of_arc[arcs.arc])
+
+    def seams_moved(self, before: IntArray, arcs: Arcs) -> None:
+        """Carry what was learnt over to seams that were shortened.
+
+        before: (m,) charts when ``arcs`` were taken. What is known of all arcs of a pair of charts holds,
+        less SLACK, for the arcs that the same pair has now.
+        """
+        c = self.cutting
+        n, chart = c.charts()
+        width = int(before.max()) + 1
+        toll = group_max(self.toll[arcs.edge], arcs.arc, len(arcs.left))
+        pairs, pair = np.unique(arcs.left * width + arcs.right, return_inverse=True)
+        least = group_min(toll, pair.reshape(-1), len(pairs))
+        main = main_parts(chart, before, c.surface.areas)
+        was = np.zeros(n, np.int64)
+        was[chart[main]] = before[main]
+        now = c.arcs(chart, self.options.cone)
+        left, right = was[now.left], was[now.right]
+        key = np.minimum(left, right) * width + np.maximum(left, right)
+        at = np.minimum(np.searchsorted(pairs, key), len(pairs) - 1)
+        known = np.where(pairs[at] == key, least[at], 0.0)
+        self.toll[:] = 0
+        self.toll[now.edge] = (1 - SLACK) * known[now.arc]
 
     def _perimeters(self, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
         """(n,) length of the border of every chart."""
@@ -161,7 +217,10 @@ class Merger:
             if len(chosen) == 0:
                 return
         self.tally["trials"] += len(chosen)
-        uv, energy = self._lay_out(patches, fid, chart, glues.left[chosen], glues.right[chosen])
+        uv, energy, floor = self._lay_out(
+            patches, fid, chart, glues.left[chosen], glues.right[chosen]
+        )
+        self._charge(arcs, chosen, (floor - 1) * patches.chart_areas)
         good = energy <= self.options.bound
         self.tally["distortion"] += int((np.isfinite(energy) & ~good).sum())
         if good.any():
@@ -177,8 +236,8 @@ class Merger:
 
     def _lay_out(
         self, patches: Patches, fid: IntArray, chart: IntArray, left: IntArray, right: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Start from both layouts, the right one turned onto the left; then relax: (uv, energy)."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Start from both layouts, the right one turned onto the left; then relax: (uv, energy, its floor)."""
         corners = self.cutting.corners[fid]
         in_right = (chart[fid] == right[patches.chart]) & (left != right)[patches.chart]
         turn = _turns(patches, corners, chart[fid])
@@ -189,13 +248,11 @@ class Merger:
             [cosine * jacobian[0] - sine * jacobian[1], sine * jacobian[0] + cosine * jacobian[1]]
         )
         targets = np.where(in_right, turned, jacobian)
-        uv, fine = from_jacobians(patches, targets, self.options.untangle)
-        if not fine.all():
-            sub, vid, _ = patches.subset(~fine)
-            uv[vid] = embed_convex(sub, "mean-value")[0]
+        # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
+        uv, _ = from_jacobians(patches, targets, self.options.untangle)
         return self._relax(patches, uv)
 
-    def _relax(self, patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _relax(self, patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Relax the trials; those that still overlap after two steps are given up (energy infinite).
 
         Of 160 unions of two meshes that overlapped then, 158 overlapped when they had converged.
@@ -207,7 +264,7 @@ class Merger:
         for k, reason in enumerate(first.stopped):
             live[k] &= reason != "gave up"
         energy = np.where(live, first.energy, np.inf)
-        uv = first.uv
+        uv, floor = first.uv, first.floor
         if live.any():
             sub, vid, _ = patches.subset(live)
             over = np.zeros(len(live), bool)
@@ -220,7 +277,8 @@ class Merger:
             rest = relax(sub, uv[vid], dataclasses.replace(options, max_iterations=23))
             uv[vid] = rest.uv
             energy[live] = rest.energy
-        return uv, energy
+            floor[live] = np.maximum(floor[live], rest.floor)
+        return uv, energy, floor
 
 
 def _turns(patches: Patches, corners: FloatArray, chart: IntArray) -> FloatArray:

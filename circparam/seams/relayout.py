@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.injectivity import self_overlapping
 from circparam.mesh import Patches
-from circparam.seams.cutting import Cutting, matching, not_disks
+from circparam.seams.cutting import Cutting, main_parts, matching, not_disks
 from circparam.seams.segment import DualGraph, make_disks
 from circparam.seams.shorten import Proposal, propose, space_gradients, spread, targets_from
 from circparam.solve.convex import embed_convex
@@ -57,20 +57,6 @@ def judge(patches: Patches, uv: FloatArray, margin: float = 0.0) -> Laid:
         sub, vid, _ = patches.subset(fine)
         overlapping[fine] = self_overlapping(sub, uv[vid], margin=margin)
     return Laid(patches, uv, energy, overlapping)
-
-
-def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArray:
-    """(m,) bool: the face was in that earlier chart from which its chart has most of its area."""
-    width = int(before.max()) + 1
-    pairs, inverse = np.unique(chart * width + before, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    area = group_sum(areas, inverse, len(pairs))
-    now = pairs // width
-    order = np.lexsort((-area, now))
-    main = np.zeros(len(pairs), bool)
-    main[order[first_of_runs(now[order])]] = True
-    result: BoolArray = main[inverse]
-    return result
 
 
 def lay_out_again(
