@@ -11,7 +11,10 @@ from circparam.errors import InputError, OptionError, TopologyError
 from circparam.injectivity import signs
 from circparam.manifold import double_cover
 from circparam.mesh import Mesh
+from circparam.progress import Monitor
 from circparam.repair import RepairOptions, complete, repair
+from circparam.seams import SEAMS, SeamOptions
+from circparam.solve.convex import embed_convex
 from tests import shapes
 
 
@@ -33,6 +36,14 @@ def check_surface(mesh, surface, repairs):
     file_faces = repairs.weld[mesh.faces[surface.source]]
     back = np.where(surface.turned[:, None], surface.faces[:, [0, 2, 1]], surface.faces)
     assert np.array_equal(back, file_faces), "corners are those of the file, turned or not"
+
+
+def doubled_edges(surface):
+    """Number of inner edges that have both ends in common with another one."""
+    vertex = surface.corner_vertex.ravel()
+    h = surface.edges[:, 0]
+    ends = np.sort(np.stack([vertex[h], vertex[h - h % 3 + (h + 1) % 3]], 1), 1)
+    return len(ends) - len(np.unique(ends, axis=0))
 
 
 def layout(surface, cut=None):
@@ -248,6 +259,29 @@ def test_crowded_edges_keep_the_straightest_pairs(sheets):
         assert np.allclose(np.abs((a * b).sum(1)), 1)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_wall_through_a_sheet_hangs_on_no_single_edge(seed):
+    """Faces wound at random: a wall joined to the sheet along one edge would have no room in any map."""
+    p, f = shapes.grid(7, 7)
+    q, g = shapes.grid(7, 4)
+    wall = np.stack([q[:, 0], np.full(len(q), p[3, 1]), q[:, 1] - 1 / 3], 1)
+    p, f = shapes._weld(*shapes.join((p, f), (wall, g)))
+    turn = np.random.default_rng(seed).random(len(f)) < 0.2
+    mesh = Mesh(p, np.where(turn[:, None], f[:, ::-1], f))
+    surface, repairs = repair(mesh)
+    assert repairs.nonmanifold_edges == 6
+    check_surface(mesh, surface, repairs)
+    assert doubled_edges(surface) == 0
+    uv, _ = embed_convex(*disks_of(surface))
+    assert (signs(uv, disks_of(surface)[0].faces) > 0).all()
+
+
+def disks_of(surface):
+    """The patches of a surface cut to disks, as the arguments of ``embed_convex``."""
+    seams = SEAMS["disk"].function(surface, SeamOptions(), Monitor())
+    return surface.patches(seams.cut), "circle"
+
+
 def test_two_cubes_that_share_an_edge_stay_wound_alike():
     p, f = shapes.cube(1)
     q = np.unique(np.round(p, 9), axis=0)
@@ -296,6 +330,8 @@ def test_any_soup_becomes_a_surface_and_comes_back(case, paired):
         return
     check_surface(mesh, surface, repairs)
     check_complete(mesh, surface, repairs)
+    if not paired:
+        assert doubled_edges(surface) == 0
     patches = surface.patches(np.zeros(len(surface.edges), bool))
     genus = 2 - patches.euler() - np.bincount(patches.loops.chart, minlength=patches.n_charts)
     assert (genus % 2 == 0).all(), "every component is orientable"
