@@ -271,13 +271,26 @@ def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray)
 def winding_pairs(border: Border, chart: IntArray, points: FloatArray) -> tuple[IntArray, IntArray]:
     """(inside, outside) charts: a point of the first has a winding number about the border of the second.
 
-    chart: (k,) chart of each of the points (k, 2). A ray to the right of every point is crossed with the
-    segments in its strip of y.
+    chart: (k,) chart of each of the points (k, 2).
+    """
+    k, outside, turns = windings(border, points, chart, own=False)
+    keep = turns != 0
+    return chart[k[keep]], outside[keep]
+
+
+def windings(
+    border: Border, points: FloatArray, chart: IntArray, own: bool
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Winding numbers of chart borders about points (k, 2), where a border passes on their right.
+
+    chart: (k,) chart of each point; own: only the border of that chart counts, else only those of others.
+    Returns (point, chart, turns), the turns zero where the passes cancel. A ray to the right of every point
+    is crossed with the segments in its strip of y.
     """
     s, e = border.start, border.end
     none = np.zeros(0, np.int64)
     if len(s) == 0 or len(points) == 0:
-        return none, none
+        return none, none, none
     low, high = np.minimum(s[:, 1], e[:, 1]), np.maximum(s[:, 1], e[:, 1])
     origin = float(low.min())
     width = max(float((high - low).mean()), float(high.max() - origin) / (4 * len(s)), 1e-300)
@@ -299,7 +312,7 @@ def winding_pairs(border: Border, chart: IntArray, points: FloatArray) -> tuple[
         up = (s[j, 1] <= y) & (y < e[j, 1])
         down = (e[j, 1] <= y) & (y < s[j, 1])
         ok = (up | down) & (np.maximum(s[j, 0], e[j, 0]) >= points[k, 0])
-        ok &= border.chart[j] != chart[k]
+        ok &= (border.chart[j] == chart[k]) == own
         k, j, up = k[ok], j[ok], up[ok]
         side = orientation(s[j], e[j], points[k])
         turn = np.where(up, side > 0, 0) - np.where(~up, side < 0, 0)
@@ -307,5 +320,4 @@ def winding_pairs(border: Border, chart: IntArray, points: FloatArray) -> tuple[
         turns.append(turn.astype(np.int64))
     key, group = np.unique(np.concatenate(keys), return_inverse=True)
     total = group_sum(np.concatenate(turns).astype(np.float64), group.reshape(-1), len(key))
-    key = key[total != 0]
-    return chart[key // charts], key % charts
+    return key // charts, key % charts, total.astype(np.int64)

@@ -11,7 +11,9 @@ import scipy.sparse.linalg as sla
 from circparam.arrays import ComplexArray, FloatArray
 from circparam.errors import NoResultError
 
-SparseMatrix: TypeAlias = "sps.csr_matrix | sps.csc_matrix | sps.csr_array | sps.csc_array"
+SparseMatrix: TypeAlias = (
+    "sps.csr_matrix | sps.csc_matrix | sps.bsr_matrix | sps.csr_array | sps.csc_array"
+)
 
 
 class Factor:

@@ -32,6 +32,7 @@ from circparam.seams.shorten import (
 from circparam.topology import Surface
 
 RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by attempt
+HALVINGS = 4  # of a chain that found no path
 
 
 def carry_seams(coarse: Cutting, proxy: Proxy, fine: Cutting) -> int:
@@ -49,32 +50,99 @@ def carry_seams(coarse: Cutting, proxy: Proxy, fine: Cutting) -> int:
     border[flat[surface.border]] = border[along[surface.border]] = True
     border[proxy.apart.ravel()] = False
     chains = chains_of(a, b, n, border)
-    cost = edge_costs(fine)
-    usable = np.flatnonzero(np.isfinite(cost))
-    ends = fine.ends[0][usable], fine.ends[1][usable]
-    stand = np.zeros(0, np.int64)
-    open_chains = np.arange(len(chains.start))
+    router = _Router(fine, proxy, (flat, along), border, chains)
+    left = chains
     for rings in RINGS:
-        some = _some_chains(chains, open_chains)
-        owner, value = bands((flat, along), n, some, border, rings)
-        fine_owner, fine_value = _fine_bands(fine, proxy, some, ends, owner, value)
-        if rings == 0:
-            stand = _representatives(fine, proxy, surface.points, border, some, fine_owner)
-        start, end = stand[some.start], stand[some.end]
-        fine_owner[stand[chains.start]] = -1
-        fine_owner[stand[chains.end]] = -1
+        left = router.cut(left, rings)
+    for _ in range(HALVINGS):
+        # a long path that fails as a whole may fail in one place only: its halves are tried alone
+        left = _halves(left)
+        if len(left.start) == 0:
+            break
+        router.stand_again(left.start, left.end)
+        left = router.cut(router.cut(left, RINGS[0]), RINGS[-1])
+    return sum(not router.find_way(k) for k in zip(left.start, left.end, strict=True))
+
+
+class _Router:
+    """Cuts paths on the fine surface, each in the cells of a chain of coarse vertices."""
+
+    def __init__(
+        self,
+        fine: Cutting,
+        proxy: Proxy,
+        coarse_ends: tuple[IntArray, IntArray],
+        border: BoolArray,
+        chains: Chains,
+    ) -> None:
+        self.fine, self.proxy, self.coarse_ends, self.border = fine, proxy, coarse_ends, border
+        self.cost = edge_costs(fine)
+        self.usable = np.flatnonzero(np.isfinite(self.cost))
+        self.ends = fine.ends[0][self.usable], fine.ends[1][self.usable]
+        owner, _ = self._bands(chains, RINGS[0])
+        # (coarse points,) fine vertex that stands for each
+        self.stand = _representatives(fine, proxy, proxy.surface.points, border, chains, owner)
+        self.junctions = np.r_[chains.start, chains.end]
+
+    def cut(self, chains: Chains, rings: int) -> Chains:
+        """Cut paths along chains that stray so many cells from them; returns the chains that found none."""
+        if len(chains.start) == 0:
+            return chains
+        owner, value = self._bands(chains, rings)
+        owner[self.stand[self.junctions]] = -1
+        owner[self.stand[np.r_[chains.start, chains.end]]] = -1
         jump = 1.0 if rings == 0 else 2.0
-        routes = route(ends, cost[usable], fine_owner, fine_value, start, end, some.size, jump)
-        fine.cut[usable[routes.edges]] = True
-        open_chains = open_chains[routes.failed]
-        if len(open_chains) == 0:
-            return 0
-    missing = 0
-    for k in open_chains:
-        missing += not _find_way(
-            fine, usable, cost, int(stand[chains.start[k]]), int(stand[chains.end[k]])
-        )
-    return missing
+        start, end = self.stand[chains.start], self.stand[chains.end]
+        weight = self.cost[self.usable]
+        routes = route(self.ends, weight, owner, value, start, end, chains.size, jump)
+        self.fine.cut[self.usable[routes.edges]] = True
+        return _some_chains(chains, routes.failed)
+
+    def stand_again(self, start: IntArray, end: IntArray) -> None:
+        """Let coarse points that became ends stand for fine vertices that no seam uses yet."""
+        fine, cell = self.fine, self.proxy.cell
+        new = np.setdiff1d(np.r_[start, end], self.junctions)
+        taken = fine.on_border.copy()
+        taken[fine.ends[0][fine.cut]] = taken[fine.ends[1][fine.cut]] = True
+        member = np.flatnonzero(np.isin(cell, new) & ~taken)
+        points = self.proxy.surface.points
+        far = np.linalg.norm(fine.surface.vertex_points[member] - points[cell[member]], axis=1)
+        order = np.lexsort((far, cell[member]))
+        first = order[first_of_runs(cell[member][order])]
+        self.stand[cell[member[first]]] = member[first]
+
+    def find_way(self, ends: tuple[int, int]) -> bool:
+        """Cut a shortest path between the stands of two coarse points: for the last few, one by one."""
+        return _find_way(self.fine, self.usable, self.cost, *(int(self.stand[k]) for k in ends))
+
+    def _bands(self, chains: Chains, rings: int) -> tuple[IntArray, FloatArray]:
+        owner, value = bands(self.coarse_ends, len(self.border), chains, self.border, rings)
+        return _fine_bands(self.fine, self.proxy, chains, self.ends, owner, value)
+
+
+def _halves(chains: Chains) -> Chains:
+    """Each chain cut in two at its middle; chains of one edge stay."""
+    k = np.arange(len(chains.start))
+    middle = np.full(len(k), -1)
+    at = chains.position == (chains.size // 2)[chains.chain]
+    middle[chains.chain[at]] = chains.vertex[at]
+    two = middle >= 0
+    if not two.any():
+        return chains
+    half = np.where(two, chains.size // 2, chains.size)
+    # the second halves are numbered after all the first ones
+    second = np.full(len(k), -1)
+    second[two] = len(k) + np.arange(int(two.sum()))
+    behind = two[chains.chain] & (chains.position > half[chains.chain])
+    inner = ~at
+    return Chains(
+        np.r_[chains.start, middle[two]],
+        np.r_[np.where(two, middle, chains.end), chains.end[two]],
+        chains.vertex[inner],
+        np.where(behind, second[chains.chain], chains.chain)[inner],
+        np.where(behind, chains.position - half[chains.chain], chains.position)[inner],
+        np.r_[half, (chains.size - half)[two]],
+    )
 
 
 def _find_way(fine: Cutting, usable: IntArray, cost: FloatArray, start: int, end: int) -> bool:

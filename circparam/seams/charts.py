@@ -168,11 +168,10 @@ def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) ->
 def carry(surface: Surface, graph: DualGraph, coarse: Cutting, proxy: Proxy) -> Cutting:
     """Seams and layout of the proxy on the fine surface (not relaxed yet)."""
     fine = Cutting(surface, np.zeros(len(surface.edges), bool))
-    missing = carry_seams(coarse, proxy, fine)
+    carry_seams(coarse, proxy, fine)
     near = nearest_coarse_face(surface, proxy)
     _, coarse_chart = coarse.charts()
-    if missing:
-        separate(fine, graph, coarse, coarse_chart, near)
+    separate(fine, graph, coarse, coarse_chart, near)
     carried = drop_slivers(fine, coarse_chart, near)
     targets, _ = fine_targets(coarse, fine, coarse_chart, near, carried)
     patches = fine.patches()

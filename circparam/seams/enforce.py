@@ -20,8 +20,10 @@ from circparam.progress import Monitor
 from circparam.seams.cutting import Cutting
 from circparam.seams.relayout import Laid, judge
 from circparam.seams.segment import DualGraph, make_disks, split_charts
+from circparam.seams.sheets import split_sheets
 from circparam.seams.shorten import edge_costs, propose
 from circparam.solve import dirichlet
+from circparam.solve.apart import push_apart
 from circparam.solve.convex import embed_convex
 from circparam.solve.newton import RelaxOptions, relax
 from circparam.solve.unfold import unfold
@@ -29,6 +31,8 @@ from circparam.solve.unfold import unfold
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
 SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
+UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
+GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 
 
 def enforce(
@@ -45,7 +49,9 @@ def enforce(
     split in two. Single cells cannot be split, so the work ends; what is left then is for the caller to judge.
     """
     slits = np.zeros(len(cutting.surface.faces), np.int64)  # of the chart of each face
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
+        small = np.bincount(laid.patches.chart) <= UNSTICK_FACES
+        laid = unstick(cutting, laid, bound, monitor, small | (turn == 0))
         chart = laid.patches.chart
         bad = laid.bad(bound) & (_cells(graph, chart) > 1)
         if not bad.any() or monitor.expired:
@@ -59,13 +65,28 @@ def enforce(
             slit = slit_charts(cutting, laid, slit)
             slits[slit[chart]] += 1
         split = bad & ~slit
+        cut = np.zeros(len(bad), bool)
         if split.any():
-            _split(cutting, graph, laid, split)
+            cut = _split(cutting, graph, laid, split, bound, monitor)
         make_disks(cutting, graph)
-        if np.array_equal(before, cutting.cut):
+        if np.array_equal(before, cutting.cut) and not cut.any():
             break
-        laid = _map_again(cutting, laid, bad, options, monitor)
+        laid = _map_again(cutting, laid, bad, cut, bound, options, monitor)
     return laid
+
+
+def unstick(cutting: Cutting, laid: Laid, bound: float, monitor: Monitor, which: BoolArray) -> Laid:
+    """Push parts of charts ((n,) bool) that lie on each other apart, where the bound leaves room for it."""
+    folded = which & laid.overlapping & (laid.energy <= bound)
+    if not folded.any():
+        return laid
+    sub, vid, fid = laid.patches.subset(folded)
+    part, fine = push_apart(sub, laid.uv[vid], GAP, bound, monitor)
+    uv = laid.uv.copy()
+    kept = fine[sub.vertex_chart]
+    uv[vid[kept]] = part[kept]
+    cutting.corners[fid] = uv[vid][sub.faces]
+    return judge(laid.patches, uv)
 
 
 def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
@@ -74,19 +95,37 @@ def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
     return group_count(pairs // graph.n, int(chart.max()) + 1)
 
 
-def _split(cutting: Cutting, graph: DualGraph, laid: Laid, which: BoolArray) -> None:
-    """Split charts in two, overlapping ones between the parts that overlap; then shorten the new seams."""
+def _split(
+    cutting: Cutting,
+    graph: DualGraph,
+    laid: Laid,
+    which: BoolArray,
+    bound: float,
+    monitor: Monitor,
+) -> BoolArray:
+    """Split charts in two, overlapping ones between the parts that overlap; then shorten the new seams.
+
+    Returns (n,) bool: charts that were only cut, or pushed apart, so that their pieces may keep their layout.
+    """
     before = cutting.cut.copy()
     chart = laid.patches.chart
-    apart = np.zeros(len(which), bool)
+    apart = sound = np.zeros(len(which), bool)
     folded = which & laid.overlapping & np.isfinite(laid.energy)
     if folded.any():
-        apart = _split_overlaps(cutting, graph, laid, folded)
+        sound = split_sheets(cutting, graph, laid, folded, edge_costs(cutting))
+        left = folded & ~sound
+        if left.any():
+            # what overlaps by less than a face is not worth a seam where it can be pushed apart
+            sound |= left & ~unstick(cutting, laid, bound, monitor, left).overlapping
+        apart = sound.copy()
+        if (folded & ~sound).any():
+            apart |= _split_overlaps(cutting, graph, laid, folded & ~sound)
     rest = which & ~apart
     if rest.any():
         split_charts(cutting, graph, chart, rest)
     proposal = propose(cutting, 3, before)
     cutting.cut = proposal.cut(np.ones(proposal.n, bool))
+    return sound
 
 
 def _split_overlaps(cutting: Cutting, graph: DualGraph, laid: Laid, which: BoolArray) -> BoolArray:
@@ -186,18 +225,30 @@ def _peaks(patches: Patches, uv: FloatArray, which: BoolArray, on_border: BoolAr
 
 
 def _map_again(
-    cutting: Cutting, laid: Laid, changed: BoolArray, options: RelaxOptions, monitor: Monitor
+    cutting: Cutting,
+    laid: Laid,
+    changed: BoolArray,
+    cut: BoolArray,
+    bound: float,
+    options: RelaxOptions,
+    monitor: Monitor,
 ) -> Laid:
-    """Lay out the pieces of changed charts: from the layout they had, or anew where that has flips."""
-    faces = changed[laid.patches.chart]
+    """Lay out the pieces of changed charts: from the layout they had, or anew where that has flips.
+
+    cut: charts whose pieces keep their layout as it is, where that is within the bound.
+    """
     patches = cutting.patches()
     uv = cutting.gather(patches)
     todo = np.zeros(patches.n_charts, bool)
-    todo[patches.chart[faces]] = True
-    sub, vid, fid = patches.subset(todo)
-    part = lay_out_sound(sub, uv[vid], options, monitor)
-    uv[vid] = part
-    cutting.corners[fid] = part[sub.faces]
+    todo[patches.chart[(changed & ~cut)[laid.patches.chart]]] = True
+    energy = relax(patches, uv, RelaxOptions(max_iterations=0)).energy
+    over = ~(energy <= bound)
+    todo[patches.chart[over[patches.chart] & changed[laid.patches.chart]]] = True
+    if todo.any():
+        sub, vid, fid = patches.subset(todo)
+        part = lay_out_sound(sub, uv[vid], options, monitor)
+        uv[vid] = part
+        cutting.corners[fid] = part[sub.faces]
     return judge(patches, uv)
 
 

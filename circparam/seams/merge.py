@@ -27,6 +27,7 @@ from circparam.mesh import Patches
 from circparam.progress import Monitor
 from circparam.seams.cutting import CONE, Arcs, Cutting, main_parts, matching, not_disks
 from circparam.solve import dirichlet
+from circparam.solve.apart import push_apart
 from circparam.solve.newton import RelaxOptions, relax
 from circparam.solve.poisson import from_jacobians
 
@@ -227,6 +228,12 @@ class Merger:
             sub, vid, _ = patches.subset(good)
             over = np.zeros(len(good), bool)
             over[good] = self_overlapping(sub, uv[vid], margin=self.options.margin)
+            if over.any():
+                sub, vid, _ = patches.subset(over)
+                pushed, fine = push_apart(sub, uv[vid], self.options.margin, self.options.bound)
+                kept = fine[sub.vertex_chart]
+                uv[vid[kept]] = pushed[kept]
+                over[np.flatnonzero(over)[fine]] = False
             self.tally["overlap"] += int(over.sum())
             good &= ~over
         self.tally["merged"] += int(good.sum())

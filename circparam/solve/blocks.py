@@ -7,7 +7,7 @@ import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
 from circparam.arrays import FloatArray, IntArray, group_count, next_half_edge
-from circparam.linear import Factor
+from circparam.linear import Factor, SparseMatrix
 from circparam.mesh import Patches
 
 # From this many vertices on, conjugate gradients with the two-level preconditioner are faster than a
@@ -54,7 +54,7 @@ class BlockPattern:
         data[self.diagonal] = diagonal
         return sps.bsr_matrix((data, self.indices, self.indptr), shape=(2 * self.n, 2 * self.n))
 
-    def solve_direct(self, matrix: sps.bsr_matrix, b: FloatArray) -> FloatArray:
+    def solve_direct(self, matrix: SparseMatrix, b: FloatArray) -> FloatArray:
         """matrix⁻¹ b by factorisation; b is (n, 2)."""
         rows = matrix.tocsr()
         columns = sps.csc_matrix((rows.data, rows.indices, rows.indptr), shape=rows.shape)
@@ -79,6 +79,14 @@ def aggregates(patches: Patches, pattern: BlockPattern, uv: FloatArray) -> IntAr
     return labels.astype(np.int64)
 
 
+def _diagonal_blocks(matrix: SparseMatrix) -> FloatArray:
+    """(n, 2, 2) blocks on the diagonal."""
+    main, above, below = (matrix.diagonal(k) for k in (0, 1, -1))
+    above, below = np.r_[above, 0.0][::2], np.r_[below, 0.0][::2]
+    result: FloatArray = np.stack([main[::2], above, below, main[1::2]], 1).reshape(-1, 2, 2)
+    return result
+
+
 class TwoLevel:
     """Block Jacobi with a Galerkin coarse space of affine motions of each aggregate: a preconditioner.
 
@@ -86,9 +94,7 @@ class TwoLevel:
     damps slowly; smoothed on both sides it is symmetric, as conjugate gradients need.
     """
 
-    def __init__(
-        self, matrix: sps.bsr_matrix, diagonal: FloatArray, agg: IntArray, uv: FloatArray
-    ) -> None:
+    def __init__(self, matrix: SparseMatrix, agg: IntArray, uv: FloatArray) -> None:
         n = len(agg)
         na = int(agg.max()) + 1
         size = group_count(agg, na).astype(np.float64)
@@ -108,7 +114,7 @@ class TwoLevel:
         coarse = coarse + sps.diags(np.where(d > 0, 1e-7 * d, 1.0))
         self.prolong, self.restrict = prolong, prolong.T.tocsr()
         self.coarse = Factor(sps.csc_matrix(coarse))
-        self.inverse = np.linalg.inv(diagonal)
+        self.inverse = np.linalg.inv(_diagonal_blocks(matrix))
 
     def jacobi(self, r: FloatArray) -> FloatArray:
         """Damped block Jacobi."""
@@ -125,7 +131,7 @@ class TwoLevel:
 
 
 def conjugate_gradients(
-    matrix: sps.bsr_matrix, b: FloatArray, precondition: TwoLevel, tolerance: float, limit: int
+    matrix: SparseMatrix, b: FloatArray, precondition: TwoLevel, tolerance: float, limit: int
 ) -> FloatArray:
     """Preconditioned conjugate gradients; every iterate is a descent direction."""
     x = np.zeros_like(b)

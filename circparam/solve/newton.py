@@ -9,8 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sps
 
 from circparam.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
+from circparam.linear import SparseMatrix
 from circparam.mesh import Patches
 from circparam.progress import Monitor
 from circparam.solve import dirichlet
@@ -65,7 +67,7 @@ class Relaxed:
     stopped: list[str]
 
 
-class _System:
+class System:
     """The charts that still move: patches in components-first arrays, with their pattern."""
 
     def __init__(self, patches: Patches, fixed: BoolArray | None, blend: float) -> None:
@@ -88,7 +90,7 @@ class _System:
         value = self.weight * dirichlet.energy(jacobian, self.blend)
         return group_sum(value, self.patches.chart, self.patches.n_charts), jacobian
 
-    def vertex_gradient(self, jacobian: FloatArray) -> FloatArray:
+    def vertex_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
         """(nv, 2) gradient of the energies."""
         p = dirichlet.gradient(jacobian, self.blend) * self.weight
         corner = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]
@@ -107,7 +109,7 @@ class _System:
         else:
             values, directions = dirichlet.newton_modes(jacobian, self.blend)
         blocks = dirichlet.edge_blocks(values * self.weight, directions, self.gradients)
-        matrix = self.pattern.assemble(blocks)
+        matrix = self.stiffened(self.pattern.assemble(blocks))
         if self.fixed is not None:
             _hold(matrix, self.pattern, self.fixed)
             g = np.where(self.fixed[:, None], 0.0, g)
@@ -115,9 +117,13 @@ class _System:
             return -self.pattern.solve_direct(matrix, g)
         if self.agg is None:
             self.agg = aggregates(self.patches, self.pattern, uv)
-        precondition = TwoLevel(matrix, matrix.data[self.pattern.diagonal], self.agg, uv)
+        precondition = TwoLevel(matrix, self.agg, uv)
         step = conjugate_gradients(matrix, g.ravel(), precondition, 2e-2, 60)
         return -step.reshape(-1, 2)
+
+    def stiffened(self, matrix: sps.bsr_matrix) -> SparseMatrix:
+        """The Hessian with whatever else resists the motion; here nothing does."""
+        return matrix
 
 
 def _hold(matrix: object, pattern: BlockPattern, fixed: BoolArray) -> None:
@@ -145,7 +151,7 @@ def relax(
     iterations = np.zeros(n, np.int64)
     stopped = np.full(n, "iterations", dtype=object)
     floor = np.ones(n)
-    system = _System(work, options.fixed, options.blend)
+    system = System(work, options.fixed, options.blend)
     energy, jacobian = system.energies(out)
     stopped[~np.isfinite(energy)] = "flipped start"
     active = np.isfinite(energy)
@@ -170,7 +176,7 @@ def relax(
             sub, vid, _ = system.patches.subset(inside)
             charts, vertices = charts[inside], vertices[vid]
             held = None if options.fixed is None else options.fixed[vertices]
-            system = _System(sub, held, options.blend)
+            system = System(sub, held, options.blend)
             inside = np.ones(len(charts), bool)
             fresh = True
         u = out[vertices]
@@ -179,7 +185,7 @@ def relax(
             e, jacobian = system.energies(u)
             fresh = False
         proxy = bool(step < PROXY_STEPS and e[inside].max() > BAD_START)
-        moved = _step(system, u, e, jacobian, inside, proxy)
+        moved = newton_step(system, u, e, jacobian, inside, proxy)
         u, e1, jacobian, predicted, lengths = moved
         progress, full = lengths > 0, lengths > 0.5
         gain = np.where(inside, e, 0.0) - np.where(inside, e1, 0.0)
@@ -209,8 +215,8 @@ def relax(
     return Relaxed(out * scale, energy, floor, iterations, [str(s) for s in stopped])
 
 
-def _step(
-    system: _System,
+def newton_step(
+    system: System,
     u: FloatArray,
     e: FloatArray,
     jacobian: FloatArray,
@@ -221,7 +227,7 @@ def _step(
     p = system.patches
     n = p.n_charts
     safe = np.where(np.isfinite(e)[p.chart], jacobian, np.eye(2)[:, :, None])
-    g = system.vertex_gradient(safe)
+    g = system.vertex_gradient(safe, u)
     if system.fixed is not None:
         g = np.where(system.fixed[:, None], 0.0, g)
     d = system.direction(u, safe, g, proxy)
@@ -246,7 +252,7 @@ def _step(
 
 
 def _stride(
-    system: _System,
+    system: System,
     u: FloatArray,
     d: FloatArray,
     found: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
