@@ -27,9 +27,11 @@ from circparam.linear import SparseMatrix
 from circparam.mesh import Patches
 from circparam.progress import Monitor
 from circparam.solve.newton import System, newton_step
+from circparam.solve.unfold import cut_out
 
 ROUNDS = 6
 STEPS = 2  # Newton steps between two looks at the borders
+LOCAL = 0.05  # share of the root of a chart's area that moves round a spring at first; twice that each round
 REACH = 0.02  # share of the root of a chart's area: parts deeper in each other are not pushed apart
 FACING = -0.2  # cosine between outward normals below which two segments face each other
 WEIGHT = 1e-5  # of a spring at first; the energy of a chart is about 1
@@ -109,7 +111,7 @@ def push_apart(
     u = uv / scale
     n = patches.n_charts
     weight = np.full(n, WEIGHT)
-    system = _Pushed(work, None, 0.0)
+    system = System(work, None, 0.0)
     fine = np.zeros(n, bool)
     deep = np.zeros(n, bool)
     for turn in range(ROUNDS + 1):
@@ -120,22 +122,65 @@ def push_apart(
         tight = near[0][close < margin * border.size[border.chart[near[0]]]]
         fine = ~deep
         fine[border.chart[i]] = fine[border.chart[tight]] = False
-        energy, _ = System.energies(system, u)
+        energy, _ = system.energies(u)
         fine &= energy <= bound
         # what costs more than the bound allows is not worth another round
         todo = ~fine & ~deep & (energy <= 1 + 1.5 * (bound - 1))
         if turn == ROUNDS or not todo.any() or (monitor is not None and monitor.expired):
             break
-        system.springs, lost = _find(border, work.faces.ravel(), near, margin, weight, todo)
+        springs, lost = _find(border, work.faces.ravel(), near, margin, weight, todo)
         deep |= lost
         todo &= ~lost
         if not todo.any():
             break
-        value, jacobian = system.energies(u)
-        for _ in range(STEPS):
-            u, value, jacobian, _, _ = newton_step(system, u, value, jacobian, todo, False)
+        u = _moved(work, u, springs, LOCAL * 2.0**turn * border.size)
         weight[todo] *= STIFFER
     return u * scale, fine
+
+
+def _moved(patches: Patches, uv: FloatArray, springs: _Springs, reach: FloatArray) -> FloatArray:
+    """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring."""
+    tree = cKDTree(np.c_[uv[springs.vertex], _layer(springs.chart, uv)])
+    middle = np.c_[uv[patches.faces].mean(1), _layer(patches.chart, uv)]
+    far, _ = tree.query(middle, distance_upper_bound=float(reach.max()))
+    region = far < reach[patches.chart]
+    part, source, fixed = cut_out(patches, region, np.zeros(len(uv), bool))
+    system = _Pushed(part, fixed if fixed.any() else None, 0.0)
+    place = np.full(len(uv), -1)
+    place[source] = np.arange(len(source))
+    vertex, tail, head = (place[x] for x in (springs.vertex, springs.tail, springs.head))
+    # a spring whose other side lies outside the region is left to a later, wider one
+    ok = (vertex >= 0) & (tail >= 0) & (head >= 0)
+    if not ok.any():
+        return uv
+    of = part.vertex_chart[np.where(ok, vertex, 0)]
+    whole = (
+        patches.chart_areas[springs.chart] / part.chart_areas[of]
+    )  # energies are means over charts
+    system.springs = _Springs(
+        vertex[ok],
+        tail[ok],
+        head[ok],
+        springs.t[ok],
+        springs.normal[ok],
+        springs.wanted[ok],
+        (springs.weight * whole)[ok],
+        of[ok],
+    )
+    x = uv[source]
+    value, jacobian = system.energies(x)
+    active = np.ones(part.n_charts, bool)
+    for _ in range(STEPS):
+        x, value, jacobian, _, _ = newton_step(system, x, value, jacobian, active, False)
+    out = uv.copy()
+    out[source[~fixed]] = x[~fixed]
+    return out
+
+
+def _layer(chart: IntArray, uv: FloatArray) -> FloatArray:
+    """A third coordinate that keeps the charts of a layout far apart."""
+    result: FloatArray = chart * (4.0 * np.ptp(uv, axis=0).max() + 1.0)
+    return result
 
 
 def _find(

@@ -111,7 +111,7 @@ class System:
         blocks = dirichlet.edge_blocks(values * self.weight, directions, self.gradients)
         matrix = self.stiffened(self.pattern.assemble(blocks))
         if self.fixed is not None:
-            _hold(matrix, self.pattern, self.fixed)
+            matrix = _hold(matrix, self.fixed)
             g = np.where(self.fixed[:, None], 0.0, g)
         if self.patches.n_vertices <= DIRECT_LIMIT:
             return -self.pattern.solve_direct(matrix, g)
@@ -126,13 +126,12 @@ class System:
         return matrix
 
 
-def _hold(matrix: object, pattern: BlockPattern, fixed: BoolArray) -> None:
-    """Replace the rows and columns of fixed vertices by those of the identity, in place."""
-    data = matrix.data  # type: ignore[attr-defined]
-    rows = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
-    held = fixed[rows] | fixed[pattern.indices]
-    data[held] = 0.0
-    data[pattern.diagonal[fixed]] = np.eye(2) * float(np.abs(data[pattern.diagonal]).mean())
+def _hold(matrix: SparseMatrix, fixed: BoolArray) -> SparseMatrix:
+    """The matrix with identity rows and columns (times a number) for fixed vertices."""
+    held = np.repeat(fixed, 2)
+    moves = sps.diags(np.where(held, 0.0, 1.0))
+    size = float(np.abs(matrix.diagonal()).mean())
+    return sps.csr_matrix(moves @ matrix @ moves + sps.diags(np.where(held, size, 0.0)))
 
 
 def relax(

@@ -137,8 +137,14 @@ class _Part:
         return _Part(patches, self.source[vertices], self.fixed[vertices]), vertices
 
 
-def _region(patches: Patches, region: BoolArray, hold: BoolArray, uv: FloatArray) -> _Part:
-    """The part of a region: vertices of faces outside it and held ones are fixed."""
+def cut_out(
+    patches: Patches, region: BoolArray, hold: BoolArray
+) -> tuple[Patches, IntArray, BoolArray]:
+    """The faces of a region ((m,) bool) as patches, one chart for each group of vertices that move together.
+
+    hold: (n_vertices,) vertices that keep their places; so do those of faces outside the region. Returns
+    (patches, (k,) vertex of the whole that each vertex is, (k,) bool: it keeps its place).
+    """
     fixed = hold.copy()
     fixed[patches.faces[~region]] = True
     region = region & ~fixed[patches.faces].all(1)
@@ -155,15 +161,21 @@ def _region(patches: Patches, region: BoolArray, hold: BoolArray, uv: FloatArray
     n, faces = corner_classes(len(fid), edges)
     source = np.empty(n, np.int64)
     source[faces.ravel()] = patches.faces[fid].ravel()
-    part = Patches(faces, _reference(patches.frames[fid]), chart, edges)
-    area = signed_areas(faces, uv[source])
-    signed = group_sum(area, chart, part.n_charts)
-    size = group_sum(np.abs(area), chart, part.n_charts)
+    return Patches(faces, patches.frames[fid], chart, edges), source, fixed[source]
+
+
+def _region(patches: Patches, region: BoolArray, hold: BoolArray, uv: FloatArray) -> _Part:
+    """The part of a region: vertices of faces outside it and held ones are fixed."""
+    cut, source, fixed = cut_out(patches, region, hold)
+    part = replace(cut, frames=_reference(cut.frames))
+    area = signed_areas(part.faces, uv[source])
+    signed = group_sum(area, part.chart, part.n_charts)
+    size = group_sum(np.abs(area), part.chart, part.n_charts)
     # what the rim encloses is what the faces will share, unless the rim itself is folded
     wanted = np.where(signed > 0.05 * size, signed, size)
     scale = np.sqrt(np.maximum(wanted, 1e-300) / part.chart_areas)
-    scaled = replace(part, frames=part.frames * scale[chart][:, None, None])
-    return _Part(scaled, source, fixed[source])
+    scaled = replace(part, frames=part.frames * scale[part.chart][:, None, None])
+    return _Part(scaled, source, fixed)
 
 
 def _components(faces: IntArray, fixed: BoolArray, n: int) -> IntArray:
