@@ -294,13 +294,17 @@ def windings(
     low, high = np.minimum(s[:, 1], e[:, 1]), np.maximum(s[:, 1], e[:, 1])
     origin = float(low.min())
     width = max(float((high - low).mean()), float(high.max() - origin) / (4 * len(s)), 1e-300)
+    # the strips of each chart are its own where other charts do not count
+    floors = int((high.max() - origin) / width) + 2
+    base, mine = (floors * c if own else 0 * c for c in (border.chart, chart))
     first = ((low - origin) / width).astype(np.int64)
     count = ((high - origin) / width).astype(np.int64) - first + 1
-    strip = np.repeat(first, count) + ranges(count)
+    strip = np.repeat(base + first, count) + ranges(count)
     order = np.argsort(strip, kind="stable")
     segment = np.repeat(np.arange(len(s)), count)[order]
     strip = strip[order]
-    mine = np.floor((points[:, 1] - origin) / width).astype(np.int64)
+    level = np.clip(np.floor((points[:, 1] - origin) / width), -1, floors).astype(np.int64)
+    mine = np.where((level >= 0) & (level < floors), mine + level, -1)
     begin = np.searchsorted(strip, mine)
     number = np.searchsorted(strip, mine, side="right") - begin
     charts = len(border.size)

@@ -309,7 +309,7 @@ def separate(
     of_cell = np.full(graph.n, -1)
     of_cell[graph.cell[seed]] = coarse_chart[near[seed]]
     _, _, source = nearest(links, np.unique(graph.cell[seed]))
-    side = np.where(source >= 0, of_cell[source], -1)
+    side = np.where(source >= 0, of_cell[np.maximum(source, 0)], -1)
     fine.cut |= use & (side[graph.tail] != side[graph.head])
     proposal = propose(fine, 3, before)
     fine.cut = proposal.cut(np.ones(proposal.n, bool))

@@ -30,7 +30,7 @@ DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 PROXY_FACES = 3_000  # faces of the proxy of a mesh in one piece
 PROXY_SHARE = 1 / 60  # and at least this share of the faces
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
-RETRY_FACES = (4000, 1500, 1500)  # up to this size a second, third, fourth start is made
+RETRY_FACES = (6000, 1500, 1500)  # up to this size a second, third, fourth start is made
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
@@ -40,7 +40,7 @@ PROXY_MARGIN = 0.01  # on the proxy, whose borders are only about those of the m
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
-FINAL = RelaxOptions(tolerance=1e-5, max_iterations=60)
+FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 
 
 def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:

@@ -256,6 +256,10 @@ def lay_out_sound(
     patches: Patches, uv: FloatArray, options: RelaxOptions, monitor: Monitor
 ) -> FloatArray:
     """Relax a layout; charts with flipped faces are unfolded, or else embedded anew, first."""
+    alone = np.flatnonzero((np.bincount(patches.chart) == 1)[patches.chart])
+    if len(alone):  # a single face lies as it is
+        uv = uv.copy()
+        uv[patches.faces[alone]] = patches.frames[alone]
     bad = ~np.isfinite(relax(patches, uv, RelaxOptions(max_iterations=0)).energy)
     if bad.any():
         uv = uv.copy()
