@@ -3,7 +3,8 @@
 A chart whose map is faulty goes on to the next link: the method that was asked for, an isometric map, the
 chart split in two (several times), a convex map with positive weights, and in the end single faces, laid in
 the plane as they are. Charts that are sound stay as they are; all faulty ones of a round are solved
-together.
+together. A chart distorted beyond its bound is faulty where seams may be added: one that is crushed to
+nothing would also shrink all others to nothing when it is packed at its size.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
 from circparam.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.distortion import chart_distortion
 from circparam.errors import NoResultError, OptionError, TopologyError
 from circparam.injectivity import overlaps, signs
 from circparam.mesh import Patches
@@ -22,7 +24,8 @@ from circparam.methods import METHODS, Layout, MethodOptions, Pins
 from circparam.progress import Monitor
 from circparam.topology import Surface
 
-SOUND, FLIPPED, OVERLAPPING = 0, 1, 2
+SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
+CRUSHED = 1e6  # distortion at which a chart counts as faulty whatever was promised
 SPLITS = 12  # times that a chart may be halved before it is taken to pieces
 CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
 STAND_IN = 1e-3  # least side of a triangle that stands in, in units of √(surface area)
@@ -35,8 +38,9 @@ class Atlas:
 
     tries: (m,) int64, how many links the chart of each face has been through. again: a flipped chart may be
     mapped by another method (not where the user asked for a convex map of a disk). laid: (m,), 1 for faces
-    laid down one by one, 2 for those with an equilateral triangle in their place. notes: of methods and
-    seams. repairs: what the chain had to do, one line each.
+    laid down one by one, 2 for those with an equilateral triangle in their place. bound: distortion above
+    which a chart is split where it may be. notes: of methods and seams. repairs: what the
+    chain had to do, one line each.
     """
 
     surface: Surface
@@ -44,6 +48,7 @@ class Atlas:
     corners: FloatArray
     tries: IntArray
     again: bool = True
+    bound: float = CRUSHED
     laid: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     stopped: list[str] = field(default_factory=list)
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -139,13 +144,32 @@ def settle(atlas: Atlas, may_split: bool, options: MethodOptions, monitor: Monit
     Returns (n_charts,) the charts that stay faulty: only where ``may_split`` is False.
     """
     with monitor.stage("check"):
-        fault, _ = faults(*atlas.open())
+        fault = _all_faults(atlas, may_split, monitor)
     while (fault > 0).any():
         if not advance(atlas, fault, may_split, options, monitor):
             return fault > 0
         with monitor.stage("check"):
-            fault, _ = faults(*atlas.open())
+            fault = _all_faults(atlas, may_split, monitor)
     return fault > 0
+
+
+def _all_faults(atlas: Atlas, may_split: bool, monitor: Monitor) -> IntArray:
+    """(n_charts,) as ``faults``; also DISTORTED where seams may be added and there is time for it.
+
+    Faces laid down one by one are as they have to be.
+    """
+    patches, uv = atlas.open()
+    fault, _ = faults(patches, uv)
+    if not may_split or monitor.expired:
+        return fault
+    n = patches.n_charts
+    fixed = group_count(patches.chart[atlas.laid > 0], n) > 0
+    may = (fault == SOUND) & ~fixed
+    if may.any():
+        part, vertices, _ = patches.subset(may)
+        high = chart_distortion(part, uv[vertices]) > atlas.bound
+        fault[np.flatnonzero(may)[high]] = DISTORTED
+    return fault
 
 
 def advance(
@@ -164,7 +188,8 @@ def advance(
     if not (again | split).any():
         return False
     with monitor.stage("repair layout"):
-        single = split & ((size <= SINGLE_BELOW) | (tries >= SPLITS) | monitor.expired)
+        small = (size == 1) | ((size <= SINGLE_BELOW) & (fault != DISTORTED))
+        single = split & (small | (tries >= SPLITS) | monitor.expired)
         halve = split & ~single
         if halve.any():
             atlas.cut = atlas.cut | split_charts(surface, atlas.cut, halve)
@@ -318,4 +343,6 @@ def _causes(codes: IntArray) -> str:
         parts.append("faces flipped")
     if (codes == OVERLAPPING).any():
         parts.append("it overlapped itself")
+    if (codes == DISTORTED).any():
+        parts.append("distorted too much")
     return " or ".join(parts)

@@ -157,19 +157,36 @@ def measure(patches: Patches, uv: FloatArray, signs: IntArray | None = None) -> 
     )
 
 
+def chart_distortion(patches: Patches, uv: FloatArray) -> FloatArray:
+    """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale; 1 is perfect.
+
+    Infinite where the numbers are not finite or the chart is a point.
+    """
+    square, inverse, surface = _scale_terms(patches, uv)
+    with np.errstate(all="ignore"):
+        energy = np.sqrt(square) * np.sqrt(inverse) / (2 * surface)
+    return np.where(surface > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)
+
+
 def best_chart_scales(patches: Patches, uv: FloatArray) -> FloatArray:
     """(n_charts,) factor for each chart's uv that makes its symmetric Dirichlet energy smallest.
 
     The energy at scale k is P k² + N / k², smallest at k = (N/P)^¼.
     """
+    square, inverse, _ = _scale_terms(patches, uv)
+    ok = square > 0
+    return np.where(ok, (inverse / np.where(ok, square, 1.0)) ** 0.25, 1.0)
+
+
+def _scale_terms(patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(P, N, area) of each chart: its symmetric Dirichlet energy at scale k is P k² + N / k²."""
     live = _live(patches)
     large, small, surface = _singular(patches, uv, live)
     large, small = np.maximum(large, COLLAPSED), np.maximum(small, COLLAPSED)
     group, n = patches.chart[live], patches.n_charts
     square = group_sum(surface * (large**2 + small**2), group, n)
     inverse = group_sum(surface * (large**-2.0 + small**-2.0), group, n)
-    ok = square > 0
-    return np.where(ok, (inverse / np.where(ok, square, 1.0)) ** 0.25, 1.0)
+    return square, inverse, group_sum(surface, group, n)
 
 
 def _live(patches: Patches) -> BoolArray:

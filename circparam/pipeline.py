@@ -87,6 +87,8 @@ def unwrap_document(
     with monitor.stage("flatten"):
         atlas = first_layout(surface, seams, options, monitor)
     atlas.again = options.cut == "charts" or "convex-border" not in METHODS[options.method].tags
+    if options.bound is not None and _reachable(options):
+        atlas.bound = options.bound
     atlas.notes = [*document.notes, *seams.notes, *atlas.notes]
     uvmap = lay_out(atlas, document, mended, target, options, monitor)
     result = _result(document, surface, mended, atlas, uvmap, target, options, monitor)
@@ -94,6 +96,12 @@ def unwrap_document(
         save(result, output, monitor)
     result.seconds = dict(monitor.seconds)
     return result
+
+
+def _reachable(options: Options) -> bool:
+    """Whether every chart can be brought below the bound by splitting it, and nothing asks for otherwise."""
+    free = options.max_charts is None and options.no_seams is None and options.pins is None
+    return free and options.method == "isometric" and not options.blend
 
 
 def repack(

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from circparam import chain
 from circparam.arrays import cross2
+from circparam.distortion import chart_distortion
 from circparam.errors import NoResultError, OptionError
 from circparam.mesh import Mesh
-from circparam.methods import MethodOptions
+from circparam.methods import METHODS, MethodOptions
 from circparam.progress import Monitor
 from circparam.repair import RepairOptions, repair
 from circparam.topology import Surface
@@ -88,6 +89,38 @@ def test_a_chart_that_overlaps_itself_is_split() -> None:
     assert sound(atlas)
     assert s.charts(atlas.cut)[0] == 2
     assert "overlapped" in atlas.repairs[0]
+
+
+def test_a_chart_beyond_its_bound_is_split_until_its_parts_are_below() -> None:
+    s = surface_of(*shapes.bumped_disk(400, height=1.5))
+    top = METHODS["mean-value"].function(s.patches(s.edges[:, 0] < 0), MethodOptions(), Monitor())
+    start = top.uv[s.patches(s.edges[:, 0] < 0).faces]
+    for bound in (chain.CRUSHED, 1.1):
+        atlas = atlas_of(s, start.copy())
+        atlas.bound = bound
+        chain.settle(atlas, True, MethodOptions(), Monitor())
+        assert sound(atlas)
+        assert (chart_distortion(*atlas.open()) <= bound).all()
+        assert (s.charts(atlas.cut)[0] == 1) == (bound == chain.CRUSHED)
+    assert "distorted" in atlas.repairs[0]
+    atlas = atlas_of(s, start.copy())
+    atlas.bound = 1.1
+    assert not chain.settle(atlas, False, MethodOptions(), Monitor()).any(), "no leave to split"
+    assert not chain.settle(atlas, True, MethodOptions(), Monitor(timeout=1e-9)).any(), "no time"
+    np.testing.assert_array_equal(atlas.corners, start)
+
+
+def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
+    """Packed at its own best scale it would shrink all others to nothing."""
+    s = surface_of(*shapes.row_of(shapes.grid(3, 3), 2))
+    corners = flat(s)
+    alone = s.edges // 3 == 3
+    corners[3] = [[0, 0], [1e-17, 0], [0.3, 1e-19]]
+    atlas = atlas_of(s, corners, alone.any(1))
+    assert not chain.faults(*atlas.open())[0].any()
+    chain.settle(atlas, True, MethodOptions(), Monitor())
+    np.testing.assert_allclose(chart_distortion(*atlas.open()), 1.0)
+    assert s.charts(atlas.cut)[0] == s.charts(alone.any(1))[0]
 
 
 def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
