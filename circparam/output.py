@@ -41,7 +41,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
     result.files = [os.fspath(f) for f in written.files]
     result.notes += written.notes
     result.vertex_map, result.face_map = written.vertex_map, written.face_map
-    if piped:
+    if piped or not os.path.isfile(result.path):  # a pipe or a device cannot be read back
         return
     with monitor.stage("verify"):
         again = read(result.path, format=o.format)

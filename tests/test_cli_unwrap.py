@@ -375,3 +375,35 @@ def test_a_closed_pipe_is_one_line() -> None:
         error = process.stderr.read()
     assert error == b"circparam: error: standard output was closed before everything was written\n"
     assert process.returncode == 8
+
+
+needs_posix = pytest.mark.skipif(os.name != "posix", reason="pipes with names, streams by number")
+
+
+@needs_posix
+@pytest.mark.parametrize(
+    ("stream", "code", "error"),
+    [
+        (0, 3, b"circparam: error: -: standard input: the file is empty\n"),
+        (1, 8, b"circparam: error: the output: Bad file descriptor\n"),
+        (2, 0, b""),
+    ],
+)
+def test_streams_that_are_closed_from_the_start(stream: int, code: int, error: bytes) -> None:
+    words = ["unwrap", "-", "--format", "obj"] if stream == 0 else ["methods"]
+    script = f"exec {stream}>&-; exec {sys.executable} -m circparam {' '.join(words)}"
+    done = subprocess.run(["/bin/sh", "-c", script], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (code, error)
+
+
+@needs_posix
+def test_a_named_pipe_is_written_and_not_read_back(disk: Path, tmp_path: Path) -> None:
+    pipe, got = tmp_path / "pipe.obj", tmp_path / "got.obj"
+    os.mkfifo(pipe)
+    with subprocess.Popen(["/bin/cat", pipe], stdout=subprocess.PIPE) as reader:
+        result = run("unwrap", disk, "-o", pipe, "--overwrite", "-q", *CONVEX)
+        assert reader.stdout is not None
+        got.write_bytes(reader.stdout.read())
+    assert result.exit_code == 0, result.stderr
+    assert run("unwrap", disk, *CONVEX, "-q").exit_code == 0
+    assert got.read_bytes() == (tmp_path / "disk_uv.obj").read_bytes()

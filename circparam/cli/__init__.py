@@ -87,6 +87,7 @@ class LazyGroup(click.Group):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, False, **extra)
         argv = list(sys.argv[1:] if args is None else args)
+        _open_standard_streams()
         with signals.installed():
             code = self._run(argv, complete_var, extra)
         sys.exit(code)
@@ -114,6 +115,20 @@ class LazyGroup(click.Group):
         return value if isinstance(value, int) else exits.OK
 
 
+def _open_standard_streams() -> None:
+    """Give streams that were closed before the start (``>&-``) a device, lest a file takes their number.
+
+    What is written to a closed standard output is an error, as with a closed pipe; errors go unseen.
+    """
+    for name, mode, flags in (
+        ("stdin", "r", os.O_RDONLY),
+        ("stdout", "w", os.O_RDONLY),
+        ("stderr", "w", os.O_WRONLY),
+    ):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, flags), mode))
+
+
 def _debug_option() -> click.Option:
     return click.Option(
         ["--debug"], is_flag=True, expose_value=False, help="Show the traceback of an error."
@@ -132,7 +147,7 @@ def _usage_line(error: click.ClickException) -> str:
 
 def _report(error: BaseException) -> int:
     """One line about an error; returns its exit code."""
-    if isinstance(error, BrokenPipeError):
+    if isinstance(error, OSError):
         _mute_stdout()
     _complain(exits.line_of(error))
     return exits.code_of(error)
@@ -144,7 +159,7 @@ def _complain(line: str) -> None:
 
 
 def _mute_stdout() -> None:
-    """Keep the interpreter from writing to the closed pipe once more when it ends."""
+    """Keep the interpreter from writing to a closed pipe or full disk once more when it ends."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
