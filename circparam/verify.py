@@ -24,6 +24,7 @@ from circparam.registry import unknown_name
 from circparam.topology import Surface
 
 BOUND_SLACK = 1e-4  # relative: what storing uv in float32 may add to a distortion
+EVEN = 1e-9  # share of a chart's area by which one side must outweigh the other
 EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may lie
 
 
@@ -176,9 +177,15 @@ def wound_against(surface: Surface, patches: Patches) -> BoolArray:
 
     Repair gives a whole component one winding, that of most of its area; where a file is wound at random a
     single chart may go the other way, and readers take the side that most of the chart shows for its front.
+    Where both sides are as large, up to rounding, it is the side of the chart's first face.
     """
-    area = np.where(surface.turned, -surface.areas, surface.areas)
-    result: BoolArray = group_sum(area, patches.chart, patches.n_charts) < 0
+    n = patches.n_charts
+    balance = group_sum(np.where(surface.turned, -surface.areas, surface.areas), patches.chart, n)
+    even = np.abs(balance) <= EVEN * group_sum(surface.areas, patches.chart, n)
+    charts, first = np.unique(patches.chart, return_index=True)
+    front = np.zeros(n, bool)
+    front[charts] = surface.turned[first]
+    result: BoolArray = np.where(even, front, balance < 0)
     return result
 
 

@@ -258,3 +258,17 @@ def test_a_chart_lies_as_the_file_winds_most_of_it() -> None:
     assert result.mended.turned == side.sum()
     assert (ahead[:, 0] * back[:, 1] > ahead[:, 1] * back[:, 0]).all()
     assert result.measures["mirrored"] == 0
+
+
+@pytest.mark.parametrize("turned", [0, 1])
+@pytest.mark.parametrize("height", [1.0, 1.0 - 1e-15, 1.0 + 1e-15])
+def test_where_both_sides_are_as_large_the_first_face_lies_upright(
+    turned: int, height: float
+) -> None:
+    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, height, 0]])
+    f = np.array([[0, 1, 2], [0, 2, 3]])
+    f[turned] = f[turned][::-1]
+    result = circparam.unwrap((p, f), resolution=64, effort=0.01)
+    a, b, c = result.uv[result.uv_faces[0]]
+    assert result.measures["mirrored"] == 0
+    assert np.linalg.det([b - a, c - a]) > 0
