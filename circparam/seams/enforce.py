@@ -10,6 +10,8 @@ from circparam.arrays import (
     IntArray,
     first_of_runs,
     group_count,
+    group_max,
+    group_min,
     group_sum,
     next_half_edge,
 )
@@ -31,6 +33,7 @@ from circparam.solve.unfold import unfold
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
 SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
+CRUMB = 4  # cells up to which a chart that is bad is taken apart at once
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 
@@ -121,6 +124,9 @@ def _split(
         if (folded & ~sound).any():
             apart |= _split_overlaps(cutting, graph, laid, folded & ~sound)
     rest = which & ~apart
+    crumbs = rest & (_cells(graph, chart) <= CRUMB)
+    cutting.cut |= crumbs[chart[cutting.surface.edges[:, 0] // 3]] & (graph.tail != graph.head)
+    rest &= ~crumbs
     if rest.any():
         split_charts(cutting, graph, chart, rest)
     proposal = propose(cutting, 3, before)
@@ -261,6 +267,12 @@ def lay_out_sound(
         uv = uv.copy()
         uv[patches.faces[alone]] = patches.frames[alone]
     bad = ~np.isfinite(relax(patches, uv, RelaxOptions(max_iterations=0)).energy)
+    wild = bad & _wild(patches, uv)
+    bad &= ~wild
+    if wild.any():
+        uv = uv.copy()
+        sub, vid, _ = patches.subset(wild)
+        uv[vid] = embed_convex(sub, "mean-value")[0]
     if bad.any():
         uv = uv.copy()
         sub, vid, _ = patches.subset(bad)
@@ -271,3 +283,15 @@ def lay_out_sound(
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = embed_convex(rest, "mean-value")[0]
     return relax(patches, uv, options, monitor).uv
+
+
+def _wild(patches: Patches, uv: FloatArray) -> BoolArray:
+    """(n,) bool: the layout of the chart is far too large for it, or no numbers at all."""
+    n = patches.n_charts
+    low = np.stack([group_min(uv[:, d], patches.vertex_chart, n) for d in range(2)], 1)
+    high = np.stack([group_max(uv[:, d], patches.vertex_chart, n) for d in range(2)], 1)
+    with np.errstate(invalid="ignore"):
+        size = (high - low).max(1)
+    rim = group_sum(patches.edge_lengths.sum(1), patches.chart, n)
+    result: BoolArray = ~(size <= 10 * rim)
+    return result

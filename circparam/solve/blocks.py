@@ -6,13 +6,14 @@ import numpy as np
 import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
-from circparam.arrays import FloatArray, IntArray, group_count, next_half_edge
+from circparam.arrays import FloatArray, IntArray, group_count, group_sum, next_half_edge
 from circparam.linear import Factor, SparseMatrix
 from circparam.mesh import Patches
 
 # From this many vertices on, conjugate gradients with the two-level preconditioner are faster than a
 # factorisation of the Hessian (measured on disks of 5k to 400k faces).
 DIRECT_LIMIT = 3000
+SMALL_CHART = 1000  # vertices up to which charts of larger systems are solved by factorisation
 AGGREGATE_SIZE = 60  # vertices in one aggregate of the coarse space
 
 
@@ -28,6 +29,8 @@ class BlockPattern:
         rows = np.concatenate([tail, head, np.arange(n)])
         columns = np.concatenate([head, tail, np.arange(n)])
         self.n = n
+        self.chart = patches.vertex_chart
+        self.count = np.maximum(group_count(self.chart, patches.n_charts), 1)
         self.inner = i, j
         self.border = patches.border
         self.tail, self.head = tail, head
@@ -48,17 +51,19 @@ class BlockPattern:
         diagonal = -np.add.reduceat(data, self.indptr[:-1], axis=0)
         # a touch of ridge: the energy does not see rigid motions of a chart
         trace = diagonal[:, 0, 0] + diagonal[:, 1, 1]
-        ridge = 1e-9 * trace + 1e-13 * float(trace.mean())
+        mean = group_sum(trace, self.chart, len(self.count)) / self.count
+        ridge = 1e-9 * trace + 1e-13 * mean[self.chart]
         diagonal[:, 0, 0] += ridge
         diagonal[:, 1, 1] += ridge
         data[self.diagonal] = diagonal
         return sps.bsr_matrix((data, self.indices, self.indptr), shape=(2 * self.n, 2 * self.n))
 
-    def solve_direct(self, matrix: SparseMatrix, b: FloatArray) -> FloatArray:
-        """matrix⁻¹ b by factorisation; b is (n, 2)."""
-        rows = matrix.tocsr()
-        columns = sps.csc_matrix((rows.data, rows.indices, rows.indptr), shape=rows.shape)
-        return Factor(columns).solve(b.ravel()).reshape(-1, 2)
+
+def solve_direct(matrix: SparseMatrix, b: FloatArray) -> FloatArray:
+    """matrix⁻¹ b by factorisation; b is (n, 2). The matrix is symmetric."""
+    rows = matrix.tocsr()
+    columns = sps.csc_matrix((rows.data, rows.indices, rows.indptr), shape=rows.shape)
+    return Factor(columns).solve(b.ravel()).reshape(-1, 2)
 
 
 def aggregates(patches: Patches, pattern: BlockPattern, uv: FloatArray) -> IntArray:

@@ -11,17 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_count, group_min, group_sum
 from circparam.linear import SparseMatrix
 from circparam.mesh import Patches
 from circparam.progress import Monitor
 from circparam.solve import dirichlet
 from circparam.solve.blocks import (
     DIRECT_LIMIT,
+    SMALL_CHART,
     BlockPattern,
     TwoLevel,
     aggregates,
     conjugate_gradients,
+    solve_direct,
 )
 
 ARMIJO = 1e-4
@@ -79,6 +81,7 @@ class System:
         self.corners = patches.faces.T.copy()
         self.pattern: BlockPattern | None = None
         self.agg: IntArray | None = None
+        self.large: BoolArray | None = None  # (nv,) vertices of charts that are solved by iteration
 
     def gather(self, uv: FloatArray) -> FloatArray:
         """(2, 3, m) uv of the corners."""
@@ -114,12 +117,38 @@ class System:
             matrix = _hold(matrix, self.fixed)
             g = np.where(self.fixed[:, None], 0.0, g)
         if self.patches.n_vertices <= DIRECT_LIMIT:
-            return -self.pattern.solve_direct(matrix, g)
+            return -solve_direct(matrix, g)
+        if self.large is None:
+            count = group_count(self.patches.vertex_chart, self.patches.n_charts)
+            self.large = (count > SMALL_CHART)[self.patches.vertex_chart]
+        if self.large.all():
+            return -self._iterated(matrix, g, uv, self.pattern, self.large)
+        # with one tolerance for all, the charts that are worst off decide how well the small are solved
+        step = np.empty_like(g)
+        small = np.repeat(~self.large, 2)
+        rows = sps.csr_matrix(matrix)
+        step[~self.large] = solve_direct(rows[small][:, small], g[~self.large])
+        if self.large.any():
+            step[self.large] = self._iterated(
+                rows[~small][:, ~small], g[self.large], uv, self.pattern, self.large
+            )
+        return -step
+
+    def _iterated(
+        self,
+        matrix: SparseMatrix,
+        g: FloatArray,
+        uv: FloatArray,
+        pattern: BlockPattern,
+        large: BoolArray,
+    ) -> FloatArray:
+        """About matrix⁻¹ g by conjugate gradients, for the vertices of large charts."""
         if self.agg is None:
-            self.agg = aggregates(self.patches, self.pattern, uv)
-        precondition = TwoLevel(matrix, self.agg, uv)
+            agg = aggregates(self.patches, pattern, uv)[large]
+            self.agg = np.unique(agg, return_inverse=True)[1].reshape(-1)
+        precondition = TwoLevel(matrix, self.agg, uv[large])
         step = conjugate_gradients(matrix, g.ravel(), precondition, 2e-2, 60)
-        return -step.reshape(-1, 2)
+        return step.reshape(-1, 2)
 
     def stiffened(self, matrix: sps.bsr_matrix) -> SparseMatrix:
         """The Hessian with whatever else resists the motion; here nothing does."""
@@ -230,6 +259,11 @@ def newton_step(
     if system.fixed is not None:
         g = np.where(system.fixed[:, None], 0.0, g)
     d = system.direction(u, safe, g, proxy)
+    if system.fixed is None:
+        # no energy sees a chart move as a whole; rounding would let it drift until its faces lose their digits
+        count = group_count(p.vertex_chart, n)
+        drift = np.stack([group_sum(d[:, k], p.vertex_chart, n) / count for k in range(2)], 1)
+        d = d - drift[p.vertex_chart]
     slope = group_sum((g * d).sum(1), p.vertex_chart, n)
     bad = ~(slope <= 0)
     if bad.any():  # the model failed (rounding): go down the gradient instead

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
+from circparam.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
 from circparam.geometry import signed_areas
 from circparam.linear import Factor
 from circparam.mesh import Patches, corner_classes
@@ -26,6 +26,7 @@ WHOLE = 10**9
 RINGS = (8, 3, 20, WHOLE)
 NARROW_RINGS = (2, 5, 12, 30, WHOLE)
 OUTER = 25
+FAR = 1e4  # times the root of its area: a group that spreads so wide is not followed further
 INNER = 60
 POLISH = 10  # Newton steps on what was unfolded, for its shape
 AREA = 1.0  # weight of the area term against the shape term
@@ -298,7 +299,8 @@ def _lowest(part: _Part, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     for _ in range(OUTER):
         problem = _Problem(part, np.ones(part.n))
         worst = group_min(problem.determinants(x), part.chart, part.n)
-        left = worst <= 1e-9
+        # a group that has flown apart is given up, before its numbers overflow
+        left = (worst <= 1e-9) & (_extent(part, x) <= FAR * np.sqrt(part.patches.chart_areas))
         if not left.any() or (monitor is not None and monitor.expired):
             break
         if not left.all():
@@ -316,10 +318,21 @@ def _lowest(part: _Part, x: FloatArray, monitor: Monitor | None) -> FloatArray:
 
         group = part.patches.vertex_chart
         x, _, _ = descend(problem.energy, x, group, part.n, precondition, 1e-4, INNER)
-        out[all_vertices] = x
+        sound = _extent(part, x) <= FAR * np.sqrt(part.patches.chart_areas)
+        keep = sound[group]
+        out[all_vertices[keep]] = x[keep]
         if monitor is not None:
             monitor.update(0.5, f"{int(left.sum())} regions to unfold")
     return out
+
+
+def _extent(part: _Part, x: FloatArray) -> FloatArray:
+    """(n,) width or height of the layout of each group."""
+    group = part.patches.vertex_chart
+    spread = [
+        group_max(x[:, d], group, part.n) - group_min(x[:, d], group, part.n) for d in range(2)
+    ]
+    return np.maximum(spread[0], spread[1])
 
 
 def _polished(
