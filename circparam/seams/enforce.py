@@ -33,6 +33,7 @@ from circparam.solve.unfold import unfold
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
 SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
+SHEET_FACES = 100  # smaller charts that overlap are halved
 CRUMB = 4  # cells up to which a chart that is bad is taken apart at once
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
@@ -54,6 +55,7 @@ def enforce(
     slits = np.zeros(len(cutting.surface.faces), np.int64)  # of the chart of each face
     for turn in range(ROUNDS):
         small = np.bincount(laid.patches.chart) <= UNSTICK_FACES
+        small &= np.bincount(laid.patches.chart) >= SHEET_FACES
         laid = unstick(cutting, laid, bound, monitor, small | (turn == 0))
         chart = laid.patches.chart
         bad = laid.bad(bound) & (_cells(graph, chart) > 1)
@@ -115,8 +117,10 @@ def _split(
     apart = sound = np.zeros(len(which), bool)
     folded = which & laid.overlapping & np.isfinite(laid.energy)
     if folded.any():
-        sound = split_sheets(cutting, graph, laid, folded, edge_costs(cutting))
-        left = folded & ~sound
+        large = folded & (np.bincount(chart) >= SHEET_FACES)
+        if large.any():
+            sound = split_sheets(cutting, graph, laid, large, edge_costs(cutting))
+        left = large & ~sound
         if left.any():
             # what overlaps by less than a face is not worth a seam where it can be pushed apart
             sound |= left & ~unstick(cutting, laid, bound, monitor, left).overlapping
