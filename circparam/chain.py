@@ -28,7 +28,8 @@ SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
 CRUSHED = 1e6  # distortion at which a chart counts as faulty whatever was promised
 SPLITS = 12  # times that a chart may be halved before it is taken to pieces
 CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
-STAND_IN = 1e-3  # least side of a triangle that stands in, in units of √(surface area)
+STAND_IN = 1e-3  # least side of a triangle that stands in: of √(surface area) or the longest edge
+GROW = 16.0  # by which such a side grows where even that is not held
 SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to pieces at once
 
 
@@ -274,7 +275,10 @@ def _stand_in(atlas: Atlas, faces: BoolArray) -> None:
     surface = atlas.surface
     p = surface.points[surface.faces[faces]]
     longest = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).max(1)
-    side = np.maximum(longest, STAND_IN * np.sqrt(surface.areas.sum()))
+    size = max(float(np.sqrt(surface.areas.sum())), float(surface.edge_lengths.max(initial=0.0)))
+    side = np.maximum(longest, STAND_IN * size)
+    old = np.linalg.norm(atlas.corners[faces, 1] - atlas.corners[faces, 0], axis=1)
+    side = np.where(atlas.laid[faces] == 2, GROW * old, side)
     corner = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
     atlas.corners = atlas.corners.copy()
     atlas.corners[faces] = side[:, None, None] * corner

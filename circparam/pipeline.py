@@ -18,7 +18,7 @@ from circparam.distortion import best_chart_scales
 from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats import Document, stored
 from circparam.mesh import Patches, UVMap
-from circparam.methods import METHODS
+from circparam.methods import METHODS, MethodOptions
 from circparam.options import Options, from_keywords
 from circparam.output import save
 from circparam.packing import pack
@@ -189,7 +189,11 @@ def lay_out(
     options: Options,
     monitor: Monitor,
 ) -> UVMap:
-    """Mend, scale and pack until the numbers as stored have no flip and no overlap; uv for every face."""
+    """Mend, scale and pack until the numbers as stored have no flip and no overlap; uv for every face.
+
+    Packing takes longest, and faces that stored numbers cannot hold may need many links of the chain: once a
+    packed layout was spoilt, the next ones are tried at its size before they are packed.
+    """
     may_split = options.cut == "charts"
     tiles = tiles_of(document, options)
     convex = method_options(options)
@@ -212,9 +216,46 @@ def lay_out(
             break
         if not chain.advance(atlas, fault, may_split, convex, monitor):
             break
+        if options.packed and may_split:
+            size = _length(patches, placed) / _length(patches, sized(patches, uv, keep))
+            _hold_stored(atlas, size, document, target, convex, monitor)
     if uvmap is None or not np.isfinite(uvmap.uv).all():
         raise NoResultError("no finite layout was found")
     return uvmap
+
+
+def _hold_stored(
+    atlas: chain.Atlas,
+    size: float,
+    document: Document,
+    target: str,
+    convex: MethodOptions,
+    monitor: Monitor,
+) -> None:
+    """Send charts down the chain that stored numbers would spoil somewhere on a page, at a given size."""
+    for _ in range(ROUNDS):
+        chain.settle(atlas, True, convex, monitor)
+        patches, uv = atlas.open()
+        keep = np.zeros(patches.n_charts, bool)
+        keep[patches.chart[atlas.laid == 2]] = True
+        with monitor.stage("check"):
+            uv = sized(patches, uv, keep) * size
+            turn = np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
+            uv = uv @ turn  # as packing may: needles along an axis would be stored too well
+            hi = np.full((patches.n_charts, 2), -np.inf)
+            np.maximum.at(hi, patches.vertex_chart, uv)
+            # to the far corner of the page, where stored numbers are coarsest
+            uv += (1.0 - hi)[patches.vertex_chart]
+            trial = stored(UVMap(uv, patches.faces), target, document)
+            fault, _ = chain.faults(patches, trial.uv)
+        if not (fault > 0).any() or not chain.advance(atlas, fault, True, convex, monitor):
+            return
+
+
+def _length(patches: Patches, uv: FloatArray) -> float:
+    """Length of all edges of all faces."""
+    p = uv[patches.faces]
+    return max(float(np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).sum()), 1e-300)
 
 
 def sides(surface: Surface, patches: Patches, options: Options) -> FloatArray:
@@ -253,13 +294,9 @@ def place(
     group: (n_charts,) charts of different groups get pages of their own, one atlas each.
     keep: (n_charts,) charts that keep the size they have.
     """
-    uv = np.where(np.isfinite(uv), uv, 0.0)
     if not options.packed:
-        return _side_by_side(patches, uv)
-    scale = best_chart_scales(patches, uv)
-    if keep is not None:
-        scale[keep] = 1.0
-    uv = uv * scale[patches.vertex_chart][:, None]
+        return _side_by_side(patches, np.where(np.isfinite(uv), uv, 0.0))
+    uv = sized(patches, uv, keep)
     wanted = pack_options(options)
     for label in np.unique(group if group is not None else 0):
         mine = np.full(patches.n_charts, True) if group is None else group == label
@@ -268,6 +305,16 @@ def place(
         uv[vertices] = packed.uv
         notes += [note for note in packed.notes if note not in notes]
     return uv
+
+
+def sized(patches: Patches, uv: FloatArray, keep: BoolArray | None) -> FloatArray:
+    """uv with charts at their best scales, but for those ((n_charts,) bool) that keep the size they have."""
+    uv = np.where(np.isfinite(uv), uv, 0.0)
+    scale = best_chart_scales(patches, uv)
+    if keep is not None:
+        scale[keep] = 1.0
+    result: FloatArray = uv * scale[patches.vertex_chart][:, None]
+    return result
 
 
 def _chart_tiles(patches: Patches, tile: IntArray) -> IntArray:

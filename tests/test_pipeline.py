@@ -272,3 +272,20 @@ def test_where_both_sides_are_as_large_the_first_face_lies_upright(
     a, b, c = result.uv[result.uv_faces[0]]
     assert result.measures["mirrored"] == 0
     assert np.linalg.det([b - a, c - a]) > 0
+
+
+def test_needles_that_no_stored_number_holds_end_without_a_flip(tmp_path: Path) -> None:
+    """Faces that differ in size by 1e12, 1e-11 thin: a triangle stands in for each, and it is large enough."""
+    at = 0.37957113403931
+    x = [0, 0.5, 1, 1, at + 1.3e-14, at + 8e-15, at + 3e-15, at + 3e-15]
+    x += [0.6430306723995923, at + 5e-15, 0.4569060321995523, at + 6e-15, 0.7155932782944245]
+    y = [0, 0, 0, 5, *[5.476844597344704] * 3, 5.4768445973446536, 3.406380391058848]
+    y += [5.4768445973446316, 3.111924960843914, 5.476844597344659, 5.356314968091522]
+    p = np.stack([x, 1e-11 * np.array(y), np.zeros(13)], 1)
+    f = np.array([
+        [11, 5, 6], [7, 11, 6], [12, 5, 11], [12, 3, 4], [5, 12, 4], [7, 9, 11], [9, 10, 11], [9, 7, 0],
+        [1, 9, 0], [10, 9, 1], [10, 8, 11], [8, 12, 11], [8, 1, 2], [8, 10, 1], [3, 8, 2], [12, 8, 3],
+    ])  # fmt: skip
+    result = circparam.unwrap((p, f), tmp_path / "o.ply", resolution=64, effort=0.0)
+    assert (result.measures["flips"], result.measures["overlap"]) == (0, 0)
+    assert result.status == "degraded", "their shape is lost, and that is said"

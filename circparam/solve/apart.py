@@ -23,6 +23,7 @@ from circparam.arrays import (
     next_half_edge,
 )
 from circparam.borderlines import Border, border_of, meeting, nearby, segment_distance, windings
+from circparam.injectivity import self_overlapping
 from circparam.linear import SparseMatrix
 from circparam.mesh import Patches
 from circparam.progress import Monitor
@@ -135,6 +136,8 @@ def push_apart(
             break
         u = _moved(work, u, springs, LOCAL * 2.0**turn * border.size)
         weight[todo] *= STIFFER
+    # what is folded out of a hole, or wound twice, has no borders that meet
+    fine &= ~self_overlapping(work, u)
     return u * scale, fine
 
 
