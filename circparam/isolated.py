@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import importlib
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from circparam.errors import CircparamError, NoResultError, OutOfTimeError
+from circparam.helper import environment
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 
@@ -53,7 +53,7 @@ def run(
         command = [sys.executable, "-P", "-m", "circparam.isolated", name]
         try:
             done = subprocess.run(
-                command, env=_environment(), timeout=seconds, capture_output=True, check=False
+                command, env=environment(), timeout=seconds, capture_output=True, check=False
             )
         except subprocess.TimeoutExpired as error:
             raise OutOfTimeError(
@@ -100,13 +100,6 @@ def forget_peak() -> None:
     """Let the peak start again from what is held now, where the system can (Linux)."""
     with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-
-
-def _environment() -> dict[str, str]:
-    """The environment, with this package importable from wherever it was imported here."""
-    here = str(Path(__file__).resolve().parent.parent)
-    paths = [here, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def _save(path: Path, arrays: Arrays) -> None:

@@ -107,6 +107,8 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
     bad = degenerate_faces(points, welded)
     first = first_twins(welded, len(points))
     twin = (first != np.arange(len(welded))) & ~bad
+    if mesh.polygons is not None:
+        twin &= ~_part_of_another_polygon(mesh.polygons, first, twin, bad)
     kept = np.flatnonzero(~bad & ~twin)
     if len(kept) == 0:
         raise InputError(
@@ -223,6 +225,19 @@ def first_twins(faces: IntArray, n_points: int) -> IntArray:
     return first
 
 
+def _part_of_another_polygon(
+    polygons: IntArray, first: IntArray, twin: BoolArray, bad: BoolArray
+) -> BoolArray:
+    """(m,) bool: the polygon of the face also has a face of its own, in a place where its twin's has none.
+
+    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its twin lies.
+    """
+    own = np.zeros(int(polygons.max()) + 1, bool)
+    own[polygons[~twin & ~bad]] = True
+    result: BoolArray = own[polygons] & (polygons != polygons[first])
+    return result
+
+
 def complete(
     mesh: Mesh, surface: Surface, repairs: Repairs, uv: FloatArray, uv_faces: IntArray
 ) -> UVMap:
@@ -244,25 +259,7 @@ def complete(
     if len(repairs.twins):
         same = welded[repairs.twins][:, :, None] == welded[repairs.twin_of][:, None, :]
         out[repairs.twins] = np.take_along_axis(out[repairs.twin_of], same.argmax(2), 1)
-        if mesh.polygons is not None:
-            _keep_polygons_whole(mesh.polygons, welded, surface.source, repairs.twins, out)
     return UVMap(uv, out)
-
-
-def _keep_polygons_whole(
-    polygons: IntArray, welded: IntArray, kept: IntArray, twins: IntArray, out: IntArray
-) -> None:
-    """Twins in a polygon take the uv of its other triangles, in place: one corner of it has one uv."""
-    n = int(welded.max()) + 1
-    beside = kept[np.isin(polygons[kept], polygons[twins])]
-    if len(beside) == 0:
-        return
-    key = (polygons[beside][:, None] * n + welded[beside]).ravel()
-    order = np.argsort(key, kind="stable")
-    wanted = polygons[twins][:, None] * n + welded[twins]
-    at = np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)
-    own = key[order][at] == wanted
-    out[twins] = np.where(own, out[beside].ravel()[order][at], out[twins])
 
 
 def _degenerate_uv(

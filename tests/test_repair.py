@@ -158,6 +158,23 @@ def test_a_degenerate_face_takes_the_chart_of_its_own_polygon():
             assert set(got.uv_faces[4]) <= set(uv_faces[2])
 
 
+def test_a_doubled_triangle_lies_with_its_polygon():
+    """Two quads on three common points: a corner has one uv, so the double may not lie in the other quad."""
+    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.2], [0.9, 0.1, 1]])
+    f = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [2, 0, 4]])
+    surface, repairs = repair(Mesh(p, f, polygons=np.array([0, 0, 1, 1])))
+    assert len(surface.faces) == 4, "each quad keeps both of its triangles"
+    cut = np.ones(len(surface.edges), bool) & ~surface.locked
+    uv, uv_faces = layout(surface, cut)
+    got = complete(Mesh(p, f), surface, repairs, uv, uv_faces)
+    quads = [set(got.uv_faces[k].ravel().tolist()) for k in ([0, 1], [2, 3])]
+    assert [len(q) for q in quads] == [4, 4]
+    assert not quads[0] & quads[1]
+    for polygons in (None, np.array([0, 0, 1, 2]), np.array([0, 1, 0, 2])):
+        _, repairs = repair(Mesh(p, f, polygons=polygons))
+        assert repairs.twins.tolist() == [2], "no face of its own ties it to another place"
+
+
 def test_all_faces_degenerate_is_an_input_error():
     with pytest.raises(InputError, match="degenerate"):
         repair(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))

@@ -25,6 +25,8 @@ _TIP = 3.0
 Spectrum = npt.NDArray[np.complex64]
 
 
+# Threads of the transforms: always as many, whatever the machine has, so that results repeat.
+THREADS = 2
 # The grid of the transforms is this much larger than the page at the density that is hoped for.
 SLACK = 1.25
 
@@ -159,7 +161,7 @@ def _best_place(
 ) -> tuple[int, int, int] | None:
     """Mask, row, column of the free place with the highest contact score; None where nothing is free."""
     size = len(page)
-    hit = sf.irfft2(kernel * page, s=(size, size))[:, :side, :side]
+    hit = sf.irfft2(kernel * page, s=(size, size), workers=THREADS)[:, :side, :side]
     free = hit < 0.5
     fits = (np.arange(side)[None] <= side - rows[:, None])[:, :, None] & (
         np.arange(side)[None] <= side - columns[:, None]
@@ -168,7 +170,9 @@ def _best_place(
     some = np.flatnonzero(free.any((1, 2)))
     if len(some) == 0:
         return None
-    score = sf.irfft2(kernel[some] * (page * blur), s=(size, size))[:, :side, :side]
+    score = sf.irfft2(kernel[some] * (page * blur), s=(size, size), workers=THREADS)[
+        :, :side, :side
+    ]
     score = np.where(free[some], score / area[some, None, None], -1)
     best = int(score.argmax())
     k, rest = divmod(best, side * side)

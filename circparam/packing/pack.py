@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from circparam.arrays import FloatArray, IntArray
@@ -41,28 +43,40 @@ def pack(
     check_room(shapes, options)
     with monitor.stage("pack"):
         rows = shelf_placement(shapes, options)
-        candidates = _candidates(shapes, options, rows, monitor)
+        checked: list[tuple[Placement, tuple[Packed, str | None]]] = []
+
+        def check(placement: Placement) -> tuple[Packed, str | None]:
+            """What ``finish`` says, once for each placement: it fills a raster of the whole page."""
+            for known, answer in checked:
+                if known is placement:
+                    return answer
+            checked.append((placement, finish(shapes, placement, options)))
+            return checked[-1][1]
+
+        candidates = _candidates(shapes, options, rows, monitor, lambda p: check(p)[1] is None)
         candidates += [rows] if rows is not None else []
         if not candidates:
             raise OptionError(does_not_fit(shapes, options))
         # the largest scale, then the fewest pages; what the check refuses gives way to the next
         candidates.sort(key=lambda p: (-p.scale, int(p.page.max())))
         for placement in candidates:
-            packed, wrong = finish(shapes, placement, options)
+            packed, wrong = check(placement)
             if wrong is None:
                 return packed
     raise NoResultError(f"packing failed its own check ({wrong}): try a larger --resolution")
 
 
 def _candidates(
-    shapes: Shapes, options: PackOptions, rows: Placement | None, monitor: Monitor
+    shapes: Shapes,
+    options: PackOptions,
+    rows: Placement | None,
+    monitor: Monitor,
+    sound: Callable[[Placement], bool],
 ) -> list[Placement]:
     """Placements that are tighter than rows of boxes; none when the time is over."""
     found: list[Placement] = []
     if shapes.n <= NESTED and not monitor.expired:
-        found = nested(
-            shapes, options, rows, monitor, lambda p: finish(shapes, p, options)[1] is None
-        )
+        found = nested(shapes, options, rows, monitor, sound)
     if (shapes.n > DROPPED_FROM or not found) and not monitor.expired:
         dropped = drop_placement(shapes, options, monitor)
         found += [dropped] if dropped is not None else []

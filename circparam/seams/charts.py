@@ -6,6 +6,8 @@ import dataclasses
 
 import numpy as np
 
+from circparam.arrays import BoolArray, FloatArray
+from circparam.helper import Helper
 from circparam.progress import Monitor
 from circparam.seams.carry import (
     carry_seams,
@@ -30,7 +32,8 @@ DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 PROXY_FACES = 3_000  # faces of the proxy of a mesh in one piece
 PROXY_SHARE = 1 / 60  # and at least this share of the faces
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
-RETRY_FACES = (6000, 1500, 1500)  # up to this size a second, third, fourth start is made
+START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
+SHARED_FACES = 500  # from this size on starts are shared with a second process
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
@@ -54,7 +57,8 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         surface, edges=surface.edges[~forced], locked=surface.locked[~forced]
     )
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
-    cutting, laid = atlas(opened, bound, options, monitor)
+    with Helper(__name__, len(surface.faces) > SHARED_FACES) as helper:
+        cutting, laid = atlas(opened, bound, options, helper, monitor)
     cut = forced.copy()
     cut[~forced] = cutting.cut
     corners = laid.uv[laid.patches.faces]
@@ -62,19 +66,19 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
 
 
 def atlas(
-    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor
+    surface: Surface, bound: float, options: SeamOptions, helper: Helper, monitor: Monitor
 ) -> tuple[Cutting, Laid]:
     """Decide the seams of a surface and lay its charts out."""
     if len(surface.faces) <= DIRECT_FACES:
         with monitor.stage("charts"):
             graph = dual_graph(surface)
-            cutting, _ = decide(surface, bound, MARGIN, options.max_charts, monitor)
+            cutting = decide(surface, bound, MARGIN, options.max_charts, helper, monitor)
     else:
         with monitor.stage("charts"):
             target = max(PROXY_FACES, int(PROXY_SHARE * len(surface.faces)))
             proxy = decimate(surface, target)
             inner = 1 + (bound - 1) * (1 - SLACK)
-            coarse, _ = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, monitor)
+            coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, helper, monitor)
         with monitor.stage("carry"):
             graph = dual_graph(surface)
             cutting = carry(surface, graph, coarse, proxy)
@@ -100,28 +104,34 @@ def regroup(cutting: Cutting, bound: float, monitor: Monitor) -> Laid:
 
 
 def decide(
-    surface: Surface, bound: float, margin: float, max_charts: int | None, monitor: Monitor
-) -> tuple[Cutting, Laid]:
+    surface: Surface,
+    bound: float,
+    margin: float,
+    max_charts: int | None,
+    helper: Helper,
+    monitor: Monitor,
+) -> Cutting:
     """Grow, merge and straighten charts on the surface itself: the best of a few starts where that is cheap."""
-    graph = dual_graph(surface)
-    cutting, laid = decide_once(surface, graph, bound, margin, SEEDS[0], monitor)
-    cost = cutting.seam_length + CHART_COST * laid.patches.n_charts
-    for seeds, limit in zip(SEEDS[1:], RETRY_FACES, strict=True):
-        if len(surface.faces) > limit or monitor.expired:
-            break
-        other = decide_once(surface, graph, bound, margin, seeds, monitor)
-        other_cost = other[0].seam_length + CHART_COST * other[1].patches.n_charts
-        if other_cost < cost:
-            cost, (cutting, laid) = other_cost, other
+    seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
+    tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
+    starts = [Cutting(surface, *s) for s in helper.map(decide_once, tasks, monitor) if s]
+    cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
+    cutting = starts[int(np.argmin(cost))]
     if max_charts is not None:
-        laid = reach_count(cutting, bound, max_charts, monitor)
-    return cutting, laid
+        reach_count(cutting, bound, max_charts, monitor)
+    return cutting
 
 
 def decide_once(
-    surface: Surface, graph: DualGraph, bound: float, margin: float, seeds: int, monitor: Monitor
-) -> tuple[Cutting, Laid]:
-    """Grow charts round so many seeds, split what is bad, merge, straighten, merge again."""
+    surface: Surface, bound: float, margin: float, seeds: int, needed: bool, monitor: Monitor
+) -> tuple[BoolArray, FloatArray] | None:
+    """Grow charts round so many seeds, split what is bad, merge, straighten, merge again.
+
+    Returns (cut, corners) of the cutting; None where it is not needed and there is no time for it.
+    """
+    if monitor.expired and not needed:
+        return None
+    graph = dual_graph(surface)
     cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
     first_charts(cutting, graph, seeds)
     make_disks(cutting, graph)
@@ -147,10 +157,11 @@ def decide_once(
     laid = straighten(cutting, graph, bound, FAIR, 3, margin=margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
-    return cutting, straighten(cutting, graph, bound, FAIR, 1, margin=margin)
+    straighten(cutting, graph, bound, FAIR, 1, margin=margin)
+    return cutting.cut, cutting.corners
 
 
-def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) -> Laid:
+def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) -> None:
     """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
     fixed = np.zeros(len(cutting.cut), bool)
     for _ in range(24):
@@ -161,8 +172,6 @@ def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) ->
         merger = Merger(cutting, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS), fixed)
         while not monitor.expired and cutting.charts()[0] > count and merger.round():
             pass
-    patches = cutting.patches()
-    return judge(patches, cutting.gather(patches))
 
 
 def carry(surface: Surface, graph: DualGraph, coarse: Cutting, proxy: Proxy) -> Cutting:

@@ -1,0 +1,164 @@
+"""A second process for work in parts that do not depend on each other, such as several starts of a search.
+
+Threads would share one interpreter lock, and a pool from the standard library would run the caller's main
+module again. So the helper is a process of its own, ``python -m circparam.helper MODULE``, that imports
+MODULE while the caller still prepares, takes one pickled task and answers it. It changes seconds, never
+results: whatever keeps it from answering, the caller does that part of the work itself.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import IO, Any
+
+from circparam.progress import Monitor
+
+LENGTH = 8  # bytes that say how long what follows is
+
+
+def cores() -> int:
+    """Processes that may work side by side: as many as cores, and no more than OMP_NUM_THREADS says."""
+    free = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()
+    count = len(free) or os.cpu_count() or 1
+    wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    return min(count, int(wanted)) if wanted.isdigit() and int(wanted) > 0 else count
+
+
+def environment() -> dict[str, str]:
+    """The environment, with this package importable from wherever it was imported here."""
+    here = str(Path(__file__).resolve().parent.parent)
+    paths = [here, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+class Helper:
+    """A context within which ``map`` has a second process, where there is a core for it.
+
+    module: imported by the process as soon as it starts. wanted: False for work too small to share.
+    """
+
+    def __init__(self, module: str, wanted: bool = True) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        if not wanted or cores() < 2 or getattr(sys, "frozen", False) or not sys.executable:
+            return
+        command = [sys.executable, "-P", "-m", "circparam.helper", module]
+        with contextlib.suppress(OSError):
+            self._process = subprocess.Popen(
+                command,
+                env=environment(),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+
+    def __enter__(self) -> Helper:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        process.kill()
+        for stream in (process.stdin, process.stdout):
+            if stream is not None:
+                with contextlib.suppress(OSError):
+                    stream.close()
+        process.wait()
+
+    def map(
+        self, function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]], monitor: Monitor
+    ) -> list[Any]:
+        """[function(*task, monitor) for task in tasks], every second one by the process.
+
+        function: at the top level of a module. The process has a monitor of its own with the same deadline.
+        """
+        results: list[Any] = [None] * len(tasks)
+        theirs = list(range(1, len(tasks), 2)) if self._process is not None else []
+        with ThreadPoolExecutor(1) as pool:
+            answer: Future[list[Any]] | None = None
+            try:
+                if theirs:
+                    left = None if monitor.deadline is None else monitor.deadline - time.monotonic()
+                    task = pickle.dumps((function, [tasks[k] for k in theirs], left))
+                    answer = pool.submit(self._ask, task)
+                for k in range(len(tasks)):
+                    if k not in theirs:
+                        results[k] = function(*tasks[k], monitor)
+                given = self._given(answer)
+            finally:
+                self.close()
+        for k, result in zip(theirs, given, strict=False):
+            results[k] = result
+        for k in theirs[len(given) :]:
+            results[k] = function(*tasks[k], monitor)
+        return results
+
+    def _ask(self, task: bytes) -> list[Any]:
+        process = self._process
+        if process is None or process.stdin is None or process.stdout is None:
+            raise EOFError
+        # stdin stays open: its end tells the process that the caller is gone
+        process.stdin.write(len(task).to_bytes(LENGTH, "little") + task)
+        process.stdin.flush()
+        answer: list[Any] = pickle.loads(_message(process.stdout))
+        return answer
+
+    @staticmethod
+    def _given(answer: Future[list[Any]] | None) -> list[Any]:
+        """What the process answered; nothing where it could not."""
+        if answer is None:
+            return []
+        try:
+            return answer.result()
+        except (OSError, EOFError, ValueError, pickle.PickleError, ImportError, AttributeError):
+            return []
+
+
+def _message(stream: IO[bytes]) -> bytes:
+    size = int.from_bytes(_exactly(stream, LENGTH), "little")
+    return _exactly(stream, size)
+
+
+def _exactly(stream: IO[bytes], size: int) -> bytes:
+    data = stream.read(size)
+    if len(data) < size:
+        raise EOFError
+    return data
+
+
+def _serve() -> None:
+    """Answer one task from standard input; end at once when the caller is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller hears it too, and ends this process
+    source, target = sys.stdin.buffer, sys.stdout.buffer
+    sys.stdout = sys.stderr
+    for name in sys.argv[1:]:
+        importlib.import_module(name)
+    function, tasks, seconds = pickle.loads(_message(source))
+
+    def leave() -> None:
+        source.read()
+        os._exit(1)
+
+    threading.Thread(target=leave, daemon=True).start()
+    answer = pickle.dumps([function(*task, Monitor(None, seconds)) for task in tasks])
+    target.write(len(answer).to_bytes(LENGTH, "little") + answer)
+    target.flush()
+
+
+if __name__ == "__main__":
+    _serve()
