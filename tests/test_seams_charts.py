@@ -14,9 +14,12 @@ from circparam.progress import Monitor
 from circparam.repair import repair
 from circparam.seams import SEAMS, SeamOptions, segment
 from circparam.seams import charts as module
+from circparam.seams.absorb import absorb
 from circparam.seams.chains import chains_of, route
 from circparam.seams.cutting import Cutting, matching, not_disks
+from circparam.seams.merge import MergeOptions
 from circparam.seams.proxy import decimate
+from circparam.seams.relayout import judge, lay_out_fresh
 from circparam.topology import Surface
 from tests import shapes
 
@@ -234,3 +237,50 @@ def test_seeds_spread_over_components_in_few_searches(monkeypatch: pytest.Monkey
     region = segment.grow(9, line, line + 1, np.ones(8), 3, 0)
     assert len(np.unique(region)) == 3
     assert len(np.unique(region[[0, 4, 8]])) == 3
+
+
+def straddled() -> Cutting:
+    """A sphere in two charts and a third, of a few faces, across the seam between them."""
+    surface = surface_of(shapes.icosphere(3))
+    middle = surface.points[surface.faces].mean(1)
+    half = (middle[:, 2] > 0).astype(np.int64)
+    half[np.linalg.norm(middle - [1.0, 0, 0], axis=1) < 0.25] = 2
+    e = surface.edges // 3
+    cutting = Cutting(surface, half[e[:, 0]] != half[e[:, 1]])
+    assert cutting.charts()[0] == 3
+    lay_out_fresh(cutting, None, module.ROUGH)
+    return cutting
+
+
+def test_small_charts_join_their_neighbours_face_by_face() -> None:
+    cutting = straddled()
+    few = int(np.bincount(cutting.charts()[1]).min())
+    assert absorb(cutting, MergeOptions(1.6), few, Monitor()) == 0
+    assert cutting.charts()[0] == 3, "as large as asked already"
+    # the two halves alone would close to a sphere: the bound keeps them apart
+    assert absorb(cutting, MergeOptions(1.6), few + 1, Monitor()) == 0
+    n, chart = cutting.charts()
+    assert np.bincount(chart).min() > few
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
+    assert n == 2
+    assert not laid.bad(1.6).any()
+
+
+def test_small_charts_that_nobody_takes_stay_as_they_were() -> None:
+    cutting = straddled()
+    before = cutting.cut.copy()
+    few = int(np.bincount(cutting.charts()[1]).min())
+    assert absorb(cutting, MergeOptions(1.0001), few + 1, Monitor()) == 1
+    assert np.array_equal(cutting.cut, before)
+
+
+def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
+    surface = surface_of(shapes.cylinder(24, 8, caps=True))
+    for least in (1, 40):
+        wanted = SeamOptions(max_distortion=1.02, min_chart_faces=least)
+        seams = SEAMS["charts"].function(surface, wanted, Monitor())
+        size = np.bincount(Cutting(surface, seams.cut).charts()[1])
+        below = int((size < least).sum())
+        assert bool(below) == bool(seams.notes)
+        assert all(note.startswith(f"{below} charts stay below {least}") for note in seams.notes)

@@ -9,6 +9,7 @@ import numpy as np
 from circparam.arrays import BoolArray, FloatArray
 from circparam.helper import Helper
 from circparam.progress import Monitor
+from circparam.seams.absorb import absorb
 from circparam.seams.carry import (
     carry_seams,
     drop_slivers,
@@ -59,6 +60,11 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
     with Helper(__name__, len(surface.faces) > SHARED_FACES) as helper:
         cutting, laid = atlas(opened, bound, options, helper, monitor)
+    if options.min_chart_faces > 1:
+        with monitor.stage("charts"):
+            notes += grow_small(cutting, bound, options.min_chart_faces, monitor)
+            patches = cutting.patches()
+            laid = judge(patches, cutting.gather(patches))
     cut = forced.copy()
     cut[~forced] = cutting.cut
     corners = laid.uv[laid.patches.faces]
@@ -92,6 +98,16 @@ def atlas(
             if laid.patches.n_charts > count:
                 laid = regroup(cutting, bound, monitor)
     return cutting, laid
+
+
+def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> list[str]:
+    """Let the neighbours of charts below so many faces take them; a note where some stay."""
+    left = absorb(cutting, MergeOptions(bound, margin=MARGIN / 2), least, monitor)
+    if not left:
+        return []
+    return [
+        f"{left} charts stay below {least} faces: no neighbour takes them within the distortion bound"
+    ]
 
 
 def regroup(cutting: Cutting, bound: float, monitor: Monitor) -> Laid:
