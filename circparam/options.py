@@ -41,7 +41,8 @@ class Options:
     Seams: ``cut`` one of CUTS. ``max_distortion`` the area-weighted symmetric Dirichlet energy / 4 that no
     chart may exceed (1 is perfect). ``max_charts``; ``min_chart_faces``. ``sharp`` radians between normals
     from which an edge is always cut. ``keep_uv_seams`` starts from the charts of the file. ``seams`` and
-    ``no_seams`` (s, 2) vertex pairs. ``cut_materials`` None: where there are several.
+    ``no_seams`` (s, 2) vertex pairs. ``cut_materials`` None: where there are several. ``symmetry`` x|y|z|auto:
+    seams that are the mirror image of each other.
 
     Repair: ``repair`` False refuses what would have to be repaired; ``weld`` distance in mesh units.
 
@@ -78,6 +79,7 @@ class Options:
     seams: Any = None
     no_seams: Any = None
     cut_materials: bool | None = None
+    symmetry: str | None = None
     repair: bool = True
     weld: float | None = None
     resolution: int | None = None
@@ -185,6 +187,7 @@ _CHOICES = {
     "group_by": ("primitive", "mesh", "scene"),
     "spacing": ("arc-length", "uniform"),
     "lscm": ("spectral", "pinned"),
+    "symmetry": ("x", "y", "z", "auto"),
 }
 
 
@@ -227,7 +230,7 @@ def _check_applies(o: Options) -> None:
         (("bff_border",), o.method == "bff", "only --method bff has a target border"),
         (("polygon",), o.border == "polygon", "it needs --border polygon"),
         (
-            ("max_distortion", "max_charts", "min_chart_faces", "keep_uv_seams"),
+            ("max_distortion", "max_charts", "min_chart_faces", "keep_uv_seams", "symmetry"),
             o.cut == "charts",
             f"it shapes --cut charts, not --cut {o.cut}",
         ),

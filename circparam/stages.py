@@ -69,6 +69,7 @@ def seam_options(document: Document, surface: Surface, mended: Repairs, o: Optio
         "max_charts": o.max_charts,
         "min_chart_faces": o.min_chart_faces,
         "sharp": o.sharp,
+        "symmetry": o.symmetry,
     }
     groups = document.mesh.groups
     several = groups is not None and len(np.unique(groups)) > 1

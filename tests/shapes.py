@@ -344,6 +344,12 @@ def join(*parts: Shape) -> Shape:
     )
 
 
+def mirrored(shape: Shape) -> Shape:
+    """A shape and its mirror image across x = 0, joined where they meet there."""
+    p, f = shape
+    return _weld(np.concatenate([p, p * [-1, 1, 1]]), np.concatenate([f, f[:, ::-1] + len(p)]))
+
+
 def row_of(shape: Shape, copies: int, gap: float = 0.5) -> Shape:
     """Copies of one shape side by side: many components."""
     p, f = shape

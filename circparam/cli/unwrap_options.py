@@ -66,6 +66,11 @@ seams = [
         help="Cut between materials.  [default: where there are several]",
     ),
     click.option(
+        "--symmetry",
+        type=click.Choice(["x", "y", "z", "auto"]),
+        help="Mirror the seams across this axis, or across the first that fits.",
+    ),
+    click.option(
         "--export-seams", type=options.FILE, metavar="FILE", help="Write the seams as vertex pairs."
     ),
 ]

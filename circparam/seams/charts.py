@@ -25,6 +25,14 @@ from circparam.seams.proxy import Proxy, decimate
 from circparam.seams.relayout import Laid, judge, lay_out_fresh, straighten
 from circparam.seams.segment import DualGraph, dual_graph, first_charts, make_disks, split_charts
 from circparam.seams.shorten import propose
+from circparam.seams.symmetry import (
+    Mirror,
+    about_image_of,
+    both_sides,
+    find_mirror,
+    image_of,
+    part_of,
+)
 from circparam.solve.newton import RelaxOptions
 from circparam.solve.poisson import from_jacobians
 from circparam.topology import Surface
@@ -51,30 +59,95 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """Seams that leave few charts, each a disk (holes allowed) whose isometric map stays under the bound.
 
     Returns the seams with the layout (symmetric Dirichlet energy minimised, no flips, no chart overlapping
-    itself). Raises OptionError for contradictory seams. Deterministic.
+    itself). Raises OptionError for contradictory seams, and for a symmetry that the surface does not have.
+    Deterministic.
     """
+    mirror = None if options.symmetry is None else find_mirror(surface, options.symmetry)
     surface, forced, notes = constrain(surface, options)
+    if mirror is not None:
+        surface = dataclasses.replace(surface, locked=mirror.closed(surface.locked))
+        forced = mirror.closed(forced) & ~surface.locked
+        notes.append(mirror.note)
     opened = dataclasses.replace(
         surface, edges=surface.edges[~forced], locked=surface.locked[~forced]
     )
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
-    with Helper(__name__, len(surface.faces) > SHARED_FACES) as helper:
-        cutting, laid = atlas(opened, bound, options, helper, monitor)
-    if options.min_chart_faces > 1:
-        with monitor.stage("charts"):
-            notes += grow_small(cutting, bound, options.min_chart_faces, monitor)
-            patches = cutting.patches()
-            laid = judge(patches, cutting.gather(patches))
+    if mirror is None:
+        cutting = atlas(opened, bound, options, monitor, notes)
+    else:
+        cutting = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
     cut = forced.copy()
     cut[~forced] = cutting.cut
-    corners = laid.uv[laid.patches.faces]
-    return Seams(cut, corners, notes)
+    return Seams(cut, cutting.corners, notes)
+
+
+def mirrored_atlas(
+    surface: Surface,
+    mirror: Mirror,
+    bound: float,
+    options: SeamOptions,
+    monitor: Monitor,
+    notes: list[str],
+) -> Cutting:
+    """The atlas of one half on both, then whatever charts of both may be glued where they meet."""
+    if options.max_charts is not None:
+        options = dataclasses.replace(options, max_charts=max(options.max_charts // 2, 1))
+    half = atlas(part_of(surface, mirror.half), bound, options, monitor, notes)
+    if mirror.images is not None:
+        other = image_of(surface, mirror, mirror.images, half)
+    else:
+        with monitor.stage("carry"):
+            rest = part_of(surface, ~mirror.half)
+            graph = dual_graph(rest)
+            other = carry(rest, graph, *about_image_of(mirror, half, rest))
+        finish(other, graph, bound, options, monitor, notes)
+    cutting, between = both_sides(surface, mirror, half, other)
+    with monitor.stage("charts"):
+        Merger(cutting, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
+        cutting.cut = mirror.closed(cutting.cut)
+        if not_disks(cutting.patches()).any():
+            make_disks(cutting, dual_graph(surface))
+    return cutting
 
 
 def atlas(
-    surface: Surface, bound: float, options: SeamOptions, helper: Helper, monitor: Monitor
-) -> tuple[Cutting, Laid]:
+    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
+) -> Cutting:
     """Decide the seams of a surface and lay its charts out."""
+    with Helper(__name__, len(surface.faces) > SHARED_FACES) as helper:
+        cutting, graph = _decided(surface, bound, options, helper, monitor)
+    finish(cutting, graph, bound, options, monitor, notes)
+    return cutting
+
+
+def finish(
+    cutting: Cutting,
+    graph: DualGraph,
+    bound: float,
+    options: SeamOptions,
+    monitor: Monitor,
+    notes: list[str],
+) -> None:
+    """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
+    make_disks(cutting, graph)
+    with monitor.stage("relax"):
+        laid = settle(cutting, monitor)
+    if options.max_charts is None:
+        with monitor.stage("enforce"):
+            count = laid.patches.n_charts
+            laid = enforce(cutting, graph, laid, bound, FINAL, monitor)
+            cutting.scatter(laid.patches, laid.uv)
+            if laid.patches.n_charts > count:
+                regroup(cutting, bound, monitor)
+    if options.min_chart_faces > 1:
+        with monitor.stage("charts"):
+            notes += grow_small(cutting, bound, options.min_chart_faces, monitor)
+
+
+def _decided(
+    surface: Surface, bound: float, options: SeamOptions, helper: Helper, monitor: Monitor
+) -> tuple[Cutting, DualGraph]:
+    """Seams before the last relaxation, decided on the surface or on its proxy."""
     if len(surface.faces) <= DIRECT_FACES:
         with monitor.stage("charts"):
             graph = dual_graph(surface)
@@ -88,16 +161,7 @@ def atlas(
         with monitor.stage("carry"):
             graph = dual_graph(surface)
             cutting = carry(surface, graph, coarse, proxy)
-    make_disks(cutting, graph)
-    with monitor.stage("relax"):
-        laid = settle(cutting, monitor)
-    if options.max_charts is None:
-        with monitor.stage("enforce"):
-            count = laid.patches.n_charts
-            laid = enforce(cutting, graph, laid, bound, FINAL, monitor)
-            if laid.patches.n_charts > count:
-                laid = regroup(cutting, bound, monitor)
-    return cutting, laid
+    return cutting, graph
 
 
 def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> list[str]:
@@ -110,13 +174,11 @@ def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> 
     ]
 
 
-def regroup(cutting: Cutting, bound: float, monitor: Monitor) -> Laid:
+def regroup(cutting: Cutting, bound: float, monitor: Monitor) -> None:
     """Merge the pieces that enforcing left with their neighbours where that is good again."""
     fixed = np.zeros(len(cutting.cut), bool)
     options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
     Merger(cutting, options, fixed).run(monitor)
-    patches = cutting.patches()
-    return judge(patches, cutting.gather(patches))
 
 
 def decide(

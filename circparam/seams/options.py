@@ -21,7 +21,8 @@ class SeamOptions:
     between the normals of two faces from which their edge is always a seam, None for no edge. cut, no_cut:
     (k, 2) pairs of points of the surface (mesh vertices through ``Repairs.weld``) whose edge must be, or may
     not be, a seam. groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are
-    seams. start: (e,) bool over surface.edges, seams to begin with (those of the file).
+    seams. start: (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or
+    'auto' for the first of them, across which the seams are the mirror image of each other.
     """
 
     max_distortion: float = 1.05
@@ -33,6 +34,7 @@ class SeamOptions:
     groups: IntArray | None = None
     cut_groups: bool = False
     start: BoolArray | None = None
+    symmetry: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
