@@ -48,7 +48,8 @@ class Options:
 
     Packing: ``resolution`` and ``padding`` in texels, ``pages``, ``texel_density`` texels per unit of the
     mesh, ``rotate`` free|90|none, ``effort`` a factor on the work of the search, ``scale`` False keeps the
-    sizes of the charts, ``normalize`` False keeps the coordinates of the solver.
+    sizes of the charts, ``pack_splits`` so many charts may be split where the page is covered much better then,
+    ``normalize`` False keeps the coordinates of the solver.
 
     Scenes: ``lightmap`` writes the second uv set and keeps the first; ``group_by`` primitive|mesh|scene: what
     shares one atlas; ``unshare`` gives every node of a glTF that shares a mesh its own copy.
@@ -88,6 +89,7 @@ class Options:
     texel_density: float | None = None
     rotate: str | None = None
     effort: float | None = None
+    pack_splits: int | None = None
     scale: bool | None = None
     normalize: bool | None = None
     format: str | None = None
@@ -176,6 +178,7 @@ _RANGES: dict[str, tuple[float, float, str]] = {
     "padding": (0, 4096, "texels, 0 to 4096"),
     "pages": (1, 100, "a number of pages, 1 to 100"),
     "texel_density": (1e-300, 1e300, "texels per unit of the mesh, more than 0"),
+    "pack_splits": (1, 1000, "a number of charts that may be split, from 1 on"),
     "effort": (0.0, 1000.0, "a factor on the work of the search, from 0 on"),
     "uv_set": (0, 7, "the number of a uv set, 0 to 7"),
     "timeout": (1e-9, 1e9, "seconds, more than 0"),
@@ -243,6 +246,16 @@ def _check_applies(o: Options) -> None:
             ("resolution", "padding", "pages", "texel_density", "rotate", "scale", "effort"),
             o.packed,
             "--no-normalize keeps the coordinates of the solver",
+        ),
+        (
+            ("pack_splits",),
+            o.packed
+            and o.cut == "charts"
+            and not o.grouped
+            and o.max_charts is None
+            and o.texel_density is None
+            and o.scale is not False,
+            "it makes room on the pages of one atlas of --cut charts without --max-charts or a fixed size",
         ),
         (("overwrite_uv",), o.target_set is not None, "it allows to replace the set of --uv-set"),
         (

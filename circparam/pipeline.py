@@ -17,6 +17,7 @@ from circparam.arrays import BoolArray, FloatArray, IntArray
 from circparam.distortion import best_chart_scales
 from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats import Document, stored
+from circparam.hubs import split_hubs
 from circparam.mesh import Patches, UVMap
 from circparam.methods import METHODS, MethodOptions
 from circparam.options import Options, from_keywords
@@ -89,6 +90,10 @@ def unwrap_document(
     atlas.again = options.cut == "charts" or "convex-border" not in METHODS[options.method].tags
     if options.bound is not None and _reachable(options):
         atlas.bound = options.bound
+    if options.pack_splits:
+        with monitor.stage("pack"):
+            chain.settle(atlas, True, method_options(options), monitor)
+            split_hubs(atlas, options.pack_splits, pack_options(options), atlas.bound, monitor)
     atlas.notes = [*document.notes, *seams.notes, *atlas.notes]
     uvmap = lay_out(atlas, document, mended, target, options, monitor)
     result = _result(document, surface, mended, atlas, uvmap, target, options, monitor)

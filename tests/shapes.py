@@ -12,7 +12,7 @@ from scipy.spatial import Delaunay
 Shape = tuple[np.ndarray, np.ndarray]
 
 
-def _compact(points: np.ndarray, faces: np.ndarray) -> Shape:
+def compact(points: np.ndarray, faces: np.ndarray) -> Shape:
     """Drop unused vertices."""
     used, inverse = np.unique(faces, return_inverse=True)
     return points[used], inverse.reshape(-1, 3).astype(np.int64)
@@ -25,7 +25,7 @@ def _weld(points: np.ndarray, faces: np.ndarray, digits: int = 9) -> Shape:
     )
     faces = inverse.reshape(-1)[faces]
     ok = (faces != np.roll(faces, 1, 1)).all(1)
-    return _compact(points[first], faces[ok])
+    return compact(points[first], faces[ok])
 
 
 def _grid_faces(nu: int, nv: int, closed_u: bool = False, closed_v: bool = False) -> np.ndarray:
@@ -87,7 +87,7 @@ def _planar(p: np.ndarray) -> Shape:
     e1, e2 = p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]
     area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
     faces = np.where((area < 0)[:, None], faces[:, [0, 2, 1]], faces)[np.abs(area) > 1e-12]
-    return _compact(np.c_[p, np.zeros(len(p))], faces)
+    return compact(np.c_[p, np.zeros(len(p))], faces)
 
 
 def rings(n: int = 6) -> Shape:
@@ -205,7 +205,7 @@ def holed_sheet(holes: int = 25, per_hole: int = 4) -> Shape:
     i, j = cell // n, cell % n
     hole = (i % per_hole == per_hole // 2) & (j % per_hole == per_hole // 2)
     number = (i // per_hole) * k + j // per_hole
-    return _compact(p, f[~(hole & (number < holes))])
+    return compact(p, f[~(hole & (number < holes))])
 
 
 # closed --------------------------------------------------------------------------------------------

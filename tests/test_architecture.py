@@ -43,6 +43,7 @@ FLOORS: list[tuple[str, set[str]]] = [
             "inspection",
             "sidecars",
             "chain",
+            "hubs",
             "stages",
             "result",
             "output",

@@ -71,6 +71,12 @@ seams = [
         help="Mirror the seams across this axis, or across the first that fits.",
     ),
     click.option(
+        "--pack-splits",
+        type=int,
+        metavar="N",
+        help="Split up to N charts where that covers the page much better.",
+    ),
+    click.option(
         "--export-seams", type=options.FILE, metavar="FILE", help="Write the seams as vertex pairs."
     ),
 ]
