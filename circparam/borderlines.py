@@ -23,6 +23,7 @@ from circparam.nearby import Candidates
 from circparam.predicates import orientation
 
 CHUNK = 2_000_000  # points x segments looked at together
+SHORT, PIECE = 0.25, 0.5  # segments below so many reaches are looked at in pieces about so long
 NEIGHBOURS = 8  # parts of a border closer than 8 margins along it are not compared for nearness
 
 
@@ -237,9 +238,22 @@ def nearby(border: Border, distance: FloatArray, charts: BoolArray) -> tuple[Int
         return live, live
     reach = distance[border.chart]
     loop, position, total = border.along
+    first, count, member = _pieces(border, live, reach)
+    last = member[first + count - 1]
+    of = member[first]
+    start, end, chart = border.start[of], border.end[last], border.chart[of]
+    # no point of a piece of several segments is further from its chord than that
+    sag = np.where(count > 1, (PIECE + SHORT) / 2 * reach[of], 0.0)
     found = [np.zeros((0, 2), np.int64)]
-    for i, j in Candidates(border.start[live], border.end[live], border.chart[live], reach[live]):
-        i, j = live[i], live[j]
+    for k, m in Candidates(start, end, chart, reach[of] + 2 * sag):
+        slack = sag[k] + sag[m]
+        close = segment_distance(start[k], end[k], start[m], end[m])
+        step = np.abs(position[of[k]] - position[of[m]])
+        step = np.minimum(step, total[of[k]] - step) + 2 * slack
+        beside = (loop[of[k]] == loop[of[m]]) & (step < NEIGHBOURS * reach[of[k]])
+        keep = (close < reach[of[k]] + slack) & ~beside
+        k, m = k[keep], m[keep]
+        i, j = _all_pairs(first, count, member, k, m)
         apart = np.abs(position[i] - position[j])
         apart = np.minimum(apart, total[i] - apart)
         far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach[i])
@@ -247,9 +261,40 @@ def nearby(border: Border, distance: FloatArray, charts: BoolArray) -> tuple[Int
         i, j = i[far], j[far]
         close = segment_distance(border.start[i], border.end[i], border.start[j], border.end[j])
         near = close < reach[i]
-        found.append(np.stack([i[near], j[near]], 1))
+        i, j = i[near], j[near]
+        found.append(np.stack([np.minimum(i, j), np.maximum(i, j)], 1))
     pairs = np.unique(np.concatenate(found), axis=0)
     return pairs[:, 0], pairs[:, 1]
+
+
+def _pieces(
+    border: Border, live: IntArray, reach: FloatArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Consecutive short segments as pieces about PIECE reaches long; every longer segment is one by itself.
+
+    Returns (first, number) of each piece in ``member``, the segments in order along the border.
+    """
+    loop, position, _ = border.along
+    member = live[np.lexsort((position[live], loop[live]))]
+    length = np.linalg.norm(border.end[member] - border.start[member], axis=1)
+    short = length < SHORT * reach[member]
+    step = np.floor(position[member] / np.maximum(PIECE * reach[member], 1e-300))
+    joined = short[1:] & short[:-1] & (step[1:] == step[:-1])
+    joined &= border.following[member[:-1]] == member[1:]
+    first = np.flatnonzero(np.r_[True, ~joined])
+    return first, np.diff(np.r_[first, len(member)]), member
+
+
+def _all_pairs(
+    first: IntArray, count: IntArray, member: IntArray, k: IntArray, m: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Segments i of pieces k with segments j of pieces m, all with all."""
+    number = count[k] * count[m]
+    pair = np.repeat(np.arange(len(k)), number)
+    at = ranges(number)
+    i = first[k][pair] + at // count[m][pair]
+    j = first[m][pair] + at % count[m][pair]
+    return member[i], member[j]
 
 
 def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:

@@ -10,7 +10,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from circparam.arrays import next_half_edge
-from circparam.borderlines import Border, wedge_left_of, wedges_meet
+from circparam.borderlines import (
+    NEIGHBOURS,
+    Border,
+    nearby,
+    segment_distance,
+    wedge_left_of,
+    wedges_meet,
+)
 from circparam.injectivity import crossings, overlaps, self_overlapping, shared_edges, signs
 from circparam.mesh import Patches, corner_classes, plane_frames
 from circparam.nearby import Candidates
@@ -471,3 +478,50 @@ def test_a_flap_folded_out_of_a_hole_overlaps_without_any_crossing(folded):
     found = overlaps(faces, uv, np.zeros(len(faces), np.int64))
     assert len(found.crossings) == 0
     assert found.self_overlapping.tolist() == [folded]
+
+
+def random_border(seed: int, dense: int) -> Border:
+    """Two charts: wavy closed loops whose parts come near each other, short segments and long."""
+    rng = np.random.default_rng(seed)
+    starts, ends, chart, following = [], [], [], []
+    for c, loops in enumerate((2, 1)):
+        for k in range(loops):
+            n = int(rng.integers(8, dense))
+            t = np.sort(rng.random(n)) * 2 * np.pi
+            r = 1 + 0.9 * np.sin(rng.integers(1, 9) * t + rng.random()) * rng.random() + 0.3 * k
+            p = np.stack([r * np.cos(t), r * np.sin(t)], 1)
+            at = sum(map(len, starts))
+            starts.append(p)
+            ends.append(np.roll(p, -1, axis=0))
+            chart += [c] * n
+            following.append(at + (np.arange(n) + 1) % n)
+    follow = np.concatenate(following)
+    before = np.empty_like(follow)
+    before[follow] = np.arange(len(follow))
+    order = np.arange(len(follow))
+    return Border(
+        3 * order, np.array(chart), np.concatenate(starts), np.concatenate(ends), follow, before,
+        np.ones(2),
+    )  # fmt: skip
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from([20, 150, 500]), st.floats(0.005, 0.3))
+def test_near_parts_of_a_border_against_brute_force(seed, dense, reach):
+    border = random_border(seed, dense)
+    i, j = np.triu_indices(len(border.chart), 1)
+    same = border.chart[i] == border.chart[j]
+    i, j = i[same], j[same]
+    loop, position, total = border.along
+    apart = np.abs(position[i] - position[j])
+    apart = np.minimum(apart, total[i] - apart)
+    far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach)
+    far &= (border.following[i] != j) & (border.before[i] != j)
+    i, j = i[far], j[far]
+    close = segment_distance(border.start[i], border.end[i], border.start[j], border.end[j])
+    for charts in ([True, True], [False, True]):
+        got = nearby(border, np.full(2, reach), np.array(charts))
+        keep = (close < reach) & np.array(charts)[border.chart[i]]
+        assert set(zip(*(g.tolist() for g in got), strict=True)) == set(
+            zip(i[keep].tolist(), j[keep].tolist(), strict=True)
+        )

@@ -14,6 +14,7 @@ from circparam.topology import Surface
 
 NORMAL_WEIGHT = 3.0  # how much a turn of the normal lengthens a step
 LLOYD_ROUNDS = 4
+NEEDLES = 0.05  # of the distance of their centroids: two faces are needles where the way across is shorter
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,9 @@ def dual_graph(surface: Surface) -> DualGraph:
     a, b = cell[fi], cell[fj]
     turn = 1 - (normal[a] * normal[b]).sum(1)
     far = np.linalg.norm(centre[a] - centre[b], axis=1)
+    # across the long side of two needles the way is as short as they are thin, wherever their centres lie
+    across = 2 * (total[a] + total[b]) / (3 * np.maximum(surface.edge_lengths, 1e-300))
+    far = np.where(across < NEEDLES * far, across, far)
     step = far * (1 + NORMAL_WEIGHT * turn) + 1e-9 * float(np.sqrt(total.sum()))
     return DualGraph(cell, a, b, step)
 
