@@ -21,6 +21,8 @@ from circparam.packing.options import PackOptions, strip_gap
 from circparam.packing.shapes import Shapes
 from circparam.packing.shelf import Placement
 
+# Contacts closer to each other than this share of the trust region count once.
+THIN = 0.5
 # Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
 _MARGIN = 0.02
 
@@ -175,6 +177,18 @@ def _program(
     return sps.csr_matrix((data, (row, column)), shape=(at, 3 * n + 1)), np.concatenate(bounds)
 
 
+def _thinned(found: Contacts, side: float) -> Contacts:
+    """The nearest of the contacts of two charts in each square of a side (texels): the others say the same."""
+    distance = ((found.p - found.q) ** 2).sum(1)
+    x, y = np.floor(found.p / side).astype(np.int64).T
+    order = np.lexsort((distance, y, x, found.j, found.i))
+    keys = np.stack([found.i, found.j, x, y])[:, order]
+    new = np.ones(len(order), bool)
+    new[1:] = (keys[:, 1:] != keys[:, :-1]).any(0)
+    keep = np.sort(order[new])
+    return Contacts(found.i[keep], found.j[keep], found.p[keep], found.q[keep])
+
+
 def squeeze(
     placement: Placement,
     outlines: list[Outline],
@@ -186,7 +200,9 @@ def squeeze(
 ) -> Placement | None:
     """One linear program: the largest growth within the trust region (texels); None where it fails."""
     n = len(outlines)
-    found = contacts(placement, outlines, options.gap + _MARGIN + 4 * trust)
+    found = _thinned(
+        contacts(placement, outlines, options.gap + _MARGIN + 4 * trust), max(THIN * trust, 1.0)
+    )
     matrix, bound = _program(placement, outlines, found, options, strict)
     keep = bound < 4 * trust
     reach = np.maximum(radius * placement.scale, 1e-9)

@@ -35,7 +35,8 @@ _FINE = 12
 _FEW = 60
 _COARSE = 64
 _CELLS = 192
-# Layouts of few charts that are squeezed.
+# Layouts that are squeezed, of so many charts; one of more.
+_VERY_FEW = 30
 _KEPT = 3
 # Charts up to which linear programs are solved in a second or so.
 _SQUEEZED = 150
@@ -62,7 +63,7 @@ def nested(
     few = shapes.n <= _FEW
     part = min(1.0, 4 * options.effort)
     rough = []
-    for layout in [*layouts[: _KEPT if few else 1], rows]:
+    for layout in [*layouts[: _KEPT if shapes.n <= _VERY_FEW else 1], rows]:
         if layout is None or monitor.expired:
             continue
         rough.append(

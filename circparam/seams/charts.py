@@ -40,6 +40,7 @@ from circparam.topology import Surface
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 PROXY_FACES = 3_000  # faces of the proxy of a mesh in one piece
 PROXY_SHARE = 1 / 60  # and at least this share of the faces
+WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 SHARED_FACES = 500  # from this size on starts are shared with a second process
@@ -148,20 +149,17 @@ def _decided(
     surface: Surface, bound: float, options: SeamOptions, helper: Helper, monitor: Monitor
 ) -> tuple[Cutting, DualGraph]:
     """Seams before the last relaxation, decided on the surface or on its proxy."""
-    if len(surface.faces) <= DIRECT_FACES:
-        with monitor.stage("charts"):
-            graph = dual_graph(surface)
-            cutting = decide(surface, bound, MARGIN, options.max_charts, helper, monitor)
-    else:
-        with monitor.stage("charts"):
-            target = max(PROXY_FACES, int(PROXY_SHARE * len(surface.faces)))
-            proxy = decimate(surface, target)
-            inner = 1 + (bound - 1) * (1 - SLACK)
-            coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, helper, monitor)
-        with monitor.stage("carry"):
-            graph = dual_graph(surface)
-            cutting = carry(surface, graph, coarse, proxy)
-    return cutting, graph
+    count, graph = len(surface.faces), dual_graph(surface)
+    proxy = None
+    with monitor.stage("charts"):
+        if count > DIRECT_FACES:
+            proxy = decimate(surface, max(PROXY_FACES, int(PROXY_SHARE * count)))
+        if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
+            return decide(surface, bound, MARGIN, options.max_charts, helper, monitor), graph
+        inner = 1 + (bound - 1) * (1 - SLACK)
+        coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, helper, monitor)
+    with monitor.stage("carry"):
+        return carry(surface, graph, coarse, proxy), graph
 
 
 def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> list[str]:
