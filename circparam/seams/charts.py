@@ -40,6 +40,8 @@ from circparam.topology import Surface
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 PROXY_FACES = 3_000  # faces of the proxy of a mesh in one piece
 PROXY_SHARE = 1 / 60  # and at least this share of the faces
+LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
+MANY = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
@@ -52,6 +54,7 @@ MARGIN = 0.004  # share of the root of its area that parts of one chart keep apa
 PROXY_MARGIN = 0.01  # on the proxy, whose borders are only about those of the mesh
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
+HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 
@@ -153,13 +156,22 @@ def _decided(
     proxy = None
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
-            proxy = decimate(surface, max(PROXY_FACES, int(PROXY_SHARE * count)))
+            target = max(PROXY_FACES, int(PROXY_SHARE * count), LOOP_FACES * _loops(surface))
+            proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             return decide(surface, bound, MARGIN, options.max_charts, helper, monitor), graph
         inner = 1 + (bound - 1) * (1 - SLACK)
         coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, helper, monitor)
     with monitor.stage("carry"):
         return carry(surface, graph, coarse, proxy), graph
+
+
+def _loops(surface: Surface) -> int:
+    """The first Betti number: two for each handle, one for each hole of a component but the first."""
+    faces = len(surface.faces)
+    parts, _ = surface.charts(np.zeros(len(surface.edges), bool))
+    edges = len(surface.edges) + len(surface.border)
+    return 2 * parts - (int(surface.corner_vertex.max()) + 1 - edges + faces)
 
 
 def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> list[str]:
@@ -214,18 +226,19 @@ def decide_once(
     proposal = propose(cutting, 2)
     cutting.cut = proposal.cut(np.ones(proposal.n, bool))
     make_disks(cutting, graph)
-    laid = lay_out_fresh(cutting, None, ROUGH)
+    crowd = cutting.charts()[0] > MANY
+    laid = lay_out_fresh(cutting, None, HASTY if crowd else ROUGH)
     for _ in range(12):
         bad = laid.bad(bound) & (np.bincount(laid.patches.chart) > 1)
         if not bad.any():
             break
         was = bad[laid.patches.chart]
-        split_charts(cutting, graph, laid.patches.chart, bad)
+        split_charts(cutting, graph, laid.patches.chart, bad, 4 if bad.sum() > MANY else 2)
         make_disks(cutting, graph)
         n, chart = cutting.charts()
         again = np.zeros(n, bool)
         again[chart[was]] = True
-        laid = lay_out_fresh(cutting, again, ROUGH)
+        laid = lay_out_fresh(cutting, again, HASTY if bad.sum() > MANY else ROUGH)
     merger = Merger(cutting, MergeOptions(bound, margin=margin), np.zeros(len(cutting.cut), bool))
     merger.run(monitor)
     _, before = cutting.charts()

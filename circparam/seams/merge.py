@@ -31,6 +31,9 @@ from circparam.solve.apart import push_apart
 from circparam.solve.newton import RelaxOptions, relax
 from circparam.solve.poisson import from_jacobians
 
+MANY = 300  # of more trials at once those that overlap before any relaxation are left out, and none is pushed
+PATIENCE = 3  # rounds in a row, after which merging ends
+HARDLY = 50  # if fewer than one in so many charts was merged in them
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
 
 
@@ -89,8 +92,14 @@ class Merger:
 
     def run(self, monitor: Monitor) -> None:
         """Merge until no pair is left to try."""
+        merged: list[int] = []
         for turn in range(self.options.rounds):
+            before = self.tally["merged"]
             if monitor.expired or not self.round():
+                break
+            merged.append(self.tally["merged"] - before)
+            few = (sum(merged[-PATIENCE:]) + 1) * HARDLY < self.cutting.charts()[0]
+            if few and turn >= PATIENCE:
                 break
             monitor.update(turn / self.options.rounds)
 
@@ -228,7 +237,7 @@ class Merger:
             sub, vid, _ = patches.subset(good)
             over = np.zeros(len(good), bool)
             over[good] = self_overlapping(sub, uv[vid], margin=self.options.margin)
-            if over.any():
+            if over.any() and len(good) <= MANY:
                 sub, vid, _ = patches.subset(over)
                 pushed, fine = push_apart(sub, uv[vid], self.options.margin, self.options.bound)
                 kept = fine[sub.vertex_chart]
@@ -266,12 +275,22 @@ class Merger:
         """
         o = self.options
         options = RelaxOptions(tolerance=o.tolerance, max_iterations=2, give_up=o.bound)
-        first = relax(patches, uv, options)
-        live = np.isfinite(first.energy)
-        for k, reason in enumerate(first.stopped):
-            live[k] &= reason != "gave up"
-        energy = np.where(live, first.energy, np.inf)
-        uv, floor = first.uv, first.floor
+        n = patches.n_charts
+        energy, floor = np.full(n, np.inf), np.ones(n)
+        live = np.ones(n, bool)
+        if n > MANY:
+            live = ~self_overlapping(patches, uv)
+            self.tally["overlap"] += int((~live).sum())
+        if live.any():
+            sub, vid, _ = patches.subset(live)
+            first = relax(sub, uv[vid], options)
+            going = np.isfinite(first.energy)
+            for k, reason in enumerate(first.stopped):
+                going[k] &= reason != "gave up"
+            uv[vid] = first.uv
+            floor[live] = first.floor
+            live[live] = going
+            energy[live] = first.energy[going]
         if live.any():
             sub, vid, _ = patches.subset(live)
             over = np.zeros(len(live), bool)

@@ -296,11 +296,13 @@ def _lowest(part: _Part, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     """Lower ε with the worst determinant of each group until all of its faces are upright."""
     out = x.copy()
     all_vertices = np.arange(len(x))
+    moving = np.ones(part.n, bool)
     for _ in range(OUTER):
         problem = _Problem(part, np.ones(part.n))
         worst = group_min(problem.determinants(x), part.chart, part.n)
         # a group that has flown apart is given up, before its numbers overflow
         left = (worst <= 1e-9) & (_extent(part, x) <= FAR * np.sqrt(part.patches.chart_areas))
+        left &= moving  # one that has found no lower step would find none again
         if not left.any() or (monitor is not None and monitor.expired):
             break
         if not left.all():
@@ -317,7 +319,8 @@ def _lowest(part: _Part, x: FloatArray, monitor: Monitor | None) -> FloatArray:
             return result
 
         group = part.patches.vertex_chart
-        x, _, _ = descend(problem.energy, x, group, part.n, precondition, 1e-4, INNER)
+        x, steps, _ = descend(problem.energy, x, group, part.n, precondition, 1e-4, INNER)
+        moving = steps > 0
         sound = _extent(part, x) <= FAR * np.sqrt(part.patches.chart_areas)
         keep = sound[group]
         out[all_vertices[keep]] = x[keep]
