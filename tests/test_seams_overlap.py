@@ -1,0 +1,92 @@
+"""Charts that lie on themselves: pushed apart where little is needed, else cut between the two sheets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.injectivity import self_overlapping
+from circparam.mesh import Mesh
+from circparam.progress import Monitor
+from circparam.repair import repair
+from circparam.seams.charts import FINAL
+from circparam.seams.cutting import Cutting
+from circparam.seams.enforce import enforce
+from circparam.seams.relayout import judge
+from circparam.seams.segment import dual_graph
+from circparam.seams.sheets import split_sheets
+from circparam.seams.shorten import edge_costs
+from circparam.solve.apart import push_apart
+from circparam.solve.newton import RelaxOptions, relax
+
+
+def winding_ring(turn: float, inner: float = 0.7, around: int = 96, along: int = 6) -> Cutting:
+    """A flat ring of an angle beyond a full turn, one end rising over the other: laid out, it covers itself."""
+    t, r = np.meshgrid(np.linspace(0, turn, around), np.linspace(inner, 1, along), indexing="ij")
+    t, r = t.ravel(), r.ravel()
+    p = np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1)
+    a = np.arange(around * along).reshape(around, along)
+    q = np.stack([a[:-1, :-1], a[:-1, 1:], a[1:, 1:], a[1:, :-1]], -1).reshape(-1, 4)
+    f = np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]]])[:, ::-1]
+    surface = repair(Mesh(p, np.ascontiguousarray(f)))[0]
+    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
+    flat = np.ascontiguousarray(p[surface.faces][:, :, :2])
+    d, e = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+    upright = (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]).sum() > 0
+    cutting.corners = flat if upright else flat * [-1, 1]
+    return cutting
+
+
+@pytest.mark.parametrize("beyond", [0.005, 0.012])
+def test_ends_that_overlap_a_little_are_pushed_apart(beyond: float) -> None:
+    cutting = winding_ring(2 * np.pi + beyond)
+    patches = cutting.patches()
+    uv = cutting.gather(patches)
+    margin = 0.002
+    assert self_overlapping(patches, uv).all()
+    pushed, fine = push_apart(patches, uv, margin, 1.05)
+    assert fine.all()
+    assert not self_overlapping(patches, pushed, margin=margin).any()
+    energy = relax(patches, pushed, RelaxOptions(max_iterations=0)).energy
+    assert energy.max() <= 1.05
+    # what there is no room for under the bound is told, and what lies deep is left alone
+    assert not push_apart(patches, uv, margin, 1 + 1e-9)[1].any()
+    deep = winding_ring(2 * np.pi + 1.5)
+    deep_patches = deep.patches()
+    assert not push_apart(deep_patches, deep.gather(deep_patches), margin, 1.05)[1].any()
+
+
+def test_charts_that_are_sound_keep_their_layout() -> None:
+    cutting = winding_ring(5.0)
+    patches = cutting.patches()
+    uv = cutting.gather(patches)
+    pushed, fine = push_apart(patches, uv, 0.002, 1.05)
+    assert fine.all()
+    assert np.allclose(pushed, uv, atol=1e-12)
+
+
+@pytest.mark.parametrize("turn", [7.5, 10.0])
+def test_sheets_are_cut_apart_across_the_ring(turn: float) -> None:
+    cutting = winding_ring(turn)
+    graph = dual_graph(cutting.surface)
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
+    assert laid.overlapping.all()
+    done = split_sheets(cutting, graph, laid, np.ones(1, bool), edge_costs(cutting))
+    assert done.all()
+    length = cutting.surface.edge_lengths[cutting.cut].sum()
+    assert 0.3 <= length <= 0.3 * 1.5 * cutting.cut.any(), "one cut across, which is 0.3 wide"
+    patches = cutting.patches()
+    assert patches.n_charts == 2
+    assert not judge(patches, cutting.gather(patches)).overlapping.any()
+
+
+def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
+    cutting = winding_ring(16.0)
+    graph = dual_graph(cutting.surface)
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
+    laid = enforce(cutting, graph, laid, 1.01, FINAL, Monitor())
+    assert not laid.bad(1.01).any()
+    # 16 radians need at least three charts of a turn each
+    assert 3 <= laid.patches.n_charts <= 6
