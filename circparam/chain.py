@@ -15,7 +15,15 @@ import numpy as np
 import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    group_max,
+    group_sum,
+    ranges,
+)
 from circparam.distortion import chart_distortion
 from circparam.errors import NoResultError, OptionError, TopologyError
 from circparam.injectivity import overlaps, signs
@@ -29,6 +37,7 @@ CRUSHED = 1e6  # distortion at which a chart counts as faulty whatever was promi
 SPLITS = 12  # times that a chart may be halved before it is taken to pieces
 CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
 STAND_IN = 1e-3  # least side of a triangle that stands in: of √(surface area) or the longest edge
+LARGEST = 8  # Atlas.laid at which no polygon that stands in grows any more
 GROW = 16.0  # by which such a side grows where even that is not held
 SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to pieces at once
 
@@ -39,7 +48,7 @@ class Atlas:
 
     tries: (m,) int64, how many links the chart of each face has been through. again: a flipped chart may be
     mapped by another method (not where the user asked for a convex map of a disk). laid: (m,), 1 for faces
-    laid down one by one, 2 for those with an equilateral triangle in their place. bound: distortion above
+    laid down one by one, 2 and more for those with a regular polygon in their place. bound: distortion above
     which a chart is split where it may be. notes: of methods and seams. repairs: what the
     chain had to do, one line each.
     """
@@ -186,6 +195,7 @@ def advance(
     # an isometric map may do where the method failed
     again = bad & (tries == 0) & (fault == FLIPPED) & atlas.again
     split = bad & ~again if may_split else np.zeros(n, bool)
+    split &= group_count(chart[atlas.laid >= LARGEST], n) == 0
     if not (again | split).any():
         return False
     with monitor.stage("repair layout"):
@@ -271,20 +281,33 @@ def _take_to_pieces(atlas: Atlas, faces: BoolArray) -> None:
 
 
 def _stand_in(atlas: Atlas, faces: BoolArray) -> None:
-    """Equilateral triangles for faces so thin or small that stored numbers cannot hold their shape."""
+    """Regular polygons for polygons so thin or small that stored numbers cannot hold their shape."""
     surface = atlas.surface
-    p = surface.points[surface.faces[faces]]
-    longest = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).max(1)
+    _, chart = surface.charts(atlas.cut)
+    _, label = np.unique(chart[faces], return_inverse=True)
+    local = np.zeros(len(chart), np.int64)
+    local[faces] = label
+    patches, fid = surface.some_patches(atlas.cut, faces, local)
+    n = patches.n_charts
+    longest = group_max(patches.edge_lengths.max(1), patches.chart, n)
     size = max(float(np.sqrt(surface.areas.sum())), float(surface.edge_lengths.max(initial=0.0)))
     side = np.maximum(longest, STAND_IN * size)
-    old = np.linalg.norm(atlas.corners[faces, 1] - atlas.corners[faces, 0], axis=1)
-    side = np.where(atlas.laid[faces] == 2, GROW * old, side)
-    corner = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
+    old = np.linalg.norm(atlas.corners[fid, 1] - atlas.corners[fid, 0], axis=1)
+    grown = group_max(np.where(atlas.laid[fid] >= 2, GROW * old, 0.0), patches.chart, n)
+    side = np.maximum(side, grown)
+    # a polygon's triangles have all their corners on its border
+    loops = patches.loops
+    turn = ranges(np.diff(loops.start)) / np.diff(loops.start)[loops.loop_of]
+    radius = side[loops.chart[loops.loop_of]] / np.sqrt(3)
+    uv = np.zeros((patches.n_vertices, 2))
+    uv[patches.faces.ravel()[loops.half_edges]] = radius[:, None] * np.stack(
+        [np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], 1
+    )
     atlas.corners = atlas.corners.copy()
-    atlas.corners[faces] = side[:, None, None] * corner
-    atlas.laid[faces] = 2
+    atlas.corners[fid] = uv[patches.faces]
+    atlas.laid[fid] = np.maximum(atlas.laid[fid] + 1, 2)
     atlas.repairs.append(
-        f"{int(faces.sum())} face(s) too thin or small to be stored got an equilateral triangle"
+        f"{len(fid)} face(s) too thin or small to be stored got a regular polygon instead"
     )
 
 

@@ -40,6 +40,9 @@ from circparam.stages import (
 from circparam.topology import Surface
 from circparam.verify import corners_of, uv_seams, wound_against
 
+RETRIED = (
+    0.1  # share of the packing's work that is done again for a layout that stored numbers spoilt
+)
 ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
 
 
@@ -203,13 +206,15 @@ def lay_out(
     tiles = tiles_of(document, options)
     convex = method_options(options)
     uvmap: UVMap | None = None
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
+        if turn == 1:  # what stored numbers spoil is spoilt in a loose layout too
+            options = replace(options, effort=min(RETRIED * (options.effort or 1.0), 1.0))
         chain.settle(atlas, may_split, convex, monitor)
         patches, uv = atlas.open()
         with monitor.stage("pack"):
             group = None if tiles is None else _chart_tiles(patches, tiles[atlas.surface.source])
             keep = np.zeros(patches.n_charts, bool)
-            keep[patches.chart[atlas.laid == 2]] = True
+            keep[patches.chart[atlas.laid >= 2]] = True
             side = sides(atlas.surface, patches, options)
             uv[:, 0] *= side[patches.vertex_chart]
             placed = place(patches, uv, options, atlas.notes, monitor, group, keep)
@@ -242,7 +247,7 @@ def _hold_stored(
         chain.settle(atlas, True, convex, monitor)
         patches, uv = atlas.open()
         keep = np.zeros(patches.n_charts, bool)
-        keep[patches.chart[atlas.laid == 2]] = True
+        keep[patches.chart[atlas.laid >= 2]] = True
         with monitor.stage("check"):
             uv = sized(patches, uv, keep) * size
             turn = np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -41,6 +42,8 @@ def read_stl(data: bytes, source: Source) -> PlainDocument:
     """Read STL through trimesh: three vertices for every face, none merged, in the order of the file."""
     import trimesh
 
+    # what it cannot read it tells its log, tracebacks and all; here that is one line
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())
     try:
         loaded = trimesh.load(io.BytesIO(data), file_type="stl", process=False)
     except Exception as error:  # trimesh raises whatever its parser meets

@@ -8,7 +8,6 @@ non-convex polygons", here with turns and growth); a few steps in a shrinking tr
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +19,7 @@ from circparam.arrays import FloatArray, IntArray, ranges
 from circparam.packing.options import PackOptions, strip_gap
 from circparam.packing.shapes import Shapes
 from circparam.packing.shelf import Placement
+from circparam.packing.work import Work
 
 # Contacts closer to each other than this share of the trust region count once.
 THIN = 0.5
@@ -197,6 +197,7 @@ def squeeze(
     trust: float,
     turn: bool,
     strict: bool,
+    work: Work,
 ) -> Placement | None:
     """One linear program: the largest growth within the trust region (texels); None where it fails."""
     n = len(outlines)
@@ -205,6 +206,7 @@ def squeeze(
     )
     matrix, bound = _program(placement, outlines, found, options, strict)
     keep = bound < 4 * trust
+    work.spend(float(keep.sum()))
     reach = np.maximum(radius * placement.scale, 1e-9)
     most = np.concatenate([np.full(2 * n, trust), trust / reach * turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
@@ -230,7 +232,7 @@ def compact(
     placement: Placement,
     options: PackOptions,
     steps: int,
-    expired: Callable[[], bool],
+    work: Work,
     trust: float = 32.0,
     strict: bool = False,
 ) -> Placement:
@@ -238,7 +240,7 @@ def compact(
 
     trust: first trust region in texels of a page of 2048; it is halved when a step gains little of what the
     region allows, down to a quarter of a texel. strict: keep the full gap in all directions, where the width
-    of straight strips would do; for layouts that the check refuses.
+    of straight strips would do; for layouts that the check refuses. work: counts the rows of the programs.
     The result keeps the distances up to the error of the last step; the caller checks.
     """
     unit = options.resolution / 2048
@@ -252,21 +254,23 @@ def compact(
             outlines = [
                 sample_outline(*shapes.outline(c), step / placement.scale) for c in range(shapes.n)
             ]
-        after = squeeze(placement, outlines, shapes.radius, options, trust * unit, turn, strict)
+        after = squeeze(
+            placement, outlines, shapes.radius, options, trust * unit, turn, strict, work
+        )
         if after is None:
             break
         gain = after.scale / placement.scale - 1
         placement = after
         if gain < 0.2 * trust * unit / (shapes.radius.max() * placement.scale):
             trust /= 2
-        if trust < 0.25 or expired():
+        if trust < 0.25 or work.over:
             break
-    if trust >= 0.5 and not expired():
+    if trust >= 0.5 and not work.late:
         # cut short: a last small step takes back what the linear programs overshot
         outlines = [
             sample_outline(*shapes.outline(c), 1 / placement.scale) for c in range(shapes.n)
         ]
         for trust in (1.0 * unit, 0.5 * unit):
-            after = squeeze(placement, outlines, shapes.radius, options, trust, turn, strict)
+            after = squeeze(placement, outlines, shapes.radius, options, trust, turn, strict, work)
             placement = placement if after is None else after
     return placement

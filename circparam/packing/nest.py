@@ -7,7 +7,6 @@ their spectra are made once; a larger scale of the charts is a smaller page on t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from circparam.packing.masks import Masks, chart_masks
 from circparam.packing.options import PackOptions
 from circparam.packing.shapes import Shapes, least_box_angles, least_square_angles
 from circparam.packing.shelf import Placement
+from circparam.packing.work import Work
 
 # A chart of which a tip moves by less than this between two angles is tried at no more of them (cells).
 _TIP = 3.0
@@ -191,19 +191,6 @@ def to_placement(board: Board, found: Found, options: PackOptions) -> Placement:
     corner = np.stack([found.column, found.row], 1) - low
     offset = corner * texels + options.border - options.gap / 2
     return Placement(texels / board.cell, angle, offset, found.page)
-
-
-class Work:
-    """Counts cells transformed instead of seconds, so that the same input gives the same layout."""
-
-    def __init__(self, budget: float, expired: Callable[[], bool]) -> None:
-        self.left = budget
-        self._expired = expired
-
-    def spend(self, amount: float) -> bool:
-        """Take from the budget; False when it is used up or the deadline has passed."""
-        self.left -= amount
-        return self.left > 0 and not self._expired()
 
 
 def search(

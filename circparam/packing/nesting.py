@@ -9,7 +9,6 @@ import numpy as np
 from circparam.packing.compact import compact
 from circparam.packing.nest import (
     Found,
-    Work,
     cell_size,
     chart_angles,
     lay_first,
@@ -20,6 +19,7 @@ from circparam.packing.nest import (
 from circparam.packing.options import PackOptions
 from circparam.packing.shapes import Shapes, least_square_angles
 from circparam.packing.shelf import Placement
+from circparam.packing.work import Work
 from circparam.progress import Monitor
 
 # Share of the page that is hoped for: it sets the size of the grid.
@@ -35,6 +35,8 @@ _FINE = 12
 _FEW = 60
 _COARSE = 64
 _CELLS = 192
+# Rows of the linear programs altogether: beyond, the steps end.
+_ROWS = 250_000
 # Layouts that are squeezed, of so many charts; one of more.
 _VERY_FEW = 30
 _KEPT = 3
@@ -62,21 +64,20 @@ def nested(
         return layouts[:1]
     few = shapes.n <= _FEW
     part = min(1.0, 4 * options.effort)
-    rough = []
+    work = Work(_ROWS * max(part, 0.25), lambda: monitor.expired)
+    rough: list[Placement] = []
     for layout in [*layouts[: _KEPT if shapes.n <= _VERY_FEW else 1], rows]:
-        if layout is None or monitor.expired:
+        if layout is None or work.late or (rough and work.left < _ROWS / 3):
             continue
-        rough.append(
-            compact(shapes, layout, options, _steps(_ROUGH, part), lambda: monitor.expired)
-        )
+        rough.append(compact(shapes, layout, options, _steps(_ROUGH, part), work))
     rough.sort(key=lambda p: -p.scale)
     steps = _steps(_FINE if few else _FINE // 2, part)
     for start in rough:
-        fine = compact(shapes, start, options, steps, lambda: monitor.expired, 8.0)
+        fine = compact(shapes, start, options, steps, work, 8.0)
         if sound(fine):
             return [fine]
         # the straight strips were too narrow somewhere: the full gap everywhere may do
-        safe = compact(shapes, fine, options, 3, lambda: monitor.expired, 1.0, strict=True)
+        safe = compact(shapes, fine, options, 3, work, 1.0, strict=True)
         if sound(safe):
             return [safe]
     return layouts[:1]

@@ -1,0 +1,28 @@
+"""A budget that is counted in operations and not in seconds, so that the same input gives the same layout."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+
+class Work:
+    """What is left of a budget; nothing where the deadline has passed."""
+
+    def __init__(self, budget: float, expired: Callable[[], bool]) -> None:
+        self.left = budget
+        self._expired = expired
+
+    def spend(self, amount: float) -> bool:
+        """Take from the budget; False when it is used up or the deadline has passed."""
+        self.left -= amount
+        return not self.over
+
+    @property
+    def over(self) -> bool:
+        """Whether the budget is used up, or the deadline has passed."""
+        return self.left <= 0 or self.late
+
+    @property
+    def late(self) -> bool:
+        """Whether the deadline has passed."""
+        return self._expired()
