@@ -247,3 +247,26 @@ def test_a_pin_on_a_seam_is_refused() -> None:
         chain.flatten(
             s, cut, None, "mean-value", MethodOptions(), np.array([[12.0, 0, 0]]), Monitor()
         )
+
+
+def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() -> None:
+    """A quad as thin as a line: its two triangles have one uv a corner, so they cannot stand in alone."""
+    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1e-5, 0], [0, 1e-5, 0]])
+    surface = repair(Mesh(p, np.array([[0, 1, 2], [0, 2, 3]]), polygons=np.zeros(2, int)))[0]
+    m = len(surface.faces)
+    nothing = np.full((m, 3, 2), np.nan)
+    atlas = chain.Atlas(surface, np.zeros(len(surface.edges), bool), nothing, np.zeros(m, int))
+    seen = []
+    for _ in range(40):
+        if not chain.advance(atlas, np.array([chain.FLIPPED]), True, MethodOptions(), Monitor()):
+            break
+        patches, uv = atlas.open()
+        seen.append((np.ptp(uv, axis=0).max(), int(atlas.laid[0])))
+    assert len(seen) < 40, "it ends"
+    assert atlas.laid.max() == chain.LARGEST
+    patches, uv = atlas.open()
+    assert chain.faults(patches, uv)[0].tolist() == [chain.SOUND]
+    side = np.linalg.norm(uv[patches.faces[:, 1]] - uv[patches.faces[:, 0]], axis=1)
+    assert side.min() > 1e-3 * np.ptp(uv, axis=0).max(), "no side is thin any more"
+    sizes = [size for size, laid in seen if laid >= 2]
+    assert (np.diff(np.log(sizes)) > np.log(2)).all()

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import circparam
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
 from circparam.formats import (
     DEFAULT_OUTPUT,
@@ -480,3 +481,11 @@ def test_the_validator_finds_nothing_new_in_real_files(tmp_path: Path, path: Pat
             write(paths[-1], doc, layout_with_seams(doc), options=WriteOptions(uv_set=uv_set))
     found = validate(*paths)
     assert found[1:] == [found[0]] * 4
+
+
+def test_positions_beyond_float32_are_refused_for_glb(tmp_path):
+    p = np.array([[0.0, 0, 0], [1e45, 0, 0], [0, 1e45, 0]])
+    with pytest.raises(OutputError, match="1e\\+45 do not fit in float32"):
+        circparam.unwrap((p, np.array([[0, 1, 2]])), tmp_path / "o.glb")
+    assert not list(tmp_path.iterdir())
+    assert circparam.unwrap((p, np.array([[0, 1, 2]])), tmp_path / "o.obj").status == "ok"

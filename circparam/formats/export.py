@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.arrays import IntArray
-from circparam.errors import OptionError
+from circparam.errors import OptionError, OutputError
 from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.gltf_pack import ARRAY_BUFFER, ELEMENT_BUFFER, glb_bytes
 from circparam.formats.gltf_tree import COMPONENTS, Json
@@ -160,6 +160,12 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
     split = split_vertices(n, mesh.faces.ravel(), stored_uv(uvmap.uv), uvmap.uv_faces.ravel())
     with np.errstate(over="ignore"):
         points = np.nan_to_num(mesh.points, posinf=0.0, neginf=0.0).astype(np.float32)
+    if not np.isfinite(points).all():
+        far = float(np.abs(mesh.points[np.unique(mesh.faces)]).max())
+        raise OutputError(
+            f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
+            "scale the mesh"
+        )
     notes = lost(document)
     if (points != mesh.points)[np.unique(mesh.faces)].any():
         notes.append("positions were rounded to float32, all that glTF stores")
