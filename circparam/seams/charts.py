@@ -201,6 +201,9 @@ def decide(
 ) -> Cutting:
     """Grow, merge and straighten charts on the surface itself: the best of a few starts where that is cheap."""
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
+    # so many holes and handles cut the surface up that regions hardly matter
+    if _loops(surface) > MANY:
+        seeds = seeds[:1]
     tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
     starts = [Cutting(surface, *s) for s in helper.map(decide_once, tasks, monitor) if s]
     cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
