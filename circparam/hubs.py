@@ -27,7 +27,8 @@ ANCHORS = 48  # points of a border between which paths are tried
 ANGLES = 16  # of the bounding boxes, in a quarter turn
 HUBS = 2  # charts that are tried for a split, those that waste most
 TRIED = 3  # paths of each that are packed
-GAIN = 1.05  # factor on the covered share that a split must bring
+GAIN = 1.05  # factor on the covered share that each split must bring
+AHEAD = 3  # splits that may bring nothing before one that does
 LEAST = 0.03  # share of the chart that either part must have
 CHORD = 0.05  # worth of a cut as long as the root of the chart's area, as a share of that area
 EFFORT = 0.1  # of the search for a layout that only serves to compare
@@ -45,7 +46,7 @@ class _Candidate:
 def split_hubs(
     atlas: Atlas, most: int, options: PackOptions, bound: float, monitor: Monitor
 ) -> None:
-    """Split at most so many charts where that raises the covered share by GAIN; the atlas notes what was done.
+    """Split at most so many charts where each split raises the covered share by GAIN; the atlas notes it.
 
     The parts keep the layout they had, so nothing overlaps; a split that would lift one above ``bound`` (its
     distortion at its own best scale) is not made.
@@ -58,21 +59,21 @@ def split_hubs(
         padding=options.padding // coarse,
     )
     before = atlas.cut
-    share = _share(atlas, before, quick, monitor)
+    # an arm alone often frees nothing while its opposite stays: go on, then take what was worth its splits
+    steps: list[tuple[float, BoolArray]] = [(_share(atlas, before, quick, monitor), before)]
     done = 0
-    while done < most and not monitor.expired:
-        tried = [(_share(atlas, c.cut, quick, monitor), c) for c in _candidates(atlas, bound)]
+    while len(steps) <= most and len(steps) - done <= AHEAD and not monitor.expired:
+        tried = [(_share(atlas, c.cut, quick, monitor), c.cut) for c in _candidates(atlas, bound)]
         if not tried:
             break
-        best, chosen = max(tried, key=lambda t: t[0])
-        if best < GAIN * share:
-            break
-        atlas.cut, share = chosen.cut, best
-        done += 1
+        steps.append(max(tried, key=lambda t: t[0]))
+        atlas.cut = steps[-1][1]
+        done = int(np.argmax([share / GAIN**k for k, (share, _) in enumerate(steps)]))
+    atlas.cut = steps[done][1]
     if done:
         # the quick layouts only rank the splits: what counts is the page as it will be packed
         first, last = (_share(atlas, cut, options, monitor) for cut in (before, atlas.cut))
-        if last >= GAIN * first:
+        if last >= GAIN**done * first:
             longer = _seams(atlas, atlas.cut) - _seams(atlas, before)
             atlas.notes.append(
                 f"--pack-splits: {done} charts split, covered share {first:.2f} before and {last:.2f} "

@@ -40,6 +40,8 @@ _ROWS = 250_000
 # Layouts that are squeezed, of so many charts; one of more.
 _VERY_FEW = 30
 _KEPT = 3
+# Rounds of the search for the angle of a single chart: each is four times finer.
+_ALONE = 8
 # Charts up to which linear programs are solved in a second or so.
 _SQUEEZED = 150
 
@@ -59,6 +61,8 @@ def nested(
     """
     if options.fixed_scale is not None:
         return _at_fixed_scale(shapes, options, options.fixed_scale, monitor)
+    if shapes.n == 1:
+        return [_alone(shapes, options)]
     layouts = _layouts(shapes, options, monitor)
     if shapes.n > _SQUEEZED:
         return layouts[:1]
@@ -81,6 +85,17 @@ def nested(
         if sound(safe):
             return [safe]
     return layouts[:1]
+
+
+def _alone(shapes: Shapes, options: PackOptions) -> Placement:
+    """One chart in the middle of its page, at the angle where it fits the smallest square."""
+    angle = least_square_angles(shapes, options.rotate, rounds=_ALONE)
+    box = shapes.boxes(angle)
+    side = float((box[:, 2:] - box[:, :2]).max())
+    scale = (options.resolution - 2 * options.border) / side
+    middle = (box[:, 2:] + box[:, :2]) / 2
+    offset = options.resolution / 2 - middle * scale
+    return Placement(scale, angle, offset, np.zeros(1, np.int64))
 
 
 def _steps(most: int, part: float) -> int:

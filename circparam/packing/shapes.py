@@ -173,20 +173,25 @@ def least_box_angles(shapes: Shapes, rotate: str, steps: int = 90) -> FloatArray
     return best + np.where(tall, _QUARTER, 0.0)
 
 
-def least_square_angles(shapes: Shapes, rotate: str, steps: int = 90) -> FloatArray:
+def least_square_angles(
+    shapes: Shapes, rotate: str, steps: int = 90, rounds: int = 3
+) -> FloatArray:
     """(n,) angle at which each chart fits the smallest upright square."""
     if rotate != "free":
         return np.zeros(shapes.n)
-    return _best_angles(shapes, steps, np.maximum)
+    return _best_angles(shapes, steps, np.maximum, rounds)
 
 
 def _best_angles(
-    shapes: Shapes, steps: int, cost: Callable[[FloatArray, FloatArray], FloatArray]
+    shapes: Shapes,
+    steps: int,
+    cost: Callable[[FloatArray, FloatArray], FloatArray],
+    rounds: int = 3,
 ) -> FloatArray:
-    """Angles of least cost of width and height: a quarter turn in steps, then two rounds about the best."""
+    """Angles of least cost of width and height: a quarter turn in steps, then finer about the best."""
     best = np.zeros(shapes.n)
     width, count = _QUARTER, steps
-    for _ in range(3):
+    for _ in range(rounds):
         centre, least = best.copy(), np.full(shapes.n, np.inf)
         for t in np.linspace(-width / 2, width / 2, count):
             box = shapes.boxes(centre + t)

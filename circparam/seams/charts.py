@@ -19,6 +19,7 @@ from circparam.seams.carry import (
 )
 from circparam.seams.cutting import Cutting, not_disks
 from circparam.seams.enforce import enforce, lay_out_sound
+from circparam.seams.holes import close_small_holes, complexity, without_fans
 from circparam.seams.merge import MergeOptions, Merger
 from circparam.seams.options import SeamOptions, Seams, constrain
 from circparam.seams.proxy import Proxy, decimate
@@ -152,11 +153,16 @@ def _decided(
     surface: Surface, bound: float, options: SeamOptions, helper: Helper, monitor: Monitor
 ) -> tuple[Cutting, DualGraph]:
     """Seams before the last relaxation, decided on the surface or on its proxy."""
+    if complexity(surface) > MANY:
+        closed = close_small_holes(surface)
+        if complexity(closed) <= complexity(surface) / 2:
+            cutting, _ = _decided(closed, bound, options, helper, monitor)
+            return without_fans(cutting, surface), dual_graph(surface)
     count, graph = len(surface.faces), dual_graph(surface)
     proxy = None
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
-            target = max(PROXY_FACES, int(PROXY_SHARE * count), LOOP_FACES * _loops(surface))
+            target = max(PROXY_FACES, int(PROXY_SHARE * count), LOOP_FACES * complexity(surface))
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             return decide(surface, bound, MARGIN, options.max_charts, helper, monitor), graph
@@ -164,14 +170,6 @@ def _decided(
         coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, helper, monitor)
     with monitor.stage("carry"):
         return carry(surface, graph, coarse, proxy), graph
-
-
-def _loops(surface: Surface) -> int:
-    """The first Betti number: two for each handle, one for each hole of a component but the first."""
-    faces = len(surface.faces)
-    parts, _ = surface.charts(np.zeros(len(surface.edges), bool))
-    edges = len(surface.edges) + len(surface.border)
-    return 2 * parts - (int(surface.corner_vertex.max()) + 1 - edges + faces)
 
 
 def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> list[str]:
@@ -199,18 +197,40 @@ def decide(
     helper: Helper,
     monitor: Monitor,
 ) -> Cutting:
-    """Grow, merge and straighten charts on the surface itself: the best of a few starts where that is cheap."""
+    """Decide seams on the surface itself: components that are good charts as they are stay whole."""
+    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
+    rest = ~whole_components(cutting, bound)
+    if rest.any():
+        part = best_of_starts(part_of(surface, rest), bound, margin, helper, monitor)
+        cutting.cut[rest[surface.edges[:, 0] // 3]] = part.cut
+        cutting.corners[rest] = part.corners
+    if max_charts is not None:
+        reach_count(cutting, bound, max_charts, monitor)
+    return cutting
+
+
+def whole_components(cutting: Cutting, bound: float) -> BoolArray:
+    """(m,) bool: faces of components that are good charts without a seam. They are laid out."""
+    patches = cutting.patches()
+    able = ~not_disks(patches)
+    if able.any():
+        laid = lay_out_fresh(cutting, able, dataclasses.replace(ROUGH, give_up=bound))
+        able &= ~laid.bad(bound)
+    return able[patches.chart]
+
+
+def best_of_starts(
+    surface: Surface, bound: float, margin: float, helper: Helper, monitor: Monitor
+) -> Cutting:
+    """Grow, merge and straighten charts: the best of a few starts where that is cheap."""
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
     # so many holes and handles cut the surface up that regions hardly matter
-    if _loops(surface) > MANY:
+    if complexity(surface) > MANY:
         seeds = seeds[:1]
     tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
     starts = [Cutting(surface, *s) for s in helper.map(decide_once, tasks, monitor) if s]
     cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
-    cutting = starts[int(np.argmin(cost))]
-    if max_charts is not None:
-        reach_count(cutting, bound, max_charts, monitor)
-    return cutting
+    return starts[int(np.argmin(cost))]
 
 
 def decide_once(
