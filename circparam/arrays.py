@@ -57,6 +57,11 @@ def group_max(values: FloatArray, groups: IntArray, n: int) -> FloatArray:
     return out
 
 
+def dot(a: FloatArray, b: FloatArray) -> float:
+    """Inner product whose rounding does not depend on the number of threads, as that of a BLAS does."""
+    return float((a * b).sum())
+
+
 def cross2(a: FloatArray, b: FloatArray) -> FloatArray:
     """z component of the cross product of plane vectors, over the last axis."""
     result: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -2,7 +2,7 @@
 
 Threads would share one interpreter lock, and a pool from the standard library would run the caller's main
 module again. So the helper is a process of its own, ``python -m circparam.helper MODULE``, that imports
-MODULE while the caller still prepares, takes one pickled task and answers it. It changes seconds, never
+MODULE while the caller still prepares, takes pickled tasks and answers each. It changes seconds, never
 results: whatever keeps it from answering, the caller does that part of the work itself.
 """
 
@@ -12,6 +12,7 @@ import contextlib
 import importlib
 import os
 import pickle
+import queue
 import signal
 import subprocess
 import sys
@@ -100,8 +101,9 @@ class Helper:
                     if k not in theirs:
                         results[k] = function(*tasks[k], monitor)
                 given = self._given(answer)
-            finally:
-                self.close()
+            except BaseException:
+                self.close()  # else the pool would wait for its answer
+                raise
         for k, result in zip(theirs, given, strict=False):
             results[k] = result
         for k in theirs[len(given) :]:
@@ -118,14 +120,14 @@ class Helper:
         answer: list[Any] = pickle.loads(_message(process.stdout))
         return answer
 
-    @staticmethod
-    def _given(answer: Future[list[Any]] | None) -> list[Any]:
-        """What the process answered; nothing where it could not."""
+    def _given(self, answer: Future[list[Any]] | None) -> list[Any]:
+        """What the process answered; nothing where it could not, and no more is asked of it then."""
         if answer is None:
             return []
         try:
             return answer.result()
         except (OSError, EOFError, ValueError, pickle.PickleError, ImportError, AttributeError):
+            self.close()
             return []
 
 
@@ -142,22 +144,26 @@ def _exactly(stream: IO[bytes], size: int) -> bytes:
 
 
 def _serve() -> None:
-    """Answer one task from standard input; end at once when the caller is gone."""
+    """Answer tasks from standard input; end at once when the caller is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller hears it too, and ends this process
     source, target = sys.stdin.buffer, sys.stdout.buffer
     sys.stdout = sys.stderr
     for name in sys.argv[1:]:
         importlib.import_module(name)
-    function, tasks, seconds = pickle.loads(_message(source))
+    messages: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 
-    def leave() -> None:
-        source.read()
+    def listen() -> None:
+        with contextlib.suppress(EOFError):
+            while True:
+                messages.put(_message(source))
         os._exit(1)
 
-    threading.Thread(target=leave, daemon=True).start()
-    answer = pickle.dumps([function(*task, Monitor(None, seconds)) for task in tasks])
-    target.write(len(answer).to_bytes(LENGTH, "little") + answer)
-    target.flush()
+    threading.Thread(target=listen, daemon=True).start()
+    while True:
+        function, tasks, seconds = pickle.loads(messages.get())
+        answer = pickle.dumps([function(*task, Monitor(None, seconds)) for task in tasks])
+        target.write(len(answer).to_bytes(LENGTH, "little") + answer)
+        target.flush()
 
 
 if __name__ == "__main__":

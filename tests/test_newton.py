@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -218,3 +223,28 @@ def test_frames_keep_the_lengths() -> None:
     for i, j in ((0, 1), (1, 2), (2, 0)):
         flat = np.linalg.norm(f[:, i] - f[:, j], axis=1)
         assert np.allclose(flat, np.linalg.norm(p[:, i] - p[:, j], axis=1))
+
+
+RELAXED = """
+import hashlib
+import numpy as np
+from circparam.mesh import Mesh
+from circparam.repair import repair
+from circparam.solve.convex import embed_convex
+from circparam.solve.newton import RelaxOptions, relax
+from tests import shapes
+surface = repair(Mesh(*shapes.bumped_disk(9000)))[0]
+patches = surface.patches(np.zeros(len(surface.edges), bool))
+uv = relax(patches, embed_convex(patches, "circle")[0], RelaxOptions()).uv
+print(hashlib.sha256(uv.tobytes()).hexdigest())
+"""
+
+
+def test_the_same_numbers_whatever_the_number_of_threads() -> None:
+    """A chart so large that it is solved by iteration, with sums that a BLAS would share out among threads."""
+    root = Path(__file__).parents[1]
+    found = set()
+    for threads in ("1", "2"):
+        env = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+        found.add(subprocess.check_output([sys.executable, "-c", RELAXED], cwd=root, env=env))
+    assert len(found) == 1

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.arrays import BoolArray, FloatArray, IntArray, dot, group_max, group_sum
 from circparam.errors import NoResultError
 from circparam.geometry import corner_angles, vertex_angle_sums
 from circparam.linear import Factor
@@ -190,18 +190,18 @@ class _Solver:
         r = b - matrix @ x
         target = 1e-13 * float(np.abs(b).max(initial=0.0))
         z = factor.solve(r)
-        p, rz = z, float(r @ z)
+        p, rz = z, dot(r, z)
         for _ in range(CG_LIMIT):
             if float(np.abs(r).max(initial=0.0)) <= target:
                 return x
             q = matrix @ p
-            curvature = float(p @ q)
+            curvature = dot(p, q)
             if not (curvature > 0 and rz > 0):
                 return None
             x = x + (rz / curvature) * p
             r = r - (rz / curvature) * q
             z = factor.solve(r)
-            rz, last = float(r @ z), rz
+            rz, last = dot(r, z), rz
             p = z + (rz / last) * p
         return None
 

@@ -27,6 +27,11 @@ COLUMNS = 24
 
 # Scales that are tried: the height used at one tells the next.
 PASSES = 5
+# Share of the pages that grown charts cover, about: of charts above, and of soups of small pieces.
+_HOPE, _HOPE_MANY = 0.72, 0.58
+# Charts from which a page filled so far is full: a pass takes a second there.
+_MANY = 1000
+_FULL = 0.98
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +147,7 @@ def drop_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Pl
     area = float(shapes.area.sum())
     reach = options.gap / 2
     # the share that is hoped for counts charts grown by half the gap
-    scale = _scale_for(shapes, options, 0.72, area, reach)
+    scale = _scale_for(shapes, options, _HOPE if n < _MANY else _HOPE_MANY, area, reach)
     best: Placement | None = None
     low, high = 0.0, np.inf
     for _ in range(PASSES):
@@ -151,7 +156,8 @@ def drop_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Pl
             best, low = placement, scale
         else:
             high = scale
-        if high < low * 1.008 or monitor.expired:
+        full = placement is not None and n >= _MANY and fill >= _FULL
+        if high < low * 1.008 or full or monitor.expired:
             break
         guess = scale / np.sqrt(fill) * 0.999
         if placement is not None:

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray
+from circparam.arrays import BoolArray, FloatArray, IntArray
 from circparam.helper import Helper
 from circparam.progress import Monitor
 from circparam.seams.absorb import absorb
@@ -42,11 +42,13 @@ DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 PROXY_FACES = 3_000  # faces of the proxy of a mesh in one piece
 PROXY_SHARE = 1 / 60  # and at least this share of the faces
 LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
+CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
 MANY = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 SHARED_FACES = 500  # from this size on starts are shared with a second process
+HALVED_FACES = 8_000  # from this size on charts are relaxed in two halves, side by side
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
@@ -105,7 +107,8 @@ def mirrored_atlas(
             rest = part_of(surface, ~mirror.half)
             graph = dual_graph(rest)
             other = carry(rest, graph, *about_image_of(mirror, half, rest))
-        finish(other, graph, bound, options, monitor, notes)
+        with Helper(__name__, len(rest.faces) > HALVED_FACES) as helper:
+            finish(other, graph, bound, options, helper, monitor, notes)
     cutting, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
         Merger(cutting, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
@@ -121,7 +124,7 @@ def atlas(
     """Decide the seams of a surface and lay its charts out."""
     with Helper(__name__, len(surface.faces) > SHARED_FACES) as helper:
         cutting, graph = _decided(surface, bound, options, helper, monitor)
-    finish(cutting, graph, bound, options, monitor, notes)
+        finish(cutting, graph, bound, options, helper, monitor, notes)
     return cutting
 
 
@@ -130,23 +133,60 @@ def finish(
     graph: DualGraph,
     bound: float,
     options: SeamOptions,
+    helper: Helper,
     monitor: Monitor,
     notes: list[str],
 ) -> None:
     """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
     make_disks(cutting, graph)
-    with monitor.stage("relax"):
-        laid = settle(cutting, monitor)
-    if options.max_charts is None:
-        with monitor.stage("enforce"):
-            count = laid.patches.n_charts
-            laid = enforce(cutting, graph, laid, bound, FINAL, monitor)
-            cutting.scatter(laid.patches, laid.uv)
-            if laid.patches.n_charts > count:
-                regroup(cutting, bound, monitor)
+    with monitor.stage("enforce"):
+        count, chart = cutting.charts()
+        to_bound = bound if options.max_charts is None else None
+        parts = in_halves(chart)
+        tasks = [(*part_of_cutting(cutting, part), to_bound) for part in parts]
+        done = helper.map(settle_part, tasks, monitor)
+        for part, (cut, corners) in zip(parts, done, strict=True):
+            cutting.cut[part[cutting.surface.edges // 3].all(1)] = cut
+            cutting.corners[part] = corners
+        if cutting.charts()[0] > count:
+            regroup(cutting, bound, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             notes += grow_small(cutting, bound, options.min_chart_faces, monitor)
+
+
+def in_halves(chart: IntArray) -> list[BoolArray]:
+    """Faces ((m,) bool) of two sets of charts of about the same size; all in one where there are none such."""
+    size = np.bincount(chart)
+    order = np.argsort(-size, kind="stable")
+    # in turns by falling size: A B B A A B B A …
+    first = np.isin(np.arange(len(size)) % 4, (0, 3))
+    chosen = np.zeros(len(size), bool)
+    chosen[order[first]] = True
+    half = chosen[chart]
+    share = half.mean()
+    if len(chart) < HALVED_FACES or not 0.25 < share < 0.75:
+        return [np.ones(len(chart), bool)]
+    return [half, ~half]
+
+
+def part_of_cutting(cutting: Cutting, faces: BoolArray) -> tuple[Surface, BoolArray, FloatArray]:
+    """(surface, cut, corners) of some faces of a cutting."""
+    inside = faces[cutting.surface.edges // 3].all(1)
+    return part_of(cutting.surface, faces), cutting.cut[inside], cutting.corners[faces]
+
+
+def settle_part(
+    surface: Surface, cut: BoolArray, corners: FloatArray, bound: float | None, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """Relax charts, and hold them to a bound where there is one: (cut, corners)."""
+    cutting = Cutting(surface, cut, corners)
+    with monitor.stage("relax"):
+        laid = settle(cutting, monitor)
+    if bound is not None:
+        laid = enforce(cutting, dual_graph(surface), laid, bound, FINAL, monitor)
+        cutting.scatter(laid.patches, laid.uv)
+    return cutting.cut, cutting.corners
 
 
 def _decided(
@@ -225,7 +265,7 @@ def best_of_starts(
     """Grow, merge and straighten charts: the best of a few starts where that is cheap."""
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
     # so many holes and handles cut the surface up that regions hardly matter
-    if complexity(surface) > MANY:
+    if complexity(surface) > min(MANY, len(surface.faces) / CUT_UP):
         seeds = seeds[:1]
     tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
     starts = [Cutting(surface, *s) for s in helper.map(decide_once, tasks, monitor) if s]
@@ -266,10 +306,11 @@ def decide_once(
     merger.run(monitor)
     _, before = cutting.charts()
     arcs = cutting.arcs(before)
-    laid = straighten(cutting, graph, bound, FAIR, 3, margin=margin)
+    steps = HASTY if crowd else FAIR
+    straighten(cutting, graph, bound, steps, 3, margin=margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
-    straighten(cutting, graph, bound, FAIR, 1, margin=margin)
+    straighten(cutting, graph, bound, steps, 1, margin=margin)
     return cutting.cut, cutting.corners
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
-from circparam.arrays import FloatArray, IntArray, group_count, group_sum, next_half_edge
+from circparam.arrays import FloatArray, IntArray, dot, group_count, group_sum, next_half_edge
 from circparam.linear import Factor, SparseMatrix
 from circparam.mesh import Patches
 
@@ -143,17 +143,17 @@ def conjugate_gradients(
     r = b.copy()
     z = precondition(r)
     p = z.copy()
-    rz = start = float(r @ z)
+    rz = start = dot(r, z)
     for _ in range(limit):
         q = matrix @ p
-        curvature = float(p @ q)
+        curvature = dot(p, q)
         if not curvature > 0:
             break
         alpha = rz / curvature
         x += alpha * p
         r -= alpha * q
         z = precondition(r)
-        rz, last = float(r @ z), rz
+        rz, last = dot(r, z), rz
         if not rz > tolerance**2 * start:
             break
         p = z + (rz / last) * p
