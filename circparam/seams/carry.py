@@ -110,6 +110,8 @@ class _Router:
         order = np.lexsort((far, cell[member]))
         first = order[first_of_runs(cell[member][order])]
         self.stand[cell[member[first]]] = member[first]
+        # a path may end there from now on: moved once more, it would part from that path
+        self.junctions = np.r_[self.junctions, new]
 
     def find_way(self, ends: tuple[int, int]) -> bool:
         """Cut a shortest path between the stands of two coarse points: for the last few, one by one."""
