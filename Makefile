@@ -59,8 +59,8 @@ format: $(VENV)/.dev ## let ruff lay out the code
 bench: $(VENV)/.dev ## the measured claims: speed, memory, distortion, beside peers
 	$(RUN) -m tests.bench
 
-bench-atlas: $(VENV)/.dev ## charts, seams and distortion of whole atlases
-	$(RUN) -m tests.bench atlas
+bench-atlas: $(VENV)/.dev ## charts, seams and distortion of whole atlases, on all cores
+	env -u OMP_NUM_THREADS $(RUN) -m tests.bench atlas
 
 bench-packing: $(VENV)/.dev ## covered share on identical charts
 	$(RUN) -m tests.bench packing

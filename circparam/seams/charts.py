@@ -22,7 +22,7 @@ from circparam.seams.enforce import enforce, lay_out_sound
 from circparam.seams.holes import close_small_holes, complexity, without_fans
 from circparam.seams.merge import MergeOptions, Merger
 from circparam.seams.options import SeamOptions, Seams, constrain
-from circparam.seams.proxy import Proxy, decimate
+from circparam.seams.proxy import SMALL_COMPONENT, Proxy, decimate
 from circparam.seams.relayout import Laid, judge, lay_out_fresh, straighten
 from circparam.seams.segment import DualGraph, dual_graph, first_charts, make_disks, split_charts
 from circparam.seams.shorten import propose
@@ -39,7 +39,8 @@ from circparam.solve.poisson import from_jacobians
 from circparam.topology import Surface
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
-PROXY_FACES = 3_000  # faces of the proxy of a mesh in one piece
+PROXY_FACES = 2_000  # faces of the proxy of a mesh in one piece
+PIECE_FACES = 200  # more for every further piece, up to half as many again
 PROXY_SHARE = 1 / 60  # and at least this share of the faces
 LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
 CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
@@ -202,7 +203,7 @@ def _decided(
     proxy = None
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
-            target = max(PROXY_FACES, int(PROXY_SHARE * count), LOOP_FACES * complexity(surface))
+            target = proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             return decide(surface, bound, MARGIN, options.max_charts, helper, monitor), graph
@@ -210,6 +211,15 @@ def _decided(
         coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, helper, monitor)
     with monitor.stage("carry"):
         return carry(surface, graph, coarse, proxy), graph
+
+
+def proxy_faces(surface: Surface) -> int:
+    """How many faces a proxy should have."""
+    _, piece = surface.charts(np.zeros(len(surface.edges), bool))
+    large = int((np.bincount(piece) > SMALL_COMPONENT).sum())
+    pieces = PROXY_FACES + min(PIECE_FACES * max(large - 1, 0), PROXY_FACES // 2)
+    share = int(PROXY_SHARE * len(surface.faces))
+    return max(pieces, share, LOOP_FACES * complexity(surface))
 
 
 def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> list[str]:
