@@ -15,6 +15,7 @@ from circparam.repair import repair
 from circparam.seams import SEAMS, SeamOptions, segment
 from circparam.seams import charts as module
 from circparam.seams.absorb import absorb
+from circparam.seams.carry import _Router
 from circparam.seams.chains import chains_of, route
 from circparam.seams.cutting import Cutting, matching, not_disks
 from circparam.seams.merge import MergeOptions
@@ -157,6 +158,28 @@ def test_the_proxy_keeps_the_genus_and_maps_every_vertex() -> None:
     assert len(proxy.surface.faces) < 700
     assert proxy.cell.min() >= 0
     assert set(proxy.cell.tolist()) == set(range(len(proxy.surface.points)))
+
+
+def test_a_vertex_where_a_carried_path_may_end_is_not_moved_again() -> None:
+    """Chains that find no path are halved; both halves end at the middle, also when one is halved once more."""
+    surface = surface_of(shapes.torus(60, 30))
+    proxy = decimate(surface, 600)
+    coarse = Cutting(proxy.surface, np.zeros(len(proxy.surface.edges), bool))
+    segment.first_charts(coarse, segment.dual_graph(proxy.surface), 6)
+    a, b = (ends[coarse.cut] for ends in coarse.ends)
+    fine = Cutting(surface, np.zeros(len(surface.edges), bool))
+    nowhere = np.zeros(len(proxy.surface.points), bool)
+    chains = chains_of(a, b, len(nowhere), nowhere)
+    flat, along = proxy.surface.faces.ravel(), proxy.surface.faces[:, [1, 2, 0]].ravel()
+    router = _Router(fine, proxy, (flat, along), nowhere, chains)
+    middle = np.unique(chains.vertex)
+    router.stand_again(middle, middle)
+    stand = router.stand[middle].copy()
+    assert np.array_equal(proxy.cell[stand], middle)
+    # paths now run through those vertices
+    fine.cut = np.isin(fine.ends[0], stand) | np.isin(fine.ends[1], stand)
+    router.stand_again(middle, middle)
+    assert np.array_equal(router.stand[middle], stand)
 
 
 @given(st.integers(0, 5000))
