@@ -45,7 +45,7 @@ test: $(VENV)/.dev ## all tests
 	$(RUN) -m pytest -n $(WORKERS) --dist worksteal
 
 test-corpus: $(VENV)/.dev ## the tests on real meshes alone (CIRCPARAM_CORPUS names their folder)
-	$(RUN) -m pytest -n $(WORKERS) --dist worksteal -m corpus
+	CIRCPARAM_WHOLE_CORPUS=1 $(RUN) -m pytest -n $(WORKERS) --dist worksteal -m corpus
 
 lint: $(VENV)/.dev ## ruff and mypy
 	$(RUN) -m ruff check .

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circparam import samples
 from circparam.distortion import best_chart_scales, measure
+from circparam.formats import read
 from circparam.injectivity import overlaps, signs
 from circparam.mesh import Mesh
 from circparam.progress import Monitor
@@ -23,6 +28,7 @@ from circparam.seams.proxy import decimate
 from circparam.seams.relayout import judge, lay_out_fresh
 from circparam.topology import Surface
 from tests import shapes
+from tests.formats_tools import corpus_files
 
 
 def surface_of(shape) -> Surface:
@@ -231,14 +237,23 @@ def test_routes_are_shortest_inside_their_bands_and_never_cross() -> None:
         assert ((columns < 3) == (k == 0)).all()
 
 
-@pytest.mark.parametrize(
-    "name", ["spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply"]
-)
-@pytest.mark.corpus
-def test_real_meshes(corpus, name: str) -> None:
-    from circparam.formats import read
+FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply")
+WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 
-    mesh = read(corpus / name).mesh
+
+@pytest.mark.parametrize(
+    "path",
+    [p for p in corpus_files() if WHOLE or p.id in (*FEW, None)],  # type: ignore[attr-defined]
+)
+def test_real_meshes(path: Path) -> None:
+    """All of them by ``make test-corpus``, five by ``make test``."""
+    mesh = read(path).mesh
+    atlas((mesh.points, mesh.faces))
+
+
+@pytest.mark.parametrize("name", samples.names())
+def test_samples(name: str) -> None:
+    mesh = read(samples.path(name)).mesh
     atlas((mesh.points, mesh.faces))
 
 
