@@ -19,6 +19,9 @@ from circparam.progress import Monitor
 # Up to this many charts are nested on a grid; from this many on they are also dropped one by one.
 NESTED = 250
 DROPPED_FROM = 40
+# Below this effort only so few charts are nested: the grid of many costs seconds before any search.
+LOOSE = 0.2
+FEW_LOOSE = 60
 
 
 def pack(
@@ -75,7 +78,8 @@ def _candidates(
 ) -> list[Placement]:
     """Placements that are tighter than rows of boxes; none when the time is over."""
     found: list[Placement] = []
-    if shapes.n <= NESTED and not monitor.expired:
+    many = FEW_LOOSE if options.effort < LOOSE else NESTED
+    if shapes.n <= many and not monitor.expired:
         found = nested(shapes, options, rows, monitor, sound)
     if (shapes.n > DROPPED_FROM or not found) and not monitor.expired:
         dropped = drop_placement(shapes, options, monitor)

@@ -45,6 +45,7 @@ PROTOTYPE = {
 }  # fmt: skip
 LIMITS = {"armadillo": 15.0, "igea": 15.0, "ogre": 25.0, "spm152_iso": 150.0}
 BOUND = 1.05
+ABSURD = 2.0  # of SD/4 of a whole atlas
 JUDGED = (
     "charts",
     "seam_length",
@@ -193,7 +194,9 @@ def measure(path: Path, names: list[str], folder: Path, judge: Path | None) -> R
         peers[name] = peer(name, path, folder, judge, limit)
         print(f"  {text(peers[name])}", flush=True)
         if peers[name].ok and name != "blender":
-            bound = max(1.01, peers[name].figures["sd"])
+            reached = peers[name].figures["sd"]
+            # a collapsed face makes the figure a number without meaning: then the strictest bound
+            bound = max(1.01, reached) if reached < ABSURD else 1.01
             beside[name] = unwrap(path, folder, judge, bound, limit)
             print(f"  at its distortion: {text(beside[name])}", flush=True)
     return Run(path.stem.split(".")[0], faces, default, peers, beside)
@@ -205,8 +208,8 @@ def text(a: Atlas) -> str:
         return f"{a.who}: failed: {a.why}"
     f = a.figures
     return (
-        f"{a.who}: charts {f['charts']}, seam {f['seam_length']:.2f}, SD/4 {f['sd']:.4f}, worst "
-        f"{f['sd_chart_max']:.4f}, flips {f['flips']}, mirrored {f['mirrored_charts']}, "
+        f"{a.who}: charts {f['charts']}, seam {f['seam_length']:.2f}, SD/4 {f['sd']:.5g}, worst "
+        f"{f['sd_chart_max']:.5g}, flips {f['flips']}, mirrored {f['mirrored_charts']}, "
         f"overlap {f['overlap']:.1e}, pack {f['pack']:.3f}, {a.seconds:.2f} s {a.status}"
     )
 
@@ -289,7 +292,7 @@ def cells(a: Atlas) -> list[str]:
         return [f"failed: {a.why}".replace("|", "/"), *[""] * 8]
     f = a.figures
     return [
-        str(f["charts"]), f"{f['seam_length']:.2f}", f"{f['sd']:.4f}", f"{f['sd_chart_max']:.4f}",
+        str(f["charts"]), f"{f['seam_length']:.2f}", f"{f['sd']:.5g}", f"{f['sd_chart_max']:.5g}",
         str(f["flips"]), str(f["mirrored_charts"]), f"{f['overlap']:.1g}", f"{f['pack']:.3f}",
         f"{a.seconds:.2f}",
     ]  # fmt: skip
