@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from circparam.errors import NoResultError, OptionError
-from circparam.packing import Packed, PackOptions, pack, shelf
+from circparam.packing import Packed, PackOptions, compact, pack, shelf
 
 QUICK = 0.02  # effort: the guarantees hold after any amount of search
 
@@ -308,3 +308,29 @@ def test_the_same_input_gives_the_same_bytes():
         for seed in ("1", "2")
     ]
     assert runs[0] == runs[1]
+
+
+def test_a_bundle_of_needles_makes_no_huge_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parallel needles within reach of each other touch everywhere: such a program is not solved."""
+    n = 10
+    uv = np.zeros((3 * n, 2))
+    uv[1::3, 0] = 1.0
+    uv[2::3] = [0.5, 1e-6]
+    faces = np.arange(3 * n).reshape(n, 3)
+    rows: list[int] = []
+    solve = compact.linprog
+
+    def recorded(*args: object, **options: object) -> object:
+        rows.append(options["A_ub"].shape[0])  # type: ignore[attr-defined]
+        return solve(*args, **options)
+
+    monkeypatch.setattr(compact, "linprog", recorded)
+    options = PackOptions(resolution=256, padding=2, effort=QUICK)
+    pack(faces, uv, np.arange(n), options)
+    most = max(rows)
+    limit = most // 2
+    rows.clear()
+    monkeypatch.setattr(compact, "MOST_ROWS", limit)
+    packed = pack(faces, uv, np.arange(n), options)
+    assert all(r <= limit for r in rows)
+    assert np.isfinite(packed.uv).all()

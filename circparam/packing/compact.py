@@ -23,6 +23,8 @@ from circparam.packing.work import Work
 
 # Contacts closer to each other than this share of the trust region count once.
 THIN = 0.5
+# Rows of one linear program; layouts of real charts have some ten thousand at most.
+MOST_ROWS = 60_000
 # Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
 _MARGIN = 0.02
 
@@ -199,13 +201,18 @@ def squeeze(
     strict: bool,
     work: Work,
 ) -> Placement | None:
-    """One linear program: the largest growth within the trust region (texels); None where it fails."""
+    """One linear program: the largest growth within the trust region (texels); None where it fails.
+
+    It fails too where it would be too large: a bundle of needles touches itself in every direction.
+    """
     n = len(outlines)
     found = _thinned(
         contacts(placement, outlines, options.gap + _MARGIN + 4 * trust), max(THIN * trust, 1.0)
     )
     matrix, bound = _program(placement, outlines, found, options, strict)
     keep = bound < 4 * trust
+    if keep.sum() > MOST_ROWS:
+        return None
     work.spend(float(keep.sum()))
     reach = np.maximum(radius * placement.scale, 1e-9)
     most = np.concatenate([np.full(2 * n, trust), trust / reach * turn, [trust / reach.max()]])
