@@ -39,6 +39,7 @@ CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that
 STAND_IN = 1e-3  # least side of a triangle that stands in: of √(surface area) or the longest edge
 LARGEST = 8  # Atlas.laid at which no polygon that stands in grows any more
 GROW = 16.0  # by which such a side grows where even that is not held
+STEPS = 100  # of relaxing a piece: sound ones need some 30, what creeps on after that is split
 SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to pieces at once
 
 
@@ -239,7 +240,7 @@ def _solve_again(
     patches, fid = atlas.surface.some_patches(atlas.cut, faces, label)
     try:
         layout: Layout = METHODS[method].function(
-            patches, MethodOptions(tolerance=options.tolerance), monitor
+            patches, MethodOptions(tolerance=options.tolerance, max_iterations=STEPS), monitor
         )
         atlas.corners[fid] = layout.uv[patches.faces]
     except (NoResultError, TopologyError, np.linalg.LinAlgError, ArithmeticError):

@@ -23,8 +23,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
+from circparam.arrays import BoolArray, IntArray
 from circparam.progress import Monitor
 
+HALVED = 8_000  # from this number of faces on work is done in two halves
 LENGTH = 8  # bytes that say how long what follows is
 
 
@@ -34,6 +38,23 @@ def cores() -> int:
     count = len(free) or os.cpu_count() or 1
     wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return min(count, int(wanted)) if wanted.isdigit() and int(wanted) > 0 else count
+
+
+def in_halves(label: IntArray) -> list[BoolArray]:
+    """Faces ((m,) bool) of two sets of charts of about the same size; all in one where there are none such.
+
+    label: (m,) chart of each face. It is for the sake of a helper, and the same whether there is one or not.
+    """
+    size = np.bincount(label)
+    order = np.argsort(-size, kind="stable")
+    # in turns by falling size: A B B A A B B A …
+    first = np.isin(np.arange(len(size)) % 4, (0, 3))
+    chosen = np.zeros(len(size), bool)
+    chosen[order[first]] = True
+    half = chosen[label]
+    if len(label) < HALVED or not 0.25 < half.mean() < 0.75:
+        return [np.ones(len(label), bool)]
+    return [half, ~half]
 
 
 def environment() -> dict[str, str]:

@@ -40,7 +40,8 @@ def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | No
     """Pair the half-edges of faces: an edge of two faces is one pair, a crowded edge several.
 
     At an edge of more than two faces those inside one polygon pair first, then the straightest pairs,
-    wound alike rather than against each other; an odd face keeps a border there.
+    wound alike rather than against each other; an odd face keeps a border there. Two faces with the same three
+    points never pair: joined along two edges they could not lie in the plane.
     """
     start = faces.ravel()
     end = faces[:, [1, 2, 0]].ravel()
@@ -51,6 +52,8 @@ def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | No
     count = np.diff(np.r_[head, len(order)])
     two = head[count == 2]
     edges = np.stack([order[two], order[two + 1]], 1)
+    third = faces.ravel()[next_half_edge(next_half_edge(edges))]
+    edges = edges[third[:, 0] != third[:, 1]]
     many = count > 2
     if many.any():
         fans = _Fans.at(points, faces, polygons, order, head[many], count[many])
@@ -109,6 +112,8 @@ class _Fans(NamedTuple):
         later = np.where(small, n - 1 - rank, 0)
         x = np.repeat(np.arange(len(h)), later)
         y = x + 1 + ranges(later)
+        differ = third[x] != third[y]
+        x, y = x[differ], y[differ]
         together = np.zeros(len(x), bool)
         if polygons is not None:
             together = polygons[h[x] // 3] == polygons[h[y] // 3]

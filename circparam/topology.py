@@ -113,3 +113,19 @@ class Surface:
         e = 3 * local[e // 3] + e % 3
         _, corners = corner_classes(len(fid), e)
         return Patches(corners, self.frames[fid], chart[fid], e), fid
+
+    def part(self, faces: BoolArray) -> Surface:
+        """Some faces ((m,) bool); where they meet the others is a border."""
+        fid = np.flatnonzero(faces)
+        local = np.full(len(self.faces), -1)
+        local[fid] = np.arange(len(fid))
+        inside = faces[self.edges // 3].all(1)
+        e = self.edges[inside]
+        return Surface(
+            self.points,
+            self.faces[fid],
+            self.source[fid],
+            self.turned[fid],
+            3 * local[e // 3] + e % 3,
+            self.locked[inside],
+        )

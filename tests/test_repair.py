@@ -30,6 +30,9 @@ def check_surface(mesh, surface, repairs):
     assert (np.diff(e[:, 0]) > 0).all()
     assert (surface.areas > 0).all()
     assert np.isfinite(surface.frames).all()
+    points = np.sort(surface.faces, 1)
+    same = (points[e[:, 0] // 3] == points[e[:, 1] // 3]).all(1)
+    assert not same.any(), "two faces with the same points, joined, could not lie in the plane"
     parts = [repairs.kept, repairs.degenerate, repairs.twins]
     assert sorted(np.concatenate(parts).tolist()) == list(range(len(mesh.faces)))
     assert np.array_equal(surface.source, repairs.kept)

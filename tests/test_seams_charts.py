@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from circparam import samples
 from circparam.distortion import best_chart_scales, measure
 from circparam.formats import read
+from circparam.helper import Helper
 from circparam.injectivity import overlaps, signs
 from circparam.mesh import Mesh
 from circparam.progress import Monitor
@@ -23,7 +24,7 @@ from circparam.seams.absorb import absorb
 from circparam.seams.carry import _Router
 from circparam.seams.chains import chains_of, route
 from circparam.seams.cutting import Cutting, matching, not_disks
-from circparam.seams.merge import MergeOptions
+from circparam.seams.merge import MergeOptions, Merger
 from circparam.seams.proxy import decimate
 from circparam.seams.relayout import judge, lay_out_fresh
 from circparam.topology import Surface
@@ -54,6 +55,25 @@ def atlas(shape, **options) -> tuple[Surface, Cutting]:
         scaled = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
         assert measure(patches, scaled).sd_max_chart <= wanted.max_distortion
     return surface, cutting
+
+
+def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -> None:
+    surface = surface_of(shapes.icosphere(3))
+    start = Cutting(surface, np.zeros(len(surface.edges), bool))
+    segment.first_charts(start, segment.dual_graph(surface), 40)
+    lay_out_fresh(start, None, module.ROUGH)
+    monkeypatch.setattr("circparam.helper.HALVED", 100)
+    merged = []
+    for helper in (None, Helper(module.__name__, wanted=False)):
+        cutting = Cutting(surface, start.cut, start.corners)
+        merger = Merger(cutting, MergeOptions(1.05), np.zeros(len(cutting.cut), bool), helper)
+        assert merger.round(Monitor())
+        merged.append((cutting, merger.tally))
+    (once, tally), (halves, other) = merged
+    assert tally == other
+    assert 2 < tally["merged"] <= tally["trials"]
+    assert np.array_equal(once.cut, halves.cut)
+    assert np.allclose(once.corners, halves.corners, atol=1e-9)
 
 
 def test_a_flat_sheet_stays_in_one_piece_without_a_seam() -> None:

@@ -86,7 +86,45 @@ def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
     graph = dual_graph(cutting.surface)
     patches = cutting.patches()
     laid = judge(patches, cutting.gather(patches))
-    laid = enforce(cutting, graph, laid, 1.01, FINAL, Monitor())
+    enforce(cutting, graph, laid, 1.01, FINAL, Monitor())
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
     assert not laid.bad(1.01).any()
     # 16 radians need at least three charts of a turn each
     assert 3 <= laid.patches.n_charts <= 6
+
+
+def test_enforcing_leaves_good_charts_as_they_are() -> None:
+    """A ring that winds on itself beside a large flat sheet: work goes on with the ring alone."""
+    ring, sheet = winding_ring(10.0), winding_ring(5.0, around=600)
+    n, k = len(ring.surface.points), len(ring.surface.faces)
+    points = np.concatenate([ring.surface.points, sheet.surface.points + np.array([3.0, 0, 0])])
+    faces = np.concatenate([ring.surface.faces, sheet.surface.faces + n])
+    cutting = Cutting(
+        repair(Mesh(points, faces))[0], np.zeros(len(ring.cut) + len(sheet.cut), bool)
+    )
+    cutting.corners = np.concatenate([ring.corners, sheet.corners])
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
+    assert laid.overlapping.tolist() == [True, False]
+    enforce(cutting, dual_graph(cutting.surface), laid, 1.01, FINAL, Monitor())
+    patches = cutting.patches()
+    assert not judge(patches, cutting.gather(patches)).bad(1.01).any()
+    assert np.array_equal(cutting.corners[k:], sheet.corners)
+    assert not cutting.cut[cutting.surface.edges[:, 0] // 3 >= k].any()
+
+
+def test_a_part_is_taken_out_and_put_back() -> None:
+    cutting = winding_ring(5.0)
+    m = len(cutting.surface.faces)
+    faces = np.arange(m) % 48 < 20
+    part = cutting.part(faces)
+    assert np.array_equal(part.surface.areas, cutting.surface.areas[faces])
+    inside = faces[cutting.surface.edges // 3].all(1)
+    assert np.array_equal(part.surface.edge_lengths, cutting.surface.edge_lengths[inside])
+    part.cut[:] = True
+    part.corners += 1
+    before = cutting.corners.copy()
+    cutting.put(faces, part)
+    assert np.array_equal(cutting.cut, inside)
+    assert np.array_equal(cutting.corners, before + faces[:, None, None])

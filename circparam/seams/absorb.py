@@ -71,5 +71,5 @@ def _hand_out(cutting: Cutting, options: MergeOptions, least: int, monitor: Moni
         small = (group_count(chart, n) < least)[chart]
         # two pieces that join may fit nowhere, and large charts have been tried
         merger.fixed = small[e[:, 0] // 3] == small[e[:, 1] // 3]
-        if not merger.round():
+        if not merger.round(monitor):
             break

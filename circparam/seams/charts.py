@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray, IntArray
-from circparam.helper import Helper
+from circparam.arrays import BoolArray, FloatArray
+from circparam.helper import HALVED, Helper, in_halves
 from circparam.progress import Monitor
 from circparam.seams.absorb import absorb
 from circparam.seams.carry import (
@@ -32,7 +32,6 @@ from circparam.seams.symmetry import (
     both_sides,
     find_mirror,
     image_of,
-    part_of,
 )
 from circparam.solve.newton import RelaxOptions
 from circparam.solve.poisson import from_jacobians
@@ -49,7 +48,6 @@ WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) i
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 SHARED_FACES = 500  # from this size on starts are shared with a second process
-HALVED_FACES = 8_000  # from this size on charts are relaxed in two halves, side by side
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
@@ -100,15 +98,15 @@ def mirrored_atlas(
     """The atlas of one half on both, then whatever charts of both may be glued where they meet."""
     if options.max_charts is not None:
         options = dataclasses.replace(options, max_charts=max(options.max_charts // 2, 1))
-    half = atlas(part_of(surface, mirror.half), bound, options, monitor, notes)
+    half = atlas(surface.part(mirror.half), bound, options, monitor, notes)
     if mirror.images is not None:
         other = image_of(surface, mirror, mirror.images, half)
     else:
         with monitor.stage("carry"):
-            rest = part_of(surface, ~mirror.half)
+            rest = surface.part(~mirror.half)
             graph = dual_graph(rest)
             other = carry(rest, graph, *about_image_of(mirror, half, rest))
-        with Helper(__name__, len(rest.faces) > HALVED_FACES) as helper:
+        with Helper(__name__, len(rest.faces) > HALVED) as helper:
             finish(other, graph, bound, options, helper, monitor, notes)
     cutting, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
@@ -144,50 +142,23 @@ def finish(
         count, chart = cutting.charts()
         to_bound = bound if options.max_charts is None else None
         parts = in_halves(chart)
-        tasks = [(*part_of_cutting(cutting, part), to_bound) for part in parts]
-        done = helper.map(settle_part, tasks, monitor)
-        for part, (cut, corners) in zip(parts, done, strict=True):
-            cutting.cut[part[cutting.surface.edges // 3].all(1)] = cut
-            cutting.corners[part] = corners
+        tasks = [(cutting.part(faces), to_bound) for faces in parts]
+        for faces, part in zip(parts, helper.map(settle_part, tasks, monitor), strict=True):
+            cutting.put(faces, part)
         if cutting.charts()[0] > count:
-            regroup(cutting, bound, monitor)
+            regroup(cutting, bound, helper, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             notes += grow_small(cutting, bound, options.min_chart_faces, monitor)
 
 
-def in_halves(chart: IntArray) -> list[BoolArray]:
-    """Faces ((m,) bool) of two sets of charts of about the same size; all in one where there are none such."""
-    size = np.bincount(chart)
-    order = np.argsort(-size, kind="stable")
-    # in turns by falling size: A B B A A B B A …
-    first = np.isin(np.arange(len(size)) % 4, (0, 3))
-    chosen = np.zeros(len(size), bool)
-    chosen[order[first]] = True
-    half = chosen[chart]
-    share = half.mean()
-    if len(chart) < HALVED_FACES or not 0.25 < share < 0.75:
-        return [np.ones(len(chart), bool)]
-    return [half, ~half]
-
-
-def part_of_cutting(cutting: Cutting, faces: BoolArray) -> tuple[Surface, BoolArray, FloatArray]:
-    """(surface, cut, corners) of some faces of a cutting."""
-    inside = faces[cutting.surface.edges // 3].all(1)
-    return part_of(cutting.surface, faces), cutting.cut[inside], cutting.corners[faces]
-
-
-def settle_part(
-    surface: Surface, cut: BoolArray, corners: FloatArray, bound: float | None, monitor: Monitor
-) -> tuple[BoolArray, FloatArray]:
-    """Relax charts, and hold them to a bound where there is one: (cut, corners)."""
-    cutting = Cutting(surface, cut, corners)
+def settle_part(cutting: Cutting, bound: float | None, monitor: Monitor) -> Cutting:
+    """Relax charts, and hold them to a bound where there is one."""
     with monitor.stage("relax"):
         laid = settle(cutting, monitor)
     if bound is not None:
-        laid = enforce(cutting, dual_graph(surface), laid, bound, FINAL, monitor)
-        cutting.scatter(laid.patches, laid.uv)
-    return cutting.cut, cutting.corners
+        enforce(cutting, dual_graph(cutting.surface), laid, bound, FINAL, monitor)
+    return cutting
 
 
 def _decided(
@@ -232,11 +203,11 @@ def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> 
     ]
 
 
-def regroup(cutting: Cutting, bound: float, monitor: Monitor) -> None:
+def regroup(cutting: Cutting, bound: float, helper: Helper, monitor: Monitor) -> None:
     """Merge the pieces that enforcing left with their neighbours where that is good again."""
     fixed = np.zeros(len(cutting.cut), bool)
     options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
-    Merger(cutting, options, fixed).run(monitor)
+    Merger(cutting, options, fixed, helper).run(monitor)
 
 
 def decide(
@@ -251,9 +222,7 @@ def decide(
     cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
     rest = ~whole_components(cutting, bound)
     if rest.any():
-        part = best_of_starts(part_of(surface, rest), bound, margin, helper, monitor)
-        cutting.cut[rest[surface.edges[:, 0] // 3]] = part.cut
-        cutting.corners[rest] = part.corners
+        cutting.put(rest, best_of_starts(surface.part(rest), bound, margin, helper, monitor))
     if max_charts is not None:
         reach_count(cutting, bound, max_charts, monitor)
     return cutting
@@ -333,7 +302,7 @@ def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) ->
             break
         bound = 1 + max(bound - 1, 1e-3) * 1.6
         merger = Merger(cutting, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS), fixed)
-        while not monitor.expired and cutting.charts()[0] > count and merger.round():
+        while not monitor.expired and cutting.charts()[0] > count and merger.round(monitor):
             pass
 
 

@@ -116,6 +116,16 @@ class Cutting:
         else:
             self.corners[fid] = uv[patches.faces]
 
+    def part(self, faces: BoolArray) -> Cutting:
+        """The cutting of some faces ((m,) bool) alone."""
+        inside = faces[self.surface.edges // 3].all(1)
+        return Cutting(self.surface.part(faces), self.cut[inside], self.corners[faces])
+
+    def put(self, faces: BoolArray, part: Cutting) -> None:
+        """Take over what became of ``part(faces)``."""
+        self.cut[faces[self.surface.edges // 3].all(1)] = part.cut
+        self.corners[faces] = part.corners
+
     def arcs(self, chart: IntArray, cone: float = CONE) -> Arcs:
         """The arcs of the seams as they are now: chains between junctions, borders and cone points.
 

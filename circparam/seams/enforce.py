@@ -21,7 +21,7 @@ from circparam.mesh import Patches
 from circparam.progress import Monitor
 from circparam.seams.cutting import Cutting
 from circparam.seams.relayout import Laid, judge
-from circparam.seams.segment import DualGraph, make_disks, split_charts
+from circparam.seams.segment import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.sheets import split_sheets
 from circparam.seams.shorten import edge_costs, propose
 from circparam.solve import dirichlet
@@ -36,6 +36,7 @@ ROUNDS = 40
 SHEET_FACES = 100  # smaller charts that overlap are halved
 CRUMB = 4  # cells up to which a chart that is bad is taken apart at once
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
+NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 
 
@@ -46,38 +47,73 @@ def enforce(
     bound: float,
     options: RelaxOptions,
     monitor: Monitor,
-) -> Laid:
+) -> None:
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
-    A chart that misses the bound by little is slit from its border to where it is distorted most; others are
-    split in two. Single cells cannot be split, so the work ends; what is left then is for the caller to judge.
+    laid: what ``cutting`` has; afterwards the layout is in its corners. A chart that misses the bound by
+    little is slit from its border to where it is distorted most; others are split in two. Single cells cannot
+    be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
+    the faces, the work goes on with the others alone.
     """
+    cutting.scatter(laid.patches, laid.uv)
     slits = np.zeros(len(cutting.surface.faces), np.int64)  # of the chart of each face
+    whole, faces = cutting, np.ones(len(slits), bool)
     for turn in range(ROUNDS):
         small = np.bincount(laid.patches.chart) <= UNSTICK_FACES
         small &= np.bincount(laid.patches.chart) >= SHEET_FACES
-        laid = unstick(cutting, laid, bound, monitor, small | (turn == 0))
-        chart = laid.patches.chart
-        bad = laid.bad(bound) & (_cells(graph, chart) > 1)
+        pushed = small | (turn == 0)
+        laid = unstick(cutting, laid, bound, monitor, pushed)
+        bad = laid.bad(bound) & (_cells(graph, laid.patches.chart) > 1)
         if not bad.any() or monitor.expired:
             break
-        near = laid.energy <= 1 + (bound - 1) * SLIT_REACH
-        first = np.zeros(len(bad), np.int64)
-        np.maximum.at(first, chart, slits)
-        slit = bad & ~laid.overlapping & near & (first < SLITS)
+        inside = bad[laid.patches.chart]
+        if inside.mean() < NARROW:
+            whole.put(faces, cutting)
+            faces[faces] = inside
+            cutting, slits = whole.part(faces), slits[inside]
+            graph = dual_graph(cutting.surface)
+            patches = cutting.patches()
+            laid = judge(patches, cutting.gather(patches))
+            bad, pushed = np.ones(patches.n_charts, bool), pushed[bad]
         before = cutting.cut.copy()
-        if slit.any():
-            slit = slit_charts(cutting, laid, slit)
-            slits[slit[chart]] += 1
-        split = bad & ~slit
-        cut = np.zeros(len(bad), bool)
-        if split.any():
-            cut = _split(cutting, graph, laid, split, bound, monitor)
-        make_disks(cutting, graph)
+        cut = _cut_open(cutting, graph, laid, bad, pushed, slits, bound, monitor)
         if np.array_equal(before, cutting.cut) and not cut.any():
             break
         laid = _map_again(cutting, laid, bad, cut, bound, options, monitor)
-    return laid
+    if cutting is not whole:
+        whole.put(faces, cutting)
+
+
+def _cut_open(
+    cutting: Cutting,
+    graph: DualGraph,
+    laid: Laid,
+    bad: BoolArray,
+    pushed: BoolArray,
+    slits: IntArray,
+    bound: float,
+    monitor: Monitor,
+) -> BoolArray:
+    """Slit bad charts, or split them.
+
+    pushed: (n,) bool, charts whose parts could not be pushed apart. slits: (m,) how often the chart of each
+    face was slit, counted on.
+    Returns (n,) bool: charts whose pieces may keep their layout.
+    """
+    chart = laid.patches.chart
+    near = laid.energy <= 1 + (bound - 1) * SLIT_REACH
+    first = np.zeros(len(bad), np.int64)
+    np.maximum.at(first, chart, slits)
+    slit = bad & ~laid.overlapping & near & (first < SLITS)
+    if slit.any():
+        slit = slit_charts(cutting, laid, slit)
+        slits[slit[chart]] += 1
+    split = bad & ~slit
+    cut = np.zeros(len(bad), bool)
+    if split.any():
+        cut = _split(cutting, graph, laid, split, pushed, bound, monitor)
+    make_disks(cutting, graph)
+    return cut
 
 
 def unstick(cutting: Cutting, laid: Laid, bound: float, monitor: Monitor, which: BoolArray) -> Laid:
@@ -105,6 +141,7 @@ def _split(
     graph: DualGraph,
     laid: Laid,
     which: BoolArray,
+    pushed: BoolArray,
     bound: float,
     monitor: Monitor,
 ) -> BoolArray:
@@ -120,7 +157,7 @@ def _split(
         large = folded & (np.bincount(chart) >= SHEET_FACES)
         if large.any():
             sound = split_sheets(cutting, graph, laid, large, edge_costs(cutting))
-        left = large & ~sound
+        left = large & ~sound & ~pushed
         if left.any():
             # what overlaps by less than a face is not worth a seam where it can be pushed apart
             sound |= left & ~unstick(cutting, laid, bound, monitor, left).overlapping

@@ -22,7 +22,8 @@ from circparam.arrays import (
     group_sum,
     next_half_edge,
 )
-from circparam.injectivity import self_overlapping
+from circparam.helper import Helper, in_halves
+from circparam.injectivity import crossings, self_overlapping
 from circparam.mesh import Patches
 from circparam.progress import Monitor
 from circparam.seams.cutting import CONE, Arcs, Cutting, main_parts, matching, not_disks
@@ -31,8 +32,9 @@ from circparam.solve.apart import push_apart
 from circparam.solve.newton import RelaxOptions, relax
 from circparam.solve.poisson import from_jacobians
 
-MANY = 300  # of more trials at once those that overlap before any relaxation are left out, and none is pushed
+MANY = 300  # of more trials at once those that cross before any relaxation are left out, and none is pushed
 PATIENCE = 3  # rounds in a row, after which merging ends
+SHALLOW = 2  # pairs of border edges that may cross before a union is relaxed
 HARDLY = 50  # if fewer than one in so many charts was merged in them
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
 
@@ -82,8 +84,15 @@ class _Glues:
 class Merger:
     """Merges the charts of a cutting in rounds and remembers what was tried."""
 
-    def __init__(self, cutting: Cutting, options: MergeOptions, fixed: BoolArray) -> None:
+    def __init__(
+        self,
+        cutting: Cutting,
+        options: MergeOptions,
+        fixed: BoolArray,
+        helper: Helper | None = None,
+    ) -> None:
         self.cutting = cutting
+        self.helper = helper  # lays half of the unions out
         self.options = options
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
@@ -95,7 +104,7 @@ class Merger:
         merged: list[int] = []
         for turn in range(self.options.rounds):
             before = self.tally["merged"]
-            if monitor.expired or not self.round():
+            if monitor.expired or not self.round(monitor):
                 break
             merged.append(self.tally["merged"] - before)
             few = (sum(merged[-PATIENCE:]) + 1) * HARDLY < self.cutting.charts()[0]
@@ -103,7 +112,7 @@ class Merger:
                 break
             monitor.update(turn / self.options.rounds)
 
-    def round(self) -> bool:
+    def round(self, monitor: Monitor) -> bool:
         """One round; False when there was nothing to try."""
         c = self.cutting
         n, chart = c.charts()
@@ -117,7 +126,7 @@ class Merger:
         pick = matching(glues.score[open_glues], glues.left[open_glues], glues.right[open_glues], n)
         chosen = open_glues[pick]
         self.tried = np.union1d(self.tried, glues.key[chosen])
-        self._try(arcs, chart, n, glues, chosen)
+        self._try(arcs, chart, n, glues, chosen, monitor)
         return True
 
     def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> _Glues:
@@ -210,7 +219,15 @@ class Merger:
         rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
         return rim + group_sum(c.border_lengths, chart[c.surface.border // 3], n)
 
-    def _try(self, arcs: Arcs, chart: IntArray, n: int, glues: _Glues, chosen: IntArray) -> None:
+    def _try(
+        self,
+        arcs: Arcs,
+        chart: IntArray,
+        n: int,
+        glues: _Glues,
+        chosen: IntArray,
+        monitor: Monitor,
+    ) -> None:
         """Lay out the unions of the chosen arcs and keep the good ones."""
         c = self.cutting
         while True:
@@ -227,95 +244,156 @@ class Merger:
             if len(chosen) == 0:
                 return
         self.tally["trials"] += len(chosen)
-        uv, energy, floor = self._lay_out(
-            patches, fid, chart, glues.left[chosen], glues.right[chosen]
-        )
-        self._charge(arcs, chosen, (floor - 1) * patches.chart_areas)
-        good = energy <= self.options.bound
-        self.tally["distortion"] += int((np.isfinite(energy) & ~good).sum())
-        if good.any():
-            sub, vid, _ = patches.subset(good)
-            over = np.zeros(len(good), bool)
-            over[good] = self_overlapping(sub, uv[vid], margin=self.options.margin)
-            if over.any() and len(good) <= MANY:
-                sub, vid, _ = patches.subset(over)
-                pushed, fine = push_apart(sub, uv[vid], self.options.margin, self.options.bound)
-                kept = fine[sub.vertex_chart]
-                uv[vid[kept]] = pushed[kept]
-                over[np.flatnonzero(over)[fine]] = False
-            self.tally["overlap"] += int(over.sum())
-            good &= ~over
+        right = glues.right[chosen][patches.chart]
+        in_right = (chart[fid] == right) & (glues.left[chosen] != glues.right[chosen])[
+            patches.chart
+        ]
+        unions = Unions(patches, c.corners[fid], in_right)
+        tried = self._lay_out(unions, monitor)
+        self._charge(arcs, chosen, (tried.floor - 1) * patches.chart_areas)
+        self.tally["distortion"] += int(tried.distorted.sum())
+        self.tally["overlap"] += int(tried.overlapping.sum())
+        good = ~tried.distorted & ~tried.overlapping
         self.tally["merged"] += int(good.sum())
         kept = good[patches.chart]
-        c.corners[fid[kept]] = uv[patches.faces[kept]]
+        c.corners[fid[kept]] = tried.uv[patches.faces[kept]]
         c.cut &= ~glues.glued(arcs, chosen[good], len(c.cut))
 
-    def _lay_out(
-        self, patches: Patches, fid: IntArray, chart: IntArray, left: IntArray, right: IntArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Start from both layouts, the right one turned onto the left; then relax: (uv, energy, its floor)."""
-        corners = self.cutting.corners[fid]
-        in_right = (chart[fid] == right[patches.chart]) & (left != right)[patches.chart]
-        turn = _turns(patches, corners, chart[fid])
-        gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
-        jacobian = dirichlet.jacobians(gradients, corners.transpose(2, 1, 0))
-        cosine, sine = turn[:, 0][patches.chart], turn[:, 1][patches.chart]
-        turned = np.stack(
-            [cosine * jacobian[0] - sine * jacobian[1], sine * jacobian[0] + cosine * jacobian[1]]
-        )
-        targets = np.where(in_right, turned, jacobian)
-        # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
-        uv, _ = from_jacobians(patches, targets, self.options.untangle)
-        return self._relax(patches, uv)
+    def _lay_out(self, unions: Unions, monitor: Monitor) -> Tried:
+        """Lay unions out; many faces in two halves, one of them by the helper where there is one."""
+        patches = unions.patches
+        crowd = patches.n_charts > MANY
+        if self.helper is None:
+            return lay_out(unions, self.options, crowd, monitor)
+        tried = Tried.nothing(patches)
+        halves = [unions.patches.chart[faces] for faces in in_halves(patches.chart)]
+        parts = [np.isin(np.arange(patches.n_charts), half) for half in halves]
+        subsets = [patches.subset(part) for part in parts]
+        tasks = [
+            (Unions(sub, unions.corners[fid], unions.in_right[fid]), self.options, crowd)
+            for sub, _, fid in subsets
+        ]
+        done = self.helper.map(lay_out, tasks, monitor)
+        for part, (_, vid, _), of_part in zip(parts, subsets, done, strict=True):
+            tried.put(part, vid, of_part)
+        return tried
 
-    def _relax(self, patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Relax the trials; those that still overlap after two steps are given up (energy infinite).
 
-        Of 160 unions of two meshes that overlapped then, 158 overlapped when they had converged.
-        """
-        o = self.options
-        options = RelaxOptions(tolerance=o.tolerance, max_iterations=2, give_up=o.bound)
+@dataclass(frozen=True, eq=False)
+class Unions:
+    """What may become one chart each. corners: (m, 3, 2) layouts as they are; in_right: (m,) bool, faces of the
+    chart that is turned onto the other one."""
+
+    patches: Patches
+    corners: FloatArray
+    in_right: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """Unions laid out: uv (nv, 2), and of each (n,) its energy, a floor of that, what is wrong."""
+
+    uv: FloatArray
+    energy: FloatArray
+    floor: FloatArray
+    distorted: BoolArray
+    overlapping: BoolArray
+
+    @staticmethod
+    def nothing(patches: Patches) -> Tried:
+        """Of unions that nothing is known of."""
         n = patches.n_charts
-        energy, floor = np.full(n, np.inf), np.ones(n)
-        live = np.ones(n, bool)
-        if n > MANY:
-            live = ~self_overlapping(patches, uv)
-            self.tally["overlap"] += int((~live).sum())
-        if live.any():
-            sub, vid, _ = patches.subset(live)
-            first = relax(sub, uv[vid], options)
-            going = np.isfinite(first.energy)
-            for k, reason in enumerate(first.stopped):
-                going[k] &= reason != "gave up"
-            uv[vid] = first.uv
-            floor[live] = first.floor
-            live[live] = going
-            energy[live] = first.energy[going]
-        if live.any():
-            sub, vid, _ = patches.subset(live)
-            over = np.zeros(len(live), bool)
-            over[live] = self_overlapping(sub, uv[vid])
-            self.tally["overlap"] += int(over.sum())
-            energy[over] = np.inf
-            live &= ~over
-        if live.any():
-            sub, vid, _ = patches.subset(live)
-            rest = relax(sub, uv[vid], dataclasses.replace(options, max_iterations=23))
-            uv[vid] = rest.uv
-            energy[live] = rest.energy
-            floor[live] = np.maximum(floor[live], rest.floor)
-        return uv, energy, floor
+        none = np.zeros(n, bool)
+        uv = np.zeros((patches.n_vertices, 2))
+        return Tried(uv, np.full(n, np.inf), np.ones(n), none, none.copy())
+
+    def put(self, some: BoolArray, vertices: IntArray, part: Tried) -> None:
+        """Take over what is known of some unions ((n,) bool) with those vertices."""
+        self.uv[vertices] = part.uv
+        for mine, theirs in (
+            (self.energy, part.energy),
+            (self.floor, part.floor),
+            (self.distorted, part.distorted),
+            (self.overlapping, part.overlapping),
+        ):
+            mine[some] = theirs
 
 
-def _turns(patches: Patches, corners: FloatArray, chart: IntArray) -> FloatArray:
+def lay_out(unions: Unions, options: MergeOptions, crowd: bool, monitor: Monitor) -> Tried:
+    """Start from both layouts, the right one turned onto the left; relax; push apart what only touches.
+
+    crowd: there are so many that those that cross before any relaxation are left out, and none is pushed.
+    """
+    patches = unions.patches
+    turn = _turns(patches, unions.corners, unions.in_right)
+    gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
+    jacobian = dirichlet.jacobians(gradients, unions.corners.transpose(2, 1, 0))
+    cosine, sine = turn[:, 0][patches.chart], turn[:, 1][patches.chart]
+    turned = np.stack(
+        [cosine * jacobian[0] - sine * jacobian[1], sine * jacobian[0] + cosine * jacobian[1]]
+    )
+    targets = np.where(unions.in_right, turned, jacobian)
+    # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
+    uv, _ = from_jacobians(patches, targets, options.untangle)
+    tried = _relax(patches, uv, options, crowd)
+    good = ~tried.distorted & ~tried.overlapping
+    if good.any():
+        sub, vid, _ = patches.subset(good)
+        over = np.zeros(len(good), bool)
+        over[good] = self_overlapping(sub, tried.uv[vid], margin=options.margin)
+        if over.any() and not crowd:
+            sub, vid, _ = patches.subset(over)
+            pushed, fine = push_apart(sub, tried.uv[vid], options.margin, options.bound)
+            kept = fine[sub.vertex_chart]
+            tried.uv[vid[kept]] = pushed[kept]
+            over[np.flatnonzero(over)[fine]] = False
+        tried.overlapping[over] = True
+    return tried
+
+
+def _relax(patches: Patches, uv: FloatArray, options: MergeOptions, crowd: bool) -> Tried:
+    """Relax the unions; those that overlap deep, or still do after two steps, are given up.
+
+    Of 160 unions of two meshes that overlapped after two steps, 158 overlapped when they had converged; of
+    some 400 of six meshes whose borders crossed more than twice before any step, all did.
+    """
+    steps = RelaxOptions(tolerance=options.tolerance, max_iterations=2, give_up=options.bound)
+    tried = Tried.nothing(patches)
+    tried.uv[:] = uv
+    pairs = crossings(uv, patches)
+    crossed = np.bincount(patches.chart[pairs[:, 0] // 3], minlength=patches.n_charts)
+    tried.overlapping[:] = crossed > (0 if crowd else SHALLOW)
+    live = ~tried.overlapping
+    if live.any():
+        sub, vid, _ = patches.subset(live)
+        first = relax(sub, uv[vid], steps)
+        tried.uv[vid] = first.uv
+        tried.floor[live] = first.floor
+        tried.energy[live] = first.energy
+        live[live] = np.isfinite(first.energy) & np.array([r != "gave up" for r in first.stopped])
+    if live.any():
+        sub, vid, _ = patches.subset(live)
+        tried.overlapping[live] = self_overlapping(sub, tried.uv[vid])
+        live &= ~tried.overlapping
+    if live.any():
+        sub, vid, _ = patches.subset(live)
+        rest = relax(sub, tried.uv[vid], dataclasses.replace(steps, max_iterations=23))
+        tried.uv[vid] = rest.uv
+        tried.energy[live] = rest.energy
+        tried.floor[live] = np.maximum(tried.floor[live], rest.floor)
+    tried.distorted[:] = ~tried.overlapping & ~(tried.energy <= options.bound)
+    return tried
+
+
+def _turns(patches: Patches, corners: FloatArray, in_right: BoolArray) -> FloatArray:
     """(n, 2) cosine and sine of the rotation that lays the right chart's side of the glued arc onto the left's.
 
-    chart: (m,) chart of every face before gluing; the lower number is the left one.
+    in_right: (m,) bool, faces of the right chart.
     """
     i, j = patches.edges[:, 0], patches.edges[:, 1]
-    glued = chart[i // 3] != chart[j // 3]
+    glued = in_right[i // 3] != in_right[j // 3]
     i, j = i[glued], j[glued]
-    swap = chart[i // 3] > chart[j // 3]
+    swap = in_right[i // 3]
     p, q = np.where(swap, j, i), np.where(swap, i, j)
     flat = corners.reshape(-1, 2)
     ep = flat[next_half_edge(p)] - flat[p]

@@ -175,23 +175,6 @@ def _image_edges(surface: Surface, cell: IntArray, cells: IntArray, points: IntA
     return result
 
 
-def part_of(surface: Surface, faces: BoolArray) -> Surface:
-    """Some faces of a surface ((m,) bool); where they meet the others is a border."""
-    fid = np.flatnonzero(faces)
-    local = np.full(len(surface.faces), -1)
-    local[fid] = np.arange(len(fid))
-    inside = faces[surface.edges // 3].all(1)
-    e = surface.edges[inside]
-    return Surface(
-        surface.points,
-        surface.faces[fid],
-        surface.source[fid],
-        surface.turned[fid],
-        3 * local[e // 3] + e % 3,
-        surface.locked[inside],
-    )
-
-
 def both_sides(
     surface: Surface, mirror: Mirror, half: Cutting, other: Cutting
 ) -> tuple[Cutting, BoolArray]:
@@ -222,7 +205,7 @@ def image_of(surface: Surface, mirror: Mirror, images: Images, half: Cutting) ->
     place = order[np.minimum(np.searchsorted(key[order], image), len(key) - 1)]
     corners = half.corners.reshape(-1, 2)[place] * [-1.0, 1.0]
     cut = known[images.edge[other]] & ~surface.locked[other]
-    return Cutting(part_of(surface, rest), cut, corners)
+    return Cutting(surface.part(rest), cut, corners)
 
 
 def about_image_of(mirror: Mirror, half: Cutting, rest: Surface) -> tuple[Cutting, Proxy]:
