@@ -10,6 +10,11 @@ from hypothesis import strategies as st
 
 from circparam.errors import NoResultError, OptionError
 from circparam.packing import Packed, PackOptions, compact, pack, shelf
+from circparam.packing.drop import drop_placement
+from circparam.packing.pack import finish
+from circparam.packing.shapes import shapes_of
+from circparam.packing.work import Work
+from circparam.progress import Monitor
 
 QUICK = 0.02  # effort: the guarantees hold after any amount of search
 
@@ -334,3 +339,22 @@ def test_a_bundle_of_needles_makes_no_huge_program(monkeypatch: pytest.MonkeyPat
     packed = pack(faces, uv, np.arange(n), options)
     assert all(r <= limit for r in rows)
     assert np.isfinite(packed.uv).all()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_squeezing_takes_back_steps_that_are_too_long(seed: int) -> None:
+    """Steps many times as long as the charts are wide: a tip pushed through a neighbour would stay there."""
+    n = 30
+    rng = np.random.default_rng(seed)
+    uv = np.zeros((3 * n, 2))
+    turn = rng.random(n) * 2 * np.pi
+    along = np.stack([np.cos(turn), np.sin(turn)], 1)
+    uv[1::3] = along
+    uv[2::3] = along / 2 + 0.02 * np.stack([-along[:, 1], along[:, 0]], 1)
+    shapes = shapes_of(np.arange(3 * n).reshape(n, 3), uv, np.arange(n))
+    options = PackOptions(resolution=1024, padding=4)
+    start = drop_placement(shapes, options, Monitor())
+    assert start is not None
+    after = compact.compact(shapes, start, options, 12, Work(1e9, lambda: False), 256.0)
+    assert finish(shapes, after, options)[1] is None
+    assert after.scale > 1.02 * start.scale

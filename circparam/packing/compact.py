@@ -25,6 +25,8 @@ from circparam.packing.work import Work
 THIN = 0.5
 # Rows of one linear program; layouts of real charts have some ten thousand at most.
 MOST_ROWS = 60_000
+# Share of the gap below which charts have come so near that a tip may be through a neighbour.
+CROSSED = 0.2
 # Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
 _MARGIN = 0.02
 
@@ -194,6 +196,7 @@ def _thinned(found: Contacts, side: float) -> Contacts:
 def squeeze(
     placement: Placement,
     outlines: list[Outline],
+    found: Contacts,
     radius: FloatArray,
     options: PackOptions,
     trust: float,
@@ -206,9 +209,7 @@ def squeeze(
     It fails too where it would be too large: a bundle of needles touches itself in every direction.
     """
     n = len(outlines)
-    found = _thinned(
-        contacts(placement, outlines, options.gap + _MARGIN + 4 * trust), max(THIN * trust, 1.0)
-    )
+    found = _thinned(found, max(THIN * trust, 1.0))
     matrix, bound = _program(placement, outlines, found, options, strict)
     keep = bound < 4 * trust
     if keep.sum() > MOST_ROWS:
@@ -246,14 +247,21 @@ def compact(
     """Grow a layout free of overlap until it locks, by at most ``steps`` linear programs.
 
     trust: first trust region in texels of a page of 2048; it is halved when a step gains little of what the
-    region allows, down to a quarter of a texel. strict: keep the full gap in all directions, where the width
-    of straight strips would do; for layouts that the check refuses. work: counts the rows of the programs.
-    The result keeps the distances up to the error of the last step; the caller checks.
+    region allows, down to a quarter of a texel. A step that brings charts so near that a tip may be through a
+    neighbour, or to where no step keeps all distances, is taken back. strict: keep the full gap in all
+    directions, where the width of straight strips would do; for layouts that the check refuses. work: counts
+    the rows of the programs. The result keeps the distances but for the error of the last step: the caller
+    checks.
     """
     unit = options.resolution / 2048
     turn = options.rotate == "free"
     outlines: list[Outline] = []
     sampled = np.inf
+    earlier: Placement | None = None
+
+    def near(outlines: list[Outline]) -> Contacts:
+        return contacts(placement, outlines, options.gap + _MARGIN + 4 * trust * unit)
+
     for _ in range(steps):
         step = max(trust * unit / 2, 0.75)
         if step < sampled / 1.5:
@@ -261,13 +269,20 @@ def compact(
             outlines = [
                 sample_outline(*shapes.outline(c), step / placement.scale) for c in range(shapes.n)
             ]
-        after = squeeze(
-            placement, outlines, shapes.radius, options, trust * unit, turn, strict, work
-        )
+        found = near(outlines)
+        after = None
+        if earlier is None or least_distance(found) >= CROSSED * options.gap:
+            after = squeeze(
+                placement, outlines, found, shapes.radius, options, trust * unit, turn, strict, work
+            )
         if after is None:
-            break
+            if earlier is None:
+                break
+            # the last step was too long: again, half as long
+            placement, earlier, trust = earlier, None, trust / 2
+            continue
         gain = after.scale / placement.scale - 1
-        placement = after
+        earlier, placement = placement, after
         if gain < 0.2 * trust * unit / (shapes.radius.max() * placement.scale):
             trust /= 2
         if trust < 0.25 or work.over:
@@ -277,7 +292,13 @@ def compact(
         outlines = [
             sample_outline(*shapes.outline(c), 1 / placement.scale) for c in range(shapes.n)
         ]
-        for trust in (1.0 * unit, 0.5 * unit):
-            after = squeeze(placement, outlines, shapes.radius, options, trust, turn, strict, work)
+        for trust in (1.0, 0.5):
+            found = near(outlines)
+            if earlier is not None and least_distance(found) < CROSSED * options.gap:
+                placement, earlier = earlier, None
+                found = near(outlines)
+            after = squeeze(
+                placement, outlines, found, shapes.radius, options, trust * unit, turn, strict, work
+            )
             placement = placement if after is None else after
     return placement

@@ -42,6 +42,8 @@ _VERY_FEW = 30
 _KEPT = 3
 # Rounds of the search for the angle of a single chart: each is four times finer.
 _ALONE = 8
+# Many charts in plain rows are squeezed only where that much more than their scale was not reached.
+_ROWS_BELOW = 1.03
 # Charts up to which linear programs are solved in a second or so.
 _SQUEEZED = 150
 
@@ -49,13 +51,16 @@ _SQUEEZED = 150
 def nested(
     shapes: Shapes,
     options: PackOptions,
+    dropped: Placement | None,
     rows: Placement | None,
     monitor: Monitor,
     sound: Callable[[Placement], bool],
 ) -> list[Placement]:
     """Placements by nesting, best first; empty where the search found none.
 
-    rows: a plain layout, squeezed beside those found: for charts like boxes it can be the best start.
+    dropped: charts dropped one by one, squeezed instead of the layout found, or beside it, where there are
+    few charts. rows: a plain layout, squeezed too where that leads nowhere: for charts like boxes it can be
+    the best start.
     sound: the check on the raster. A long first step may push a thin tip through a neighbour, which no later
     step undoes; then the next layout is taken.
     """
@@ -70,8 +75,13 @@ def nested(
     part = min(1.0, 4 * options.effort)
     work = Work(_ROWS * max(part, 0.25), lambda: monitor.expired)
     rough: list[Placement] = []
-    for layout in [*layouts[: _KEPT if shapes.n <= _VERY_FEW else 1], rows]:
+    starts = layouts[: _KEPT if shapes.n <= _VERY_FEW else 1] + ([dropped] if dropped else [])
+    if not few:
+        starts = sorted(starts, key=lambda p: -p.scale)[:1]
+    for layout in [*starts, rows]:
         if layout is None or work.late or (rough and work.left < _ROWS / 3):
+            continue
+        if layout is rows and not few and rough and rough[0].scale > _ROWS_BELOW * rows.scale:
             continue
         rough.append(compact(shapes, layout, options, _steps(_ROUGH, part), work))
     rough.sort(key=lambda p: -p.scale)

@@ -79,12 +79,14 @@ def _candidates(
     """Placements that are tighter than rows of boxes; none when the time is over."""
     found: list[Placement] = []
     many = FEW_LOOSE if options.effort < LOOSE else NESTED
-    if shapes.n <= many and not monitor.expired:
-        found = nested(shapes, options, rows, monitor, sound)
-    if (shapes.n > DROPPED_FROM or not found) and not monitor.expired:
+    dropped = None
+    if shapes.n > DROPPED_FROM and not monitor.expired:
         dropped = drop_placement(shapes, options, monitor)
-        found += [dropped] if dropped is not None else []
-    return found
+    if shapes.n <= many and not monitor.expired:
+        found = nested(shapes, options, dropped, rows, monitor, sound)
+    if shapes.n <= DROPPED_FROM and not found and not monitor.expired:
+        dropped = drop_placement(shapes, options, monitor)
+    return found + ([dropped] if dropped is not None else [])
 
 
 def shelf(

@@ -246,6 +246,8 @@ def best_of_starts(
     # so many holes and handles cut the surface up that regions hardly matter
     if complexity(surface) > min(MANY, len(surface.faces) / CUT_UP):
         seeds = seeds[:1]
+    if len(seeds) == 1:
+        return grow_and_merge(surface, bound, margin, seeds[0], helper, monitor)
     tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
     starts = [Cutting(surface, *s) for s in helper.map(decide_once, tasks, monitor) if s]
     cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
@@ -255,12 +257,25 @@ def best_of_starts(
 def decide_once(
     surface: Surface, bound: float, margin: float, seeds: int, needed: bool, monitor: Monitor
 ) -> tuple[BoolArray, FloatArray] | None:
-    """Grow charts round so many seeds, split what is bad, merge, straighten, merge again.
-
-    Returns (cut, corners) of the cutting; None where it is not needed and there is no time for it.
-    """
+    """(cut, corners) of one start; None where it is not needed and there is no time for it."""
     if monitor.expired and not needed:
         return None
+    cutting = grow_and_merge(surface, bound, margin, seeds, None, monitor)
+    return cutting.cut, cutting.corners
+
+
+def grow_and_merge(
+    surface: Surface,
+    bound: float,
+    margin: float,
+    seeds: int,
+    helper: Helper | None,
+    monitor: Monitor,
+) -> Cutting:
+    """Grow charts round so many seeds, split what is bad, merge, straighten, merge again.
+
+    helper: lays half of the charts out where there is nothing better for it to do.
+    """
     graph = dual_graph(surface)
     cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
     first_charts(cutting, graph, seeds)
@@ -269,7 +284,7 @@ def decide_once(
     cutting.cut = proposal.cut(np.ones(proposal.n, bool))
     make_disks(cutting, graph)
     crowd = cutting.charts()[0] > MANY
-    laid = lay_out_fresh(cutting, None, HASTY if crowd else ROUGH)
+    laid = lay_out_fresh(cutting, None, HASTY if crowd else ROUGH, helper, monitor)
     for _ in range(12):
         bad = laid.bad(bound) & (np.bincount(laid.patches.chart) > 1)
         if not bad.any():
@@ -280,8 +295,10 @@ def decide_once(
         n, chart = cutting.charts()
         again = np.zeros(n, bool)
         again[chart[was]] = True
-        laid = lay_out_fresh(cutting, again, HASTY if bad.sum() > MANY else ROUGH)
-    merger = Merger(cutting, MergeOptions(bound, margin=margin), np.zeros(len(cutting.cut), bool))
+        steps = HASTY if bad.sum() > MANY else ROUGH
+        laid = lay_out_fresh(cutting, again, steps, helper, monitor)
+    fixed = np.zeros(len(cutting.cut), bool)
+    merger = Merger(cutting, MergeOptions(bound, margin=margin), fixed, helper)
     merger.run(monitor)
     _, before = cutting.charts()
     arcs = cutting.arcs(before)
@@ -290,7 +307,7 @@ def decide_once(
     merger.seams_moved(before, arcs)
     merger.run(monitor)
     straighten(cutting, graph, bound, steps, 1, margin=margin)
-    return cutting.cut, cutting.corners
+    return cutting
 
 
 def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) -> None:

@@ -22,11 +22,12 @@ from circparam.arrays import (
     group_sum,
     next_half_edge,
 )
-from circparam.helper import Helper, in_halves
+from circparam.helper import Helper
 from circparam.injectivity import crossings, self_overlapping
 from circparam.mesh import Patches
 from circparam.progress import Monitor
 from circparam.seams.cutting import CONE, Arcs, Cutting, main_parts, matching, not_disks
+from circparam.seams.relayout import chart_halves
 from circparam.solve import dirichlet
 from circparam.solve.apart import push_apart
 from circparam.solve.newton import RelaxOptions, relax
@@ -266,15 +267,13 @@ class Merger:
         if self.helper is None:
             return lay_out(unions, self.options, crowd, monitor)
         tried = Tried.nothing(patches)
-        halves = [unions.patches.chart[faces] for faces in in_halves(patches.chart)]
-        parts = [np.isin(np.arange(patches.n_charts), half) for half in halves]
-        subsets = [patches.subset(part) for part in parts]
+        halves = chart_halves(patches)
         tasks = [
             (Unions(sub, unions.corners[fid], unions.in_right[fid]), self.options, crowd)
-            for sub, _, fid in subsets
+            for _, sub, _, fid in halves
         ]
         done = self.helper.map(lay_out, tasks, monitor)
-        for part, (_, vid, _), of_part in zip(parts, subsets, done, strict=True):
+        for (part, _, vid, _), of_part in zip(halves, done, strict=True):
             tried.put(part, vid, of_part)
         return tried
 

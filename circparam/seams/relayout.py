@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.helper import Helper, in_halves
 from circparam.injectivity import self_overlapping
 from circparam.mesh import Patches
+from circparam.progress import Monitor
 from circparam.seams.cutting import Cutting, main_parts, matching, not_disks
 from circparam.seams.segment import DualGraph, make_disks
 from circparam.seams.shorten import Proposal, propose, space_gradients, spread, targets_from
@@ -34,18 +36,48 @@ class Laid:
         return ~(self.energy <= bound) | self.overlapping
 
 
-def lay_out_fresh(cutting: Cutting, which: BoolArray | None, options: RelaxOptions) -> Laid:
-    """Embed charts on circles and relax them; ``which`` ((n,) bool): the others keep their layout."""
+def lay_out_fresh(
+    cutting: Cutting,
+    which: BoolArray | None,
+    options: RelaxOptions,
+    helper: Helper | None = None,
+    monitor: Monitor | None = None,
+) -> Laid:
+    """Embed charts on circles and relax them; ``which`` ((n,) bool): the others keep their layout.
+
+    helper: does one half of many charts.
+    """
     patches = cutting.patches()
     uv = cutting.gather(patches)
     chosen = np.ones(patches.n_charts, bool) if which is None else which
     if chosen.any():
         sub, vid, fid = patches.subset(chosen)
-        start, _ = embed_convex(sub, "mean-value")
-        relaxed = relax(sub, start, options)
-        uv[vid] = relaxed.uv
-        cutting.corners[fid] = relaxed.uv[sub.faces]
+        if helper is None:
+            part = embed_and_relax(sub, options, None)
+        else:
+            part = np.zeros((sub.n_vertices, 2))
+            halves = chart_halves(sub)
+            tasks = [(half, options) for _, half, _, _ in halves]
+            done = helper.map(embed_and_relax, tasks, monitor or Monitor())
+            for (_, _, of_half, _), result in zip(halves, done, strict=True):
+                part[of_half] = result
+        uv[vid] = part
+        cutting.corners[fid] = part[sub.faces]
     return judge(patches, uv)
+
+
+def chart_halves(patches: Patches) -> list[tuple[BoolArray, Patches, IntArray, IntArray]]:
+    """Patches as ``in_halves`` has them: [((n,) charts, patches of those, vertices, faces)]."""
+    charts = [np.zeros(patches.n_charts, bool) for _ in range(2)]
+    for part, faces in zip(charts, in_halves(patches.chart), strict=False):
+        part[patches.chart[faces]] = True
+    return [(part, *patches.subset(part)) for part in charts if part.any()]
+
+
+def embed_and_relax(patches: Patches, options: RelaxOptions, monitor: Monitor | None) -> FloatArray:
+    """(nv, 2) mean-value map of every chart onto a circle, relaxed."""
+    start, _ = embed_convex(patches, "mean-value")
+    return relax(patches, start, options).uv
 
 
 def judge(patches: Patches, uv: FloatArray, margin: float = 0.0) -> Laid:
