@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,6 +125,7 @@ def straighten(
     All chains are tried at once first. Where that spoils a chart, they are tried again in rounds of the largest
     gains, at most one chain a chart, and each stays only if its charts are good.
     """
+    options = dataclasses.replace(options, give_up=bound)
     start_cut, start_corners = cutting.cut.copy(), cutting.corners.copy()
     _, before = cutting.charts()
     proposal = propose(cutting, rings, pinned)
