@@ -238,6 +238,14 @@ def squeeze(
     )
 
 
+def _outlines(shapes: Shapes, step: float) -> list[Outline]:
+    return [sample_outline(*shapes.outline(c), step) for c in range(shapes.n)]
+
+
+def _crossed(found: Contacts, options: PackOptions) -> bool:
+    return least_distance(found) < CROSSED * options.gap
+
+
 def compact(
     shapes: Shapes,
     placement: Placement,
@@ -269,12 +277,10 @@ def compact(
         step = max(trust * unit / 2, 0.75)
         if step < sampled / 1.5:
             sampled = step
-            outlines = [
-                sample_outline(*shapes.outline(c), step / placement.scale) for c in range(shapes.n)
-            ]
+            outlines = _outlines(shapes, step / placement.scale)
         found = near(outlines)
         after = None
-        if earlier is None or least_distance(found) >= CROSSED * options.gap:
+        if earlier is None or not _crossed(found, options):
             after = squeeze(
                 placement, outlines, found, shapes.radius, options, trust * unit, turn, strict, work
             )
@@ -292,12 +298,10 @@ def compact(
             break
     if trust >= 0.5 and not work.late:
         # cut short: a last small step takes back what the linear programs overshot
-        outlines = [
-            sample_outline(*shapes.outline(c), 1 / placement.scale) for c in range(shapes.n)
-        ]
+        outlines = _outlines(shapes, 1 / placement.scale)
         for trust in (1.0, 0.5):
             found = near(outlines)
-            if earlier is not None and least_distance(found) < CROSSED * options.gap:
+            if earlier is not None and _crossed(found, options):
                 placement, earlier = earlier, None
                 found = near(outlines)
             after = squeeze(
