@@ -69,10 +69,10 @@ fuzz: $(VENV)/.dev ## hostile meshes and broken files: make fuzz FUZZ=5000 SEED=
 	$(RUN) -m tests.fuzz --cases $(FUZZ) --seed $(SEED)
 
 figures: $(VENV)/.dev ## the pictures of README and docs
-	$(RUN) -m tests.figures
+	$(RUN) -m tests.tools.figures
 
 docs: $(VENV)/.dev ## docs/cli.md out of the help texts
-	$(RUN) -m tests.reference
+	$(RUN) -m tests.tools.reference
 
 clean: ## remove what make has made
 	rm -rf $(VENV) demo-output test-artefacts build dist *.egg-info

@@ -28,28 +28,30 @@ from circparam.errors import (
 )
 
 if TYPE_CHECKING:
-    from circparam.formats import Document, read, write
-    from circparam.inspection import inspect
-    from circparam.mesh import Mesh, UVMap
-    from circparam.options import Options
-    from circparam.output import save
-    from circparam.pipeline import repack, unwrap
-    from circparam.report.summary import summarise
-    from circparam.result import Result
+    from circparam.formats.document import Document
+    from circparam.formats.io import read, write
+    from circparam.mesh.mesh import Mesh, UVMap
+    from circparam.pipeline.inspect import inspect
+    from circparam.pipeline.options import Options
+    from circparam.pipeline.result import Result
+    from circparam.pipeline.save import save
+    from circparam.pipeline.summary import summarise
+    from circparam.pipeline.unwrap import repack, unwrap
+
 
 _HOME = {
-    "unwrap": "circparam.pipeline",
-    "repack": "circparam.pipeline",
-    "inspect": "circparam.inspection",
-    "Result": "circparam.result",
-    "save": "circparam.output",
-    "Options": "circparam.options",
+    "unwrap": "circparam.pipeline.unwrap",
+    "repack": "circparam.pipeline.unwrap",
+    "inspect": "circparam.pipeline.inspect",
+    "Result": "circparam.pipeline.result",
+    "save": "circparam.pipeline.save",
+    "Options": "circparam.pipeline.options",
     "read": "circparam.formats",
     "write": "circparam.formats",
     "Document": "circparam.formats",
-    "summarise": "circparam.report.summary",
-    "Mesh": "circparam.mesh",
-    "UVMap": "circparam.mesh",
+    "summarise": "circparam.pipeline.summary",
+    "Mesh": "circparam.mesh.mesh",
+    "UVMap": "circparam.mesh.mesh",
 }
 _ROOMS = ("samples", "errors", "methods", "seams", "packing", "formats", "pipeline", "report")
 

@@ -1,3 +1,5 @@
 """The version, alone in a file so that the build and ``--version`` import nothing else."""
 
+from __future__ import annotations
+
 __version__ = "0.1.0"

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-
-def corpus_folder() -> Path:
-    """The folder of real meshes, whether it exists or not."""
-    default = Path(__file__).resolve().parents[1] / ".." / "shared" / "meshes"
-    return Path(os.environ.get("CIRCPARAM_CORPUS", default)).resolve()
+from tests.support.corpus import CORPUS
 
 
 @pytest.fixture(scope="session")
 def corpus() -> Path:
     """The folder of real meshes; the test is skipped, saying why, where it is absent."""
-    folder = corpus_folder()
-    if not (folder / "MANIFEST.tsv").is_file():
+    if not (CORPUS / "MANIFEST.tsv").is_file():
         pytest.skip("the folder of real meshes is absent: set CIRCPARAM_CORPUS to run this")
-    return folder
+    return CORPUS
 
 
 @pytest.fixture

@@ -12,53 +12,22 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "circparam"
 
-# From the ground up. A room may import what is below it; rooms on one floor may not import each other,
-# except on the floors named in SHARED, whose modules work together (without a cycle).
-FLOORS: list[tuple[str, set[str]]] = [
-    ("ground", {"errors", "arrays", "registry", "progress", "helper", "_version"}),
-    ("data", {"mesh", "options"}),
-    ("topology", {"topology", "manifold", "graphs"}),
-    ("geometry", {"geometry", "linear"}),
-    (
-        "parts",
-        {
-            "repair",
-            "weights",
-            "borders",
-            "distortion",
-            "injectivity",
-            "predicates",
-            "nearby",
-            "borderlines",
-            "coverage",
-            "describe",
-            "solve",
-        },
-    ),
-    ("families", {"methods", "seams", "packing", "formats"}),
-    (
-        "pipeline",
-        {
-            "verify",
-            "inspection",
-            "sidecars",
-            "chain",
-            "hubs",
-            "stages",
-            "result",
-            "output",
-            "pipeline",
-            "samples",
-        },
-    ),
-    ("reports", {"report", "compare", "baseline", "isolated", "table1", "bake"}),
-    ("command line", {"cli"}),
+# From the ground up: a room imports what stands before it, never what stands after it or on its own floor.
+FLOORS: list[set[str]] = [
+    {"_version"},
+    {"errors"},
+    {"core"},
+    {"mesh"},
+    {"geometry"},
+    {"solvers"},
+    {"methods", "seams", "packing", "formats"},
+    {"pipeline"},
+    {"render"},
+    {"bake", "compare", "samples"},
+    {"cli"},
 ]
-SHARED = {"ground", "data", "topology", "geometry", "parts", "pipeline", "reports"}
-FAMILIES = ["weights", "borders", "methods", "seams", "packing", "formats"]
-# the convex methods are made of weights and borders: these two lie below the methods
-MAY = {("methods", "weights"), ("methods", "borders")}
-FLOOR = {room: i for i, (_, rooms) in enumerate(FLOORS) for room in rooms}
+FLOOR = {room: i for i, rooms in enumerate(FLOORS) for room in rooms}
+LOOSE = {"__init__", "__main__", "_version", "errors"}  # modules beside the rooms
 
 
 def sources() -> list[Path]:
@@ -107,27 +76,18 @@ def inner_imports() -> list[tuple[str, str, str]]:
     return out
 
 
-def test_every_module_has_its_floor() -> None:
-    homeless = {room_of(p) for p in sources()} - set(FLOOR) - {"__init__", "__main__"}
-    assert not homeless, f"say in FLOORS where these belong: {sorted(homeless)}"
+def test_rooms_and_loose_modules() -> None:
+    rooms = {room_of(p) for p in sources()} - LOOSE
+    assert {p.stem for p in PACKAGE.glob("*.py")} <= LOOSE
+    assert rooms <= set(FLOOR), f"say in FLOORS where these belong: {sorted(rooms - set(FLOOR))}"
+    assert len(rooms) <= 14
 
 
 def test_imports_go_downwards() -> None:
-    wrong = []
-    for place, room, target in inner_imports():
-        if room == target:
-            continue
-        here, there = FLOOR[room], FLOOR[target]
-        if there > here or (there == here and FLOORS[here][0] not in SHARED):
-            wrong.append(f"{place}: {room} imports {target}")
-    assert not wrong, "\n".join(wrong)
-
-
-def test_families_stay_apart() -> None:
     wrong = [
         f"{place}: {room} imports {target}"
         for place, room, target in inner_imports()
-        if room in FAMILIES and target in FAMILIES and room != target and (room, target) not in MAY
+        if room != target and FLOOR[target] >= FLOOR[room]
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -167,10 +127,10 @@ def test_no_cycle_between_modules() -> None:
     ("module", "rooms"),
     [
         ("click", {"cli"}),
-        ("rich", {"cli", "report"}),
+        ("rich", {"cli"}),
         ("trimesh", {"formats"}),
         ("fast_simplification", {"seams"}),
-        ("PIL", {"report", "bake", "formats", "samples", "cli"}),
+        ("PIL", {"render", "bake", "formats"}),
         ("igl", set()),
         ("pytest", set()),
     ],
@@ -206,7 +166,11 @@ def test_the_library_neither_prints_nor_exits() -> None:
                 if name in ("print", "exit", "quit", "sys.exit", "os._exit", "breakpoint"):
                     wrong.append(f"{path.relative_to(ROOT)}:{node.lineno}: {name}")
     # a worker process of its own talks to its parent over a pipe
-    wrong = [w for w in wrong if not w.startswith(("circparam/isolated", "circparam/helper"))]
+    wrong = [
+        w
+        for w in wrong
+        if not w.startswith(("circparam/compare/process", "circparam/core/workers"))
+    ]
     assert not wrong, "\n".join(wrong)
 
 

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from circparam.cli import COMMANDS, cli
-from tests import reference
+from tests.tools import reference
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from tests import shapes
 from tests.fuzz.cases import Case, cases
 from tests.fuzz.check import live_faces, overlapping, problems
+from tests.support import shapes
 
 needs_alarm = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="the bound needs SIGALRM")
 
@@ -28,17 +28,17 @@ def test_whatever_comes_in_ends_as_documented(case: Case) -> None:
 @needs_alarm
 def test_the_judge_finds_a_lying_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The fuzzer's own check must be able to fail: a pipeline whose verification is blind is found out."""
-    from circparam import pipeline
+    from circparam.pipeline import stored_fit
 
     def crushed(*given: object) -> object:
         uvmap = original(*given)
         uvmap.uv[:] = np.abs(uvmap.uv - 0.5)  # the layout folded twice
         return uvmap
 
-    original = pipeline.complete
-    monkeypatch.setattr(pipeline, "complete", crushed)
-    monkeypatch.setattr("circparam.chain.faults", _sound)
-    monkeypatch.setattr("circparam.result.reasons", lambda *_: [])
+    original = stored_fit.complete
+    monkeypatch.setattr(stored_fit, "complete", crushed)
+    monkeypatch.setattr("circparam.pipeline.fallback.faults", _sound)
+    monkeypatch.setattr("circparam.pipeline.result.reasons", lambda *_: [])
     p, f = shapes.bumped_disk(60)
     lines = [f"v {x} {y} {z}" for x, y, z in p] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in f]
     case = Case("mesh.obj", "\n".join(lines).encode(), ("unwrap",), ("--no-normalize",), ".obj")

@@ -11,14 +11,13 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.arrays import FloatArray, IntArray, cross2
+from circparam.core.arrays import FloatArray, IntArray, cross2
 from circparam.errors import InputError
-from circparam.mesh import Mesh, UVMap
-from circparam.report.appearance import Textures, decode
-from circparam.report.scene import row_labels
+from circparam.formats.materials import Textures, decode
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.render.scene import row_labels
 
 Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
-
 CANDIDATES = 6  # nearest samples whose faces are tried for the closest point
 BLOCK = 200_000  # places at once
 WALK = 8  # steps to neighbouring faces, at most

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.bake.atlas import Baked, to_image
+from circparam.bake.bake import Baked, to_image
 from circparam.errors import InputError, OptionError
-from circparam.formats import Document, WriteOptions, encode
-from circparam.report.figures import write_bytes
+from circparam.formats.document import Document, WriteOptions
+from circparam.formats.io import encode
+from circparam.render.figures import write_bytes
 
 _BIN, _JSON = 0x004E4942, 0x4E4F534A
 

@@ -30,7 +30,6 @@ COMMANDS = {
     "methods": "Show every method, and what it guarantees.",
     "samples": "List the bundled meshes, or save one.",
 }
-
 _EPILOG = """\b
 Examples:
   circparam unwrap mesh.obj

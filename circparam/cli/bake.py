@@ -78,9 +78,10 @@ def command(
     Where MESH and OTHER hold the same triangles, colours go from face to face; otherwise every texel takes
     the colour of the closest point of OTHER. Colours are grown into the padding.
     """
-    from circparam.bake import bake_document, check_target, write_baked
-    from circparam.formats import read
-    from circparam.progress import Monitor
+    from circparam.bake.bake import bake_document
+    from circparam.bake.write import check_target, write_baked
+    from circparam.core.monitor import Monitor
+    from circparam.formats.io import read
 
     path = Path(output)
     check_target(path)

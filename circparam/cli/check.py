@@ -41,10 +41,10 @@ def command(mesh: str, **given: Any) -> None:
     duplicate or wound inconsistently; with --uv flips, overlaps, mirrored charts, distortion, seams, packing.
     """
     from circparam.errors import GateError, OptionError
-    from circparam.formats import read
-    from circparam.inspection import inspect, require_disks
-    from circparam.report.summary import summarise_check
-    from circparam.verify import parse_gates
+    from circparam.formats.io import read
+    from circparam.pipeline.gates import parse_gates
+    from circparam.pipeline.inspect import inspect, require_disks
+    from circparam.pipeline.summary import summarise_check
 
     wants_uv = given["uv"] or given["uv_set"] is not None
     for name in ("resolution", "padding", "fail_if"):
@@ -60,7 +60,7 @@ def command(mesh: str, **given: Any) -> None:
     if given["as_json"]:
         click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
     elif not given["quiet"]:
-        from circparam.report.table import check_table, console
+        from circparam.cli.tables import check_table, console
 
         console().print(check_table(report))
     if given["require"] == "disk":

@@ -15,11 +15,11 @@ from circparam.cli import exits, options, progress
 from circparam.errors import CircparamError, NoResultError, OptionError, OutputError
 
 if TYPE_CHECKING:
-    from circparam.compare import Comparison
-    from circparam.table1 import Size
+    from circparam.compare.compare import Comparison
+    from circparam.compare.kim2019 import Size
+
 
 SCHEMA = "circparam/compare/1"
-
 _EPILOG = """\b
 Examples:
   circparam compare --methods circle,floater
@@ -90,8 +90,9 @@ def command(
     already is the row "input". Without MESH the bundled samples are compared, and circle and floater are
     timed on the sizes of Table 1 of the source.
     """
-    from circparam import samples, table1
-    from circparam.compare import compare, method_names
+    from circparam import samples
+    from circparam.compare import kim2019
+    from circparam.compare.compare import compare, method_names
 
     names = method_names(methods)
     for path, ending in ((csv_file, ""), (report, ".html"), (plot, ".png")):
@@ -114,8 +115,8 @@ def command(
         if not silent:
             click.echo(_table(found[-1], None if meshes else mesh) + "\n")
     sizes = None
-    if (not meshes or report is not None) and {table1.METHOD, table1.PEER} <= set(names):
-        sizes = table1.measure(repeats=repeats)
+    if (not meshes or report is not None) and {kim2019.METHOD, kim2019.PEER} <= set(names):
+        sizes = kim2019.measure(repeats=repeats)
         if not silent:
             click.echo(_table1(sizes, repeats))
     if as_json:
@@ -133,9 +134,9 @@ def _write_pictures(
     found: list[Comparison], report: str | None, plot: str | None, sizes: list[Size] | None
 ) -> None:
     """The page and the image of what was compared."""
-    from circparam.formats import read
-    from circparam.report.compare_page import save_plot, save_report
-    from circparam.report.sides import sides_of
+    from circparam.formats.io import read
+    from circparam.render.compare_page import save_plot, save_report
+    from circparam.render.sides import sides_of
 
     meshes = [sides_of(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
     if report is not None:
@@ -161,7 +162,6 @@ def _fail_if_nothing(found: list[Comparison]) -> None:
 
 
 # text ----------------------------------------------------------------------------------------------
-
 _COST = [
     *[("charts", 6), ("seam", 7), ("weights", 9), ("solve", 9), ("total", 9), ("peak MB", 9)],
     *[("flips", 7), ("overlap", 9)],
@@ -220,7 +220,7 @@ def _table(c: Comparison, name: str | None) -> str:
 
 def _table1(sizes: list[Size], repeats: int) -> str:
     """Table 1 of the source beside what was measured here."""
-    from circparam.table1 import RANGE
+    from circparam.compare.kim2019 import RANGE
 
     lines = [f"Table 1 of the source (Kim 2019), median of {repeats} repeats, ms [quartiles]"]
     lines.append(
@@ -262,15 +262,14 @@ def _number(value: float | int | None, digits: int) -> str:
 
 
 # files ---------------------------------------------------------------------------------------------
-
-
 def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -> dict[str, Any]:
-    from circparam import __version__, table1
+    from circparam import __version__
+    from circparam.compare import kim2019
 
     printed = None
     if sizes is not None:
         rows = [s.as_dict() for s in sizes]
-        printed = {"repeats": repeats, "range_of_source": table1.RANGE, "sizes": rows}
+        printed = {"repeats": repeats, "range_of_source": kim2019.RANGE, "sizes": rows}
     meshes = [c.as_dict() for c in found]
     return {"schema": SCHEMA, "version": __version__, "meshes": meshes, "table1": printed}
 

@@ -24,7 +24,6 @@ import errno
 from circparam import errors
 
 OK, INTERNAL, USAGE, INTERRUPTED, TERMINATED = 0, 1, 2, 130, 143
-
 CODES: dict[type[BaseException], int] = {
     errors.OptionError: USAGE,
     errors.InputError: 3,

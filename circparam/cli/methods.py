@@ -39,7 +39,7 @@ def command(name: str | None, as_json: bool) -> None:
 
 def _plain(row: Any) -> dict[str, Any]:
     """A row of METHODS as plain values; guarantees in the order of the table of tags."""
-    from circparam.registry import TAGS
+    from circparam.core.registry import TAGS
 
     return {
         "name": row.name,
@@ -51,7 +51,7 @@ def _plain(row: Any) -> dict[str, Any]:
 
 
 def _table(rows: list[dict[str, Any]]) -> str:
-    from circparam.registry import TAGS
+    from circparam.core.registry import TAGS
 
     short = {
         "positive": "positive",
@@ -74,7 +74,7 @@ def _table(rows: list[dict[str, Any]]) -> str:
 
 
 def _page(row: dict[str, Any]) -> str:
-    from circparam.registry import TAGS
+    from circparam.core.registry import TAGS
 
     guarantees = [f"{tag}: {TAGS[tag]}" for tag in row["guarantees"]] or ["none"]
     parts = [("", row["summary"]), ("source", row["source"]), ("condition", row["condition"])]

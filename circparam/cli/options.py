@@ -20,7 +20,7 @@ class Name(click.ParamType[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The value, where the table has it."""
-        from circparam.registry import unknown_name
+        from circparam.core.registry import unknown_name
 
         names = self.names()
         if value not in names:
@@ -55,7 +55,6 @@ def start_names() -> list[str]:
 
 METHOD = Name("method", method_names)
 START = Name("start", start_names)
-
 MESH = click.Path(dir_okay=True, allow_dash=True)  # a directory is the library's error (exit 3)
 FILE = click.Path()
 
@@ -65,37 +64,48 @@ method = click.option(
     type=METHOD,
     help="How charts are flattened: see circparam methods.  [default: isometric]",
 )
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
+
 overwrite = click.option(
     "--overwrite", is_flag=True, help="Replace an output file that exists already."
 )
+
 quiet = click.option("--quiet", "-q", is_flag=True, help="No progress, no table, no warnings.")
+
 verbose = click.option("--verbose", "-v", count=True, help="Show more: -v stages, -vv notes.")
+
 output = click.option("--output", "-o", type=FILE, metavar="FILE", help="Where to write.")
+
 out_dir = click.option(
     "--out-dir",
     type=FILE,
     metavar="DIR",
     help="Folder for the outputs, with the names of the inputs.",
 )
+
 format_option = click.option(
     "--format",
     "format",
     type=click.Choice(["obj", "ply", "glb", "gltf", "stl", "off"], case_sensitive=False),
     help="Format of what comes through '-' (stdin, stdout).",
 )
+
 uv_set = click.option(
     "--uv-set", type=int, metavar="N", help="Which uv set of the file, from 0 on."
 )
+
 resolution = click.option(
     "--resolution", type=int, metavar="TEXELS", help="Side of a page in texels.  [default: 2048]"
 )
+
 padding = click.option(
     "--padding",
     type=int,
     metavar="TEXELS",
     help="Empty texels between charts and at the border.  [default: 4]",
 )
+
 packing = [
     resolution,
     padding,
@@ -121,6 +131,7 @@ packing = [
         "--no-scale", is_flag=True, help="Keep the sizes of the charts: 1 unit is 1 page."
     ),
 ]
+
 gates = click.option(
     "--fail-if",
     metavar="GATES",

@@ -44,9 +44,9 @@ def command(mesh: str, **given: Any) -> None:
     Every chart keeps its shape and its size relative to the others; none is mirrored. At least --padding
     texels stay empty between charts and at the border of the page.
     """
-    from circparam.pipeline import repack
-    from circparam.report.summary import summarise
-    from circparam.verify import parse_gates
+    from circparam.pipeline.gates import parse_gates
+    from circparam.pipeline.summary import summarise
+    from circparam.pipeline.unwrap import repack
 
     gates = parse_gates(given["fail_if"])
     out = output_path(mesh, given)
@@ -63,7 +63,7 @@ def command(mesh: str, **given: Any) -> None:
     if given["as_json"]:
         click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
     elif not given["quiet"] and out != "-":
-        from circparam.report.table import console, unwrap_table
+        from circparam.cli.tables import console, unwrap_table
 
         console().print(unwrap_table(report, given["verbose"]))
     missed = gates.missed(report)

@@ -15,7 +15,7 @@ def output_path(mesh: str, given: dict[str, Any]) -> str:
         return str(given["output"])
     if mesh == "-":
         return "-"
-    from circparam.formats import DEFAULT_OUTPUT
+    from circparam.formats.table import DEFAULT_OUTPUT
 
     path = Path(mesh)
     kind = path.suffix.lower().lstrip(".")

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from circparam.progress import Listener
+from circparam.core.monitor import Listener
 
 DELAY = 2.0  # seconds before a bar appears
 

@@ -15,6 +15,7 @@ from circparam.cli import options
 if TYPE_CHECKING:
     from circparam.samples import Sample
 
+
 _EPILOG = """\b
 Examples:
   circparam samples

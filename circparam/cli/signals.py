@@ -79,7 +79,7 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
 
 def _remove_temporaries() -> None:
     """Unlink what an interrupted write has left (the formats keep a list of their temporary files)."""
-    formats = sys.modules.get("circparam.formats.atomic")
+    formats = sys.modules.get("circparam.core.files")
     for path in tuple(getattr(formats, "TEMPORARIES", ())):
         with contextlib.suppress(OSError):
             os.unlink(path)

@@ -72,7 +72,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     Cuts to charts of bounded distortion, flattens, packs, writes, reads the file back and verifies it:
     no flips, no overlaps, no mirrored charts. Without -o the output is MESH_uv.EXT beside the input.
     """
-    from circparam.verify import parse_gates
+    from circparam.pipeline.gates import parse_gates
 
     run = _Run(given, parse_gates(given["fail_if"]))
     outputs = [output_path(mesh, given) for mesh in meshes]
@@ -89,8 +89,8 @@ class _Run:
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
         self.keywords = _keywords(given)
-        from circparam.options import from_keywords
-        from circparam.stages import check_names
+        from circparam.pipeline.configure import check_names
+        from circparam.pipeline.options import from_keywords
 
         self.options = from_keywords(self.keywords)
         check_names(self.options)
@@ -110,10 +110,10 @@ class _Run:
         return exits.OK
 
     def _unwrap(self, mesh: str, out: str) -> None:
-        from circparam.formats import read
-        from circparam.pipeline import unwrap_document
-        from circparam.progress import Monitor
-        from circparam.report.summary import summarise
+        from circparam.core.monitor import Monitor
+        from circparam.formats.io import read
+        from circparam.pipeline.summary import summarise
+        from circparam.pipeline.unwrap import unwrap_document
 
         with progress.listener(os.path.basename(mesh), self.quiet) as listener:
             monitor = Monitor(listener, self.options.timeout)
@@ -132,7 +132,7 @@ class _Run:
         if self.as_json:
             self._print_json(report)
         elif not self.quiet and out != "-":
-            from circparam.report.table import console, unwrap_table
+            from circparam.cli.tables import console, unwrap_table
 
             console().print(unwrap_table(report, self.given["verbose"]))
         missed = self.gates.missed(report)
@@ -141,17 +141,17 @@ class _Run:
 
     def _extras(self, result: Any) -> None:
         """The further files that were asked for."""
-        from circparam import output
+        from circparam.pipeline import save
 
         if self.given["export_seams"]:
-            output.export_seams(result, self.given["export_seams"], self.given["overwrite"])
+            save.export_seams(result, self.given["export_seams"], self.given["overwrite"])
         if self.given["index_map"]:
-            output.write_map(result, self.given["index_map"], self.given["overwrite"])
+            save.write_map(result, self.given["index_map"], self.given["overwrite"])
 
         if self.given["preview"]:
-            from circparam.mesh import UVMap
-            from circparam.report.figures import PictureOptions
-            from circparam.report.picture import save_preview
+            from circparam.mesh.mesh import UVMap
+            from circparam.render.figures import PictureOptions
+            from circparam.render.picture import save_preview
 
             o = result.options
             look = PictureOptions(
@@ -169,7 +169,7 @@ class _Run:
 
 def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
     """The JSON document of a mesh that has no result."""
-    from circparam.report.summary import SCHEMA
+    from circparam.pipeline.summary import SCHEMA
 
     return {
         "schema": SCHEMA.format("unwrap"),
@@ -200,7 +200,7 @@ _NOT_OPTIONS = (
 
 def _keywords(given: dict[str, Any]) -> dict[str, Any]:
     """The options of the library out of those of the command: files read, angles in radians."""
-    from circparam import sidecars
+    from circparam.formats import sidecars
 
     out = {k: v for k, v in given.items() if k not in _NOT_OPTIONS and v not in (None, False)}
     out |= {"repair": given["repair"], "overwrite": given["overwrite"]}

@@ -32,6 +32,7 @@ flattening = [
         "--bff-border", metavar="disk|FILE", help="Target border of bff: a disk, or edge lengths."
     ),
 ]
+
 seams = [
     click.option(
         "--cut",
@@ -80,6 +81,7 @@ seams = [
         "--export-seams", type=options.FILE, metavar="FILE", help="Write the seams as vertex pairs."
     ),
 ]
+
 writing = [
     click.option(
         "--no-normalize", is_flag=True, help="Keep the coordinates of the solver, unpacked."
@@ -107,6 +109,7 @@ writing = [
         "--map", "index_map", type=options.FILE, metavar="FILE.npz", help="Write the index map."
     ),
 ]
+
 mending = [
     click.option(
         "--repair/--no-repair",

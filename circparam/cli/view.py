@@ -74,8 +74,8 @@ def command(
     Works for any mesh with uv, made by circparam or not. A page (.html) is one file that needs no network:
     turn and zoom the surface, point at a chart to find it in both views, see the mesh's own texture.
     """
-    from circparam.formats import read
-    from circparam.report.show import check_kind, view_document
+    from circparam.formats.io import read
+    from circparam.render.show import check_kind, view_document
 
     if output is None and mesh == "-":
         raise OptionError("the mesh comes from standard input: name the picture with -o FILE")

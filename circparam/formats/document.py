@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from circparam.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError, OptionError
-from circparam.mesh import Mesh, UVMap
+from circparam.mesh.mesh import Mesh, UVMap
 
 
 @dataclass(frozen=True)

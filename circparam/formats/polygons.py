@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Polygons
 

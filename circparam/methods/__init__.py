@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from functools import partial
 
+from circparam.core.registry import Row, Table
 from circparam.methods.abf import abf
 from circparam.methods.arap import arap
-from circparam.methods.base import Layout, Method, MethodOptions, Pins
+from circparam.methods.base import Layout, Method, MethodOptions
 from circparam.methods.bff import bff
-from circparam.methods.convex import convex
 from circparam.methods.isometric import isometric
 from circparam.methods.lscm import lscm
-from circparam.registry import Row, Table
-from circparam.weights import WEIGHTS
+from circparam.methods.pins import Pins
+from circparam.methods.tutte import convex
+from circparam.solvers.tutte.weights import WEIGHTS
 
 __all__ = ["METHODS", "Layout", "Method", "MethodOptions", "Pins"]
 

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, dot, group_max, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, dot, group_max, group_sum
+from circparam.core.linalg import Factor
+from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
-from circparam.geometry import corner_angles, vertex_angle_sums
-from circparam.linear import Factor
-from circparam.mesh import Patches, close_holes
+from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
+from circparam.mesh.cut_mesh import Patches, close_holes
 from circparam.methods.base import Layout, MethodOptions, require_border
-from circparam.methods.lscm import conformal_spectral, scaled, start_modes
-from circparam.methods.mend import mend
-from circparam.progress import Monitor
+from circparam.methods.conformal import conformal_spectral, scaled, start_modes
+from circparam.methods.untangled import mend
 
 LIMIT = 20
 CONVERGED = 1e-9  # largest violation of a constraint, in radians (or logarithm)

@@ -10,15 +10,16 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.arrays import BoolArray, FloatArray, group_sum
-from circparam.geometry import cotangent_laplacian, jacobians
-from circparam.linear import Factor
-from circparam.mesh import Patches
-from circparam.methods.base import Layout, MethodOptions, check_pins, require_border
-from circparam.methods.embed import embed_start
-from circparam.methods.mend import mend
-from circparam.progress import Monitor
-from circparam.solve.descent import descend
+from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.linalg import Factor
+from circparam.core.monitor import Monitor
+from circparam.geometry.intrinsic import cotangent_laplacian, jacobians
+from circparam.mesh.cut_mesh import Patches
+from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.methods.pins import check_pins
+from circparam.methods.untangled import mend
+from circparam.solvers.lbfgs import descend
+from circparam.solvers.tutte.graded import embed_start
 
 LIMIT = 1000
 TOLERANCE = 1e-9
@@ -34,7 +35,7 @@ def arap(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
     if options.pins is not None:
         check_pins(patches, options.pins, 1)
         hold[options.pins.vertices] = True
-    uv, notes = embed_start(patches, options.start, options, monitor)
+    uv, notes = embed_start(patches, options.start, options.tutte, monitor)
     with monitor.stage("relax"):
         if options.pins is not None:
             uv = fit_pins(patches, uv, options)

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.arrays import BoolArray, FloatArray, group_sum
-from circparam.borders import Ring, outer_ring
+from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.linalg import Factor
+from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
-from circparam.geometry import corner_angles, cotangent_laplacian, vertex_angle_sums
-from circparam.linear import Factor
-from circparam.mesh import Patches, close_holes
+from circparam.geometry.intrinsic import corner_angles, cotangent_laplacian, vertex_angle_sums
+from circparam.mesh.cut_mesh import Patches, close_holes
 from circparam.methods.base import Layout, MethodOptions, require_border
-from circparam.methods.lscm import scaled
-from circparam.methods.mend import mend
-from circparam.progress import Monitor
+from circparam.methods.conformal import scaled
+from circparam.methods.untangled import mend
+from circparam.solvers.tutte.boundary import Ring, outer_ring
 
 ROUNDS = 40  # of the fixed point iteration for the disk
 SHORTEST = (

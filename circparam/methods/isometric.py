@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
-from circparam.mesh import Patches
+from circparam.mesh.cut_mesh import Patches
 from circparam.methods.arap import fit_pins
-from circparam.methods.base import Layout, MethodOptions, check_pins, require_border
-from circparam.methods.embed import embed_start
-from circparam.progress import Monitor
-from circparam.solve.newton import RelaxOptions, relax
-from circparam.solve.unfold import unfold
+from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.methods.pins import check_pins
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.tutte.graded import embed_start
+from circparam.solvers.untangle import unfold
 
 TOLERANCE = 1e-6
 LIMIT = 500
@@ -28,7 +29,7 @@ def isometric(patches: Patches, options: MethodOptions, monitor: Monitor) -> Lay
     require_border(patches)
     if not 0 <= options.blend <= 1:
         raise OptionError(f"blend {options.blend} is outside 0 (isometric) .. 1 (conformal)")
-    uv, notes = embed_start(patches, options.start, options, monitor)
+    uv, notes = embed_start(patches, options.start, options.tutte, monitor)
     fixed: BoolArray | None = None
     if options.pins is not None:
         check_pins(patches, options.pins, 1)

@@ -9,28 +9,18 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.arrays import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    group_max,
-    group_sum,
-    next_half_edge,
-)
-from circparam.borders import outer_ring
+from circparam.core.arrays import BoolArray, ComplexArray, IntArray
+from circparam.core.linalg import ComplexFactor
+from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
-from circparam.geometry import cotangent_laplacian, signed_areas
-from circparam.linear import ComplexFactor
-from circparam.mesh import Patches
-from circparam.methods.base import Layout, MethodOptions, Pins, check_pins, require_border
-from circparam.methods.mend import mend
-from circparam.progress import Monitor
-from circparam.solve.convex import embed_convex
+from circparam.mesh.cut_mesh import Patches
+from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.methods.conformal import conformal_matrix, conformal_spectral, scaled, start_modes
+from circparam.methods.pins import Pins, check_pins
+from circparam.methods.untangled import mend
+from circparam.solvers.tutte.boundary import outer_ring
 
 VARIANTS = ("spectral", "pinned")
-MODES = 4  # vectors of the subspace of each chart: eigenvalues come close together on smooth charts
-SHIFT = 1e-11  # below the smallest eigenvalue that is not zero, above rounding
 
 
 def lscm(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
@@ -52,103 +42,6 @@ def lscm(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
         uv = scaled(patches, np.stack([z.real, z.imag], 1), ~held)
     uv, notes = mend(patches, uv, "lscm", options, monitor)
     return Layout(uv, steps, ["solved"] * patches.n_charts, notes)
-
-
-def conformal_matrix(patches: Patches) -> sps.csc_matrix:
-    """L_C = L + Q, Hermitian positive semidefinite: ½ z* L_C z is the Dirichlet energy minus the area of z.
-
-    Q holds ±i/2 on the border half-edges i → j: half the sum of u_i v_j − u_j v_i is the area inside.
-    """
-    h = patches.border
-    flat = patches.faces.ravel()
-    i, j = flat[h], flat[next_half_edge(h)]
-    n = patches.n_vertices
-    half = np.full(len(h), 0.5j)
-    area = sps.coo_matrix(
-        (np.concatenate([half, -half]), (np.concatenate([i, j]), np.concatenate([j, i]))),
-        shape=(n, n),
-    )
-    return sps.csc_matrix(cotangent_laplacian(patches) + area.tocsr())
-
-
-def start_modes(patches: Patches) -> ComplexArray:
-    """(n, MODES) powers of a convex map onto the unit disk: near the first modes of a smooth chart."""
-    uv, _ = embed_convex(patches, "mean-value")
-    z = uv[:, 0] + 1j * uv[:, 1]
-    z = z / np.sqrt(patches.chart_areas / np.pi)[patches.vertex_chart]
-    return np.stack([z ** (k + 1) for k in range(MODES)], 1)
-
-
-def conformal_spectral(
-    patches: Patches, modes: ComplexArray, limit: int = 60
-) -> tuple[ComplexArray, IntArray]:
-    """The smallest pair of L_C z = λ B z of every chart, translations taken out; B marks the border vertices.
-
-    Subspace iteration on (L_C + shift B)⁻¹ B with a Rayleigh-Ritz step, all charts in one factorisation; on
-    developable charts λ = 0 is the answer, so nothing may skip it: only constants are projected out.
-    modes: (n, k) start vectors. Returns (z (n,), steps (n_charts,)).
-    """
-    matrix = conformal_matrix(patches)
-    chart, n = patches.vertex_chart, patches.n_charts
-    rim = np.zeros(patches.n_vertices)
-    rim[patches.faces.ravel()[patches.border]] = 1.0
-    shift = SHIFT * float(np.median(matrix.diagonal().real))
-    factor = ComplexFactor(sps.csc_matrix(matrix + sps.diags(shift * rim)))
-    rim_count = group_sum(rim, chart, n)
-    x = modes.copy()
-    steps = np.zeros(n, np.int64)
-    open_charts = np.ones(n, bool)
-    last_move = np.full(n, np.inf)
-    for _ in range(limit):
-        before = x[:, 0]
-        x = factor.solve_complex(rim[:, None] * x)
-        x -= (_chart_sums(rim[:, None] * x, chart, n) / rim_count[:, None])[chart]
-        x = _rayleigh_ritz(patches, matrix, rim, x)
-        # how far the wanted vector has turned, its free phase taken out
-        phase = _chart_sums(rim * before.conj() * x[:, 0], chart, n)
-        phase = phase / np.maximum(np.abs(phase), 1e-300)
-        x[:, 0] *= phase.conj()[chart]
-        move = np.sqrt(group_sum(rim * np.abs(x[:, 0] - before) ** 2, chart, n))
-        steps += open_charts
-        rounding = (move < 1e-6) & (move > 0.7 * last_move)
-        open_charts &= ~((move < 1e-10) | rounding)
-        last_move = move
-        if not open_charts.any():
-            break
-    return x[:, 0], steps
-
-
-def _chart_sums(values: ComplexArray, chart: IntArray, n: int) -> ComplexArray:
-    """(n, ...) sum over each chart of complex values (nv, ...)."""
-    flat = values.reshape(len(values), -1)
-    columns = [
-        group_sum(np.ascontiguousarray(c.real), chart, n)
-        + 1j * group_sum(np.ascontiguousarray(c.imag), chart, n)
-        for c in flat.T
-    ]
-    return np.stack(columns, 1).reshape(n, *values.shape[1:])
-
-
-def _rayleigh_ritz(
-    patches: Patches, matrix: sps.csc_matrix, rim: FloatArray, x: ComplexArray
-) -> ComplexArray:
-    """Rotate the subspace of each chart to its B-normalised Ritz vectors, smallest value first."""
-    chart, n, k = patches.vertex_chart, patches.n_charts, x.shape[1]
-    size = np.sqrt(_chart_sums(rim[:, None] * np.abs(x) ** 2 + 0j, chart, n).real)
-    x = x / np.maximum(size, 1e-300)[chart]
-    bx = rim[:, None] * x
-    gram = _chart_sums(x.conj()[:, :, None] * bx[:, None, :], chart, n)
-    weight, basis = np.linalg.eigh(gram)
-    # directions that the vectors do not span come back as zero vectors with a huge value
-    keep = weight > 1e-12 * weight[:, -1:]
-    basis = np.where(keep, 1 / np.sqrt(np.where(keep, weight, 1.0)), 0.0)[:, None, :] * basis
-    x = np.einsum("vk,vkl->vl", x, basis[chart])
-    energy = _chart_sums(x.conj()[:, :, None] * (matrix @ x)[:, None, :], chart, n)
-    big = 1e3 * (1 + np.abs(energy).max((1, 2)))
-    energy += np.eye(k) * np.where(keep, 0.0, big[:, None])[:, None, :]
-    _, turn = np.linalg.eigh(energy)
-    result: ComplexArray = np.einsum("vk,vkl->vl", x, turn[chart])
-    return result
 
 
 def conformal_pinned(patches: Patches, pins: Pins | None) -> tuple[ComplexArray, BoolArray]:
@@ -188,24 +81,3 @@ def _opposite_points(patches: Patches, charts: BoolArray) -> tuple[IntArray, Com
     width = 2 * np.sqrt(patches.chart_areas / np.pi)[charts]
     vertices = np.concatenate([ring.vertices[first], ring.vertices[second]])
     return vertices, np.concatenate([np.zeros(len(first)), width]).astype(np.complex128)
-
-
-def scaled(patches: Patches, uv: FloatArray, charts: BoolArray) -> FloatArray:
-    """uv with these charts centred, turned to a fixed direction, and scaled to their area on the surface.
-
-    Turned so that the outer border's first vertex lies on the positive x axis from the centre.
-    """
-    z = uv[:, 0] + 1j * uv[:, 1]
-    chart, n = patches.vertex_chart, patches.n_charts
-    count = np.bincount(chart, minlength=n)
-    z = z - (_chart_sums(z, chart, n) / count)[chart]
-    size = np.sqrt(group_max(np.abs(z) ** 2, chart, n))
-    z = z / np.maximum(size, 1e-300)[chart]
-    ring = outer_ring(patches)
-    towards = z[ring.vertices[ring.start]]
-    far = np.abs(towards) > 1e-12
-    z = z * np.where(far, np.conj(towards) / np.where(far, np.abs(towards), 1.0), 1.0)[chart]
-    unit = np.stack([z.real, z.imag], 1)
-    area = group_sum(np.abs(signed_areas(patches.faces, unit)), patches.chart, n)
-    unit *= np.sqrt(patches.chart_areas / np.maximum(area, 1e-300))[chart][:, None]
-    return np.where(charts[chart][:, None], unit, uv)

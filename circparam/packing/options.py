@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from circparam.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
-from circparam.registry import unknown_name
 
 ROTATIONS = ("free", "90", "none")
 

@@ -6,19 +6,21 @@ from collections.abc import Callable
 
 import numpy as np
 
-from circparam.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
-from circparam.packing.drop import drop_placement
-from circparam.packing.nesting import nested
+from circparam.packing.check import Layout, faults
+from circparam.packing.nest.strategy import nested
 from circparam.packing.options import Packed, PackOptions
-from circparam.packing.raster import Layout, faults
-from circparam.packing.shapes import Shapes, shapes_of
-from circparam.packing.shelf import Placement, shelf_placement
-from circparam.progress import Monitor
+from circparam.packing.outlines import Shapes, shapes_of
+from circparam.packing.placement import Placement
+from circparam.packing.shelf import shelf_placement
+from circparam.packing.skyline import drop_placement
 
 # Up to this many charts are nested on a grid; from this many on they are also dropped one by one.
 NESTED = 250
 DROPPED_FROM = 40
+
 # Below this effort only so few charts are nested: the grid of many costs seconds before any search.
 LOOSE = 0.2
 FEW_LOOSE = 60

@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from circparam.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.options import PackOptions
-from circparam.packing.shapes import Shapes, least_box_angles
-
-
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """Where charts lie, in texels of a page.
-
-    scale: texels per unit of the uv given. angle: (n,). offset: (n, 2) of the centre. page: (n,).
-    """
-
-    scale: float
-    angle: FloatArray
-    offset: FloatArray
-    page: IntArray
+from circparam.packing.outlines import Shapes, least_box_angles
+from circparam.packing.placement import Placement
 
 
 def shelf_placement(

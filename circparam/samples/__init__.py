@@ -16,11 +16,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
-from circparam.registry import unknown_name
 
 if TYPE_CHECKING:
-    from circparam.formats import Document
+    from circparam.formats.document import Document
+
 
 _FOLDER = Path(__file__).parent
 
@@ -85,6 +86,6 @@ def files(name: str) -> list[Path]:
 
 def load(name: str) -> Document:
     """Read a sample; raises OptionError for an unknown name."""
-    from circparam import formats
+    from circparam.formats.io import read
 
-    return formats.read(path(name))
+    return read(path(name))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
-from circparam.progress import Monitor
-from circparam.registry import Row, Table
-from circparam.seams.disk import disk, none
+from circparam.core.monitor import Monitor
+from circparam.core.registry import Row, Table
+from circparam.mesh.surface import Surface
+from circparam.seams.cut_graph import disk, none
 from circparam.seams.options import SeamOptions, Seams
-from circparam.topology import Surface
 
 SeamFunction: TypeAlias = Callable[[Surface, SeamOptions, Monitor], Seams]
 

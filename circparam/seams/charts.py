@@ -6,36 +6,39 @@ import dataclasses
 
 import numpy as np
 
-from circparam.arrays import BoolArray, FloatArray
-from circparam.helper import HALVED, Helper, in_halves
-from circparam.progress import Monitor
-from circparam.seams.absorb import absorb
-from circparam.seams.carry import (
-    carry_seams,
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.monitor import Monitor
+from circparam.core.workers import HALVED, Helper, in_halves
+from circparam.mesh.atlas import Cutting
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+from circparam.seams.constraints import constrain
+from circparam.seams.multires.decimate import SMALL_COMPONENT, Proxy, decimate
+from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
+from circparam.seams.multires.transfer_layout import (
     drop_slivers,
     fine_targets,
     nearest_coarse_face,
     separate,
 )
-from circparam.seams.cutting import Cutting, not_disks
-from circparam.seams.enforce import enforce, lay_out_sound
-from circparam.seams.holes import close_small_holes, complexity, without_fans
-from circparam.seams.merge import MergeOptions, Merger
-from circparam.seams.options import SeamOptions, Seams, constrain
-from circparam.seams.proxy import SMALL_COMPONENT, Proxy, decimate
-from circparam.seams.relayout import Laid, judge, lay_out_fresh, straighten
-from circparam.seams.segment import DualGraph, dual_graph, first_charts, make_disks, split_charts
-from circparam.seams.shorten import propose
-from circparam.seams.symmetry import (
-    Mirror,
-    about_image_of,
-    both_sides,
-    find_mirror,
-    image_of,
+from circparam.seams.multires.transfer_seams import carry_seams
+from circparam.seams.options import SeamOptions, Seams
+from circparam.seams.segmentation.enforce import enforce, lay_out_sound
+from circparam.seams.segmentation.grow import (
+    DualGraph,
+    dual_graph,
+    first_charts,
+    make_disks,
+    split_charts,
 )
-from circparam.solve.newton import RelaxOptions
-from circparam.solve.poisson import from_jacobians
-from circparam.topology import Surface
+from circparam.seams.segmentation.layout import Laid, judge, lay_out_fresh, straighten
+from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.shorten import propose
+from circparam.seams.segmentation.small import absorb
+from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
+from circparam.solvers.newton import RelaxOptions
+from circparam.solvers.poisson import from_jacobians
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 PROXY_FACES = 2_000  # faces of the proxy of a mesh in one piece

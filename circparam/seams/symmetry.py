@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
+from circparam.core.graph import components, nearest, undirected
 from circparam.errors import OptionError
-from circparam.graphs import components, nearest, undirected
-from circparam.seams.cutting import Cutting
-from circparam.seams.proxy import Proxy
-from circparam.topology import Surface
+from circparam.mesh.atlas import Cutting
+from circparam.mesh.surface import Surface
+from circparam.seams.multires.decimate import Proxy
 
 AXES = ("x", "y", "z")
 TOLERANCE = (

@@ -24,12 +24,14 @@ from typing import Any
 
 import numpy as np
 
-from circparam import formats, isolated
+from circparam import formats
+from circparam.compare import process
 from circparam.errors import CircparamError
-from circparam.repair import repair
-from circparam.verify import verify
+from circparam.mesh.repair import repair
+from circparam.pipeline.verify import verify
 from tests.bench import common
-from tests.bench.common import CORPUS, Line, say
+from tests.bench.common import Line, say
+from tests.support.corpus import CORPUS
 
 SET = (
     "spot.obj", "cow.obj", "fandisk.obj", "rocker-arm.obj", "3holes.off", "fertility.off", "boot.obj",
@@ -103,7 +105,7 @@ def unwrap(path: Path, folder: Path, judge: Path | None, bound: float, limit: fl
     out = folder / f"{path.stem}-{bound:.4f}.obj"
     settings = {"path": str(path), "out": str(out), "max_distortion": bound}
     try:
-        done = isolated.run("tests.bench.tasks:unwrap", {}, settings, limit)
+        done = process.run("tests.bench.tasks:unwrap", {}, settings, limit)
     except CircparamError as error:
         return Atlas("circparam", bound=bound, why=str(error))
     if done.error is not None:

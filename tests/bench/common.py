@@ -13,7 +13,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / "docs" / "benchmarks"
-CORPUS = Path(os.environ.get("CIRCPARAM_CORPUS") or ROOT.parent / "shared" / "meshes")
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from circparam.arrays import relabel
-from circparam.mesh import UVMap
-from circparam.packing import PackOptions, pack
-from circparam.packing.raster import border_distance, least_gap, owner_raster
-from tests.bench.common import CORPUS, table, write
+from circparam.core.arrays import relabel
+from circparam.mesh.mesh import UVMap
+from circparam.packing import pack
+from circparam.packing.check import border_distance, least_gap, owner_raster
+from circparam.packing.options import PackOptions
+from tests.bench.common import table, write
+from tests.support.corpus import CORPUS
 
 RESOLUTION, PADDING = 2048, 4
 WITH_UV = (

@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from circparam import isolated
-from circparam.isolated import Outcome
-from circparam.mesh import Patches
-from tests import shapes
+from circparam.compare import process
+from circparam.compare.process import Outcome
+from circparam.mesh.cut_mesh import Patches
 from tests.bench import common, tasks
-from tests.bench.common import CORPUS, Line, say
+from tests.bench.common import Line, say
+from tests.support import shapes
+from tests.support.corpus import CORPUS
 
 REPEATS = 5
 GIGABYTE = 2**30
@@ -35,7 +36,7 @@ LARGE_DISKS = (
 
 def run(task: str, arrays: dict[str, Any], **settings: Any) -> Outcome:
     """A task in its own process; an error there ends the benchmark here."""
-    done = isolated.run(f"tests.bench.tasks:{task}", arrays, settings)
+    done = process.run(f"tests.bench.tasks:{task}", arrays, settings)
     if done.error is not None:
         raise SystemExit(f"{task}: {done.error}")
     return done

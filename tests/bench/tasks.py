@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from circparam.mesh import Mesh, Patches
-from circparam.methods import METHODS, MethodOptions
-from circparam.progress import Monitor
-from circparam.repair import repair
+from circparam.core.monitor import Monitor
+from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import repair
+from circparam.methods import METHODS
+from circparam.methods.base import MethodOptions
 
 Arrays = dict[str, Any]
 Answer = tuple[Arrays, dict[str, Any]]
@@ -102,7 +104,7 @@ def slim_by_igl(arrays: Arrays, settings: dict[str, Any]) -> Answer:
 
 def energy(patches: Patches, uv: np.ndarray) -> float:
     """SD/4 of a layout as it is, without rescaling: area-weighted mean over faces with an area."""
-    from circparam.geometry import jacobians
+    from circparam.geometry.intrinsic import jacobians
 
     live = patches.areas > 1e-12 * patches.edge_lengths.max(1) ** 2
     J = jacobians(patches, uv)[live]
@@ -115,7 +117,7 @@ def energy(patches: Patches, uv: np.ndarray) -> float:
 
 def unwrap(arrays: Arrays, settings: dict[str, Any]) -> Answer:
     """A whole unwrap from file to file; its status and the seconds of its stages."""
-    from circparam.pipeline import unwrap as run
+    from circparam.pipeline.unwrap import unwrap as run
 
     result = run(
         settings["path"], settings["out"], max_distortion=settings["max_distortion"], overwrite=True

@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.mesh import Mesh, UVMap
-from circparam.report.compare_page import save_report
-from circparam.report.figures import PageImages, PictureOptions
-from circparam.report.picture import save_preview
-from circparam.report.sides import Side, Sides
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.render.compare_page import save_report
+from circparam.render.figures import PageImages, PictureOptions
+from circparam.render.picture import save_preview
+from circparam.render.sides import Side, Sides
 
 HERE = Path(__file__).parent
 ARTEFACTS = HERE.parents[1] / "test-artefacts"

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from circparam.distortion import measure
-from circparam.geometry import signed_areas
-from circparam.mesh import Mesh, Patches
-from circparam.methods import METHODS, MethodOptions
-from circparam.progress import Monitor
-from circparam.repair import RepairOptions, repair
-from tests import shapes, strategies
-from tests.charts import apart, patches_of
+from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import measure
+from circparam.geometry.intrinsic import signed_areas
+from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.methods import METHODS
+from circparam.methods.base import MethodOptions
+from tests.support import shapes, strategies
+from tests.support.charts import apart, patches_of
 
 NAMES = METHODS.names()
 # iterations stop at a tolerance: what holds exactly for one solve holds to that tolerance for them

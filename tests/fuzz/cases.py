@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from hypothesis import strategies as st
 
 from circparam import samples
-from tests import strategies
 from tests.fuzz import files
+from tests.support import strategies
 
 
 @dataclass(frozen=True)

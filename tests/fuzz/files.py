@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from hypothesis import strategies as st
 
-from tests.shapes import Shape
+from tests.support.shapes import Shape
 
 
 def obj(points: np.ndarray, faces: np.ndarray) -> bytes:

@@ -1,0 +1,136 @@
+"""Run one function in a process of its own, to know what it alone takes: seconds and peak memory.
+
+The child reads its arrays, notes how much memory it has, runs, and notes the peak; the difference is what
+the function took. Started as ``python -m circparam.compare.process FOLDER``; nothing else uses that door.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from circparam.core.workers import environment
+from circparam.errors import CircparamError, NoResultError, OutOfTimeError
+
+Arrays = dict[str, np.ndarray[Any, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came back. arrays and info: as the function returned them. peak_bytes: peak memory minus what
+    the process held after reading its input; None where the system does not tell. error: one line, or None.
+    """
+
+    arrays: Arrays = field(default_factory=dict)
+    info: dict[str, Any] = field(default_factory=dict)
+    peak_bytes: int | None = None
+    error: str | None = None
+
+
+def run(
+    function: str, arrays: Arrays, settings: dict[str, Any], seconds: float | None = None
+) -> Outcome:
+    """Call ``function`` in a new process.
+
+    function: "module:name" of a function (arrays, settings) → (arrays, info), both of plain content.
+    arrays: handed over as they are. settings: anything JSON can hold. seconds: the child is ended after it.
+    Raises OutOfTimeError then, NoResultError where the child died without a word. An exception inside the
+    function is no exception here: it is the ``error`` of the outcome.
+    """
+    with tempfile.TemporaryDirectory(prefix="circparam-") as name:
+        folder = Path(name)
+        _save(folder / "input.npz", arrays)
+        (folder / "task.json").write_text(json.dumps([function, settings]), encoding="utf-8")
+        command = [sys.executable, "-P", "-m", "circparam.compare.process", name]
+        try:
+            done = subprocess.run(
+                command, env=environment(), timeout=seconds, capture_output=True, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise OutOfTimeError(
+                f"out of time: nothing after {seconds:g} seconds; give a longer --timeout"
+            ) from error
+        answer = folder / "answer.json"
+        if not answer.exists():
+            last = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
+            raise NoResultError(f"a process ended with code {done.returncode}: {last[0]}")
+        said = json.loads(answer.read_text(encoding="utf-8"))
+        out = _load(folder / "output.npz") if said["error"] is None else {}
+    return Outcome(out, said["info"], said["peak_bytes"], said["error"])
+
+
+def here(function: str, arrays: Arrays, settings: dict[str, Any]) -> Outcome:
+    """The same in this process: quicker for small work, but nothing is known of its memory."""
+    module, name = function.split(":")
+    call = getattr(importlib.import_module(module), name)
+    try:
+        out, info = call(arrays, settings)
+    except CircparamError as error:
+        return Outcome(error=str(error))
+    return Outcome(out, info)
+
+
+def peak_memory() -> int | None:
+    """Largest resident size of this process so far, in bytes; None where the system does not tell.
+
+    Linux keeps it with the address space; getrusage would also count what the parent held when it forked.
+    """
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    with contextlib.suppress(ImportError):
+        import resource
+
+        unit = 1 if sys.platform == "darwin" else 1024
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    return None
+
+
+def forget_peak() -> None:
+    """Let the peak start again from what is held now, where the system can (Linux)."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+def _save(path: Path, arrays: Arrays) -> None:
+    with path.open("wb") as stream:
+        np.savez(stream, allow_pickle=False, **arrays)
+
+
+def _load(path: Path) -> Arrays:
+    with np.load(path, allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+def _child(folder: Path) -> None:
+    arrays = _load(folder / "input.npz")
+    function, settings = json.loads((folder / "task.json").read_text(encoding="utf-8"))
+    module, name = function.split(":")
+    call = getattr(importlib.import_module(module), name)
+    forget_peak()
+    before = peak_memory()
+    error, out, info = None, {}, {}
+    try:
+        out, info = call(arrays, settings)
+    except Exception as problem:
+        error = " ".join(f"{problem}".split()) or type(problem).__name__
+        info = {"kind": type(problem).__name__}
+    after = peak_memory()
+    peak = None if before is None or after is None else max(after - before, 0)
+    _save(folder / "output.npz", out)
+    said = {"info": info, "peak_bytes": peak, "error": error}
+    (folder / "answer.json").write_text(json.dumps(said), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    _child(Path(sys.argv[1]))

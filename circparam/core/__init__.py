@@ -1,0 +1,1 @@
+"""What knows no mesh: arrays, graphs, linear systems, tables, the monitor, worker processes, files."""

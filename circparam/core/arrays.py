@@ -1,0 +1,79 @@
+"""Array types, and the few array operations that NumPy lacks and every room needs."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+ComplexArray: TypeAlias = npt.NDArray[np.complex128]
+
+IntArray: TypeAlias = npt.NDArray[np.int64]
+
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+
+
+def next_half_edge(h: IntArray) -> IntArray:
+    """The next half-edge in the same face: 3f → 3f+1 → 3f+2 → 3f."""
+    return np.where(h % 3 == 2, h - 2, h + 1)
+
+
+def ranges(counts: IntArray) -> IntArray:
+    """``[0..c0-1, 0..c1-1, ...]`` in one array: the running index inside each group of given size."""
+    counts = np.asarray(counts, np.int64)
+    total = int(counts.sum())
+    return np.arange(total) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def first_of_runs(sorted_keys: IntArray) -> IntArray:
+    """Index of the first element of every run of equal values in a sorted array."""
+    if len(sorted_keys) == 0:
+        return np.zeros(0, np.int64)
+    return np.flatnonzero(np.r_[True, sorted_keys[1:] != sorted_keys[:-1]])
+
+
+def group_sum(values: FloatArray, groups: IntArray, n: int) -> FloatArray:
+    """Sum of the values of each of ``n`` groups, added in index order (so it is reproducible)."""
+    result: FloatArray = np.bincount(groups, values, n).astype(np.float64, copy=False)
+    return result
+
+
+def group_count(groups: IntArray, n: int) -> IntArray:
+    """Number of members of each of ``n`` groups."""
+    return np.bincount(groups, minlength=n).astype(np.int64, copy=False)
+
+
+def group_min(values: FloatArray, groups: IntArray, n: int) -> FloatArray:
+    """Smallest value of each of ``n`` groups (infinity where a group is empty)."""
+    out = np.full(n, np.inf)
+    np.minimum.at(out, groups, values)
+    return out
+
+
+def group_max(values: FloatArray, groups: IntArray, n: int) -> FloatArray:
+    """Largest value of each of ``n`` groups (minus infinity where a group is empty)."""
+    out = np.full(n, -np.inf)
+    np.maximum.at(out, groups, values)
+    return out
+
+
+def dot(a: FloatArray, b: FloatArray) -> float:
+    """Inner product whose rounding does not depend on the number of threads, as that of a BLAS does."""
+    return float((a * b).sum())
+
+
+def cross2(a: FloatArray, b: FloatArray) -> FloatArray:
+    """z component of the cross product of plane vectors, over the last axis."""
+    result: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return result
+
+
+def relabel(labels: IntArray) -> tuple[int, IntArray]:
+    """Labels renumbered 0..n-1 in order of first appearance; returns (n, labels)."""
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
+    return len(first), rank[inverse.reshape(-1)]

@@ -1,0 +1,180 @@
+"""Put uv into a glTF tree: new accessors for what changed, everything else where it was."""
+
+from __future__ import annotations
+
+import copy
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.document import Encoded
+from circparam.formats.gltf.buffers import ARRAY_BUFFER, ELEMENT_BUFFER, Packing
+from circparam.formats.gltf.reading import COMPONENTS, Json
+from circparam.formats.vertex_split import Split, split_vertices
+from circparam.mesh.mesh import UVMap
+
+if TYPE_CHECKING:
+    from circparam.formats.gltf.document import GltfDocument, Pool, Primitive
+
+
+def write_uv(doc: GltfDocument, uvmap: UVMap, number: int, format: str, stem: str) -> Encoded:
+    """The document with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""
+    edit = TreeEdit(doc.tree)
+    stored = stored_uv(uvmap.uv)
+    start = np.cumsum([0, *(len(p.triangles) for p in doc.primitives)])
+    sources, added, listed, dropped = [], 0, 0, 0
+    users_of = defaultdict(list)
+    for i, p in enumerate(doc.primitives):
+        users_of[p.pool].append(i)
+    for k, pool in enumerate(doc.pools):
+        mine = users_of[k]
+        if not mine:  # all its primitives are empty
+            sources.append(pool.first + np.arange(pool.count))
+            continue
+        corners = np.concatenate([doc.primitives[i].triangles.ravel() for i in mine])
+        uv_of = np.concatenate([uvmap.uv_faces[start[i] : start[i + 1]].ravel() for i in mine])
+        split = split_vertices(pool.count, corners, stored, uv_of)
+        sources.append(pool.first + split.source)
+        users = [doc.primitives[i] for i in mine]
+        dropped += edit.pool(users, pool, split, file_uv(split.uv), number)
+        if split.added:
+            added += split.added
+            listed += edit.indices(users, split)
+    notes = []
+    if added:
+        notes.append(f"{added} vertices were duplicated along seams, behind the input's")
+    if listed:
+        notes.append(
+            f"{listed} strip or fan primitives became triangle lists: a seam runs through them"
+        )
+    if dropped:
+        notes.append(f"tangents of {dropped} primitives were dropped: they belonged to the old uv")
+    data, extra, assets = edit.finish(format, stem)
+    return Encoded(
+        data, format, np.concatenate(sources), np.arange(len(doc.mesh.faces)), extra, assets, notes
+    )
+
+
+def stored_uv(uv: FloatArray) -> FloatArray:
+    """uv as glTF stores them: float32 u and float32 (1 − v), back as float64 with v upwards.
+
+    1 − v of a float64 in [0, 1] is a multiple of 2⁻⁵³ and stays one when it is rounded to float32, so turning
+    it back is exact: no second rounding can flip a triangle.
+    """
+    file = file_uv(uv).astype(np.float64)
+    return np.stack([file[:, 0], 1.0 - file[:, 1]], 1)
+
+
+def file_uv(uv: FloatArray) -> Any:
+    """(k, 2) float32 as in the file, v downwards."""
+    return np.stack([uv[:, 0], 1.0 - uv[:, 1]], 1).astype(np.float32) + np.float32(0)
+
+
+class TreeEdit(Packing):
+    """A copy of a tree in which vertices and uv of primitives change."""
+
+    # what a pool needs -----------------------------------------------------------------------
+
+    def pool(
+        self, users: list[Primitive], pool: Pool, split: Split, rows: npt.NDArray[Any], number: int
+    ) -> int:
+        """New attributes of one pool and the primitives that use it; returns how many lost tangents."""
+        entries = [self.primitive(p) for p in users]
+        attributes, targets = dict(pool.attributes), copy.deepcopy(pool.targets)
+        changed = {number, *(n for n in range(number) if f"TEXCOORD_{n}" not in attributes)}
+        lost = "TANGENT" in attributes and any(self.tangent_set(e) in changed for e in entries)
+        if lost:
+            self.touched.add(attributes.pop("TANGENT"))
+            for target in targets:
+                self.touched |= {target.pop("TANGENT")} if "TANGENT" in target else set()
+        old = attributes.get(f"TEXCOORD_{number}")
+        keep = (
+            {k: v for k, v in self.json["accessors"][old].items() if k in ("name", "extras")}
+            if old is not None
+            else {}
+        )
+        new = self.accessor(
+            {**keep, "componentType": 5126, "type": "VEC2"},
+            rows.view(np.uint8).reshape(len(rows), 8),
+            ARRAY_BUFFER,
+        )
+        for n in changed:
+            self.touched |= (
+                {attributes[f"TEXCOORD_{n}"]} if f"TEXCOORD_{n}" in attributes else set()
+            )
+            attributes[f"TEXCOORD_{n}"] = new
+            for target in targets:
+                target.pop(f"TEXCOORD_{n}", None)
+        if split.added:
+            same: dict[int, int] = {new: new}
+            for group in (attributes, *targets):
+                for name, index in group.items():
+                    if index not in same:
+                        same[index] = self.extended(index, split.source)
+                    group[name] = same[index]
+        for entry in entries:
+            order = [*entry["attributes"], *sorted(set(attributes) - set(entry["attributes"]))]
+            entry["attributes"] = {name: attributes[name] for name in order if name in attributes}
+            if "targets" in entry:
+                entry["targets"] = copy.deepcopy(targets)
+        return len(users) if lost else 0
+
+    def primitive(self, p: Primitive) -> Json:
+        """The entry of a primitive in the new tree."""
+        entry: Json = self.json["meshes"][p.mesh]["primitives"][p.number]
+        return entry
+
+    def tangent_set(self, entry: Json) -> int:
+        """The uv set that tangents of a primitive belong to: that of its normal map."""
+        material = self.json["materials"][entry["material"]] if "material" in entry else {}
+        texture = material.get("normalTexture", {})
+        moved = texture.get("extensions", {}).get("KHR_texture_transform", {})
+        return int(moved.get("texCoord", texture.get("texCoord", 0)))
+
+    def extended(self, index: int, source: IntArray) -> int:
+        """An accessor with its rows in a new order, raw."""
+        self.touched.add(index)
+        entry = {
+            k: v
+            for k, v in self.json["accessors"][index].items()
+            if k not in ("bufferView", "byteOffset", "sparse", "count")
+        }
+        return self.accessor(entry, self.tree.rows(index)[source], ARRAY_BUFFER)
+
+    def indices(self, users: list[Primitive], split: Split) -> int:
+        """New index lists of primitives; returns how many of them were strips or fans."""
+        at = turned = 0
+        for p in users:
+            entry = self.primitive(p)
+            n = p.triangles.size
+            corner = split.corner[at : at + n]
+            at += n
+            old = self.json["accessors"][entry["indices"]] if "indices" in entry else {}
+            keep = {k: v for k, v in old.items() if k in ("name", "extras")}
+            kind = next(
+                k
+                for k in (
+                    5121,
+                    5123,
+                    5125,
+                )  # the highest value of a type is kept free: it restarts strips
+                if k >= old.get("componentType", 5123)
+                and len(split.source) <= np.iinfo(COMPONENTS[k]).max
+            )
+            if "min" in old or "max" in old:
+                keep |= {"max": [int(corner.max())], "min": [int(corner.min())]}
+            if "indices" in entry:
+                self.touched.add(entry["indices"])
+            raw = corner.astype(COMPONENTS[kind])
+            entry["indices"] = self.accessor(
+                {**keep, "componentType": kind, "type": "SCALAR"},
+                raw.view(np.uint8).reshape(n, -1),
+                ELEMENT_BUFFER,
+            )
+            if entry.get("mode", 4) != 4:
+                entry["mode"] = 4
+                turned += 1
+        return turned

@@ -1,0 +1,92 @@
+"""Write any document as GLB."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import IntArray
+from circparam.errors import OutputError
+from circparam.formats.document import Document, Encoded, WriteOptions
+from circparam.formats.export import lost, only_first_set
+from circparam.formats.gltf.buffers import ARRAY_BUFFER, ELEMENT_BUFFER, glb_bytes
+from circparam.formats.gltf.editing import file_uv, stored_uv
+from circparam.formats.gltf.reading import COMPONENTS, Json
+from circparam.formats.vertex_split import split_vertices
+from circparam.mesh.mesh import UVMap
+
+
+def to_glb(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
+    """GLB: input vertices first, seam duplicates behind, one primitive for each group."""
+    only_first_set(options, "glb")
+    mesh = document.mesh
+    n = len(mesh.points)
+    split = split_vertices(n, mesh.faces.ravel(), stored_uv(uvmap.uv), uvmap.uv_faces.ravel())
+    with np.errstate(over="ignore"):
+        points = np.nan_to_num(mesh.points, posinf=0.0, neginf=0.0).astype(np.float32)
+    if not np.isfinite(points).all():
+        far = float(np.abs(mesh.points[np.unique(mesh.faces)]).max())
+        raise OutputError(
+            f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
+            "scale the mesh"
+        )
+    notes = lost(document)
+    if (points != mesh.points)[np.unique(mesh.faces)].any():
+        notes.append("positions were rounded to float32, all that glTF stores")
+    if split.added:
+        notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+    groups = np.zeros(len(mesh.faces), np.int64) if mesh.groups is None else mesh.groups
+    order = np.argsort(groups, kind="stable")
+    count = np.bincount(groups)
+    tree = _new_tree(document, points[split.source], count)
+    corner = split.corner.reshape(-1, 3)[order].ravel()
+    kind = 5123 if len(split.source) <= 65535 else 5125
+    parts = [
+        points[split.source].tobytes(),
+        file_uv(split.uv).tobytes(),
+        corner.astype(COMPONENTS[kind]).tobytes(),
+    ]
+    at = 0
+    for data, target in zip(parts, (ARRAY_BUFFER, ARRAY_BUFFER, ELEMENT_BUFFER), strict=True):
+        tree["bufferViews"].append(
+            {"buffer": 0, "byteOffset": at, "byteLength": len(data), "target": target}
+        )
+        at += len(data)
+    width, offset = np.dtype(COMPONENTS[kind]).itemsize, 0
+    for k in count[count > 0].tolist():
+        tree["accessors"].append(
+            {"bufferView": 2, "byteOffset": offset, "componentType": kind, "count": 3 * k}
+            | {"type": "SCALAR"}
+        )
+        offset += 3 * k * width
+    tree["buffers"] = [{"byteLength": at}]
+    return Encoded(glb_bytes(tree, b"".join(parts)), "glb", split.source, order, notes=notes)
+
+
+def _new_tree(document: Document, points: npt.NDArray[np.float32], count: IntArray) -> Json:
+    """A tree with one node and mesh; views and indices are still to come."""
+    used = points.min(0).tolist(), points.max(0).tolist()
+    name = document.path.stem if document.path is not None else "mesh"
+    floats = {"componentType": 5126, "count": len(points)}
+    tree: Json = {
+        "asset": {"version": "2.0", "generator": "circparam"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": name}],
+        "meshes": [{"name": name, "primitives": []}],
+        "accessors": [
+            {"bufferView": 0, **floats, "type": "VEC3", "min": used[0], "max": used[1]},
+            {"bufferView": 1, **floats, "type": "VEC2"},
+        ],
+        "bufferViews": [],
+    }
+    groups = np.flatnonzero(count)
+    for k, group in enumerate(groups.tolist()):
+        primitive: Json = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2 + k}
+        if len(groups) > 1:
+            given = document.group_names
+            label = (given[group] if group < len(given) else "") or f"group_{group}"
+            tree.setdefault("materials", []).append({"name": label})
+            primitive["material"] = k
+        tree["meshes"][0]["primitives"].append(primitive)
+    return tree

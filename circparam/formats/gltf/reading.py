@@ -1,0 +1,334 @@
+"""glTF 2.0 as a JSON tree with buffers: every access checked against what the file really holds."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import re
+import struct
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeAlias
+from urllib.parse import unquote
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.document import Source
+from circparam.formats.tokens import ByteArray, as_bytes
+
+Json: TypeAlias = dict[str, Any]
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_PADDED = {
+    ("MAT2", 1): 8,
+    ("MAT3", 1): 12,
+    ("MAT3", 2): 24,
+}  # matrix columns begin at multiples of 4
+COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+_BIN, _JSON = 0x004E4942, 0x4E4F534A
+
+
+def safe_path(folder: Path, uri: str) -> Path | None:
+    """The file that a relative URI names inside a folder; None where it leads anywhere else."""
+    name = unquote(uri)
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or name.startswith(("/", "\\")):
+        return None
+    if "\\" in name or "\0" in name or ".." in name.split("/"):
+        return None
+    path = (folder / name).resolve()
+    return path if path.is_relative_to(folder.resolve()) else None
+
+
+class Tree:
+    """The JSON of a file and its buffers. ``bin``: the binary chunk of a GLB, None where there is none."""
+
+    def __init__(self, data: bytes, source: Source) -> None:
+        self.source = source
+        self.bin: bytes | None = None
+        self.rest = b""
+        self.is_glb = data[:4] == b"glTF"
+        text = self._chunks(data) if self.is_glb else data
+        self.json = self._parse(text)
+        self.indent = None if self.is_glb else _indent(text)
+        self._buffers: dict[int, bytes] = {}
+        for number, buffer in enumerate(self.json.get("buffers", [])):
+            self._check_uri(number, buffer)
+        self.buffer = cache(self._buffer)
+        self.limit = max(
+            10_000_000, 4 * sum(len(self.buffer(i)) for i in range(len(self._list("buffers"))))
+        )
+
+    def error(self, cause: object) -> Exception:
+        """An InputError that names the file."""
+        return self.source.error(cause)
+
+    def _chunks(self, data: bytes) -> bytes:
+        if len(data) < 20:
+            raise self.error("the GLB is cut short: its header is incomplete")
+        version, total = struct.unpack_from("<II", data, 4)
+        if version != 2:
+            raise self.error(f"GLB version {version}: only version 2 is read")
+        if total > len(data):
+            raise self.error(f"the GLB header promises {total} bytes, the file has {len(data)}")
+        at, first, text = 12, True, b""
+        while at + 8 <= total:
+            size, kind = struct.unpack_from("<II", data, at)
+            if at + 8 + size > total:
+                raise self.error(f"a GLB chunk of {size} bytes reaches beyond the file's end")
+            body = data[at + 8 : at + 8 + size]
+            if first and kind != _JSON:
+                raise self.error("the first GLB chunk is not JSON")
+            if kind == _JSON and first:
+                text = body
+            elif kind == _BIN and self.bin is None:
+                self.bin = body
+            else:
+                self.rest += data[at : at + 8 + size]
+            at, first = at + 8 + size, False
+        return text
+
+    def _parse(self, text: bytes) -> Json:
+        try:
+            tree = json.loads(text.decode("utf-8-sig"), parse_constant=_no_constant)
+        except (ValueError, RecursionError) as error:
+            raise self.error(f"its JSON can't be read ({error})") from None
+        if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
+            raise self.error("this is no glTF file: its JSON has no 'asset'")
+        version = str(tree["asset"].get("version", ""))
+        if not version.startswith("2"):
+            raise self.error(f"glTF version {version[:20]!r}: only version 2 is read")
+        return tree
+
+    # buffers ---------------------------------------------------------------------------------
+
+    def _check_uri(self, number: int, buffer: Json) -> None:
+        uri = buffer.get("uri")
+        if uri is None or (isinstance(uri, str) and uri.startswith("data:")):
+            return
+        if not isinstance(uri, str) or safe_path(Path("/x"), uri) is None:
+            raise self.error(
+                f"buffer {number} lies outside the file's folder ({str(uri)[:80]!r}): refused"
+            )
+        folder = self.source.folder
+        if folder is None:
+            raise self.error(
+                f"buffer {number} is the file {uri[:80]!r}: give the path instead of standard input"
+            )
+        if safe_path(folder, uri) is None:  # through a link
+            raise self.error(
+                f"buffer {number} lies outside the file's folder ({uri[:80]!r}): refused"
+            )
+
+    def _buffer(self, number: int) -> bytes:
+        """The bytes of a buffer, at least as long as the tree says."""
+        buffer = self.item("buffers", number)
+        uri, size = buffer.get("uri"), _whole(buffer["byteLength"])
+        if uri is None:
+            if "extensions" in buffer and any(k in buffer["extensions"] for k in COMPRESSED):
+                return b""
+            if number or self.bin is None:
+                raise self.error(f"buffer {number} has no data")
+            data = self.bin
+        elif uri.startswith("data:"):
+            data = self._data_uri(number, uri)
+        else:
+            folder = self.source.folder
+            path = safe_path(folder, uri) if folder is not None else None
+            try:
+                if path is None:
+                    raise OSError("it is outside the folder")
+                data = path.read_bytes()
+            except OSError as error:
+                raise self.error(
+                    f"buffer {number} ({uri[:80]!r}) can't be read: {error.strerror or error}"
+                ) from None
+        if len(data) < size:
+            raise self.error(f"buffer {number} promises {size} bytes and has {len(data)}")
+        return data
+
+    def _data_uri(self, number: int, uri: str) -> bytes:
+        head, _, body = uri.partition(",")
+        if not head.endswith(";base64"):
+            return unquote(body).encode("latin-1", "replace")
+        try:
+            return base64.b64decode(body.encode("ascii"), validate=True)
+        except (binascii.Error, ValueError):
+            raise self.error(f"buffer {number} holds malformed base64") from None
+
+    # access ----------------------------------------------------------------------------------
+
+    def _list(self, kind: str) -> list[Any]:
+        value = self.json.get(kind, [])
+        if not isinstance(value, list):
+            raise self.error(f"{kind!r} is no list")
+        return value
+
+    def item(self, kind: str, index: Any) -> Json:
+        """An entry of a top-level list; InputError where there is none of that number."""
+        entries = self._list(kind)
+        if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(entries):
+            raise self.error(f"{kind} has no entry {str(index)[:20]} (it has {len(entries)})")
+        entry = entries[index]
+        if not isinstance(entry, dict):
+            raise self.error(f"{kind} {index} is malformed")
+        return entry
+
+    def view(self, index: Any, what: str) -> tuple[ByteArray, int]:
+        """The bytes of a buffer view and its stride (0: none given)."""
+        view = self.item("bufferViews", index)
+        packed = [k for k in COMPRESSED if k in view.get("extensions", {})]
+        if packed:
+            raise self.error(f"{what} is compressed with {packed[0]}: decode the file first")
+        data = as_bytes(self.buffer(_whole(view["buffer"])))
+        offset, size = _whole(view.get("byteOffset", 0)), _whole(view["byteLength"])
+        if offset + size > len(data):
+            raise self.error(
+                f"bufferView {index} reaches beyond its buffer ({offset} + {size} > {len(data)})"
+            )
+        return data[offset : offset + size], _whole(view.get("byteStride", 0))
+
+    def rows(self, index: Any) -> ByteArray:
+        """(count, bytes of one element) the raw elements of an accessor, sparse parts applied."""
+        a = self.item("accessors", index)
+        name = f"accessor {index}"
+        count, size = _whole(a["count"]), element_size(a)
+        if "bufferView" in a:
+            data, stride = self.view(a["bufferView"], name)
+            out = self._strided(
+                data, _whole(a.get("byteOffset", 0)), count, size, stride or size, name
+            )
+        else:
+            if count > self.limit:
+                raise self.error(f"{name} promises {count} elements and has no data")
+            out = np.zeros((count, size), np.uint8)
+        if "sparse" not in a:
+            return out
+        sparse = a["sparse"]
+        n = _whole(sparse["count"])
+        kind = COMPONENTS[sparse["indices"]["componentType"]]
+        data, _ = self.view(sparse["indices"]["bufferView"], name)
+        width = np.dtype(kind).itemsize
+        at = self._strided(
+            data, _whole(sparse["indices"].get("byteOffset", 0)), n, width, width, name
+        )
+        place = at.copy().view(kind)[:, 0].astype(np.int64)
+        if len(place) and place.max() >= count:
+            raise self.error(f"{name} has a sparse index beyond its {count} elements")
+        data, _ = self.view(sparse["values"]["bufferView"], name)
+        out = out.copy()
+        out[place] = self._strided(
+            data, _whole(sparse["values"].get("byteOffset", 0)), n, size, size, name
+        )
+        return out
+
+    def _strided(
+        self, data: ByteArray, offset: int, count: int, size: int, stride: int, name: str
+    ) -> ByteArray:
+        if count and offset + (count - 1) * stride + size > len(data):
+            have = max(len(data) - offset + stride - size, 0) // stride
+            raise self.error(f"{name} promises {count} elements, its buffer view has {have}")
+        return np.ascontiguousarray(
+            np.ndarray((count, size), np.uint8, data.data, offset, (stride, 1))
+        )
+
+    def values(self, index: Any) -> FloatArray:
+        """(count, k) float64 values, normalised integers as fractions."""
+        a = self.item("accessors", index)
+        code = np.dtype(COMPONENTS[a["componentType"]])
+        raw = self.rows(index).view(code).astype(np.float64)
+        if a.get("normalized") and code.kind != "f":
+            raw = np.maximum(raw / np.iinfo(code).max, -1.0)
+        return raw
+
+    def integers(self, index: Any) -> IntArray:
+        """(count,) int64 values of a scalar integer accessor."""
+        a = self.item("accessors", index)
+        code = np.dtype(COMPONENTS[a["componentType"]])
+        if code.kind == "f" or a["type"] != "SCALAR":
+            raise self.error(f"accessor {index} is used as indices and is no list of whole numbers")
+        return self.rows(index).view(code)[:, 0].astype(np.int64)
+
+
+def element_size(accessor: Json) -> int:
+    """Bytes of one element."""
+    width = np.dtype(COMPONENTS[accessor["componentType"]]).itemsize
+    return _PADDED.get((accessor["type"], width), WIDTH[accessor["type"]] * width)
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ValueError(f"{str(value)[:20]} where a whole number is expected")
+    return value
+
+
+def _no_constant(name: str) -> Any:
+    raise ValueError(f"{name} is no JSON number")
+
+
+def _indent(text: bytes) -> int | str | None:
+    """How the JSON is indented: a number of blanks, a tab, or None where it is on one line."""
+    found = re.match(rb"\s*\{\r?\n([ \t]*)", text)
+    if found is None:
+        return None
+    return "\t" if found.group(1).startswith(b"\t") else len(found.group(1))
+
+
+def node_matrix(node: Json) -> npt.NDArray[np.float64]:
+    """(4, 4) the local transform of a node, column vectors."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    x, y, z, w = map(float, node.get("rotation", (0, 0, 0, 1)))
+    out = np.eye(4)
+    out[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    out[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
+    out[:3, 3] = np.array(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
+    return out
+
+
+def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
+    """Every node with a mesh and its world transform, depth first, the default scene before the others.
+
+    Raises InputError where nodes form a cycle or a node has two parents.
+    """
+    nodes, scenes = tree._list("nodes"), tree._list("scenes")
+    parents = np.zeros(len(nodes), np.int64)
+    for node in nodes:
+        for child in node.get("children", []):
+            tree.item("nodes", child)
+            parents[child] += 1
+    if len(parents) and parents.max() > 1:
+        raise tree.error(f"node {int(parents.argmax())} has two parents: nodes must form a tree")
+    if scenes:
+        first = tree.json.get("scene", 0)
+        order = sorted(range(len(scenes)), key=lambda s: (s != first, s))
+        roots = [r for s in order for r in tree.item("scenes", s).get("nodes", [])]
+    else:
+        roots = np.flatnonzero(parents == 0).tolist()
+    found, seen = [], set()
+    for root in roots:
+        tree.item("nodes", root)
+        if parents[root]:
+            raise tree.error(f"node {root} is a scene's root and a child: nodes form a cycle")
+        stack = [(root, np.eye(4))]
+        while stack:
+            index, above = stack.pop()
+            if index in seen:  # a root of several scenes
+                continue
+            seen.add(index)
+            node = tree.item("nodes", index)
+            matrix = above @ node_matrix(node)
+            if "mesh" in node:
+                found.append((index, matrix))
+            stack += [(child, matrix) for child in reversed(node.get("children", []))]
+    if not scenes and not nodes:
+        return [(-1 - k, np.eye(4)) for k in range(len(tree._list("meshes")))]
+    return found

@@ -1,0 +1,77 @@
+"""Meshes that come from memory: arrays and trimesh objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import IntArray
+from circparam.errors import InputError
+from circparam.formats.document import Document, Polygons, Source
+from circparam.mesh.mesh import Mesh, UVMap
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+@dataclass(frozen=True, eq=False)
+class PlainDocument(Document):
+    """Triangles or polygons, and perhaps a layout, without a file format that could be kept."""
+
+    polys: Polygons | None = None
+    layout: UVMap | None = field(default=None)
+
+    def polygons(self) -> Polygons:
+        """The polygons of the file, or its triangles."""
+        return super().polygons() if self.polys is None else self.polys
+
+    def uv(self, uv_set: int = 0) -> UVMap | None:
+        """The layout that came with the arrays."""
+        return self.layout if uv_set == 0 else None
+
+
+def from_arrays(
+    points: npt.ArrayLike, faces: npt.ArrayLike, uv: npt.ArrayLike | None = None,
+    uv_faces: npt.ArrayLike | None = None, *, polygons: IntArray | None = None,
+    groups: IntArray | None = None, name: str = "the given arrays",
+) -> Document:  # fmt: skip
+    """A document from points (n, 3) and faces (m, 3).
+
+    uv: (k, 2), with uv_faces (m, 3) into it, or one row for each vertex where uv_faces is left out.
+    Raises InputError where shapes or indices do not fit.
+    """
+    mesh = Mesh(np.array(points, np.float64), np.array(faces, np.int64), polygons, groups)
+    layout = None
+    if uv is not None:
+        table = np.array(uv, np.float64)
+        index = mesh.faces.copy() if uv_faces is None else np.array(uv_faces, np.int64)
+        if table.ndim != 2 or table.shape[1] != 2 or index.shape != mesh.faces.shape:
+            raise InputError(
+                f"{name}: uv of shape {table.shape} and uv_faces of {index.shape} do not fit"
+            )
+        if index.max(initial=-1) >= len(table):
+            raise InputError(f"{name}: uv_faces name row {int(index.max())} of {len(table)} uv")
+        layout = UVMap(table, index)
+    return PlainDocument(
+        Source(name), "arrays", mesh, (0,) if layout is not None else (), layout=layout
+    )
+
+
+def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene | Any) -> Document:
+    """A document from a trimesh.Trimesh, with its uv; a Scene is joined with its node transforms applied.
+
+    Raises InputError for an object without faces, such as a PointCloud.
+    """
+    if hasattr(mesh, "to_mesh"):  # a Scene
+        mesh = mesh.to_mesh()
+    if not hasattr(mesh, "faces"):
+        raise InputError(
+            f"a trimesh {type(mesh).__name__} has no faces: there is nothing to unwrap"
+        )
+    uv = getattr(getattr(mesh, "visual", None), "uv", None)
+    if uv is not None and np.shape(uv) != (len(mesh.vertices), 2):
+        uv = None
+    return from_arrays(mesh.vertices, mesh.faces, uv, name="the trimesh object")

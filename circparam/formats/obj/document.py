@@ -1,0 +1,158 @@
+"""Wavefront OBJ: an array scanner that remembers where every byte is, and a writer that edits them.
+
+Written back, every line of the input stays byte for byte, but for the old ``vt`` lines (they go), the new
+ones (they stand where the first old one stood, or before the first face) and the vt field of ``f``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, relabel
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    Polygons,
+    Source,
+    WriteOptions,
+    check_uv_set,
+)
+from circparam.formats.obj.reading import Scan
+from circparam.formats.polygons import triangulate
+from circparam.formats.tokens import as_bytes, splice
+from circparam.mesh.mesh import Mesh, UVMap
+
+
+@dataclass(frozen=True, eq=False)
+class ObjDocument(Document):
+    """An OBJ file: its bytes, where its lines are, and the corners of its faces."""
+
+    scan: Scan = field(kw_only=True)
+    polys: Polygons = field(kw_only=True)
+    corner_vt: IntArray = field(kw_only=True)
+
+    def polygons(self) -> Polygons:
+        """The faces of the file."""
+        return self.polys
+
+    @cached_property
+    def texture_points(self) -> FloatArray:
+        """(k, 2) the vt lines of the file."""
+        scan = self.scan
+        return scan.numbers(scan.of(b"vt"), 2, optional=1)
+
+    def uv(self, uv_set: int = 0) -> UVMap | None:
+        """The vt of every corner; None for any set but 0, or where no corner has one."""
+        if uv_set not in self.uv_sets:
+            return None
+        return UVMap(self.texture_points, self.corner_vt[self.polys.triangles])
+
+    def labels(self, kind: str) -> IntArray:
+        """(m,) label of each face by material, by ``o`` name for 'mesh', or one for 'scene'."""
+        if kind == "mesh":
+            lines, _ = self.scan.lines(b"o")
+            return relabel(np.searchsorted(lines, self.scan.face_lines)[self.polys.owner])[1]
+        return super().labels(kind)
+
+    def rewrite(
+        self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
+    ) -> Encoded | None:
+        """The same file with new vt lines and vt fields."""
+        if format != "obj":
+            return None
+        _, note = check_uv_set(self, options, only_first=True)
+        notes = [note] if note else []
+        scan = self.scan
+        corner = self.polys.corner_uv(uvmap, self.source.name)
+        used, corner = compact(corner, len(uvmap.uv))
+        start, end, text, length = scan.corner_edits(corner)
+        block, drop_start, drop_end, where = scan.vt_edits(uvmap.uv[used])
+        e_start, e_end = scan.element_edits()
+        if len(e_start):
+            notes.append("l elements lost their vt: they named points of the old uv set")
+        empty = np.zeros(len(drop_start) + len(e_start), np.int64)
+        starts = np.concatenate([[where], drop_start, e_start, start])
+        ends = np.concatenate([[where], drop_end, e_end, end])
+        lengths = np.concatenate([[len(block)], empty, length])
+        order = np.argsort(starts, kind="stable")  # the block comes before what is removed there
+        # the block stands before every face, so its text comes first
+        inserted = np.concatenate([as_bytes(block), text])
+        data = splice(scan.raw, starts[order], ends[order], inserted, lengths[order])
+        m = len(self.mesh.faces)
+        return Encoded(
+            data, "obj", np.arange(len(self.mesh.points)), np.arange(m), assets=scan.libraries(),
+            notes=notes,
+        )  # fmt: skip
+
+
+def compact(corner: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Keep only the uv that corners use, in order: ((k,) uv kept, (L,) renumbered corners, −1 kept)."""
+    used = np.zeros(count + 1, bool)
+    used[corner] = True
+    used[count] = False
+    number = np.cumsum(used) - 1
+    number[count] = -1
+    return np.flatnonzero(used), number[corner]
+
+
+def read_obj(data: bytes, source: Source) -> ObjDocument:
+    """Read an OBJ file. Raises InputError for bad numbers, indices, or a file without faces."""
+    if b"\0" in data:
+        raise source.error("binary data where OBJ text is expected")
+    scan = Scan(data, source)
+    v = scan.of(b"v")
+    if len(scan.face_lines) == 0:
+        what = "it has no faces" if len(v) else "it has no v and f lines: this is no OBJ mesh"
+        raise source.error(what)
+    points = scan.numbers(v, 3)
+    corners = scan.resolve(0, b"v", len(points))
+    vt = scan.resolve(1, b"vt", len(scan.of(b"vt")))
+    polys = triangulate(points, corners, scan.corner_start)
+    groups, names = _groups(scan)
+    mesh = Mesh(
+        points,
+        corners[polys.triangles],
+        polygons=polys.labels,
+        groups=None if groups is None else groups[polys.owner],
+    )
+    features = {
+        "polygons": polys.labels is not None,
+        "normals": len(scan.of(b"vn")) > 0,
+        "vertex colours": bool((scan.last[v] - scan.first[v] > 6).any()),
+        "materials": len(scan.of(b"usemtl")) > 0,
+        "groups": len(scan.of(b"g")) + len(scan.of(b"o")) > 0,
+        "smoothing groups": len(scan.of(b"s")) > 0,
+        "line and point elements": len(scan.of(b"l")) + len(scan.of(b"p")) > 0,
+    }
+    return ObjDocument(
+        source, "obj", mesh, (0,) if (vt >= 0).any() else (), [],
+        tuple(k for k, has in features.items() if has), tuple(names),
+        polys=polys, corner_vt=vt, scan=scan,
+    )  # fmt: skip
+
+
+def _groups(scan: Scan) -> tuple[IntArray | None, list[str]]:
+    """(p,) label of each face by material, or by object and group where no material is named."""
+    lines, names = scan.lines(b"usemtl")
+    if len(lines) == 0:
+        tagged = sorted(
+            (int(line), name)
+            for word in (b"o", b"g")
+            for line, name in zip(*scan.lines(word), strict=True)
+        )
+        lines = np.array([line for line, _ in tagged], np.int64)
+        names = [name for _, name in tagged]
+    if len(lines) == 0:
+        return None, []
+    number = {name: i for i, name in enumerate(dict.fromkeys([b"", *names]))}
+    label = np.array([0] + [number[name] for name in names], np.int64)
+    of_face = label[np.searchsorted(lines, scan.face_lines)]
+    count, groups = relabel(of_face)
+    if count == 1:
+        return None, []
+    ordered = list(number)
+    first = {int(g): int(f) for f, g in zip(of_face[::-1], groups[::-1], strict=True)}
+    return groups, [ordered[first[g]].decode("utf-8", "replace") for g in range(count)]

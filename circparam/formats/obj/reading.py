@@ -1,0 +1,237 @@
+"""Where the lines, words and corner fields of an OBJ file are, found with array operations."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.formats.document import Source
+from circparam.formats.polygons import list_start
+from circparam.formats.tokens import (
+    HASH,
+    NEWLINE,
+    SLASH,
+    SPACE,
+    ByteArray,
+    as_bytes,
+    bad_token,
+    digits,
+    gather,
+    line_number,
+    parse_floats,
+    parse_ints,
+    tokenize,
+)
+
+
+def vt_lines(uv: FloatArray, newline: str) -> bytes:
+    """One vt line for each uv, with the shortest digits that read back to the same numbers."""
+    u, v = uv[:, 0].tolist(), uv[:, 1].tolist()
+    return "".join([f"vt {a!r} {b!r}{newline}" for a, b in zip(u, v, strict=True)]).encode()
+
+
+class Scan:
+    """Where the lines, words and corner fields of an OBJ file are."""
+
+    def __init__(self, data: bytes, source: Source) -> None:
+        self.data, self.source = data, source
+        self.raw = as_bytes(data)
+        self.tokens = t = tokenize(data, continuation=True)
+        self.first = t.line[:-1]
+        self.last = t.line[1:].copy()
+        hashes = np.flatnonzero(t.clean[t.start] == HASH)
+        if len(hashes):  # a comment ends its line
+            line = np.searchsorted(t.line, hashes, side="right") - 1
+            np.minimum.at(self.last, line, hashes)
+        filled = self.last > self.first
+        key = np.where(filled, self.first, 0)
+        if len(t.start) == 0:
+            self.keyword = np.zeros(len(key), np.int64)
+            return
+        size = t.end[key] - t.start[key]
+        one = t.clean[t.start[key]].astype(np.int64)
+        two = np.where(size > 1, t.clean[t.start[key] + 1], 0).astype(np.int64)
+        # a keyword as one number: its first two letters and its length
+        self.keyword = np.where(filled, one * 65536 + two * 256 + np.minimum(size, 255), 0)
+
+    def of(self, word: bytes) -> IntArray:
+        """Lines that begin with a keyword (of at most two letters; longer ones compare those and length)."""
+        second = word[1] if len(word) > 1 else 0
+        return np.flatnonzero(self.keyword == word[0] * 65536 + second * 256 + len(word))
+
+    def lines(self, word: bytes) -> tuple[IntArray, list[bytes]]:
+        """Lines that begin with a longer keyword, and the rest of each, stripped."""
+        t, found, rest = self.tokens, [], []
+        for line in self.of(word).tolist():
+            k = self.first[line]
+            if t.clean[t.start[k] : t.end[k]].tobytes() == word:
+                stop = t.end[t.line[line + 1] - 1]
+                found.append(line)
+                rest.append(t.clean[t.end[k] : stop].tobytes().strip())
+        return np.array(found, np.int64), rest
+
+    def error(self, token: int, cause: str) -> Exception:
+        """An InputError that names the line of a word."""
+        where = int(self.tokens.start[token])
+        return self.source.error(f"line {line_number(self.data, where)}: {cause}")
+
+    def numbers(self, lines: IntArray, want: int, *, optional: int = 0) -> FloatArray:
+        """(k, want) numbers behind the keyword; the last ``optional`` of them may be missing (then 0)."""
+        t = self.tokens
+        given = self.last[lines] - self.first[lines] - 1
+        short = np.flatnonzero(given < want - optional)
+        if len(short):
+            k = int(self.first[lines[short[0]]])
+            raise self.error(
+                k, f"{want - optional} numbers are needed, {given[short[0]]} are there"
+            )
+        column = np.arange(want)
+        index = self.first[lines][:, None] + 1 + column
+        there = column < given[:, None]
+        words = index[there]
+        out = np.zeros(index.shape)
+        try:
+            out[there] = parse_floats(gather(t.clean, t.start[words], t.end[words]), len(words))
+        except ValueError:
+            raise self.error(bad_token(t, words, float), "a number is malformed") from None
+        return out
+
+    @cached_property
+    def face_lines(self) -> IntArray:
+        """The f lines."""
+        return self.of(b"f")
+
+    @cached_property
+    def corner_tokens(self) -> IntArray:
+        """(L,) the word of every face corner."""
+        first, last = self.first[self.face_lines], self.last[self.face_lines]
+        return np.repeat(first + 1, last - first - 1) + ranges(last - first - 1)
+
+    @cached_property
+    def corner_start(self) -> IntArray:
+        """(p + 1,) offsets of the faces in the corners."""
+        return list_start(self.last[self.face_lines] - self.first[self.face_lines] - 1)
+
+    def fields(self, tokens: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:
+        """Split words like ``v/vt/vn``: ((L, count) numbers with 0 where empty, cut start, cut end).
+
+        The cut is the byte range of the slash and number of vt, empty where there is none.
+        """
+        t = self.tokens
+        start, end = t.start[tokens], t.end[tokens]
+        text = gather(t.clean, start, end)
+        stop = np.flatnonzero((text == SPACE) | (text == SLASH))
+        size = np.diff(stop, prepend=-1) - 1
+        last_field = np.flatnonzero(text[stop] == SPACE)
+        first_field = np.concatenate([[0], last_field[:-1] + 1])[: len(last_field)]
+        number = np.zeros(len(stop), np.int64)
+        text[text == SLASH] = SPACE
+        try:
+            number[size > 0] = parse_ints(text, int((size > 0).sum()))
+        except ValueError:
+            raise self._bad_corner(tokens) from None
+        many = last_field - first_field + 1
+        if (many > 3).any():
+            raise self.error(int(tokens[many > 3][0]), "a corner has more than v/vt/vn")
+        out = np.zeros((len(tokens), count), np.int64)
+        for k in range(count):
+            has = many > k
+            out[has, k] = number[first_field[has] + k]
+        cut_start = start + size[first_field] if len(tokens) else start
+        cut_end = end.copy()
+        three = many == 3
+        cut_end[three] = cut_start[three] + 1 + size[first_field[three] + 1]
+        return out, cut_start, cut_end
+
+    def _bad_corner(self, tokens: IntArray) -> Exception:
+        t = self.tokens
+        for i in tokens.tolist():
+            word = t.clean[t.start[i] : t.end[i]].tobytes()
+            if not all(p == b"" or p.lstrip(b"+-").isdigit() for p in word.split(b"/")):
+                shown = word[:24].decode("ascii", "backslashreplace")
+                return self.error(i, f"{shown!r} is no face corner (v, v/vt, v//vn or v/vt/vn)")
+        return self.error(int(tokens[0]), "a face corner is malformed")
+
+    @cached_property
+    def cuts(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Corner numbers (L, 2) as written, and the byte range of each vt field."""
+        return self.fields(self.corner_tokens, 2)
+
+    def resolve(self, column: int, word: bytes, count: int) -> IntArray:
+        """(L,) corner indices from 0; −1 where vt is empty. Raises InputError for 0 or beyond the end."""
+        number = self.cuts[0][:, column]
+        negative = number < 0
+        index = number - 1
+        if negative.any():  # counts back from the last one defined above the face
+            before = np.searchsorted(self.of(word), self.face_lines)
+            index = np.where(
+                negative, number + np.repeat(before, np.diff(self.corner_start)), index
+            )
+        bad = (index >= count) | (negative & (index < 0))
+        if column == 0:
+            bad |= number == 0
+        else:
+            # an explicit 0 is an error, an empty field is not: the cut of "/0" is longer than one byte
+            bad |= (number == 0) & (self.cuts[2] - self.cuts[1] > 1)
+        if bad.any():
+            k = int(np.flatnonzero(bad)[0])
+            raise self.error(
+                int(self.corner_tokens[k]),
+                f"index {int(number[k])} is outside the {count} {word.decode()} lines",
+            )
+        return index
+
+    def corner_edits(self, uv: IntArray) -> tuple[IntArray, IntArray, ByteArray, IntArray]:
+        """What to replace so that every corner names the given vt (from 0; −1: none)."""
+        _, start, end = self.cuts
+        text, length = digits(np.maximum(uv, 0) + 1, b"/")
+        none = uv < 0
+        if none.any():  # a corner without uv keeps "//" only where a normal follows
+            keep = np.repeat(~none, length)
+            normal = none & (self.raw_at(end) == SLASH)
+            text, length = text[keep], np.where(none, 0, length)
+            first = np.cumsum(length) - length
+            text = np.insert(text, first[normal], SLASH)
+            length = length + normal
+        return start, end, text, length
+
+    def raw_at(self, place: IntArray) -> ByteArray:
+        """The byte at each place (a blank behind the end)."""
+        result: ByteArray = self.tokens.clean[place]
+        return result
+
+    def vt_edits(self, uv: FloatArray) -> tuple[bytes, IntArray, IntArray, int]:
+        """The new vt lines, the byte ranges of the old ones, and where the new ones go."""
+        t = self.tokens
+        old = self.of(b"vt")
+        start = t.line_start[old]
+        end = np.append(t.line_start, len(self.raw))[old + 1]
+        where = int(t.line_start[self.face_lines[0]])
+        if len(start) and start[0] < where:
+            where = int(start[0])
+        head = self.raw[: int(t.line_start[1])] if len(t.line_start) > 1 else self.raw[:0]
+        newline = "\r\n" if head[-2:].tobytes() == b"\r\n" else "\n"
+        if NEWLINE not in head and len(head):
+            newline = "\r"
+        return vt_lines(uv, newline), start, end, where
+
+    def element_edits(self) -> tuple[IntArray, IntArray]:
+        """Byte ranges of the vt fields of ``l`` elements: they name points that are gone."""
+        lines = self.of(b"l")
+        count = self.last[lines] - self.first[lines] - 1
+        tokens = np.repeat(self.first[lines] + 1, count) + ranges(count)
+        if len(tokens) == 0:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        _, start, end = self.fields(tokens, 2)
+        some = end > start
+        return start[some], end[some]
+
+    def libraries(self) -> list[str]:
+        """The files that mtllib lines name."""
+        names = [
+            rest.decode("utf-8", "surrogateescape")
+            for _, rest in zip(*self.lines(b"mtllib"), strict=True)
+        ]
+        return list(dict.fromkeys(name for name in names if name))

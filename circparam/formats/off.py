@@ -1,0 +1,74 @@
+"""OFF: read, no place for uv."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from circparam.formats.document import Source
+from circparam.formats.memory import PlainDocument
+from circparam.formats.polygons import list_start, triangulate
+from circparam.formats.tokens import gather, parse_floats, parse_ints, tokenize
+from circparam.mesh.mesh import Mesh
+
+if TYPE_CHECKING:
+    pass
+
+
+def read_off(data: bytes, source: Source) -> PlainDocument:
+    """Read OFF (also COFF, NOFF ...), polygons kept. Raises InputError where counts and content disagree.
+
+    Our own scanner: trimesh's reader turns polygons into triangles and forgets which belong together.
+    """
+    text = re.sub(rb"#[^\r\n]*", b"", data)
+    found = re.match(rb"\s*((?:ST)?C?N?4?n?OFF)\b", text)
+    if found is None or b"4" in found.group(1) or b"n" in found.group(1) or b"\0" in text:
+        raise source.error("this is no text OFF file of three-dimensional points")
+    t = tokenize(text[found.end() :])
+    try:
+        head = parse_ints(gather(t.clean, t.start[:2], t.end[:2]), 2)
+    except ValueError:
+        raise source.error("the counts of vertices and faces are malformed") from None
+    line = t.line[:-1][np.diff(t.line) > 0]
+    line = line[line > 1]  # the counts stand on one line, with or without a count of edges
+    n, m = head.tolist()
+    if n < 0 or m <= 0 or n + m > len(line):
+        raise source.error(
+            f"the header promises {n} vertices and {m} faces, the file has {len(line)} rows"
+        )
+    end = np.append(line, len(t.start))[1:]
+    column = line[:n, None] + np.arange(3)
+    if (end[:n] < line[:n] + 3).any():
+        raise source.error("a vertex has fewer than three coordinates")
+    try:
+        points = parse_floats(
+            gather(t.clean, t.start[column.ravel()], t.end[column.ravel()]), 3 * n
+        )
+        rows = line[n : n + m]
+        size = parse_ints(gather(t.clean, t.start[rows], t.end[rows]), m)
+        if (size < 0).any() or (rows + 1 + size > end[n : n + m]).any():
+            raise ValueError("a face has fewer corners than it says")
+        at = (
+            np.repeat(rows + 1, size)
+            + np.arange(int(size.sum()))
+            - np.repeat(np.cumsum(size) - size, size)
+        )
+        corners = parse_ints(gather(t.clean, t.start[at], t.end[at]), len(at))
+    except ValueError as error:
+        raise source.error(f"a row is malformed ({error})") from None
+    points = points.reshape(-1, 3)
+    bad = (corners < 0) | (corners >= n)
+    if bad.any():
+        raise source.error(
+            f"a face names vertex {int(corners[bad][0])}: there are {n} (counted from 0)"
+        )
+    polys = triangulate(points, corners, list_start(size))
+    if len(polys.triangles) == 0:
+        raise source.error("it has no faces: there is nothing to unwrap")
+    mesh = Mesh(points, corners[polys.triangles], polygons=polys.labels)
+    features: tuple[str, ...] = ("polygons",) if polys.labels is not None else ()
+    if found.group(1) != b"OFF" or (end[n : n + m] > rows + 1 + size).any():
+        features += ("colours or normals",)
+    return PlainDocument(source, "off", mesh, features=features, polys=polys)

@@ -1,0 +1,199 @@
+"""PLY: every element and property kept, uv as vertex ``s, t`` or as face ``texcoord`` lists."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import IntArray
+from circparam.errors import OptionError
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    Polygons,
+    Source,
+    WriteOptions,
+    check_uv_set,
+)
+from circparam.formats.ply import editing
+from circparam.formats.ply.reading import INDICES, UV_NAMES, Layout, vertex_uv
+from circparam.formats.polygons import list_start, strips, triangulate
+from circparam.formats.vertex_split import split_vertices
+from circparam.mesh.mesh import Mesh, UVMap
+
+POLYGON_UV = "some readers refuse face texcoord of polygons: --ply-uv vertex is read everywhere"
+
+
+@dataclass(frozen=True, eq=False)
+class PlyDocument(Document):
+    """A PLY file: its bytes, the place of every value, and its polygons and strips.
+
+    ``polys`` holds the faces and behind them every triangle of the strips; n_faces and n_corners count the
+    former. strip_triangles: (k, 3) into the values of the strips.
+    """
+
+    layout: Layout = field(kw_only=True)
+    polys: Polygons = field(kw_only=True)
+    n_faces: int = 0
+    n_corners: int = 0
+    strip_triangles: IntArray = field(default_factory=lambda: np.zeros((0, 3), np.int64))
+
+    def polygons(self) -> Polygons:
+        """The faces of the file, and the triangles of its strips."""
+        return self.polys
+
+    @property
+    def strip_property(self) -> str:
+        """The name of the index list of the strips."""
+        e = self.layout.element("tristrips")
+        p = e.find(*INDICES) if e is not None else None
+        return p.name if p is not None else INDICES[0]
+
+    def uv(self, uv_set: int = 0) -> UVMap | None:
+        """Face texcoord where there is one, else vertex s, t (or u, v; texture_u, texture_v)."""
+        if uv_set not in self.uv_sets:
+            return None
+        layout = self.layout
+        face = layout.element("face")
+        if face is not None and face.find("texcoord"):
+            values, counts = layout.list(face, "texcoord")
+            size = np.diff(self.polys.start)[: self.n_faces]
+            start = list_start(counts)[:-1]
+            fits = counts == 2 * size
+            corner = np.full(len(self.polys.corners), -1, np.int64)
+            of = np.repeat(np.arange(self.n_faces), size)
+            running = np.arange(self.n_corners) - self.polys.start[of]
+            # pairs of one list lie side by side; a list of odd length can shift those behind it
+            at = start[of] + 2 * running
+            corner[: self.n_corners] = np.where(fits[of], np.arange(self.n_corners), -1)
+            at = np.where(fits[of], at, 0)
+            uv = (
+                np.stack([values[at], values[at + 1]], 1)
+                if len(values) > 1
+                else np.zeros((len(at), 2))
+            )
+            return UVMap(uv.astype(np.float64), corner[self.polys.triangles])
+        vertex = layout.element("vertex")
+        names = None if vertex is None else vertex_uv(vertex)
+        if vertex is None or names is None:
+            return None
+        return UVMap(layout.columns(vertex, names), self.mesh.faces.copy())
+
+    @property
+    def uv_type(self) -> str:
+        """The type of uv in the file: 'f8' where it stores doubles, else 'f4', which all readers know."""
+        layout = self.layout
+        face, vertex = layout.element("face"), layout.element("vertex")
+        held = face.find("texcoord") if face is not None else None
+        names = vertex_uv(vertex) if vertex is not None else None
+        if held is None and vertex is not None and names is not None:
+            held = vertex.find(names[0])
+        return "f8" if held is not None and held.type == "f8" else "f4"
+
+    def rewrite(
+        self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
+    ) -> Encoded | None:
+        """The same file with uv in its vertices or faces."""
+        if format != "ply":
+            return None
+        _, note = check_uv_set(self, options, only_first=True)
+        notes = [note] if note else []
+        kind = self.uv_type
+        uv = uvmap.uv.astype(kind).astype(np.float64)
+        corner_uv = self.polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
+        n = len(self.mesh.points)
+        split = split_vertices(n, self.polys.corners, uv, corner_uv)
+        has_strips = len(self.strip_triangles) > 0
+        mode = options.ply_uv or ("face" if split.added and not has_strips else "vertex")
+        if mode not in ("vertex", "face"):
+            raise OptionError(f"unknown place for uv {mode!r}: choose vertex or face")
+        if mode == "face" and has_strips:
+            raise OptionError(
+                f"{self.source.name}: tristrips have no place for uv of faces; use --ply-uv vertex"
+            )
+        m = len(self.mesh.faces)
+        if mode == "face":
+            if self.polys.labels is not None and options.ply_uv is None:
+                notes.append(POLYGON_UV)
+            data = editing.with_face_uv(self, uv, corner_uv[: self.n_corners], kind)
+            return Encoded(data, "ply", np.arange(n), np.arange(m), notes=notes)
+        if split.added:
+            notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+        data = editing.with_vertex_uv(self, split, kind)
+        return Encoded(data, "ply", split.source, np.arange(m), notes=notes)
+
+
+def read_ply(data: bytes, source: Source) -> PlyDocument:
+    """Read a PLY file. Raises InputError where header and body disagree, or it has no faces."""
+    if not data.startswith(b"ply"):
+        raise source.error("the file does not begin with 'ply': this is no PLY file")
+    layout = Layout(data, source)
+    vertex = layout.element("vertex")
+    if vertex is None or not all(map(vertex.find, "xyz")):
+        raise source.error("it has no vertices with x, y and z")
+    points = layout.columns(vertex, ("x", "y", "z"))
+    corners, size = _lists(layout, "face")
+    strip_values, strip_counts = _lists(layout, "tristrips")
+    _check(source, corners, len(points), 0)
+    _check(source, strip_values, len(points), -1)
+    polys = triangulate(points, corners, list_start(size))
+    tri, _ = strips(strip_values, list_start(strip_counts))
+    if len(polys.triangles) + len(tri) == 0:
+        raise source.error("it has no faces (a point cloud?): there is nothing to unwrap")
+    n_faces, n_corners = len(size), len(corners)
+    if len(tri):
+        polys = _append(polys, strip_values[tri].ravel())
+    mesh = Mesh(points, polys.corners[polys.triangles], polygons=polys.labels)
+    face = layout.element("face")
+    has_uv = vertex_uv(vertex) is not None or (face is not None and face.find("texcoord"))
+    return PlyDocument(
+        source, "ply", mesh, (0,) if has_uv else (), [], _features(layout, polys),
+        layout=layout, polys=polys, n_faces=n_faces, n_corners=n_corners, strip_triangles=tri,
+    )  # fmt: skip
+
+
+def _lists(layout: Layout, name: str) -> tuple[IntArray, IntArray]:
+    none = np.zeros(0, np.int64)
+    element = layout.element(name)
+    if element is None or element.count == 0:
+        return none, none
+    p = element.find(*INDICES)
+    if p is None or not p.count_type:
+        raise layout.source.error(f"element {name!r} has no list vertex_indices")
+    values, counts = layout.list(element, p.name)
+    return values.astype(np.int64), counts
+
+
+def _check(source: Source, index: npt.NDArray[Any], n: int, least: int) -> None:
+    bad = (index < least) | (index >= n)
+    if bad.any():
+        wrong = int(index[bad][0])
+        raise source.error(f"a face names vertex {wrong}: there are {n} (counted from 0)")
+
+
+def _append(polys: Polygons, corners: IntArray) -> Polygons:
+    """The polygons, and behind them triangles given by their corners."""
+    old, k = len(polys.corners), len(corners) // 3
+    return Polygons(
+        np.concatenate([polys.corners, corners]),
+        np.concatenate([polys.start, polys.start[-1] + 3 * np.arange(1, k + 1)]),
+        np.concatenate([polys.triangles, old + np.arange(3 * k).reshape(-1, 3)]),
+        np.concatenate([polys.owner, len(polys.start) - 1 + np.arange(k)]),
+    )
+
+
+def _features(layout: Layout, polys: Polygons) -> tuple[str, ...]:
+    names = {p.name for e in layout.elements for p in e.properties}
+    known = {"x", "y", "z", *INDICES, "texcoord", *(n for pair in UV_NAMES for n in pair)}
+    normals, colours = {"nx", "ny", "nz"}, {"red", "green", "blue", "alpha"}
+    has = {
+        "polygons": polys.labels is not None,
+        "normals": bool(names & normals),
+        "colours": bool(names & colours),
+        "custom properties": bool(names - known - normals - colours),
+        "tristrips": layout.element("tristrips") is not None,
+    }
+    return tuple(k for k, there in has.items() if there)

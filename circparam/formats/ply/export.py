@@ -1,0 +1,78 @@
+"""Write any document as PLY."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import IntArray
+from circparam.errors import OptionError
+from circparam.formats.document import Document, Encoded, WriteOptions
+from circparam.formats.export import lost, only_first_set
+from circparam.formats.ply.document import POLYGON_UV
+from circparam.formats.tokens import ByteArray, interleave
+from circparam.formats.vertex_split import split_vertices
+from circparam.mesh.mesh import UVMap
+
+
+def to_ply(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
+    """Binary PLY: polygons kept, uv at the vertices or, where a seam would split them, at the faces."""
+    only_first_set(options, "ply")
+    if options.ply_uv not in (None, "vertex", "face"):
+        raise OptionError(f"unknown place for uv {options.ply_uv!r}: choose vertex or face")
+    polys = document.polygons()
+    uv = uvmap.uv.astype(np.float32).astype(np.float64)
+    corner = polys.corner_uv(UVMap(uv, uvmap.uv_faces), document.source.name)
+    n = len(document.mesh.points)
+    split = split_vertices(n, polys.corners, uv, corner)
+    at_faces = (options.ply_uv or ("face" if split.added else "vertex")) == "face"
+    source = np.arange(n) if at_faces else split.source
+    points = document.mesh.points[source]
+    with np.errstate(over="ignore", invalid="ignore"):
+        exact = bool((points.astype(np.float32) == points)[np.isfinite(points)].all())
+    kind = "f4" if exact else "f8"
+    fields = [(c, "<" + kind) for c in "xyz"]
+    if not at_faces:
+        fields += [("s", "<f4"), ("t", "<f4")]
+    vertex = np.zeros(len(points), fields)
+    for k, c in enumerate("xyz"):
+        vertex[c] = points[:, k]
+    if not at_faces:
+        vertex["s"], vertex["t"] = split.uv.T
+    size = np.diff(polys.start)
+    wide = int(size.max(initial=0)) > (127 if at_faces else 255)
+    count = "<i4" if wide else "u1"
+    index = (polys.corners if at_faces else split.corner).astype("<i4")
+    parts = [_raw(size.astype(count)), (index.view(np.uint8), 4 * size)]
+    if at_faces:
+        table = np.concatenate([uv, np.zeros((1, 2))]).astype("<f4")
+        parts += [
+            _raw((2 * size).astype(count)),
+            (table[corner].reshape(-1).view(np.uint8), 8 * size),
+        ]
+    body, _ = interleave(parts)
+    name, count_name = {"f4": "float", "f8": "double"}[kind], "int" if wide else "uchar"
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment written by circparam",
+        f"element vertex {len(points)}",
+    ]
+    lines += [f"property {name} {c}" for c in "xyz"]
+    lines += [] if at_faces else ["property float s", "property float t"]
+    lines += [f"element face {len(size)}", f"property list {count_name} int vertex_indices"]
+    lines += [f"property list {count_name} float texcoord"] if at_faces else []
+    head = "\n".join([*lines, "end_header", ""]).encode()
+    notes = lost(document, "polygons")
+    if at_faces and polys.labels is not None and options.ply_uv is None:
+        notes.append(POLYGON_UV)
+    if not at_faces and split.added:
+        notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+    data = head + vertex.tobytes() + body.tobytes()
+    return Encoded(data, "ply", source, np.arange(len(document.mesh.faces)), notes=notes)
+
+
+def _raw(values: npt.NDArray[Any]) -> tuple[ByteArray, IntArray]:
+    return values.view(np.uint8), np.full(len(values), values.dtype.itemsize, np.int64)

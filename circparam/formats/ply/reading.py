@@ -1,0 +1,310 @@
+"""PLY as elements and properties, in ascii and both binary orders: where every value is in the file."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.formats.document import Source
+from circparam.formats.tokens import Tokens, as_bytes, gather, parse_floats, parse_ints, tokenize
+
+TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
+    "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8",
+}  # fmt: skip
+MAX_HEADER = 1 << 20
+UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+INDICES = ("vertex_indices", "vertex_index")
+
+
+@dataclass
+class Property:
+    """One property: ``type`` and, for a list, ``count_type`` as NumPy codes without byte order."""
+
+    name: str
+    type: str
+    count_type: str = ""
+
+
+@dataclass
+class Element:
+    """One element and where its rows are.
+
+    row: (n + 1,) int64 start of every row and the end of the last: bytes, or words where the file is ascii.
+    """
+
+    name: str
+    count: int
+    properties: list[Property] = field(default_factory=list)
+    row: IntArray = field(default_factory=lambda: np.zeros(1, np.int64))
+    counts: dict[str, IntArray] = field(default_factory=dict)
+
+    def find(self, *names: str) -> Property | None:
+        """The first of the named properties that is there."""
+        return next((p for name in names for p in self.properties if p.name == name), None)
+
+
+class Layout:
+    """The header of a PLY file and the place of every value."""
+
+    def __init__(self, data: bytes, source: Source) -> None:
+        self.data, self.source = data, source
+        self.raw = as_bytes(data)
+        self.body = self._header()
+        self.tokens: Tokens | None = tokenize(data[self.body :]) if self.ascii else None
+        at = 0 if self.ascii else self.body
+        self._size = len(self.tokens.start) if self.tokens else len(data)
+        for element in self.elements:
+            at = self._rows(element, at)
+
+    # the header ------------------------------------------------------------------------------
+
+    def _header(self) -> int:
+        found = re.search(rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r)", self.data[:MAX_HEADER])
+        if found is None:
+            raise self.source.error("the PLY header has no end_header line: the file is cut short")
+        self.newline = found.group(1)
+        self.lines = self.data[: found.end()].decode("latin-1").split(self.newline.decode())[:-1]
+        self.elements: list[Element] = []
+        self.format = ""
+        for number, line in enumerate(self.lines, 1):
+            words = line.split()
+            try:
+                self._header_line(words)
+            except (IndexError, KeyError, ValueError):
+                raise self.source.error(
+                    f"line {number}: {line.strip()[:60]!r} is no PLY header line"
+                ) from None
+        orders = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+        if self.format not in orders:
+            raise self.source.error(f"unknown PLY format {self.format[:40]!r}")
+        self.order = orders[self.format]
+        self.ascii = self.format == "ascii"
+        return found.end()
+
+    def _header_line(self, words: list[str]) -> None:
+        if not words or words[0] in ("ply", "comment", "obj_info", "end_header"):
+            return
+        if words[0] == "format":
+            self.format = words[1]
+        elif words[0] == "element":
+            if int(words[2]) < 0:
+                raise ValueError
+            self.elements.append(Element(words[1], int(words[2])))
+        elif words[0] == "property" and words[1] == "list":
+            count, kind, name = words[2:5]
+            if TYPES[count][0] == "f":
+                raise ValueError
+            self.elements[-1].properties.append(Property(name, TYPES[kind], TYPES[count]))
+        elif words[0] == "property":
+            self.elements[-1].properties.append(Property(words[2], TYPES[words[1]]))
+        else:
+            raise ValueError
+
+    def element(self, name: str) -> Element | None:
+        """The element of that name."""
+        return next((e for e in self.elements if e.name == name), None)
+
+    # the rows --------------------------------------------------------------------------------
+
+    def _width(self, code: str) -> int:
+        return 1 if self.ascii else int(code[1])
+
+    def _rows(self, e: Element, at: int) -> int:
+        """Find the rows of an element that begins at ``at``; returns where the next one begins."""
+        least = sum(self._width(p.count_type or p.type) for p in e.properties)
+        if e.count * least > self._size - at:
+            have = (self._size - at) // max(least, 1)
+            raise self.source.error(
+                f"the header promises {e.count} rows of {e.name!r}, the file has at most {have}"
+            )
+        lists = [p for p in e.properties if p.count_type]
+        if not e.properties or e.count == 0:
+            e.row = np.full(2, at, np.int64)
+            e.count = 0
+            return at
+        if not lists:
+            e.row = at + least * np.arange(e.count + 1, dtype=np.int64)
+            return int(e.row[-1])
+        e.row = self._list_rows(e, at)
+        end = self._walk(e)
+        if (end != e.row[1:]).any():
+            raise self.source.error(f"a row of {e.name!r} is malformed")
+        return int(e.row[-1])
+
+    def _list_rows(self, e: Element, at: int) -> IntArray:
+        """Row starts of an element with lists: where rows are alike by stride, else one after the other."""
+        if self.tokens is not None:
+            line = self.tokens.line[:-1][np.diff(self.tokens.line) > 0]
+            k = int(np.searchsorted(line, at))
+            rows = np.append(line[k:], self._size)[: e.count + 1]
+            if len(rows) == e.count + 1 and rows[0] == at:
+                e.row = rows
+                if self._fits(e):
+                    return rows
+        else:
+            one = self._chase(e, at, 1)
+            stride = int(one[1] - one[0])
+            if at + stride * e.count <= self._size:
+                e.row = at + stride * np.arange(e.count + 1, dtype=np.int64)
+                if self._fits(e):
+                    return e.row
+        return self._chase(e, at, e.count)
+
+    def _fits(self, e: Element) -> bool:
+        try:
+            return bool((self._walk(e) == e.row[1:]).all())
+        except (ValueError, IndexError):
+            return False
+
+    def _walk(self, e: Element, stop: str = "") -> IntArray:
+        """Pass over the properties of all rows at once, up to one property or the rows' ends."""
+        at = e.row[:-1].copy()
+        for p in e.properties:
+            if p.name == stop:
+                break
+            if p.count_type:
+                if p.name not in e.counts or len(e.counts[p.name]) != e.count or stop == "":
+                    e.counts[p.name] = self._counts(at, p)
+                at += self._width(p.count_type) + self._width(p.type) * e.counts[p.name]
+            else:
+                at += self._width(p.type)
+        return at
+
+    def _counts(self, at: IntArray, p: Property) -> IntArray:
+        if (at + self._width(p.count_type) > self._size).any():
+            raise IndexError
+        counts = self.read(at, p.count_type).astype(np.int64)
+        if (counts < 0).any() or (counts > self._size).any():
+            raise ValueError
+        return counts
+
+    def _chase(self, e: Element, at: int, n: int) -> IntArray:
+        """Row after row: the place of a row depends on the counts of all before it."""
+        out = np.empty(n + 1, np.int64)
+        steps = [
+            (self._width(p.count_type), f"{self.order}{p.count_type}", self._width(p.type))
+            if p.count_type
+            else (self._width(p.type), "", 0)
+            for p in e.properties
+        ]
+        read = self._reader()
+        for i in range(n):
+            out[i] = at
+            for width, code, item in steps:
+                if code:
+                    if at + width > self._size:
+                        raise self._short(e)
+                    at += item * read(at, code, width)
+                at += width
+            if at > self._size:
+                raise self._short(e)
+        out[n] = at
+        return out
+
+    def _reader(self) -> Any:
+        """A function (place, type, width) → count, for one value at a time."""
+        if self.tokens is not None:
+            t = self.tokens
+
+            def word(at: int, code: str, width: int) -> int:
+                text = t.clean[t.start[at] : t.end[at]].tobytes()
+                if not text.isdigit():
+                    raise self.source.error(f"{text[:24]!r} is no list length")
+                return int(text)
+
+            return word
+        data = self.data
+        order: Any = "big" if self.order == ">" else "little"
+
+        def binary(at: int, code: str, width: int) -> int:
+            if width == 1 and code[1] == "u":
+                return data[at]
+            value = int.from_bytes(data[at : at + width], order, signed=code[1] == "i")
+            if value < 0:
+                raise self.source.error(f"a list has the length {value}")
+            return value
+
+        return binary
+
+    def _short(self, e: Element) -> Exception:
+        return self.source.error(
+            f"the header promises {e.count} rows of {e.name!r}, the file ends before"
+        )
+
+    # values ----------------------------------------------------------------------------------
+
+    def read(self, at: IntArray, code: str) -> npt.NDArray[Any]:
+        """Values of a type at ascending places. Raises ValueError where an ascii word is no number."""
+        if self.tokens is not None:
+            t = self.tokens
+            text = gather(t.clean, t.start[at], t.end[at])
+            return parse_floats(text, len(at)) if code[0] == "f" else parse_ints(text, len(at))
+        width = int(code[1])
+        if len(at) == 0:
+            return np.zeros(0, code)
+        step = int(at[1] - at[0]) if len(at) > 1 else width
+        if step > 0 and (np.diff(at) == step).all():
+            got = np.ndarray((len(at),), self.order + code, self.data, int(at[0]), (step,))
+        else:
+            got = self.raw[at[:, None] + np.arange(width)].view(self.order + code)[:, 0]
+        out: npt.NDArray[Any] = got.astype(code)
+        return out
+
+    def scalar(self, e: Element, name: str) -> npt.NDArray[Any]:
+        """(n,) values of a scalar property."""
+        p = e.find(name)
+        if p is None or p.count_type:
+            raise self.source.error(f"element {e.name!r} has no scalar property {name!r}")
+        return self._guard(self._walk(e, name), p)
+
+    def list(self, e: Element, name: str) -> tuple[npt.NDArray[Any], IntArray]:
+        """Values of a list property, all rows one after the other, and (n,) their counts."""
+        p = e.find(name)
+        if p is None or not p.count_type:
+            raise self.source.error(f"element {e.name!r} has no list property {name!r}")
+        at = self._walk(e, name) + self._width(p.count_type)
+        counts = e.counts[name]
+        places = np.repeat(at, counts) + ranges(counts) * self._width(p.type)
+        return self._guard(places, p), counts
+
+    def _guard(self, at: IntArray, p: Property) -> npt.NDArray[Any]:
+        try:
+            return self.read(at, p.type)
+        except ValueError:
+            raise self.source.error(f"property {p.name!r} holds a malformed number") from None
+
+    def columns(self, e: Element, names: tuple[str, ...]) -> FloatArray:
+        """(n, k) float64 scalar properties side by side."""
+        return np.stack([self.scalar(e, name).astype(np.float64) for name in names], 1)
+
+    # bytes -----------------------------------------------------------------------------------
+
+    def byte(self, place: IntArray) -> IntArray:
+        """The byte at which a place (a word, in ascii) begins; behind the last word, the file's end."""
+        if self.tokens is None:
+            return place
+        starts = np.append(self.tokens.start, len(self.data) - self.body)
+        return starts[place] + self.body
+
+    def byte_end(self, place: IntArray) -> IntArray:
+        """The byte behind the value before ``place``."""
+        if self.tokens is None:
+            return place
+        ends = np.concatenate([[0], self.tokens.end])
+        return ends[place] + self.body
+
+    def place(self, e: Element, name: str) -> IntArray:
+        """(n,) place of one property (of a list: of its count) in every row."""
+        return self._walk(e, name)
+
+
+def vertex_uv(vertex: Element) -> tuple[str, str] | None:
+    """The names of the uv properties of the vertices."""
+    return next((names for names in UV_NAMES if all(map(vertex.find, names))), None)

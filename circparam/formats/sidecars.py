@@ -1,0 +1,106 @@
+"""Small text files beside a mesh: points that are pinned, corners of a polygon, seams by vertex pairs.
+
+All are plain text, one item a line, numbers separated by blanks or commas, ``#`` begins a comment.
+Vertices count from 0, as in the arrays of the library; in the ``l`` elements of an OBJ from 1, as there.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from pathlib import Path
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.files import write_files
+from circparam.errors import InputError
+
+LIMIT = 1 << 28  # bytes: a sidecar larger than this is no sidecar
+
+
+def read_pins(path: str | os.PathLike[str]) -> FloatArray:
+    """(p, 3): vertex, u, v of every line. Raises InputError where a line holds something else."""
+    rows = _numbers(path, 3, "a vertex number, u and v")
+    if len(rows) and (rows[:, 0] != np.round(rows[:, 0])).any():
+        raise InputError(f"{path}: a vertex number is no whole number")
+    return rows
+
+
+def read_polygon(path: str | os.PathLike[str]) -> FloatArray:
+    """(k, 2): the corners of a polygon. Raises InputError where a line holds something else."""
+    return _numbers(path, 2, "x and y of a corner")
+
+
+def read_lengths(path: str | os.PathLike[str]) -> FloatArray:
+    """(b,): one length a line. Raises InputError where a line holds something else."""
+    return _numbers(path, 1, "a length")[:, 0]
+
+
+def read_seams(path: str | os.PathLike[str]) -> IntArray:
+    """(s, 2) vertex pairs: two numbers a line, or the ``l`` elements of an OBJ.
+
+    Raises InputError where a line holds something else.
+    """
+    text = _text(path)
+    lines = [line.split("#")[0].split() for line in text.splitlines()]
+    obj = [words for words in lines if words and words[0] == "l"]
+    if not obj and Path(path).suffix.lower() != ".obj":
+        rows = _numbers(path, 2, "two vertex numbers")
+        if len(rows) and (rows != np.round(rows)).any():
+            raise InputError(f"{path}: a vertex number is no whole number")
+        return rows.astype(np.int64)
+    n = sum(1 for words in lines if words and words[0] == "v")
+    pairs: list[tuple[int, int]] = []
+    for words in obj:
+        try:
+            chain = [int(word.split("/")[0]) for word in words[1:]]
+        except ValueError:
+            raise InputError(f"{path}: 'l {' '.join(words[1:])}' is no line element") from None
+        chain = [k - 1 if k > 0 else n + k for k in chain]
+        pairs += list(itertools.pairwise(chain))
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def write_seams(path: str | os.PathLike[str], pairs: IntArray, overwrite: bool = False) -> None:
+    """Write vertex pairs, one a line, as ``read_seams`` reads them. Raises OutputError."""
+    lines = [f"{a} {b}\n" for a, b in np.asarray(pairs, np.int64).reshape(-1, 2).tolist()]
+    head = "# seams: two vertices a line, counted from 0\n"
+    write_bytes(path, (head + "".join(lines)).encode(), overwrite)
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes, overwrite: bool = False) -> None:
+    """Write a small file as a whole or not at all. Raises OutputError."""
+    write_files({Path(path): data}, overwrite)
+
+
+def _text(path: str | os.PathLike[str]) -> str:
+    try:
+        if os.path.getsize(path) > LIMIT:
+            raise InputError(
+                f"{path}: {os.path.getsize(path)} bytes are too many for a list of numbers"
+            )
+        return Path(path).read_text("utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: it is no text file") from error
+
+
+def _numbers(path: str | os.PathLike[str], columns: int, what: str) -> FloatArray:
+    """The numbers of a text file as rows of so many."""
+    rows = []
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        if len(row) != columns or not np.isfinite(row).all():
+            raise InputError(f"{path}, line {number}: {line.strip()!r} is not {what}")
+        rows.append(row)
+    if not rows:
+        raise InputError(f"{path}: it holds no line with {what}")
+    return np.array(rows, np.float64).reshape(-1, columns)

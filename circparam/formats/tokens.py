@@ -1,0 +1,183 @@
+"""Text and bytes as arrays: tokens, numbers, and edits of a file at many places at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import FloatArray, IntArray, ranges
+
+ByteArray: TypeAlias = npt.NDArray[np.uint8]
+SPACE, NEWLINE, RETURN, BACKSLASH, SLASH, HASH = (ord(c) for c in " \n\r\\/#")
+_TO_SPACE = bytes.maketrans(b"\t\n\v\f\r", b"     ")
+
+
+def as_bytes(data: bytes) -> ByteArray:
+    """The bytes as a read-only uint8 array, without a copy."""
+    return np.frombuffer(data, np.uint8)
+
+
+@dataclass(frozen=True)
+class Tokens:
+    """Words of a text between white space.
+
+    clean: the text with all white space turned into blanks and one blank behind the last word.
+    start, end: (t,) int64 byte range of each word. line: (n + 1,) int64, first word of every logical
+    line; line_start: (n,) int64, byte at which each begins.
+    """
+
+    clean: ByteArray
+    start: IntArray
+    end: IntArray
+    line: IntArray
+    line_start: IntArray
+
+    def count(self) -> IntArray:
+        """(n,) number of words of each line."""
+        return np.diff(self.line)
+
+    def first_byte(self, token: IntArray) -> ByteArray:
+        """The first byte of the given words."""
+        return self.clean[self.start[token]]
+
+
+def tokenize(data: bytes, *, continuation: bool = False) -> Tokens:
+    """Split a text into words and lines. ``continuation``: a backslash before a line's end joins lines.
+
+    Line ends are ``\\n``, ``\\r\\n``, or ``\\r`` alone where the text has no ``\\n``.
+    """
+    raw = as_bytes(data)
+    clean = np.frombuffer(bytearray(data.translate(_TO_SPACE)) + b" ", np.uint8)
+    ends = np.flatnonzero(raw == (NEWLINE if b"\n" in data else RETURN))
+    if continuation and b"\\" in data and len(ends):
+        before = ends - 1
+        before = before - ((before > 0) & (raw[before] == RETURN) & (raw[ends] == NEWLINE))
+        joined = (before >= 0) & (raw[before] == BACKSLASH)
+        clean[before[joined]] = SPACE
+        ends = ends[~joined]
+    line_start = np.concatenate([[0], ends + 1])
+    if line_start[-1] >= len(raw):
+        line_start = line_start[:-1]
+    word = clean != SPACE
+    edge = np.flatnonzero(word[1:] != word[:-1]) + 1
+    if len(word) and word[0]:
+        edge = np.concatenate([[0], edge])
+    start, end = edge[0::2], edge[1::2]
+    line = np.concatenate([np.searchsorted(start, line_start), [len(start)]])
+    return Tokens(clean, start, end, line.astype(np.int64), line_start)
+
+
+def line_number(data: bytes, position: int) -> int:
+    """The line of the file, counted from 1, in which a byte lies."""
+    head = data[: int(position)]
+    return 1 + (head.count(b"\n") or head.count(b"\r"))
+
+
+def gather(clean: ByteArray, start: IntArray, end: IntArray) -> ByteArray:
+    """The given ascending words, each with the blank behind it, as one text."""
+    if len(start) == 0:
+        return np.zeros(0, np.uint8)
+    mark = np.zeros(len(clean) + 1, np.int8)
+    mark[start] = 1
+    mark[end + 1] -= 1
+    inside = np.cumsum(mark, dtype=np.int8, out=mark)[:-1].view(np.bool_)
+    result: ByteArray = clean[inside]
+    return result
+
+
+def parse_floats(text: ByteArray, count: int) -> FloatArray:
+    """``count`` decimal numbers, correctly rounded; raises ValueError where the text holds others."""
+    out = np.fromstring(text.tobytes(), dtype=np.float64, sep=" ")
+    if len(out) != count:
+        raise ValueError(f"{count} numbers expected, {len(out)} found")
+    result: FloatArray = out
+    return result
+
+
+def parse_ints(text: ByteArray, count: int) -> IntArray:
+    """``count`` whole numbers; raises ValueError where the text holds others."""
+    out = np.fromstring(text.tobytes(), dtype=np.int64, sep=" ")
+    if len(out) != count:
+        raise ValueError(f"{count} whole numbers expected, {len(out)} found")
+    result: IntArray = out
+    return result
+
+
+def bad_token(tokens: Tokens, index: IntArray, kind: type[int] | type[float]) -> int:
+    """The first of the given words that is no number of that kind: only used to say where it is."""
+    for i in index.ravel().tolist():
+        try:
+            kind(tokens.clean[tokens.start[i] : tokens.end[i]].tobytes())
+        except ValueError:
+            return int(i)
+    return int(index.ravel()[0])
+
+
+def digits(numbers: IntArray, prefix: bytes = b"") -> tuple[ByteArray, IntArray]:
+    """Decimal digits of non-negative numbers, each behind ``prefix``: (text, (k,) length of each piece)."""
+    numbers = np.asarray(numbers, np.int64)
+    powers = 10 ** np.arange(1, 19, dtype=np.int64)
+    size = np.searchsorted(powers, numbers, side="right") + 1
+    length = size + len(prefix)
+    end = np.cumsum(length)
+    out = np.empty(int(end[-1]) if len(end) else 0, np.uint8)
+    for k, letter in enumerate(prefix):
+        out[end - length + k] = letter
+    # one pass for each decimal place, over the numbers that still have digits left
+    left, place = numbers, end - 1
+    remaining = size
+    while len(left):
+        tens = left // 10
+        out[place] = (left - tens * 10 + 48).astype(np.uint8)
+        more = remaining > 1
+        if not more.all():
+            tens, place, remaining = tens[more], place[more], remaining[more]
+        left, place, remaining = tens, place - 1, remaining - 1
+    return out, length
+
+
+def fill(total: int, lengths: IntArray, offsets: IntArray) -> npt.NDArray[np.bool_]:
+    """(total,) mask of the ranges that begin at ``offsets`` (ascending, apart) and have those lengths."""
+    mark = np.zeros(total + 1, np.int8)
+    some = lengths > 0
+    mark[offsets[some]] += 1
+    mark[(offsets + lengths)[some]] -= 1
+    return np.cumsum(mark, dtype=np.int8, out=mark)[:-1].view(np.bool_)
+
+
+def splice(
+    data: bytes | ByteArray, start: IntArray, end: IntArray, text: ByteArray, length: IntArray
+) -> bytes:
+    """Replace many byte ranges at once.
+
+    start, end: (k,) ascending ranges that do not overlap (an empty one inserts before ``start``).
+    text: the replacements one after the other, length: (k,) the length of each.
+    """
+    raw = as_bytes(data) if isinstance(data, bytes) else data
+    removed = end - start
+    at = start - (np.cumsum(removed) - removed) + (np.cumsum(length) - length)
+    new = fill(len(raw) - int(removed.sum()) + int(length.sum()), length, at)
+    out = np.empty(len(new), np.uint8)
+    out[new] = text
+    out[~new] = raw[~fill(len(raw), removed, start)]
+    return out.tobytes()
+
+
+def take_ranges(data: ByteArray, start: IntArray, length: IntArray) -> ByteArray:
+    """The bytes of many ranges, in the given order (they may repeat), one after the other."""
+    result: ByteArray = data[np.repeat(start, length) + ranges(length)]
+    return result
+
+
+def interleave(parts: list[tuple[ByteArray, IntArray]]) -> tuple[ByteArray, IntArray]:
+    """Join pieces row by row: each part gives one piece a row; the result has one longer piece a row."""
+    length = np.sum([size for _, size in parts], axis=0)
+    at = np.cumsum(length) - length
+    out = np.empty(int(length.sum()), np.uint8)
+    for text, size in parts:
+        out[fill(len(out), size, at)] = text
+        at = at + size
+    return out, length

@@ -1,0 +1,57 @@
+"""Duplicate vertices along seams, for formats in which a vertex has one uv."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Split:
+    """A vertex for every uv that a vertex has.
+
+    corner: (L,) int64 output vertex of each corner. source: (k,) int64 input vertex of each output
+    vertex (the first n are 0..n−1). uv: (k, 2) uv of each output vertex (0 where no corner gives one).
+    """
+
+    corner: IntArray
+    source: IntArray
+    uv: FloatArray
+
+    @property
+    def added(self) -> int:
+        """Number of duplicates behind the input vertices."""
+        return len(self.source) - int(self.source.max(initial=-1)) - 1
+
+
+def split_vertices(n: int, vertex: IntArray, uv: FloatArray, corner_uv: IntArray) -> Split:
+    """One uv a vertex. n: number of vertices. vertex: (L,) of each corner. uv: (k, 2) as stored.
+
+    corner_uv: (L,) into uv, −1 for none (stored as 0). The first corner of a vertex keeps it; every other
+    uv at the vertex gets a duplicate, appended in the order of first appearance. Equal uv share one vertex.
+    """
+    table = np.concatenate([uv, np.zeros((1, 2))]) + 0.0  # −0 equals 0; row −1 is "none"
+    order = np.lexsort((table[:, 1], table[:, 0]))
+    new = np.ones(len(table), bool)
+    new[1:] = (table[order][1:] != table[order][:-1]).any(1)
+    same = np.empty(len(table), np.int64)
+    same[order] = np.cumsum(new) - 1  # equal uv, equal number
+    value = order[np.flatnonzero(new)]  # a row of the table for each number
+    mine = same[corner_uv]
+    kept = np.full(n, -1, np.int64)
+    kept[vertex[::-1]] = mine[::-1]
+    other = np.flatnonzero(mine != kept[vertex])
+    key = vertex[other] * len(table) + mine[other]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
+    corner = vertex.copy()
+    corner[other] = n + rank[inverse.reshape(-1)]
+    duplicate = np.empty(len(first), np.int64)
+    duplicate[rank] = other[first]
+    source = np.concatenate([np.arange(n), vertex[duplicate]])
+    number = np.concatenate([np.where(kept < 0, same[-1], kept), mine[duplicate]])
+    return Split(corner, source, table[value[number]])

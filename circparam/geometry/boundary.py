@@ -1,0 +1,96 @@
+"""The boundaries of charts in the plane, as segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
+from circparam.mesh.halfedge import corner_classes
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """Border segments of all charts, each with its chart on its left.
+
+    half_edge: (b,) number of each. chart: (b,). start, end: (b, 2) places. following, before: (b,) the next and
+    the previous segment along the border. size: (n,) root of each chart's area in the plane.
+    """
+
+    half_edge: IntArray
+    chart: IntArray
+    start: FloatArray
+    end: FloatArray
+    following: IntArray
+    before: IntArray
+    size: FloatArray
+
+    @cached_property
+    def along(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """(loop, distance along it, its length) of each segment; distances by pointer doubling."""
+        n = len(self.half_edge)
+        graph = sps.coo_matrix((np.ones(n, bool), (np.arange(n), self.following)), shape=(n, n))
+        _, labels = csgraph.connected_components(graph, directed=False)
+        loop = labels.astype(np.int64)
+        head = np.zeros(n, bool)
+        head[np.unique(loop, return_index=True)[1]] = True
+        length = np.linalg.norm(self.end - self.start, axis=1)
+        # length from each segment on to the head of its loop; n is past the end
+        ahead = np.r_[length, 0.0]
+        jump = np.r_[np.where(head[self.following], n, self.following), n]
+        while (jump < n).any():
+            ahead += ahead[jump]
+            jump = jump[jump]
+        total = group_sum(length, loop, n)[loop]
+        return loop, total - ahead[:n], total
+
+
+def border_of(faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int) -> Border:
+    """The border segments of charts; mirrored charts are walked the other way, so that their inside is left."""
+    inner = np.zeros(faces.size, bool)
+    inner[edges.ravel()] = True
+    h = np.flatnonzero(~inner)
+    flat = faces.ravel()
+    label = flat
+    if len(np.unique(flat[h])) < len(h):  # a vertex of several fans: follow each fan for itself
+        label = corner_classes(len(faces), edges)[1].ravel()
+    at = np.full(int(label.max(initial=0)) + 1, -1)
+    at[label[h]] = np.arange(len(h))
+    following = at[label[next_half_edge(h)]]
+    before = np.empty(len(h), np.int64)
+    before[following] = np.arange(len(h))
+    p = uv[faces]
+    area = group_sum(cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), chart, n) / 2
+    own = chart[h // 3]
+    start, end = uv[flat[h]], uv[flat[next_half_edge(h)]]
+    back = area[own] < 0
+    return Border(
+        h,
+        own,
+        np.where(back[:, None], end, start),
+        np.where(back[:, None], start, end),
+        np.where(back, before, following),
+        np.where(back, following, before),
+        np.sqrt(np.abs(area)),
+    )
+
+
+def turned_out(border: Border, n: int) -> BoolArray:
+    """(n,) charts with more than one border loop that runs counter-clockwise.
+
+    A point inside a chart has as many originals as loops wind round it. Loops that do not cross leave each at
+    most one exactly if a single loop is counter-clockwise: a second one is a flap at an inner hole, folded out
+    over the chart without any crossing.
+    """
+    loop, _, total = border.along
+    count = int(loop.max(initial=-1)) + 1
+    first = np.unique(loop, return_index=True)[1]
+    origin = border.start[first][loop]
+    area = group_sum(cross2(border.start - origin, border.end - origin), loop, count)
+    outward = area > 1e-13 * total[first] ** 2  # a slit in the plane has no area but for rounding
+    result: BoolArray = np.bincount(border.chart[first], outward, n) > 1
+    return result

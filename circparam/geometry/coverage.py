@@ -1,0 +1,152 @@
+"""Texels that charts cover: scan conversion from the border alone, covered share, and the gaps between charts.
+
+A chart without flips and overlaps is the inside of its border, so the covered texels follow from the
+crossings of border segments with texel rows; the cost is that of the border, not of the faces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    next_half_edge,
+    ranges,
+)
+from circparam.mesh.cut_mesh import Patches
+
+LabelGrid: TypeAlias = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What a raster of the pages shows.
+
+    share: covered share of the pages, 0..1. gap: smallest distance in texels between the centres of covered
+    texels of two charts, infinity where it is beyond what was searched. border: smallest number of empty
+    texels between a covered one and the edge of its page. near: charts (2,) at the smallest gap, or None.
+    """
+
+    share: float
+    gap: float
+    border: int
+    near: tuple[int, int] | None
+
+
+def cover(patches: Patches, uv: FloatArray, resolution: int, search: int) -> Coverage:
+    """Rasterise every page and measure it.
+
+    uv: (nv, 2), page p of the pages shown lies at u in [p, p + 1], v in [0, 1]. resolution: texels a side.
+    search: the radius in texels up to which gaps are looked for.
+    """
+    page = pages_of(patches, uv)
+    shares, gap, border, near = [], np.inf, resolution, None
+    for p in range(int(page.max(initial=0)) + 1):
+        grid = label_grid(patches, uv - [p, 0], resolution, page == p)
+        covered = grid >= 0
+        shares.append(float(covered.mean()))
+        if not covered.any():
+            continue
+        rows, columns = np.flatnonzero(covered.any(1)), np.flatnonzero(covered.any(0))
+        ends = (rows[0], columns[0], resolution - 1 - rows[-1], resolution - 1 - columns[-1])
+        border = min(border, *(int(e) for e in ends))
+        here, pair = smallest_gap(grid, search)
+        if here < gap:
+            gap, near = here, pair
+    return Coverage(float(np.mean(shares)), gap, border, near)
+
+
+def pages_of(patches: Patches, uv: FloatArray) -> IntArray:
+    """(n_charts,) page of each chart: the unit tile in which the middle of its bounding box lies."""
+    lo = np.full(patches.n_charts, np.inf)
+    hi = np.full(patches.n_charts, -np.inf)
+    np.minimum.at(lo, patches.vertex_chart, uv[:, 0])
+    np.maximum.at(hi, patches.vertex_chart, uv[:, 0])
+    result: IntArray = np.maximum(np.floor((lo + hi) / 2), 0).astype(np.int64)
+    return result
+
+
+def label_grid(
+    patches: Patches, uv: FloatArray, resolution: int, charts: BoolArray | None = None
+) -> LabelGrid:
+    """(resolution, resolution) int32, chart whose inside holds each texel centre, −1 where there is none.
+
+    Row 0 is v = 0. Where charts overlap, the one that begins first in a row is seen. charts: (n_charts,)
+    bool, those to draw.
+    """
+    flat = patches.faces.ravel()
+    h = patches.border
+    if charts is not None:
+        h = h[charts[patches.chart[h // 3]]]
+    a, b = (uv[flat[k]] * resolution - 0.5 for k in (h, next_half_edge(h)))
+    low, high = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
+    # row y is crossed where low <= y < high: a shared end point is counted once
+    first = np.clip(np.ceil(low), 0, resolution).astype(np.int64)
+    count = np.maximum(np.clip(np.ceil(high), 0, resolution).astype(np.int64) - first, 0)
+    edge = np.repeat(np.arange(len(h)), count)
+    row = first[edge] + ranges(count)
+    t = (row - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
+    x = a[edge, 0] + t * (b[edge, 0] - a[edge, 0])
+    chart = patches.chart[h[edge] // 3]
+    order = np.lexsort((x, row, chart))
+    x, row, chart = x[order], row[order], chart[order]
+    # of each chart, a row is inside from its first crossing to its second, and so on
+    begin = np.clip(np.ceil(x[0::2]), 0, resolution).astype(np.int64) + row[0::2] * resolution
+    end = np.clip(np.floor(x[1::2]) + 1, 0, resolution).astype(np.int64) + row[1::2] * resolution
+    return _spans(begin, end, chart[0::2], resolution)
+
+
+def _spans(begin: IntArray, end: IntArray, label: IntArray, resolution: int) -> LabelGrid:
+    """The grid out of runs of texels, counted row after row: one repeat of labels and gaps in turn."""
+    order = np.lexsort((end, begin))
+    begin, end, label = begin[order], end[order], label[order]
+    reached = np.maximum.accumulate(np.r_[0, end])
+    begin = np.maximum(begin, reached[:-1])
+    end = np.maximum(begin, end)
+    length = np.stack([begin - np.r_[0, end[:-1]], end - begin], 1)
+    value = np.stack([np.full(len(label), -1, np.int32), label.astype(np.int32)], 1)
+    drawn = np.repeat(value.ravel(), length.ravel())
+    grid = np.full(resolution * resolution, -1, np.int32)
+    grid[: len(drawn)] = drawn
+    return grid.reshape(resolution, resolution)
+
+
+def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] | None]:
+    """Smallest distance between texels of two labels, looked for up to ``search``; and the two labels.
+
+    Only texels on the rim of a label can be nearest, so only these look round.
+    """
+    inner = grid[1:-1, 1:-1]
+    rim = np.zeros(grid.shape, bool)
+    rim[1:-1, 1:-1] = (
+        (inner != grid[:-2, 1:-1])
+        | (inner != grid[2:, 1:-1])
+        | (inner != grid[1:-1, :-2])
+        | (inner != grid[1:-1, 2:])
+    )
+    rim[[0, -1]] = True
+    rim[:, [0, -1]] = True
+    y, x = np.nonzero(rim & (grid >= 0))
+    own = grid[y, x]
+    dy, dx = np.mgrid[0 : search + 1, -search : search + 1].reshape(2, -1)
+    distance = np.hypot(dy, dx)
+    half = ((dy > 0) | (dx > 0)) & (distance <= search)
+    order = np.lexsort((dx[half], dy[half], distance[half]))
+    dy, dx, distance = dy[half][order], dx[half][order], distance[half][order]
+    for k in first_of_runs(np.round(distance * distance).astype(np.int64)):
+        same = np.flatnonzero(distance == distance[k])
+        for oy, ox in zip(dy[same], dx[same], strict=True):
+            ok = (y + oy < len(grid)) & (x + ox >= 0) & (x + ox < len(grid))
+            other = grid[y[ok] + oy, x[ok] + ox]
+            hit = np.flatnonzero((other >= 0) & (other != own[ok]))
+            if len(hit):
+                pair = sorted((int(own[ok][hit[0]]), int(other[hit[0]])))
+                return float(distance[k]), (pair[0], pair[1])
+    return np.inf, None

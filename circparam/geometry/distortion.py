@@ -1,0 +1,205 @@
+"""How far a layout is from an isometry: one table of measures, for the whole map and for each chart.
+
+All are integrals over the surface of the singular values σ1 ≥ σ2 of the map surface → uv, weighted by the
+share of the surface that a face has. Every measure is a plain number without unit, and 1 is perfect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.registry import Row, Table
+from circparam.geometry.intrinsic import jacobians, signed_areas, singular_values
+from circparam.mesh.cut_mesh import Patches
+
+# A face whose area is below this share of its longest edge squared has no shape that could be measured.
+DEGENERATE = 1e-12
+
+# Stands in for a singular value of zero, so that a collapsed face gives a huge number and not a NaN.
+COLLAPSED = 1e-150
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Singular values of every face that has a shape: large, small (f,) positive, area (f,) on the surface,
+    group (f,) what a value is wanted for, n groups. The layout is at a scale at which areas agree in total.
+    """
+
+    large: FloatArray
+    small: FloatArray
+    area: FloatArray
+    group: IntArray
+    n: int
+    dirichlet_scale: float
+
+    def mean(self, values: FloatArray) -> FloatArray:
+        """(n,) mean over the surface of each group (1 for a group without area)."""
+        total = group_sum(self.area, self.group, self.n)
+        weighted = group_sum(self.area * values, self.group, self.n)
+        return np.where(total > 0, weighted / np.where(total > 0, total, 1.0), 1.0)
+
+
+Metric: TypeAlias = Callable[[Stretch], FloatArray]
+
+
+def symmetric_dirichlet(s: Stretch) -> FloatArray:
+    """Mean of (σ1² + σ2² + σ1⁻² + σ2⁻²)/4; no unit, 1 is perfect (an isometry).
+
+    The whole is at the one scale of the atlas that is best for it; a chart is at that same scale, so one
+    texel density for all charts is part of it.
+    """
+    k = s.dirichlet_scale
+    square = (s.large**2 + s.small**2) * k**2
+    return s.mean(square + (s.large**-2.0 + s.small**-2.0) / k**2) / 4
+
+
+def stretch_l2(s: Stretch) -> FloatArray:
+    """√ of the mean of (σ1⁻² + σ2⁻²)/2 at equal total areas; no unit, 1 is perfect (Sander et al. 2001)."""
+    return np.sqrt(s.mean((s.large**-2.0 + s.small**-2.0) / 2))
+
+
+def stretch_linf(s: Stretch) -> FloatArray:
+    """Largest 1/σ2 at equal total areas; no unit, 1 is perfect (Sander et al. 2001)."""
+    worst = group_max(1 / s.small, s.group, s.n)
+    return np.where(np.isfinite(worst), worst, 1.0)
+
+
+def angle(s: Stretch) -> FloatArray:
+    """Mean of σ1/σ2, the quasi-conformal error; no unit, 1 is perfect (angles kept)."""
+    return s.mean(s.large / s.small)
+
+
+def area(s: Stretch) -> FloatArray:
+    """Mean of max(σ1σ2, 1/(σ1σ2)) at equal total areas; no unit, 1 is perfect (areas kept)."""
+    ratio = s.large * s.small
+    return s.mean(np.maximum(ratio, 1 / ratio))
+
+
+METRICS: Table[Metric] = Table(
+    "measure",
+    Row(
+        "sd",
+        symmetric_dirichlet,
+        "symmetric Dirichlet energy / 4: angles and areas together",
+        "Smith and Schaefer 2015",
+    ),
+    Row("stretch_l2", stretch_l2, "L2 stretch: texture samples lost on average", "Sander 2001"),
+    Row("stretch_linf", stretch_linf, "worst stretch of any face", "Sander 2001"),
+    Row("angle", angle, "quasi-conformal error: angles", "Hormann and Greiner 2000"),
+    Row("area", area, "ratio of areas", "Degener, Meseth and Klein 2003"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """whole: value of each row of METRICS. charts: (n_charts,) values of each. flips: faces that are turned or
+    collapsed, chart_flips (n_charts,). faces: all; degenerate: those without a shape, left out of everything.
+    scale: by what the layout must be multiplied for the best symmetric Dirichlet energy of the whole.
+    """
+
+    whole: dict[str, float]
+    charts: dict[str, FloatArray]
+    flips: int
+    chart_flips: IntArray
+    faces: int
+    degenerate: int
+    scale: float
+
+    @property
+    def sd(self) -> float:
+        """Symmetric Dirichlet energy / 4 of the whole atlas; 1 is perfect."""
+        return self.whole["sd"]
+
+    @property
+    def sd_max_chart(self) -> float:
+        """Symmetric Dirichlet energy / 4 of the worst chart, at the scale of the atlas; 1 is perfect."""
+        return float(self.charts["sd"].max(initial=1.0))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers for a report: every measure of the whole, the worst chart's, flips and counts."""
+        worst = {f"{k}_max_chart": float(v.max(initial=1.0)) for k, v in self.charts.items()}
+        counts = {"faces": self.faces, "flips": self.flips, "degenerate": self.degenerate}
+        return {**counts, **self.whole, **worst}
+
+
+def measure(patches: Patches, uv: FloatArray, signs: IntArray | None = None) -> Measures:
+    """Measure a layout.
+
+    uv: (n_vertices, 2), in any unit. signs: (m,) exact sign of each face's area in the layout, where known;
+    else the sign in floating-point numbers. A flipped face counts with the size of its singular values, as
+    one that is not flipped would. Counter-clockwise is the right way up.
+    """
+    live = _live(patches)
+    sign = np.sign(signed_areas(patches.faces, uv)) if signs is None else signs
+    flipped = live & (sign <= 0)
+    large, small, surface = _singular(patches, uv, live)
+    group = patches.chart[live]
+    layout = float((surface * large * small).sum())
+    equal = np.sqrt(float(surface.sum()) / max(layout, 1e-300)) if live.any() else 1.0
+    large, small = np.maximum(large * equal, COLLAPSED), np.maximum(small * equal, COLLAPSED)
+    square = float((surface * (large**2 + small**2)).sum())
+    inverse = float((surface * (large**-2.0 + small**-2.0)).sum())
+    k = (inverse / square) ** 0.25 if square > 0 else 1.0
+    whole = Stretch(large, small, surface, np.zeros_like(group), 1, k)
+    charts = Stretch(large, small, surface, group, patches.n_charts, k)
+    return Measures(
+        {row.name: float(row.function(whole)[0]) for row in METRICS},
+        {row.name: row.function(charts) for row in METRICS},
+        int(flipped.sum()),
+        np.bincount(patches.chart[flipped], minlength=patches.n_charts),
+        len(patches.faces),
+        int((~live).sum()),
+        equal * k,
+    )
+
+
+def chart_distortion(patches: Patches, uv: FloatArray) -> FloatArray:
+    """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale; 1 is perfect.
+
+    Infinite where the numbers are not finite or the chart is a point.
+    """
+    square, inverse, surface = _scale_terms(patches, uv)
+    with np.errstate(all="ignore"):
+        energy = np.sqrt(square) * np.sqrt(inverse) / (2 * surface)
+    return np.where(surface > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)
+
+
+def best_chart_scales(patches: Patches, uv: FloatArray) -> FloatArray:
+    """(n_charts,) factor for each chart's uv that makes its symmetric Dirichlet energy smallest.
+
+    The energy at scale k is P k² + N / k², smallest at k = (N/P)^¼.
+    """
+    square, inverse, _ = _scale_terms(patches, uv)
+    ok = square > 0
+    return np.where(ok, (inverse / np.where(ok, square, 1.0)) ** 0.25, 1.0)
+
+
+def _scale_terms(patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(P, N, area) of each chart: its symmetric Dirichlet energy at scale k is P k² + N / k²."""
+    live = _live(patches)
+    large, small, surface = _singular(patches, uv, live)
+    large, small = np.maximum(large, COLLAPSED), np.maximum(small, COLLAPSED)
+    group, n = patches.chart[live], patches.n_charts
+    square = group_sum(surface * (large**2 + small**2), group, n)
+    inverse = group_sum(surface * (large**-2.0 + small**-2.0), group, n)
+    return square, inverse, group_sum(surface, group, n)
+
+
+def _live(patches: Patches) -> BoolArray:
+    """(m,) the face has a shape."""
+    longest = patches.edge_lengths.max(1)
+    return np.asarray(patches.areas > DEGENERATE * longest**2)
+
+
+def _singular(
+    patches: Patches, uv: FloatArray, live: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(σ1, |σ2|, area) of the faces that have a shape."""
+    with np.errstate(all="ignore"):
+        large, small = singular_values(jacobians(patches, uv)[live])
+    return large, np.abs(small), patches.areas[live]

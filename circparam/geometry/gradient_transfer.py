@@ -1,0 +1,79 @@
+"""Gradients of a layout as vectors in space: carried to other faces by the least rotation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.graph import nearest, undirected
+from circparam.mesh.atlas import Cutting
+
+
+def space_gradients(cutting: Cutting) -> FloatArray:
+    """(m, 2, 3): gradients of u and v of the current layout as vectors in space."""
+    surface = cutting.surface
+    p = surface.points[surface.faces]
+    normal = surface.normals
+    opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
+    hat = np.cross(normal[:, None], opposite) / (2 * surface.areas)[:, None, None]
+    d = cutting.corners - cutting.corners[:, :1]
+    result: FloatArray = np.einsum("fkd,fkx->fdx", d, hat)
+    return result
+
+
+def turn_gradients(gradients: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """Rotate space gradients (m, 2, 3) with the least turn that takes the normals ``before`` to ``after``."""
+    cosine = (before * after).sum(1)
+    axis = np.cross(before, after)
+    factor = 1 / np.maximum(1 + cosine, 1e-3)
+    along = np.einsum("fx,fdx->fd", axis, gradients) * factor[:, None]
+    result: FloatArray = (
+        gradients * cosine[:, None, None]
+        + np.cross(axis[:, None], gradients)
+        + axis[:, None] * along[:, :, None]
+    )
+    return result
+
+
+def face_axes(
+    points: FloatArray, faces: IntArray, normals: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(m, 3), (m, 3): the plane axes of every face's frame as vectors in space."""
+    x = points[faces[:, 1]] - points[faces[:, 0]]
+    x = x / np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None]
+    return x, np.cross(normals, x)
+
+
+def targets_from(cutting: Cutting, gradients: FloatArray) -> FloatArray:
+    """(2, 2, m) Jacobians of the frames from space gradients (m, 2, 3) that lie in the planes of the faces."""
+    surface = cutting.surface
+    x, y = face_axes(surface.points, surface.faces, surface.normals)
+    result: FloatArray = np.stack(
+        [np.einsum("fdx,fx->df", gradients, x), np.einsum("fdx,fx->df", gradients, y)], 1
+    )
+    return result
+
+
+def spread(
+    cutting: Cutting, gradients: FloatArray, known: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Give faces without a gradient that of the nearest known face of their chart, turned to their plane.
+
+    Returns (gradients, (m,) bool: the face has one now).
+    """
+    surface = cutting.surface
+    inner = ~cutting.cut
+    fi, fj = surface.edges[inner, 0] // 3, surface.edges[inner, 1] // 3
+    touch = ~known[fi] | ~known[fj]
+    fi, fj, w = fi[touch], fj[touch], surface.edge_lengths[inner][touch]
+    seeds = np.unique(np.r_[fi[known[fi]], fj[known[fj]]])
+    source = np.arange(len(known))
+    have = known.copy()
+    if len(seeds):
+        m = len(known)
+        _, _, near = nearest(undirected(m, fi, fj, w), seeds)
+        fill = (near >= 0) & ~known
+        source[fill] = near[fill]
+        have |= fill
+    turned = turn_gradients(gradients[source], surface.normals[source], surface.normals)
+    return np.where(known[:, None, None], gradients, turned), have

@@ -1,0 +1,115 @@
+"""Angles, Jacobians and Laplacians of patches: all of them intrinsic, read from the frames alone.
+
+A surface bent without stretching gives the same numbers, and every function works on all charts at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.mesh.cut_mesh import Patches
+
+
+def corner_products(patches: Patches) -> tuple[FloatArray, FloatArray]:
+    """(dot, cross), each (m, 3): products of the two edge vectors that leave each corner (squared units).
+
+    The cross product is twice the face's area at every corner; the dot product is that of corner k to
+    corner k + 1 and corner k to corner k + 2.
+    """
+    p = patches.frames
+    to_next = p[:, [1, 2, 0]] - p
+    to_previous = -to_next[:, [2, 0, 1]]
+    dot = to_next[..., 0] * to_previous[..., 0] + to_next[..., 1] * to_previous[..., 1]
+    return dot, cross2(to_next, to_previous)
+
+
+def corner_angles(patches: Patches) -> FloatArray:
+    """(m, 3) angle at each corner, in radians, between 0 and π."""
+    dot, cross = corner_products(patches)
+    result: FloatArray = np.arctan2(cross, dot)
+    return result
+
+
+def tan_half_angles(patches: Patches) -> FloatArray:
+    """(m, 3) tan(θ/2) at each corner, accurate for needles (θ → 0) and caps (θ → π) alike.
+
+    tan(θ/2) = |e×f| / (|e||f| + e·f) = (|e||f| − e·f) / |e×f|; each form is used where it does not cancel.
+    """
+    dot, cross = corner_products(patches)
+    lengths = patches.edge_lengths
+    product = lengths * lengths[:, [2, 0, 1]]
+    acute = dot >= 0
+    return np.where(acute, cross, product - dot) / np.where(acute, product + dot, cross)
+
+
+def cotangents(patches: Patches) -> FloatArray:
+    """(m, 3) cotangent of the angle at each corner."""
+    dot, cross = corner_products(patches)
+    return dot / cross
+
+
+def vertex_angle_sums(patches: Patches, angles: FloatArray) -> FloatArray:
+    """(n_vertices,) sum of the corner values ``angles`` (m, 3) round each vertex."""
+    return group_sum(angles.ravel(), patches.faces.ravel(), patches.n_vertices)
+
+
+def twins(patches: Patches) -> IntArray:
+    """(3m,) the half-edge that runs against each half-edge, −1 on a border."""
+    out = np.full(patches.faces.size, -1)
+    i, j = patches.edges[:, 0], patches.edges[:, 1]
+    out[i] = j
+    out[j] = i
+    return out
+
+
+def jacobians(patches: Patches, uv: FloatArray) -> FloatArray:
+    """(m, 2, 2) Jacobian of the map surface → uv on each face: J[:, i, j] = ∂uv_i / ∂frame_j.
+
+    uv: (n_vertices, 2). Built from differences, so that a translation of uv costs no digits.
+    """
+    f = patches.faces
+    d1 = uv[f[:, 1]] - uv[f[:, 0]]
+    d2 = uv[f[:, 2]] - uv[f[:, 0]]
+    g = patches.gradients
+    return d1[:, :, None] * g[:, None, :, 1] + d2[:, :, None] * g[:, None, :, 2]
+
+
+def singular_values(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(σ1, σ2), each (m,): σ1 ≥ |σ2|, and σ2 is negative where the face is flipped.
+
+    Closed form for 2×2: E, F = (a ± d)/2, G, H = (c ± b)/2, σ = √(E² + H²) ± √(F² + G²). The smaller one is
+    taken as det/σ1, which keeps its digits where both roots nearly agree.
+    """
+    a, b = jacobian[:, 0, 0], jacobian[:, 0, 1]
+    c, d = jacobian[:, 1, 0], jacobian[:, 1, 1]
+    large = np.hypot(a + d, c - b) / 2 + np.hypot(a - d, c + b) / 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        small = np.where(large > 0, (a * d - b * c) / large, 0.0)
+    return large, small
+
+
+def signed_areas(faces: IntArray, uv: FloatArray) -> FloatArray:
+    """(m,) signed area of each face in the layout, in squared uv units; positive is counter-clockwise."""
+    p = uv[faces]
+    return cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) / 2
+
+
+def cotangent_laplacian(patches: Patches) -> sps.csr_matrix:
+    """(n_vertices, n_vertices) positive semidefinite Laplacian: ½ uᵀLu is the Dirichlet energy of u.
+
+    Entry ij is −(cot α + cot β)/2, rows sum to zero; block diagonal over the charts (Pinkall, Polthier 1993).
+    """
+    w = cotangents(patches)[:, [2, 0, 1]].ravel() / 2  # half-edge k lies opposite corner k + 2
+    i = patches.faces.ravel()
+    j = patches.faces[:, [1, 2, 0]].ravel()
+    n = patches.n_vertices
+    matrix = sps.coo_matrix(
+        (
+            np.concatenate([w, w, -w, -w]),
+            (np.concatenate([i, j, i, j]), np.concatenate([i, j, j, i])),
+        ),
+        shape=(n, n),
+    )
+    return matrix.tocsr()

@@ -1,0 +1,178 @@
+"""Whether a layout is one to one: exact signs of faces, charts that overlap themselves or each other.
+
+A chart whose faces are all positive is one to one exactly if every inner vertex is wound round once and no two
+parts of its border meet. (A border without self-intersection winds round every point at most once; with
+inner vertices wound once the turning numbers of the loops sum to 2πχ, so exactly one loop runs
+counter-clockwise, and every point has at most one preimage.) So only borders are compared, never faces.
+
+Meeting is decided exactly. Two borders meet where the *insides* beside them meet: a proper crossing, or a
+touch (a shared point, pieces of one line) with surface on the same side. Charts that lie side by side on a
+common line or point, as the two sides of a cut through a plane do, touch and do not overlap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    first_of_runs,
+    next_half_edge,
+)
+from circparam.geometry.boundary import Border, border_of, turned_out
+from circparam.geometry.intersect import meeting, nearby, winding_pairs
+from circparam.geometry.predicates import SignArray, orientation
+from circparam.mesh.cut_mesh import Patches
+
+
+def signs(uv: FloatArray, faces: IntArray) -> SignArray:
+    """(m,) int8 exact sign of the signed area of each face: 1 counter-clockwise, 0 flat, −1 clockwise.
+
+    uv: (k, 2) finite float64. faces: (m, 3). Exact for the numbers as they are (Shewchuk 1997).
+    """
+    return orientation(uv[faces[:, 0]], uv[faces[:, 1]], uv[faces[:, 2]])
+
+
+@dataclass(frozen=True, eq=False)
+class Overlaps:
+    """What overlaps in a layout.
+
+    self_overlapping: (n,) bool for each chart. crossings: (p, 2) half-edges of one chart's border that meet
+    another one of the same chart's. pairs: (q, 2) charts a < b that overlap each other, found when first asked
+    for. Exact, but for stacks of hundreds of charts: there every chart in a stack is found with some other,
+    not with every other.
+    """
+
+    self_overlapping: BoolArray
+    crossings: IntArray
+    _border: Border
+    _faces: IntArray
+    _uv: FloatArray
+    _chart: IntArray
+
+    @cached_property
+    def pairs(self) -> IntArray:
+        """(q, 2) int64 pairs of charts that overlap each other, in ascending order."""
+        n = len(self.self_overlapping)
+        border = self._border
+        i, j, _ = meeting(border, between=True)
+        a, b = border.chart[i], border.chart[j]
+        inside, outside = winding_pairs(
+            border, *_inner_points(self._faces, self._uv, self._chart, n)
+        )
+        a, b = np.r_[a, inside], np.r_[b, outside]
+        key = np.unique(np.minimum(a, b) * n + np.maximum(a, b))
+        return np.stack([key // max(n, 1), key % max(n, 1)], 1)
+
+
+def overlaps(
+    faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray | None = None
+) -> Overlaps:
+    """Charts that overlap themselves, or each other (``.pairs``).
+
+    faces: (m, 3) into uv (k, 2), finite. chart: (m,) labels 0..n−1. edges: (e, 2) pairs of half-edges inside
+    charts; None: two faces that run against each other along the same two uv vertices belong together.
+    Flipped faces are not counted here (see ``signs``); a chart that is mirrored as a whole is no overlap.
+    """
+    edges = shared_edges(faces) if edges is None else edges
+    n = int(chart.max(initial=-1)) + 1
+    border = border_of(faces, uv, chart, edges, n)
+    i, j, undecided = meeting(border, between=False)
+    found = _wound_twice(faces, uv, chart, edges, n)
+    found[border.chart[i]] = True
+    found[undecided] = True
+    found |= turned_out(border, len(found))
+    crossed = np.stack([border.half_edge[i], border.half_edge[j]], 1)
+    return Overlaps(found, crossed, border, faces, uv, chart)
+
+
+def self_overlapping(patches: Patches, uv: FloatArray, margin: float = 0.0) -> BoolArray:
+    """(n_charts,) bool, charts that overlap themselves; parts of a border that come too near count too.
+
+    uv: (n_vertices, 2). margin: share of the root of the chart's area in the layout below which two parts of
+    its border are too near (parts less than 8 such distances apart along the border are neighbours).
+    """
+    border = border_of(patches.faces, uv, patches.chart, patches.edges, patches.n_charts)
+    i, _, undecided = meeting(border, between=False)
+    found = _wound_twice(patches.faces, uv, patches.chart, patches.edges, patches.n_charts)
+    found[border.chart[i]] = True
+    found[undecided] = True
+    found |= turned_out(border, len(found))
+    if margin > 0:
+        i, _ = nearby(border, margin * border.size, ~found)
+        found[border.chart[i]] = True
+    return found
+
+
+def crossings(uv: FloatArray, patches: Patches, margin: float = 0.0) -> IntArray:
+    """(p, 2) pairs of border half-edges of one chart that meet, or come nearer than the margin.
+
+    uv, margin: as in ``self_overlapping``. Pairs are in ascending order.
+    """
+    border = border_of(patches.faces, uv, patches.chart, patches.edges, patches.n_charts)
+    i, j, _ = meeting(border, between=False)
+    if margin > 0:
+        first, second = nearby(border, margin * border.size, np.ones(patches.n_charts, bool))
+        i, j = np.r_[i, first], np.r_[j, second]
+    a, b = border.half_edge[i], border.half_edge[j]
+    pairs = np.stack([np.minimum(a, b), np.maximum(a, b)], 1)
+    return np.unique(pairs, axis=0) if len(pairs) else pairs
+
+
+def shared_edges(faces: IntArray) -> IntArray:
+    """(e, 2) pairs of half-edges that run against each other between the same two vertices, and no third."""
+    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    n = int(faces.max(initial=-1)) + 1
+    key = np.minimum(start, end) * n + np.maximum(start, end)
+    order = np.argsort(key, kind="stable")
+    head = first_of_runs(key[order])
+    two = head[np.diff(np.r_[head, len(order)]) == 2]
+    i, j = order[two], order[two + 1]
+    against = (start[i] == end[j]) & (start[i] != end[i])
+    i, j = i[against], j[against]
+    rank = np.argsort(i, kind="stable")
+    return np.stack([i[rank], j[rank]], 1)
+
+
+def _wound_twice(
+    faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
+) -> BoolArray:
+    """(n,) charts with an inner vertex that its faces wind round more than once.
+
+    Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
+    """
+    inner = np.zeros(faces.size, bool)
+    inner[edges.ravel()] = True
+    on_border = np.zeros(len(uv), bool)
+    rim = np.flatnonzero(~inner)
+    on_border[faces.ravel()[rim]] = True
+    on_border[faces.ravel()[next_half_edge(rim)]] = True
+    y = uv[:, 1][faces]
+    below_next = y[:, [1, 2, 0]] < y
+    below_previous = y[:, [2, 0, 1]] < y
+    sign = signs(uv, faces)[:, None]
+    passes = np.where(sign > 0, below_next & ~below_previous, 0) - np.where(
+        sign < 0, ~below_next & below_previous, 0
+    )
+    turns = np.bincount(faces.ravel(), passes.ravel(), len(uv))
+    bad = (np.abs(turns) > 1) & ~on_border
+    out = np.zeros(n, bool)
+    out[chart[bad[faces].any(1)]] = True
+    return out
+
+
+def _inner_points(
+    faces: IntArray, uv: FloatArray, chart: IntArray, n: int
+) -> tuple[IntArray, FloatArray]:
+    """A point inside each chart (the centre of its largest face): (charts, (k, 2) points)."""
+    p = uv[faces]
+    area = np.abs(cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))
+    order = np.lexsort((np.arange(len(faces)), -area, chart))
+    best = order[first_of_runs(chart[order])]
+    return chart[best], p[best].mean(1)

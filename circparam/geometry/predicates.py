@@ -1,0 +1,106 @@
+"""Exact signs of plane determinants: floating point where its error bound decides, exact arithmetic elsewhere.
+
+Three steps, each for what the one before left open: the determinant in float64 with the error bound of
+Shewchuk (1997, orient2d, bound A); the determinant as an exact sum of twelve floats (two-product,
+grow-expansion), still as array operations; rationals for coordinates that lie further apart than the range
+of float64.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import FloatArray
+
+SignArray: TypeAlias = npt.NDArray[np.int8]
+EPS = 2.0**-53
+BOUND = (3 + 16 * EPS) * EPS
+TINY = 1e-290  # products below it may have lost digits to underflow
+SPLITTER = 134217729.0  # 2^27 + 1
+
+
+def orientation(a: FloatArray, b: FloatArray, c: FloatArray) -> SignArray:
+    """(n,) exact sign of the doubled area of the triangles abc: 1 counter-clockwise, −1 clockwise, 0 on a line.
+
+    a, b, c: (n, 2) float64, finite.
+    """
+    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+        left = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1])
+        right = (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        det = left - right
+        size = np.abs(left) + np.abs(right)
+        sure = (np.abs(det) > BOUND * size) & (size > TINY) & np.isfinite(size)
+    out = np.where(sure, np.sign(np.where(sure, det, 0.0)), 0.0).astype(np.int8)
+    # two equal points, or all on one axis-parallel line: exactly zero
+    same_x, same_y = a[:, 0] == b[:, 0], a[:, 1] == b[:, 1]
+    third_x, third_y = a[:, 0] == c[:, 0], a[:, 1] == c[:, 1]
+    zero = (same_x | third_y) & (same_y | third_x)
+    open_ = np.flatnonzero(~sure & ~zero)
+    if len(open_):
+        out[open_] = _exact(a[open_], b[open_], c[open_])
+    return out
+
+
+def _exact(a: FloatArray, b: FloatArray, c: FloatArray) -> SignArray:
+    """Signs where the error bound does not decide."""
+    p = np.stack([a, b, c], 1)
+    size = np.abs(p)
+    exponent = np.frexp(size)[1]
+    top = np.where(size > 0, exponent, -5000).max((1, 2))
+    low = np.where(size > 0, exponent, 5000).min((1, 2))
+    wide = top - low > 900
+    out = np.zeros(len(p), np.int8)
+    if (~wide).any():
+        # scaled to 2^450 at most, 2^-450 at least: neither the products nor their errors leave the range
+        scaled = np.ldexp(p[~wide], (450 - top[~wide])[:, None, None])
+        out[~wide] = _expansion_sign(scaled)
+    for k in np.flatnonzero(wide):
+        (ax, ay), (bx, by), (cx, cy) = ((Fraction(x), Fraction(y)) for x, y in p[k].tolist())
+        det = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        out[k] = (det > 0) - (det < 0)
+    return out
+
+
+def _expansion_sign(p: FloatArray) -> SignArray:
+    """Sign of ax·by − ay·bx + bx·cy − by·cx + cx·ay − cy·ax, summed without error."""
+    terms: list[FloatArray] = []
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        for x, y in ((p[:, i, 0], p[:, j, 1]), (-p[:, i, 1], p[:, j, 0])):
+            terms += _two_product(x, y)
+    expansion: list[FloatArray] = []
+    for term in terms:  # grow-expansion: the parts never overlap, and their sum stays exact
+        grown: list[FloatArray] = []
+        carry = term
+        for part in expansion:
+            carry, rest = _two_sum(carry, part)
+            grown.append(rest)
+        expansion = [*grown, carry]
+    sign = np.zeros(len(p))
+    for part in expansion:  # from the smallest to the largest: the largest that is not zero decides
+        sign = np.where(part != 0, np.sign(part), sign)
+    return sign.astype(np.int8)
+
+
+def _two_sum(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """x + y as rounded sum and exact rest (Knuth)."""
+    total = x + y
+    virtual = total - x
+    return total, (x - (total - virtual)) + (y - virtual)
+
+
+def _two_product(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """x · y as rounded product and exact rest (Dekker, Veltkamp)."""
+    product = x * y
+    xh, xl = _split(x)
+    yh, yl = _split(y)
+    return product, xl * yl - (((product - xh * yh) - xl * yh) - xh * yl)
+
+
+def _split(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    big = SPLITTER * x
+    high = big - (big - x)
+    return high, x - high

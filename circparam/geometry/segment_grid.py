@@ -1,0 +1,251 @@
+"""Pairs of plane segments that may meet: a grid whose cells follow the segments, refined where it is crowded.
+
+Every pass is a few array operations over all segments of all groups at once. Cells are as wide as two mean
+segments of their group, so a long segment is walked through in pieces, and there are few more pieces than
+segments. Crowded cells are swept across the direction of their segments, or quartered where even that leaves
+many pairs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from circparam.core.arrays import (
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_count,
+    group_max,
+    group_min,
+    group_sum,
+    ranges,
+)
+
+CROWD = 24  # cells with more entries are quartered
+LEVELS = 24  # at most so many times
+GROWTH = 6  # quartering may make so many times more entries
+CHUNK = 2_000_000  # pairs handed out at a time
+LIMIT = 200_000_000  # pairs altogether; beyond, each segment meets only its next few of a cell
+FEW = 32
+
+
+class _Grid(NamedTuple):
+    """One grid for each group: corner, width of its cells, columns, rows, first cell number, slack."""
+
+    x: FloatArray
+    y: FloatArray
+    width: FloatArray
+    columns: IntArray
+    rows: IntArray
+    offset: IntArray
+    slack: FloatArray
+
+
+class Candidates:
+    """Pairs (i, j), i < j, of segments of one group whose boxes, widened by the reach, overlap.
+
+    start, end: (n, 2). group: (n,) labels 0..; segments of different groups never pair. reach: (n,) distance up
+    to which two segments of a group count as near. Iterate for arrays (i, j); a pair may come more than
+    once. ``cut_short`` tells, after the iteration, whether cells were so crowded that pairs were left out
+    (then ``crowded`` (k,) holds the groups where that happened).
+    """
+
+    def __init__(
+        self, start: FloatArray, end: FloatArray, group: IntArray, reach: FloatArray
+    ) -> None:
+        self.start, self.end, self.group, self.reach = start, end, group, reach
+        # one array for each axis: reductions over an axis of length 2 are slow
+        self.low = [np.minimum(start[:, k], end[:, k]) - reach / 2 for k in (0, 1)]
+        self.high = [np.maximum(start[:, k], end[:, k]) + reach / 2 for k in (0, 1)]
+        self.length = np.maximum(np.abs(end[:, 0] - start[:, 0]), np.abs(end[:, 1] - start[:, 1]))
+        self.crowded = np.zeros(0, np.int64)
+        self._spent = 0
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether pairs were left out."""
+        return len(self.crowded) > 0
+
+    def __iter__(self) -> Iterator[tuple[IntArray, IntArray]]:
+        if len(self.start) < 2:
+            return
+        grid = self._grid()
+        segment, cell = self._rasterise(grid)
+        order = np.argsort(cell, kind="stable")
+        segment, cell = segment[order], cell[order]
+        head = first_of_runs(cell)
+        count = np.diff(np.r_[head, len(cell)])
+        yield from self._thin_cells(segment, count)
+        crowd = np.repeat(count > CROWD, count)
+        segment, box = segment[crowd], self._boxes(grid, segment[crowd], cell[crowd])
+        count = count[count > CROWD]
+        budget = GROWTH * len(cell) + 10_000
+        for level in range(LEVELS + 1):
+            if len(segment) == 0:
+                return
+            cell = np.repeat(np.arange(len(count)), count)
+            order, later = self._sweep(segment, cell, box)
+            cost = group_sum(later.astype(np.float64), cell, len(count))
+            done = (cost <= CROWD * count)[cell]  # entries of a cell stay together in ``order``
+            if level == LEVELS or len(segment) > budget:
+                done[:] = True
+            yield from self._emit(segment[order], np.where(done, later, 0))
+            segment, cell, box = self._quarter(segment[~done], cell[~done], box[~done])
+            order = np.argsort(cell, kind="stable")
+            segment, box = segment[order], box[order]
+            head = first_of_runs(cell[order])
+            count = np.diff(np.r_[head, len(cell)])
+            yield from self._thin_cells(segment, count)
+            crowd = np.repeat(count > CROWD, count)
+            segment, box, count = segment[crowd], box[crowd], count[count > CROWD]
+
+    def _thin_cells(
+        self, segment: IntArray, count: IntArray
+    ) -> Iterator[tuple[IntArray, IntArray]]:
+        """All pairs inside the cells that are not crowded; count: entries of each cell, in order."""
+        many = np.repeat(count, count)
+        yield from self._emit(segment, np.where(many <= CROWD, many - 1 - ranges(count), 0))
+
+    def _grid(self) -> _Grid:
+        """The first grid of each group: cells about twice as wide as its mean segment."""
+        n = int(self.group.max()) + 1
+        number = np.maximum(group_count(self.group, n), 1)
+        low = [group_min(self.low[k], self.group, n) for k in (0, 1)]
+        high = [group_max(self.high[k], self.group, n) for k in (0, 1)]
+        empty = ~np.isfinite(low[0])
+        low, high = [np.where(empty, 0.0, v) for v in low], [np.where(empty, 0.0, v) for v in high]
+        extent = np.maximum(high[0] - low[0], high[1] - low[1])
+        width = np.maximum(
+            2 * group_sum(self.length, self.group, n) / number, extent / (4.0 * number + 4)
+        )
+        width = np.maximum(width, 2 * np.maximum(group_max(self.reach, self.group, n), 0.0))
+        width = np.where(width > 0, width, 1.0)
+        columns, rows = (((high[k] - low[k]) / width).astype(np.int64) + 2 for k in (0, 1))
+        offset = np.r_[0, np.cumsum(columns * rows)[:-1]]
+        # the slack covers the rounding of points along a segment
+        slack = 1e-12 * (extent + np.maximum(np.abs(low[0]), np.abs(low[1])))
+        return _Grid(low[0], low[1], width, columns, rows, offset, slack)
+
+    def _rasterise(self, grid: _Grid) -> tuple[IntArray, IntArray]:
+        """(segment, cell) of the first grid, for every cell that the pieces of the segments may touch."""
+        width = grid.width[self.group]
+        pieces = np.maximum(np.ceil(self.length / width), 1).astype(np.int64)
+        segment = np.repeat(np.arange(len(pieces)), pieces)
+        g = self.group[segment]
+        slack = self.reach[segment] / 2 + grid.slack[g]
+        w, k, number = width[segment], ranges(pieces), pieces[segment]
+        spans = []
+        for axis, origin, cells in ((0, grid.x, grid.columns), (1, grid.y, grid.rows)):
+            p = self.start[segment, axis]
+            step = (self.end[segment, axis] - p) / number
+            p = p + step * k
+            low, high = np.minimum(p, p + step) - slack, np.maximum(p, p + step) + slack
+            first = np.clip(((low - origin[g]) / w).astype(np.int64), 0, cells[g] - 1)
+            last = np.clip(((high - origin[g]) / w).astype(np.int64), first, cells[g] - 1)
+            spans.append((first, last - first + 1))
+        (x, wide), (y, tall) = spans
+        cell = grid.offset[g] + y * grid.columns[g] + x
+        area = wide * tall
+        one = area == 1
+        if one.all():
+            return segment, cell
+        many = np.flatnonzero(~one)
+        entry = np.repeat(many, area[many])
+        k = ranges(area[many])
+        spread = cell[entry] + k // wide[entry] * grid.columns[g[entry]] + k % wide[entry]
+        return np.r_[segment[one], segment[entry]], np.r_[cell[one], spread]
+
+    def _boxes(self, grid: _Grid, segment: IntArray, cell: IntArray) -> FloatArray:
+        """(x, y, width) of cells of the first grid."""
+        g = self.group[segment]
+        row, column = np.divmod(cell - grid.offset[g], grid.columns[g])
+        width = grid.width[g]
+        return np.stack([grid.x[g] + column * width, grid.y[g] + row * width, width], 1)
+
+    def _quarter(
+        self, segment: IntArray, cell: IntArray, box: FloatArray
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Entries of crowded cells, in the quarters of their cell that the segments (widened) touch."""
+        half = box[:, 2] / 2
+        quarter = np.arange(4)
+        x = box[:, :1] + half[:, None] * (quarter % 2)
+        y = box[:, 1:2] + half[:, None] * (quarter // 2)
+        cx, cy = x + half[:, None] / 2, y + half[:, None] / 2
+        p = self.start[segment]
+        d = self.end[segment] - p
+        scale = np.abs(box[:, :2]).max(1) + box[:, 2]
+        radius = (half / 2 + self.reach[segment] / 2 + 1e-12 * scale)[:, None]
+        keep = np.ones(cx.shape, bool)
+        for k, centre in ((0, cx), (1, cy)):
+            keep &= self.low[k][segment][:, None] <= centre + radius
+            keep &= self.high[k][segment][:, None] >= centre - radius
+        across = np.abs(d[:, :1] * (cy - p[:, 1:]) - d[:, 1:] * (cx - p[:, :1]))
+        keep &= across <= radius * np.abs(d).sum(1)[:, None]
+        entry, which = np.nonzero(keep)
+        boxes = np.stack([x[entry, which], y[entry, which], half[entry]], 1)
+        return segment[entry], 4 * cell[entry] + which, boxes
+
+    def _sweep(
+        self, segment: IntArray, cell: IntArray, box: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Order of entries inside their cells, and how many behind each one overlap it across the cell.
+
+        The pieces inside the cell are projected on the normal of their mean direction, so that segments side
+        by side do not meet there whichever way they run.
+        """
+        p = self.start[segment]
+        d = self.end[segment] - p
+        double = np.stack([d[:, 0] ** 2 - d[:, 1] ** 2, 2 * d[:, 0] * d[:, 1]], 1)
+        double /= np.maximum(np.linalg.norm(double, axis=1), 1e-300)[:, None]
+        cells = int(cell.max()) + 1
+        angle = np.arctan2(
+            group_sum(double[:, 1], cell, cells), group_sum(double[:, 0], cell, cells)
+        )
+        normal = np.stack([-np.sin(angle / 2), np.cos(angle / 2)], 1)[cell]
+        slack = self.reach[segment] / 2 + 1e-12 * (np.abs(box[:, :2]).max(1) + box[:, 2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            to_low = (box[:, :2] - slack[:, None] - p) / d
+            to_high = (box[:, :2] + (box[:, 2] + slack)[:, None] - p) / d
+        enter, leave = np.fmin(to_low, to_high), np.fmax(to_low, to_high)
+        enter = np.clip(np.where(d == 0, 0.0, enter).max(1), 0.0, 1.0)
+        leave = np.clip(np.where(d == 0, 1.0, leave).min(1), enter, 1.0)
+        across = (d * normal).sum(1)
+        base = ((p - box[:, :2]) * normal).sum(1)
+        one, two = base + enter * across, base + leave * across
+        # rounding of the projection, and of the clipping parameter along the whole segment
+        slack += 1e-12 * (np.abs(base) + np.abs(d).max(1))
+        low, high = np.minimum(one, two) - slack, np.maximum(one, two) + slack
+        ranked = np.sort(low)
+        n = len(segment) + 1
+        key = cell * n + np.searchsorted(ranked, low)
+        order = np.argsort(key, kind="stable")
+        stop = cell * n + np.searchsorted(ranked, high, side="right")
+        stop = np.searchsorted(key[order], stop[order])
+        return order, np.maximum(stop - 1 - np.arange(len(order)), 0)
+
+    def _emit(self, segment: IntArray, later: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
+        """Pairs of each entry with the ``later`` entries behind it, in chunks."""
+        if self._spent + int(later.sum()) > LIMIT:
+            short = later > FEW
+            self.crowded = np.union1d(self.crowded, self.group[segment[short]])
+            later = np.minimum(later, FEW)
+        self._spent += int(later.sum())
+        total = np.cumsum(later)
+        begin = 0
+        while begin < len(later):
+            done = int(total[begin - 1]) if begin else 0
+            end = max(int(np.searchsorted(total, done + CHUNK, side="right")), begin + 1)
+            here = later[begin:end]
+            x = begin + np.repeat(np.arange(end - begin), here)
+            y = x + 1 + ranges(here)
+            i, j = segment[x], segment[y]
+            ok = i != j
+            for low, high in zip(self.low, self.high, strict=True):
+                ok &= (low[i] <= high[j]) & (low[j] <= high[i])
+            i, j = i[ok], j[ok]
+            if len(i):
+                yield np.minimum(i, j), np.maximum(i, j)
+            begin = end

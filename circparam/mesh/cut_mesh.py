@@ -1,0 +1,259 @@
+"""The surface cut open: its charts, boundary loops and Euler characteristics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    first_of_runs,
+    group_count,
+    group_sum,
+    next_half_edge,
+    ranges,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """Border loops of patches, in order along the border (surface on the left).
+
+    half_edges: (b,) int64, the border half-edges, loop after loop. start: (L + 1,) int64 offsets.
+    chart: (L,) int64. length: (L,) float64, in the units of the mesh. outer: (L,) bool, the longest loop of
+    its chart (the first where several are equally long).
+    """
+
+    half_edges: IntArray
+    start: IntArray
+    chart: IntArray
+    length: FloatArray
+    outer: BoolArray
+
+    @property
+    def loop_of(self) -> IntArray:
+        """(b,) int64: loop of each entry of half_edges."""
+        return np.repeat(np.arange(len(self.chart)), np.diff(self.start))
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """What a method sees: charts cut open, every triangle laid isometrically in the plane.
+
+    faces: (m, 3) int64 into the vertices of the cut mesh, counter-clockwise. frames: (m, 3, 2) float64,
+    plane coordinates of the corners of each face, in the units of the mesh, positive area.
+    chart: (m,) int64, 0..n_charts−1. edges: (e, 2) int64, the two half-edges of every inner edge.
+    Half-edge 3f + k runs from corner k to corner k + 1 of face f.
+    """
+
+    faces: IntArray
+    frames: FloatArray
+    chart: IntArray
+    edges: IntArray
+
+    @cached_property
+    def n_vertices(self) -> int:
+        """Number of vertices of the cut mesh."""
+        return int(self.faces.max(initial=-1)) + 1
+
+    @cached_property
+    def n_charts(self) -> int:
+        """Number of charts."""
+        return int(self.chart.max(initial=-1)) + 1
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """(m,) area of each face, in squared units of the mesh."""
+        a = self.frames[:, 1] - self.frames[:, 0]
+        b = self.frames[:, 2] - self.frames[:, 0]
+        return cross2(a, b) / 2
+
+    @cached_property
+    def gradients(self) -> FloatArray:
+        """(m, 2, 3): column k is the gradient of the hat function of corner k, so that J = (gradients @ u).T
+        for corner values u (3, 2)."""
+        p = self.frames
+        opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
+        g = np.stack([-opposite[..., 1], opposite[..., 0]], 1)
+        return g / (2 * self.areas)[:, None, None]
+
+    @cached_property
+    def edge_lengths(self) -> FloatArray:
+        """(m, 3): length of half-edge 3f + k."""
+        d = self.frames[:, [1, 2, 0]] - self.frames
+        result: FloatArray = np.sqrt((d * d).sum(2))
+        return result
+
+    @cached_property
+    def chart_areas(self) -> FloatArray:
+        """(n_charts,) area of each chart."""
+        return group_sum(self.areas, self.chart, self.n_charts)
+
+    @cached_property
+    def vertex_chart(self) -> IntArray:
+        """(n_vertices,) chart of each vertex."""
+        out = np.zeros(self.n_vertices, np.int64)
+        out[self.faces.ravel()] = np.repeat(self.chart, 3)
+        return out
+
+    @cached_property
+    def border(self) -> IntArray:
+        """(b,) half-edges on a border, in ascending order."""
+        inner = np.zeros(self.faces.size, bool)
+        inner[self.edges.ravel()] = True
+        return np.flatnonzero(~inner)
+
+    @cached_property
+    def loops(self) -> Loops:
+        """The border loops, ordered."""
+        return border_loops(self)
+
+    def euler(self) -> IntArray:
+        """(n_charts,) Euler characteristic: a disk has 1, a disk with h holes 1 − h, a sphere 2."""
+        n = self.n_charts
+        corner_edges = np.bincount(self.chart, minlength=n) * 3
+        inner = np.bincount(self.chart[self.edges[:, 0] // 3], minlength=n)
+        vertices = np.bincount(self.vertex_chart, minlength=n)
+        return vertices - (corner_edges - inner) + np.bincount(self.chart, minlength=n)
+
+    def subset(self, charts: BoolArray) -> tuple[Patches, IntArray, IntArray]:
+        """The patches of some charts; returns (patches, vertices, faces): what each new one was before."""
+        fid = np.flatnonzero(charts[self.chart])
+        vid = np.flatnonzero(charts[self.vertex_chart])
+        new_vertex = np.full(self.n_vertices, -1)
+        new_vertex[vid] = np.arange(len(vid))
+        new_face = np.full(len(self.faces), -1)
+        new_face[fid] = np.arange(len(fid))
+        edges = self.edges[charts[self.chart[self.edges[:, 0] // 3]]]
+        new_chart = np.cumsum(charts) - 1
+        return (
+            Patches(
+                new_vertex[self.faces[fid]],
+                self.frames[fid],
+                new_chart[self.chart[fid]],
+                3 * new_face[edges // 3] + edges % 3,
+            ),
+            vid,
+            fid,
+        )
+
+
+def plane_frames(corners: FloatArray) -> FloatArray:
+    """Lay triangles isometrically in the plane: corners (m, 3, 3) → (m, 3, 2).
+
+    Corner 0 goes to the origin, corner 1 to the positive x axis, corner 2 above it.
+    """
+    e1 = corners[:, 1] - corners[:, 0]
+    e2 = corners[:, 2] - corners[:, 0]
+    x = np.linalg.norm(e1, axis=1)
+    out = np.zeros((len(corners), 3, 2))
+    out[:, 1, 0] = x
+    with np.errstate(invalid="ignore", divide="ignore"):
+        out[:, 2, 0] = np.einsum("ij,ij->i", e1, e2) / x
+        out[:, 2, 1] = np.linalg.norm(np.cross(e1, e2), axis=1) / x
+    return out
+
+
+def border_loops(patches: Patches) -> Loops:
+    """Order the border half-edges of patches along their loops, by pointer doubling."""
+    h = patches.border
+    flat = patches.faces.ravel()
+    if len(h) == 0:
+        none = np.zeros(0, np.int64)
+        return Loops(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0, bool))
+    at = np.full(patches.n_vertices, -1)
+    at[flat[h]] = np.arange(len(h))
+    follower = at[flat[next_half_edge(h)]]
+    _, components = csgraph.connected_components(
+        sps.coo_matrix(
+            (np.ones(len(h), bool), (np.arange(len(h)), follower)), shape=(len(h), len(h))
+        ),
+        directed=False,
+    )
+    labels = components.astype(np.int64)
+    head = first_of_runs(np.sort(labels))
+    head = np.argsort(labels, kind="stable")[head]  # the lowest half-edge of each loop
+    # list ranking: steps from each half-edge to its loop's head, doubled until all have arrived
+    is_head = np.zeros(len(h), bool)
+    is_head[head] = True
+    jump = np.where(is_head, np.arange(len(h)), follower)
+    steps = np.where(is_head, 0, 1)
+    while True:
+        further = jump[jump]
+        if np.array_equal(further, jump):
+            break
+        steps = steps + steps[jump]
+        jump = further
+    size = group_count(labels, len(head))
+    position = np.where(is_head, 0, size[labels] - steps)
+    order = np.lexsort((position, labels))
+    start = np.r_[0, np.cumsum(size)].astype(np.int64)
+    chart = patches.chart[h[order][start[:-1]] // 3]
+    length = group_sum(patches.edge_lengths.ravel()[h], labels, len(size))
+    outer = np.zeros(len(size), bool)
+    by_length = np.lexsort((np.arange(len(size)), -length, chart))
+    outer[by_length[first_of_runs(chart[by_length])]] = True
+    return Loops(h[order], start, chart.astype(np.int64), length, outer)
+
+
+def close_holes(patches: Patches) -> tuple[Patches, IntArray]:
+    """Close every inner hole with a fan of virtual faces round one virtual vertex, for the solve only.
+
+    The virtual triangles are isosceles with the legs of a cone that would lie flat round the hole
+    (perimeter / 2π), so the closing is intrinsic. Returns (patches with the virtual faces behind the real
+    ones, (holes,) vertex number of each virtual vertex).
+    """
+    loops = patches.loops
+    entries = np.flatnonzero(~loops.outer[loops.loop_of])
+    if len(entries) == 0:
+        return patches, np.zeros(0, np.int64)
+    hole_of_loop = np.cumsum(~loops.outer) - 1
+    h = loops.half_edges[entries]
+    loop = loops.loop_of[entries]
+    hole = hole_of_loop[loop]
+    flat = patches.faces.ravel()
+    centre = patches.n_vertices + hole
+    base = patches.edge_lengths.ravel()[h]
+    longest = np.zeros(len(loops.chart))
+    np.maximum.at(longest, loop, base)
+    leg = np.maximum(loops.length / (2 * np.pi), 0.6 * longest)[loop]
+    # virtual face: corner 0 = end of the border half-edge, 1 = its start, 2 = the virtual vertex
+    new_faces = np.stack([flat[next_half_edge(h)], flat[h], centre], 1)
+    frames = np.zeros((len(h), 3, 2))
+    frames[:, 1, 0] = base
+    frames[:, 2, 0] = base / 2
+    frames[:, 2, 1] = np.sqrt(leg**2 - (base / 2) ** 2)
+    f = len(patches.faces) + np.arange(len(h))
+    count = np.diff(loops.start)[loop]
+    # entries of one loop are contiguous, so the follower is the next entry, cyclically
+    local = ranges(np.diff(loops.start)[~loops.outer])
+    follower = np.arange(len(h)) - local + (local + 1) % count
+    edges = np.concatenate(
+        [
+            patches.edges,
+            np.stack([h, 3 * f], 1),
+            # side 2→0 ends at the end of h; side 1→2 of the follower starts there
+            np.stack([3 * f + 2, 3 * f[follower] + 1], 1),
+        ]
+    )
+    closed = Patches(
+        np.concatenate([patches.faces, new_faces]),
+        np.concatenate([patches.frames, frames]),
+        np.concatenate([patches.chart, loops.chart[loop]]),
+        edges,
+    )
+    return closed, patches.n_vertices + np.arange(int((~loops.outer).sum()))
+
+
+def not_disks(patches: Patches) -> BoolArray:
+    """(n_charts,) bool: the chart is neither a disk nor a disk with holes."""
+    loops = np.bincount(patches.loops.chart, minlength=patches.n_charts)
+    result: BoolArray = (loops < 1) | (patches.euler() != 2 - loops)
+    return result

@@ -1,0 +1,222 @@
+"""How faces hang together: half-edges paired across edges, and the vertices that the pairs make."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    next_half_edge,
+    ranges,
+)
+from circparam.core.graph import components
+
+FAN_LIMIT = 16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
+TURN_COST = 1.5  # how much straightness a pair must gain to join faces wound against each other
+AVOID_COST = 4.0  # of a pair that was tried and made two vertices the ends of two edges
+REPAIRINGS = 3  # other pairs tried at edges that coincide, before such pairs are let go
+
+
+class Pairs(NamedTuple):
+    """Half-edges that belong together: (e, 2), whether each pair lies inside a polygon, whether its faces are
+    wound against each other; and the first half-edge of every edge with more than two faces."""
+
+    edges: IntArray
+    locked: BoolArray
+    against: BoolArray
+    crowded: IntArray
+
+
+def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | None) -> Pairs:
+    """Pair the half-edges of faces: an edge of two faces is one pair, a crowded edge several.
+
+    At an edge of more than two faces those inside one polygon pair first, then the straightest pairs,
+    wound alike rather than against each other; an odd face keeps a border there. Two faces with the same three
+    points never pair: joined along two edges they could not lie in the plane.
+    """
+    start = faces.ravel()
+    end = faces[:, [1, 2, 0]].ravel()
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    key = low * len(points) + high
+    order = np.argsort(key, kind="stable")
+    head = first_of_runs(key[order])
+    count = np.diff(np.r_[head, len(order)])
+    two = head[count == 2]
+    edges = np.stack([order[two], order[two + 1]], 1)
+    third = faces.ravel()[next_half_edge(next_half_edge(edges))]
+    edges = edges[third[:, 0] != third[:, 1]]
+    many = count > 2
+    if many.any():
+        fans = _Fans.at(points, faces, polygons, order, head[many], count[many])
+        edges = np.concatenate([edges, _apart(faces, edges, fans)])
+    i, j = edges[:, 0], edges[:, 1]
+    locked = np.zeros(len(edges), bool)
+    if polygons is not None:
+        locked = polygons[i // 3] == polygons[j // 3]
+    return Pairs(edges, locked, start[i] == start[j], order[head[many]])
+
+
+class _Fans(NamedTuple):
+    """The half-edges at crowded edges, edge after edge, and the pairs of them that may be made.
+
+    h: half-edges. group: edge of each of them. x, y: (pairs,) indices into h that may be paired, straight:
+    (pairs,) −1 (one plane) .. 1 (folded together), against: whether their faces are wound against each
+    other, together: whether they lie in one polygon. large: (l, 2) pairs at edges with very many faces, which
+    are made by angle alone.
+    """
+
+    h: IntArray
+    group: IntArray
+    x: IntArray
+    y: IntArray
+    straight: FloatArray
+    against: BoolArray
+    together: BoolArray
+    large: IntArray
+
+    @staticmethod
+    def at(
+        points: FloatArray,
+        faces: IntArray,
+        polygons: IntArray | None,
+        order: IntArray,
+        head: IntArray,
+        size: IntArray,
+    ) -> _Fans:
+        """``order[head[g] : head[g] + size[g]]`` are the half-edges of crowded edge g."""
+        h = order[np.repeat(head, size) + ranges(size)]
+        group = np.repeat(np.arange(len(head)), size)
+        start = faces.ravel()[h]
+        end = faces.ravel()[next_half_edge(h)]
+        low, high = np.minimum(start, end), np.maximum(start, end)
+        axis = points[high] - points[low]
+        axis /= np.linalg.norm(axis, axis=1)[:, None]
+        third = faces.ravel()[next_half_edge(next_half_edge(h))]
+        inward = points[third] - points[low]
+        inward -= (inward * axis).sum(1)[:, None] * axis
+        inward /= np.maximum(np.linalg.norm(inward, axis=1), 1e-300)[:, None]
+
+        first = np.repeat(np.cumsum(size) - size, size)
+        n = np.repeat(size, size)
+        rank = np.arange(len(h)) - first
+        small = n <= FAN_LIMIT
+        later = np.where(small, n - 1 - rank, 0)
+        x = np.repeat(np.arange(len(h)), later)
+        y = x + 1 + ranges(later)
+        differ = third[x] != third[y]
+        x, y = x[differ], y[differ]
+        together = np.zeros(len(x), bool)
+        if polygons is not None:
+            together = polygons[h[x] // 3] == polygons[h[y] // 3]
+        large = np.zeros((0, 2), np.int64)
+        if not small.all():
+            side = np.cross(axis, inward[first])
+            angle = np.arctan2((inward * side).sum(1), (inward * inward[first]).sum(1))
+            by_angle = np.lexsort((rank, angle, group))
+            half = n // 2
+            lower = np.flatnonzero(~small & (rank < half))
+            large = np.stack([by_angle[lower], by_angle[lower + half[lower]]], 1)
+        straight = (inward[x] * inward[y]).sum(1)
+        return _Fans(h, group, x, y, straight, start[x] == start[y], together, large)
+
+    def pairs(self, extra: FloatArray) -> IntArray:
+        """(p, 2) indices into h: pairs inside a polygon first, then the cheapest ones, ``extra`` added."""
+        # coplanar rivals differ by rounding only: round, so that their order is that of the file
+        cost = np.round(self.straight - 10.0 * self.together + extra, 9)
+        return np.concatenate([_greedy(cost, self.x, self.y, len(self.h)), self.large])
+
+
+def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:
+    """Pairs of half-edges (p, 2) at the crowded edges, such that no two edges have the same two ends.
+
+    Where two pairs at an edge have the same vertices at both ends, what hangs between them has no room in any
+    map with straight edges. There, pairs are chosen by straightness alone, then otherwise; in the end such
+    pairs are let go. others: the pairs at all other edges.
+    """
+    extra = np.where(fans.against, TURN_COST, 0.0)
+    chosen = fans.pairs(extra)
+    tried = np.zeros(len(fans.x), bool)
+    for _ in range(REPAIRINGS):
+        double = _doubled(faces, others, fans, chosen)
+        if not double.any():
+            break
+        again = np.zeros(int(fans.group.max()) + 1, bool)
+        again[fans.group[chosen[double, 0]]] = True
+        tried |= np.isin(fans.x * len(fans.h) + fans.y, _keys(fans, chosen[double]))
+        extra = np.where(again[fans.group[fans.x]], AVOID_COST * tried, extra)
+        chosen = fans.pairs(extra)
+    else:
+        inside = np.isin(_keys(fans, chosen), (fans.x * len(fans.h) + fans.y)[fans.together])
+        chosen = chosen[inside | ~_doubled(faces, others, fans, chosen)]
+    return np.sort(fans.h[chosen], 1)
+
+
+def _keys(fans: _Fans, pairs: IntArray) -> IntArray:
+    """One number for each pair (p, 2) of indices into ``fans.h``."""
+    result: IntArray = pairs.min(1) * len(fans.h) + pairs.max(1)
+    return result
+
+
+def _doubled(faces: IntArray, others: IntArray, fans: _Fans, chosen: IntArray) -> BoolArray:
+    """(p,) pairs chosen at crowded edges that have the same two vertices as another one there."""
+    pairs = np.concatenate([others, fans.h[chosen]])
+    vertex = _vertices(faces, pairs)
+    i = fans.h[chosen[:, 0]]
+    a, b = vertex[i], vertex[next_half_edge(i)]
+    key = np.minimum(a, b) * faces.size + np.maximum(a, b)
+    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
+    result: BoolArray = count[which.reshape(-1)] > 1
+    return result
+
+
+def _vertices(faces: IntArray, pairs: IntArray) -> IntArray:
+    """(3m,) vertex of each corner: corners at one point, joined across pairs however their faces are wound."""
+    start = faces.ravel()
+    i, j = pairs[:, 0], pairs[:, 1]
+    ni, nj = next_half_edge(i), next_half_edge(j)
+    alike = start[i] == start[nj]
+    _, label = components(
+        faces.size, np.r_[i, ni], np.r_[np.where(alike, nj, j), np.where(alike, j, nj)]
+    )
+    return label
+
+
+def _greedy(cost: FloatArray, x: IntArray, y: IntArray, n: int) -> IntArray:
+    """Disjoint pairs among candidates, cheapest first: rounds that take all locally best ones at once."""
+    rank = np.empty(len(cost), np.int64)
+    rank[np.lexsort((y, x, cost))] = np.arange(len(cost))
+    taken: list[IntArray] = []
+    while len(rank):
+        best = np.full(n, len(cost))
+        np.minimum.at(best, x, rank)
+        np.minimum.at(best, y, rank)
+        win = (best[x] == rank) & (best[y] == rank)
+        taken.append(np.stack([x[win], y[win]], 1))
+        done = np.zeros(n, bool)
+        done[x[win]] = True
+        done[y[win]] = True
+        left = ~done[x] & ~done[y]
+        x, y, rank = x[left], y[left], rank[left]
+    return np.concatenate(taken) if taken else np.zeros((0, 2), np.int64)
+
+
+def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:
+    """Vertices of a cut mesh: corners joined across the given inner edges, and no others.
+
+    n_faces: number of faces. edges: (e, 2) half-edges that are glued, running against each other.
+    Returns (number of classes, (n_faces, 3) class of each corner). A vertex at which the surface is pinched
+    becomes one vertex for each fan, so the result is always a manifold.
+    """
+    i, j = edges[:, 0], edges[:, 1]
+    ni, nj = next_half_edge(i), next_half_edge(j)
+    n = 3 * n_faces
+    graph = sps.coo_matrix((np.ones(2 * len(i), bool), (np.r_[i, ni], np.r_[nj, j])), shape=(n, n))
+    count, labels = csgraph.connected_components(graph, directed=False)
+    return int(count), labels.reshape(-1, 3).astype(np.int64)

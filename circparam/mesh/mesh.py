@@ -1,0 +1,98 @@
+"""The data: a mesh as read (never edited) and a uv layout over its faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles as the file has them: never reordered, never merged, positions bit-exact.
+
+    points: (n, 3) float64, in the units of the file. faces: (m, 3) int64 into points.
+    polygons: (m,) int64, the polygon of the file each triangle belongs to (no seam runs inside a polygon);
+    None where every polygon is a triangle. groups: (m,) int64, a label per material or group; None where
+    there is only one.
+
+    Raises InputError where shapes or indices do not fit, or a used point is not finite.
+    """
+
+    points: FloatArray
+    faces: IntArray
+    polygons: IntArray | None = None
+    groups: IntArray | None = None
+
+    def __post_init__(self) -> None:
+        points = np.ascontiguousarray(self.points, dtype=np.float64)
+        faces = np.ascontiguousarray(self.faces, dtype=np.int64)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InputError(f"points have shape {points.shape}: (n, 3) is needed")
+        if faces.ndim != 2 or faces.shape[1] != 3:
+            raise InputError(f"faces have shape {faces.shape}: (m, 3) is needed")
+        if len(faces) == 0:
+            raise InputError("the mesh has no faces: there is nothing to unwrap")
+        if faces.min() < 0 or faces.max() >= len(points):
+            bad = int(np.flatnonzero((faces < 0).any(1) | (faces >= len(points)).any(1))[0])
+            raise InputError(
+                f"face {bad} names a vertex outside 0..{len(points) - 1}: {faces[bad].tolist()}"
+            )
+        used = np.zeros(len(points), bool)
+        used[faces] = True
+        broken = used & ~np.isfinite(points).all(1)
+        if broken.any():
+            raise InputError(
+                f"{int(broken.sum())} used vertices have NaN or infinite coordinates, "
+                f"the first is vertex {int(np.flatnonzero(broken)[0])}: repair the file first"
+            )
+        for name in ("polygons", "groups"):
+            value = getattr(self, name)
+            if value is not None:
+                value = np.ascontiguousarray(value, dtype=np.int64)
+                if value.shape != (len(faces),):
+                    raise InputError(f"{name} have shape {value.shape}: one label a face is needed")
+                object.__setattr__(self, name, value)
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "faces", faces)
+
+    @cached_property
+    def weld(self) -> IntArray:
+        """(n,) int64: every vertex → the lowest vertex at exactly the same position (−0 equals 0)."""
+        with np.errstate(invalid="ignore"):
+            _, first, inverse = np.unique(
+                self.points + 0.0, axis=0, return_index=True, return_inverse=True
+            )
+        return first.astype(np.int64)[inverse.reshape(-1)]
+
+
+@dataclass(frozen=True, eq=False)
+class UVMap:
+    """A layout over the faces of a mesh: uv (k, 2) float64, uv_faces (m, 3) int64 into uv.
+
+    The origin is bottom-left. −1 in uv_faces: that corner has no uv. Charts are the components of uv_faces.
+    """
+
+    uv: FloatArray
+    uv_faces: IntArray
+
+    @cached_property
+    def charts(self) -> IntArray:
+        """(m,) int64: chart of each face (components of uv_faces through shared uv vertices)."""
+        m = len(self.uv_faces)
+        rows = np.repeat(np.arange(m), 3)
+        columns = self.uv_faces.ravel()
+        ok = columns >= 0
+        graph = sps.coo_matrix(
+            (np.ones(int(ok.sum()), bool), (rows[ok], columns[ok] + m)),
+            shape=(m + len(self.uv), m + len(self.uv)),
+        )
+        _, labels = csgraph.connected_components(graph, directed=False)
+        _, charts = np.unique(labels[:m], return_inverse=True)
+        return charts.reshape(-1).astype(np.int64)

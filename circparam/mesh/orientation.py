@@ -1,0 +1,106 @@
+"""Sides of faces, chosen so that neighbours agree."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.graph import components
+from circparam.mesh.halfedge import Pairs
+
+
+class Sides(NamedTuple):
+    """Sides of faces: turned (m,) where the winding is reversed, keep (e,) pairs whose faces now agree,
+    component (m,) label, and the number of components with one side only (cut where keep is False)."""
+
+    turned: BoolArray
+    keep: BoolArray
+    component: IntArray
+    one_sided: int
+
+
+def orient(n_faces: int, areas: FloatArray, pairs: Pairs) -> Sides:
+    """Wind faces alike across the pairs; each component keeps the winding of the larger part of its area.
+
+    Components come from the double cover (every face twice, once for each side): where both copies of a face
+    hang together the component has one side only. It is then wound along a breadth-first tree over whole
+    polygons, and the pairs that still disagree are let go.
+    """
+    i, j = pairs.edges[:, 0] // 3, pairs.edges[:, 1] // 3
+    keep = np.ones(len(i), bool)
+    if not pairs.against.any():
+        _, component = components(n_faces, i, j)
+        return Sides(np.zeros(n_faces, bool), keep, component, 0)
+    component, turned, two_sided = double_cover(n_faces, i, j, pairs.against)
+    one_sided = int(component.max()) + 1 - int(np.count_nonzero(two_sided))
+    if one_sided:
+        faces = ~two_sided[component]
+        local = np.cumsum(faces) - 1
+        e = faces[i]
+        turned[faces] = _along_tree(
+            int(faces.sum()), local[i[e]], local[j[e]], pairs.against[e], pairs.locked[e]
+        )
+        keep = pairs.against == (turned[i] ^ turned[j])
+    balance = np.bincount(component, np.where(turned, -areas, areas))
+    return Sides(turned ^ (balance < 0)[component], keep, component, one_sided)
+
+
+def double_cover(
+    n: int, i: IntArray, j: IntArray, flip: BoolArray
+) -> tuple[IntArray, BoolArray, BoolArray]:
+    """Signs of nodes such that signs differ across the pairs (i, j) exactly where ``flip`` is set.
+
+    Returns ((n,) component, (n,) bool sign, (components,) bool whether such signs exist). The first node of
+    every component has sign False.
+    """
+    _, cover = components(
+        2 * n, np.r_[i, i + n], np.r_[np.where(flip, j + n, j), np.where(flip, j, j + n)]
+    )
+    here, there = cover[:n], cover[n:]
+    label, component = np.unique(np.minimum(here, there), return_inverse=True)
+    component = component.reshape(-1).astype(np.int64)
+    two_sided = np.ones(len(label), bool)
+    two_sided[component[here == there]] = False
+    sign = here > there
+    first = np.full(len(label), n)
+    np.minimum.at(first, component, np.arange(n))
+    return component, sign ^ sign[first][component], two_sided
+
+
+def _along_tree(n: int, i: IntArray, j: IntArray, flip: BoolArray, locked: BoolArray) -> BoolArray:
+    """Signs along a breadth-first tree whose nodes are whole polygons (faces joined by locked pairs)."""
+    node, inside, flat = double_cover(n, i[locked], j[locked], flip[locked])
+    if (
+        not flat.all()
+    ):  # a polygon that is itself one-sided: its inner edges are edges like all others
+        locked = locked & flat[node[i]]
+        node, inside, _ = double_cover(n, i[locked], j[locked], flip[locked])
+    count = int(node.max()) + 1
+    a, b = node[i], node[j]
+    step = flip ^ inside[i] ^ inside[j]
+    across = a != b
+    a, b, step = a[across], b[across], step[across]
+    _, component = components(count, a, b)
+    roots = np.full(int(component.max()) + 1, count)
+    np.minimum.at(roots, component, np.arange(count))
+    graph = sps.coo_matrix(
+        (
+            np.ones(len(a) + len(roots), bool),
+            (np.r_[a, np.full(len(roots), count)], np.r_[b, roots]),
+        ),
+        shape=(count + 1, count + 1),
+    )
+    _, parent = csgraph.breadth_first_order(graph.tocsr(), count, directed=False)
+    child = np.flatnonzero((parent[:count] >= 0) & (parent[:count] < count))
+    key = np.minimum(a, b) * count + np.maximum(a, b)
+    order = np.argsort(key, kind="stable")
+    up = parent[child].astype(np.int64)
+    wanted = np.minimum(child, up) * count + np.maximum(child, up)
+    edge = order[np.searchsorted(key[order], wanted)]
+    _, sign, _ = double_cover(count, a[edge], b[edge], step[edge])
+    result: BoolArray = sign[node] ^ inside
+    return result

@@ -1,0 +1,215 @@
+"""From the mesh of a file to the oriented manifold that is solved on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, IntArray
+from circparam.errors import InputError, TopologyError
+from circparam.mesh.halfedge import Pairs, pair_half_edges
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.orientation import Sides, orient
+from circparam.mesh.surface import Surface
+from circparam.mesh.weld import degenerate_faces, first_twins, mesh_scale, weld_map
+
+
+@dataclass(frozen=True)
+class RepairOptions:
+    """What repair may do.
+
+    weld_eps: distance in units of the mesh up to which vertices count as one (0: exactly the same position
+    only). allow: False raises TopologyError where anything would have to be repaired.
+    """
+
+    weld_eps: float = 0.0
+    allow: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Repairs:
+    """What was done, as counts, face lists and one-line messages. Face and vertex numbers are the file's.
+
+    weld: (n,) int64, vertex → the vertex it counts as. scale: the power of two by which the points of the
+    surface are those of the mesh; 1 unless the mesh is so large or small that squares would leave the range
+    of float64. kept: (k,) faces solved on (``Surface.source``). degenerate: (d,) faces set aside because
+    they have no area. twins: (t,) faces set aside because an earlier one, twin_of (t,), has the same three
+    points. turned: faces solved on with reversed winding. near_vertices: vertices welded only because of
+    the tolerance. nonmanifold_edges: edges with more than two faces (of the kept ones).
+    nonmanifold_vertices: vertices whose faces make several fans, without the ends of edges that were split.
+    non_orientable: components that were cut open to have two sides, along mobius_edges edges.
+    unreferenced: vertices that no face uses; never touched.
+    """
+
+    weld: IntArray
+    scale: float
+    kept: IntArray
+    degenerate: IntArray
+    twins: IntArray
+    twin_of: IntArray
+    turned: int = 0
+    near_vertices: int = 0
+    nonmanifold_edges: int = 0
+    nonmanifold_vertices: int = 0
+    non_orientable: int = 0
+    mobius_edges: int = 0
+    unreferenced: int = 0
+    messages: list[str] = field(default_factory=list)
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing had to be repaired."""
+        return not self.messages
+
+    def as_dict(self) -> dict[str, int]:
+        """The counts, for a report."""
+        return {
+            "degenerate_faces": len(self.degenerate),
+            "duplicate_faces": len(self.twins),
+            "turned_faces": self.turned,
+            "near_vertices": self.near_vertices,
+            "nonmanifold_edges": self.nonmanifold_edges,
+            "nonmanifold_vertices": self.nonmanifold_vertices,
+            "non_orientable_components": self.non_orientable,
+            "mobius_edges": self.mobius_edges,
+            "unreferenced_vertices": self.unreferenced,
+        }
+
+
+def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surface, Repairs]:
+    """The oriented manifold of a mesh, and what had to be done for it.
+
+    Raises InputError where no face has an area, TopologyError where something would have to be repaired and
+    ``options.allow`` is False, OptionError where the weld tolerance is no distance or larger than the mesh.
+    """
+    scale = mesh_scale(mesh)
+    points = mesh.points if scale == 1.0 else mesh.points * scale
+    weld = weld_map(mesh, options.weld_eps)
+    near = int((weld != mesh.weld).sum()) if options.weld_eps > 0 else 0
+    welded = weld[mesh.faces]
+    bad = degenerate_faces(points, welded)
+    first = first_twins(welded, len(points))
+    twin = (first != np.arange(len(welded))) & ~bad
+    if mesh.polygons is not None:
+        twin &= ~_part_of_another_polygon(mesh.polygons, first, twin, bad)
+    kept = np.flatnonzero(~bad & ~twin)
+    if len(kept) == 0:
+        raise InputError(
+            f"all {len(welded)} faces are degenerate (no area): there is nothing to unwrap"
+        )
+    faces = welded[kept]
+    pairs = pair_half_edges(points, faces, None if mesh.polygons is None else mesh.polygons[kept])
+    p = points[faces]
+    areas = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+    sides = orient(len(faces), areas, pairs)
+    turned_faces = np.where(sides.turned[:, None], faces[:, [0, 2, 1]], faces)
+    h = pairs.edges[sides.keep]
+    h = np.where(sides.turned[h // 3], h - h % 3 + (2 - h % 3), h)
+    h = np.sort(h, 1)
+    order = np.argsort(h[:, 0], kind="stable")
+    surface = Surface(
+        points, turned_faces, kept, sides.turned, h[order], pairs.locked[sides.keep][order]
+    )
+    fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~sides.keep, 0]])
+    used = np.zeros(len(points), bool)
+    used[mesh.faces] = True
+    twins = np.flatnonzero(twin)
+    degenerate = np.flatnonzero(bad)
+    messages = _messages(surface, degenerate, twins, first[twins], near, pairs, fans, sides)
+    if messages and not options.allow:
+        raise TopologyError(
+            "the mesh needs repair: "
+            + "; ".join(messages)
+            + ". Allow it by leaving out --no-repair"
+        )
+    return surface, Repairs(
+        weld=weld,
+        scale=scale,
+        kept=kept,
+        degenerate=degenerate,
+        twins=twins,
+        twin_of=first[twins],
+        turned=int(sides.turned.sum()),
+        near_vertices=near,
+        nonmanifold_edges=len(pairs.crowded),
+        nonmanifold_vertices=len(fans),
+        non_orientable=sides.one_sided,
+        mobius_edges=int((~sides.keep).sum()),
+        unreferenced=int((~used).sum()),
+        messages=messages,
+    )
+
+
+def _part_of_another_polygon(
+    polygons: IntArray, first: IntArray, twin: BoolArray, bad: BoolArray
+) -> BoolArray:
+    """(m,) bool: the polygon of the face also has a face of its own, in a place where its twin's has none.
+
+    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its twin lies.
+    """
+    own = np.zeros(int(polygons.max()) + 1, bool)
+    own[polygons[~twin & ~bad]] = True
+    result: BoolArray = own[polygons] & (polygons != polygons[first])
+    return result
+
+
+def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:
+    """Points whose faces make more than one fan, without the ends of the edges that were split (``apart``,
+    half-edges in the winding of the file)."""
+    corner = surface.corner_vertex.ravel()
+    point = np.full(int(corner.max()) + 1, -1)
+    point[corner] = surface.faces.ravel()
+    fans = np.bincount(point, minlength=len(surface.points))
+    face = surface.faces
+    # turning a face swaps its corners 1 and 2: half-edge k becomes 2 − k
+    k = np.where(surface.turned[apart // 3], 2 - apart % 3, apart % 3)
+    fans[face[apart // 3, k]] = 0
+    fans[face[apart // 3, (k + 1) % 3]] = 0
+    return np.flatnonzero(fans > 1)
+
+
+def _messages(
+    surface: Surface,
+    degenerate: IntArray,
+    twins: IntArray,
+    twin_of: IntArray,
+    near: int,
+    pairs: Pairs,
+    fans: IntArray,
+    sides: Sides,
+) -> list[str]:
+    """One line for each kind of repair, with its count and the first place."""
+    out = []
+    if near:
+        out.append(f"{near} vertices within the weld tolerance of another count as one")
+    if len(degenerate):
+        out.append(
+            f"{len(degenerate)} degenerate faces set aside (the first is face {degenerate[0]}); "
+            "they take the uv of their points"
+        )
+    if len(twins):
+        out.append(
+            f"{len(twins)} duplicate faces set aside (the first is face {twins[0]}, the same three points "
+            f"as face {twin_of[0]}); they take its uv"
+        )
+    if len(pairs.crowded):
+        h = int(pairs.crowded[0])
+        out.append(
+            f"{len(pairs.crowded)} non-manifold edges split (the first is at face "
+            f"{surface.source[h // 3]})"
+        )
+    if len(fans):
+        out.append(f"{len(fans)} non-manifold vertices split (the first is vertex {fans[0]})")
+    if sides.turned.any():
+        first = surface.source[int(sides.turned.argmax())]
+        out.append(
+            f"{int(sides.turned.sum())} faces wound against their neighbours turned for the solve (the "
+            f"first is face {first}); the file keeps its winding"
+        )
+    if sides.one_sided:
+        out.append(
+            f"{sides.one_sided} components with one side only (Möbius strips) cut along "
+            f"{int((~sides.keep).sum())} edges"
+        )
+    return out

@@ -1,0 +1,109 @@
+"""A layout of the repaired surface back onto all faces of the file."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, ranges
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.repair import Repairs
+from circparam.mesh.surface import Surface
+
+
+def complete(
+    mesh: Mesh, surface: Surface, repairs: Repairs, uv: FloatArray, uv_faces: IntArray
+) -> UVMap:
+    """The layout of the surface's faces, carried to every face of the file.
+
+    uv: (k, 2); uv_faces: (s, 3) into uv, for the faces of the surface. Corners of turned faces go back to
+    the order of the file, so such a uv triangle is as clockwise as the face itself is wound backwards. A twin
+    takes, corner by corner, the uv of the face that was kept. A degenerate face takes the uv of its points
+    from one chart, that of its own polygon first; where that would cover an area which is not a gap of the
+    chart, its middle corner moves to the nearer of the other two (all three lie on a line in space, so
+    nothing of it shows). A degenerate face with no point on the surface takes one uv of the nearest face.
+    """
+    out = np.full(mesh.faces.shape, -1, np.int64)
+    corners = np.where(surface.turned[:, None], uv_faces[:, [0, 2, 1]], uv_faces)
+    out[surface.source] = corners
+    welded = repairs.weld[mesh.faces]
+    if len(repairs.degenerate):
+        out[repairs.degenerate] = _degenerate_uv(mesh, surface, repairs, uv, uv_faces)
+    if len(repairs.twins):
+        same = welded[repairs.twins][:, :, None] == welded[repairs.twin_of][:, None, :]
+        out[repairs.twins] = np.take_along_axis(out[repairs.twin_of], same.argmax(2), 1)
+    return UVMap(uv, out)
+
+
+def _degenerate_uv(
+    mesh: Mesh, surface: Surface, repairs: Repairs, uv: FloatArray, uv_faces: IntArray
+) -> IntArray:
+    """(d, 3) uv vertices for the degenerate faces."""
+    bad = repairs.degenerate
+    points = repairs.weld[mesh.faces[bad]]
+    chart = UVMap(uv, uv_faces).charts
+    polygon = np.arange(len(mesh.faces)) if mesh.polygons is None else mesh.polygons
+    # corners of the surface at the points of these faces, sorted by point
+    wanted = np.zeros(len(mesh.points), bool)
+    wanted[points] = True
+    corner = np.flatnonzero(wanted[surface.faces.ravel()])
+    at = surface.faces.ravel()[corner]
+    order = np.argsort(at, kind="stable")
+    corner, at = corner[order], at[order]
+    low = np.searchsorted(at, points.ravel())
+    number = np.searchsorted(at, points.ravel(), side="right") - low
+    slot = np.repeat(np.arange(3 * len(bad)), number)  # 3 * degenerate face + corner
+    corner = corner[np.repeat(low, number) + ranges(number)]
+    face = slot // 3
+    own = polygon[surface.source[corner // 3]] == polygon[bad[face]]
+    where = chart[corner // 3]
+    # one chart for each face: the polygon's own first, then the one with most of the points, then the lowest
+    charts = int(chart.max()) + 1
+    key, group = np.unique(face * charts + where, return_inverse=True)
+    group = group.reshape(-1)
+    present = np.zeros((len(key), 3), bool)
+    present[group, slot % 3] = True
+    score = present.sum(1) + 4 * (np.bincount(group, own, len(key)) > 0)
+    rank = np.lexsort((key % charts, -score, key // charts))
+    best = rank[first_of_runs(key[rank] // charts)]
+    chosen = np.zeros(len(key), bool)
+    chosen[best] = True
+    ok = chosen[group]
+    slot, corner, own = slot[ok], corner[ok], own[ok]
+    rank = np.lexsort((corner, ~own, slot))
+    rank = rank[first_of_runs(slot[rank])]
+    out = np.full((len(bad), 3), -1)
+    out[slot[rank] // 3, slot[rank] % 3] = uv_faces.ravel()[corner[rank]]
+    homeless = (out < 0).all(1)
+    if homeless.any():
+        centre = surface.points[surface.faces].mean(1)
+        place = surface.points[points[homeless]].mean(1)
+        out[homeless] = uv_faces[cKDTree(centre).query(place)[1], 0][:, None]
+    some = np.take_along_axis(out, (out >= 0).argmax(1)[:, None], 1)
+    out = np.where(out < 0, some, out)
+    return _flattened(surface, points, uv, uv_faces, out)
+
+
+def _flattened(
+    surface: Surface, points: IntArray, uv: FloatArray, uv_faces: IntArray, out: IntArray
+) -> IntArray:
+    """Move the middle corner of faces that would cover some uv area, unless they fill a gap of their chart."""
+    a, b = out, out[:, [1, 2, 0]]
+    used = uv_faces.ravel()
+    following = uv_faces[:, [1, 2, 0]].ravel()
+    n = len(uv)
+    sides = used * n + following
+    open_sides = sides[~np.isin(sides, following * n + used)]
+    fills = np.isin(b * n + a, open_sides).all(1) | np.isin(a * n + b, open_sides).all(1)
+    distinct: BoolArray = (a != b).all(1)
+    move = np.flatnonzero(distinct & ~fills)
+    if len(move):
+        p = surface.points[points[move]]
+        length = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2)  # of sides 01, 12, 20
+        longest = length.argmax(1)
+        middle = (longest + 2) % 3
+        before = np.take_along_axis(length, ((middle + 2) % 3)[:, None], 1)[:, 0]
+        after = np.take_along_axis(length, middle[:, None], 1)[:, 0]
+        target = np.where(after <= before, (middle + 1) % 3, (middle + 2) % 3)
+        out[move, middle] = out[move, target]
+    return out

@@ -1,0 +1,132 @@
+"""Half-edges, the surface that seams are cut into, and the report on its topology."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.mesh.cut_mesh import Patches, plane_frames
+from circparam.mesh.halfedge import corner_classes
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The oriented manifold that seams and methods work on: made from a mesh by maps, not by edits.
+
+    points: (n, 3) float64, the points of the mesh, centred and scaled only where that is said.
+    faces: (m, 3) int64 into points through the weld map, wound consistently for the solve.
+    source: (m,) int64, the face of the mesh each face comes from (degenerate and duplicate faces are set
+    aside and missing here). turned: (m,) bool, the winding is the reverse of the file's.
+    edges: (e, 2) int64, pairs of half-edges that belong together and run against each other, i < j, in
+    ascending order of i. A half-edge in no pair is on a border: a non-manifold edge keeps pairs of faces,
+    every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
+    locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
+    """
+
+    points: FloatArray
+    faces: IntArray
+    source: IntArray
+    turned: BoolArray
+    edges: IntArray
+    locked: BoolArray
+
+    @cached_property
+    def corner_vertex(self) -> IntArray:
+        """(m, 3) int64: vertex of each corner; a non-manifold vertex is one vertex for each of its fans."""
+        return corner_classes(len(self.faces), self.edges)[1]
+
+    @cached_property
+    def vertex_points(self) -> FloatArray:
+        """(vertices, 3): position of every vertex of corner_vertex."""
+        out = np.zeros((int(self.corner_vertex.max()) + 1, 3))
+        out[self.corner_vertex.ravel()] = self.points[self.faces.ravel()]
+        return out
+
+    @cached_property
+    def frames(self) -> FloatArray:
+        """(m, 3, 2): every face laid isometrically in the plane."""
+        return plane_frames(self.points[self.faces])
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """(m,) area of each face."""
+        return self.frames[:, 1, 0] * self.frames[:, 2, 1] / 2
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """(m, 3) unit normals."""
+        p = self.points[self.faces]
+        n = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+        length = np.linalg.norm(n, axis=1)
+        result: FloatArray = n / np.maximum(length, 1e-300)[:, None]
+        return result
+
+    @cached_property
+    def edge_lengths(self) -> FloatArray:
+        """(e,) length of each edge in ``edges``."""
+        h = self.edges[:, 0]
+        flat = self.faces.ravel()
+        d = self.points[flat[next_half_edge(h)]] - self.points[flat[h]]
+        result: FloatArray = np.linalg.norm(d, axis=1)
+        return result
+
+    @cached_property
+    def border(self) -> IntArray:
+        """Half-edges on a border of the surface itself, ascending."""
+        inner = np.zeros(self.faces.size, bool)
+        inner[self.edges.ravel()] = True
+        return np.flatnonzero(~inner)
+
+    def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
+        """Components of the faces across the edges that are not cut: (number, (m,) label)."""
+        e = self.edges[~cut]
+        m = len(self.faces)
+        count, labels = csgraph.connected_components(
+            sps.coo_matrix((np.ones(len(e), bool), (e[:, 0] // 3, e[:, 1] // 3)), shape=(m, m)),
+            directed=False,
+        )
+        return int(count), labels.astype(np.int64)
+
+    def patches(self, cut: BoolArray) -> Patches:
+        """The whole surface cut open along ``cut`` ((e,) bool): one patch a chart, faces in order."""
+        _, chart = self.charts(cut)
+        edges = self.edges[~cut]
+        _, corners = corner_classes(len(self.faces), edges)
+        return Patches(corners, self.frames, chart, edges)
+
+    def some_patches(
+        self, cut: BoolArray, faces: BoolArray, chart: IntArray
+    ) -> tuple[Patches, IntArray]:
+        """Patches of some faces only. chart: (m,) labels 0..n−1 on those faces (ignored elsewhere).
+
+        Returns (patches, (k,) face of the surface that each patch face is).
+        """
+        fid = np.flatnonzero(faces)
+        local = np.full(len(self.faces), -1)
+        local[fid] = np.arange(len(fid))
+        e = self.edges[~cut]
+        e = e[faces[e[:, 0] // 3] & faces[e[:, 1] // 3]]
+        e = 3 * local[e // 3] + e % 3
+        _, corners = corner_classes(len(fid), e)
+        return Patches(corners, self.frames[fid], chart[fid], e), fid
+
+    def part(self, faces: BoolArray) -> Surface:
+        """Some faces ((m,) bool); where they meet the others is a border."""
+        fid = np.flatnonzero(faces)
+        local = np.full(len(self.faces), -1)
+        local[fid] = np.arange(len(fid))
+        inside = faces[self.edges // 3].all(1)
+        e = self.edges[inside]
+        return Surface(
+            self.points,
+            self.faces[fid],
+            self.source[fid],
+            self.turned[fid],
+            3 * local[e // 3] + e % 3,
+            self.locked[inside],
+        )

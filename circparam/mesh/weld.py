@@ -1,0 +1,96 @@
+"""Coincident vertices, degenerate and duplicate faces, found as maps: nothing is edited."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+from scipy.spatial import cKDTree
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.errors import OptionError
+from circparam.mesh.mesh import Mesh
+
+DEGENERATE = 1e-12  # a face with area <= this x longest edge² is degenerate
+TINY = 1e-50  # also one whose edges are this much shorter than the longest: its squares underflow
+POINT_PAIRS = 64  # more pairs within the weld tolerance than this a vertex: the tolerance is absurd
+
+
+def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
+    """(n,) vertex → the lowest vertex at its position, or joined to it by steps of at most ``eps``.
+
+    eps is in units of the mesh. Raises OptionError where it is negative or not finite, or so large that
+    whole neighbourhoods would fall together.
+    """
+    if not (np.isfinite(eps) and eps >= 0):
+        raise OptionError(f"the weld tolerance must be a distance of at least 0, not {eps}")
+    weld = mesh.weld
+    if eps == 0:
+        return weld
+    used = np.zeros(len(weld), bool)
+    used[mesh.faces] = True
+    points = np.unique(weld[used])
+    scale = mesh_scale(mesh)
+    tree = cKDTree(mesh.points[points] * scale)
+    radius = eps * scale
+    if tree.count_neighbors(tree, radius) > (2 * POINT_PAIRS + 1) * len(points):
+        raise OptionError(
+            f"the weld tolerance {eps:g} joins whole neighbourhoods of vertices: give a smaller one"
+        )
+    near = tree.query_pairs(radius, output_type="ndarray").astype(np.int64)
+    n = len(points)
+    graph = sps.coo_matrix((np.ones(len(near), bool), (near[:, 0], near[:, 1])), shape=(n, n))
+    count, labels = csgraph.connected_components(graph, directed=False)
+    lowest = np.full(count, len(weld))
+    np.minimum.at(lowest, labels, points)
+    target = np.arange(len(weld))
+    target[points] = lowest[labels]
+    return target[weld]
+
+
+def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
+    """(m,) bool: a repeated point, or an area <= 1e-12 x longest edge².
+
+    Also faces 1e50 times smaller than the largest, whose squares float64 cannot hold.
+    """
+    p = points[faces]
+    e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    span = np.maximum(np.abs(e1).max(1), np.abs(e2).max(1))
+    # a power of two for each face: exact, so the areas are those of the plain formula where it works
+    exponent = np.frexp(np.maximum(span, 1e-300))[1]
+    e1, e2 = np.ldexp(e1, -exponent[:, None]), np.ldexp(e2, -exponent[:, None])
+    area = 0.5 * np.linalg.norm(np.cross(e1, e2), axis=1)
+    longest = np.max([(e1**2).sum(1), (e2**2).sum(1), ((e2 - e1) ** 2).sum(1)], 0)
+    tiny = span <= TINY * span.max(initial=0.0)
+    a, b, c = faces.T
+    result: BoolArray = (area <= DEGENERATE * longest) | tiny | (a == b) | (b == c) | (c == a)
+    return result
+
+
+def first_twins(faces: IntArray, n_points: int) -> IntArray:
+    """(m,) the first face with the same three points, in any order and winding (itself where it is that)."""
+    a, b, c = np.sort(faces, 1).T
+    if n_points < 2**21:
+        key = (a * n_points + b) * n_points + c
+        order = np.argsort(key, kind="stable")
+        start = first_of_runs(key[order])
+    else:
+        order = np.lexsort((c, b, a))
+        a, b, c = a[order], b[order], c[order]
+        new = (a[1:] != a[:-1]) | (b[1:] != b[:-1]) | (c[1:] != c[:-1])
+        start = np.flatnonzero(np.r_[True, new])
+    first = np.empty(len(faces), np.int64)
+    first[order] = np.repeat(order[start], np.diff(np.r_[start, len(order)]))
+    return first
+
+
+def mesh_scale(mesh: Mesh) -> float:
+    """A power of two that brings the mesh to a size of about 1 where its own is outside 2^±50, else 1."""
+    used = mesh.points[np.unique(mesh.faces)]
+    span = float((used.max(0) / 2 - used.min(0) / 2).max())
+    if span == 0:
+        return 1.0
+    exponent = int(np.frexp(span)[1])
+    return (
+        1.0 if abs(exponent) <= 50 else float(np.ldexp(1.0, int(np.clip(-exponent, -1000, 1000))))
+    )

@@ -1,0 +1,53 @@
+"""Check the result of a method that gives no guarantee, and mend it: what was done is always told."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.monitor import Monitor
+from circparam.mesh.cut_mesh import Patches
+from circparam.methods.base import MethodOptions
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.tutte.graded import embed_start
+from circparam.solvers.untangle import flipped, unfold
+
+
+def mend(
+    patches: Patches,
+    uv: FloatArray,
+    name: str,
+    options: MethodOptions,
+    monitor: Monitor,
+    hold: BoolArray | None = None,
+    conformal: bool = True,
+) -> tuple[FloatArray, list[str]]:
+    """Unfold what a method without a guarantee has flipped, and say so in one line.
+
+    hold: (n_vertices,) vertices that keep their places. conformal: the map keeps angles. A chart that does
+    not unfold becomes the isometric map from its convex start, where no vertex of it is held. With
+    ``options.repair`` off the flips stay, and are told. Returns (uv, notes).
+    """
+    bad = flipped(patches.faces, uv)
+    if not bad.any():
+        return uv, []
+    charts = len(np.unique(patches.chart[bad]))
+    count = f"{name}: {int(bad.sum())} flipped faces in {charts} charts"
+    if not options.repair:
+        return uv, [f"{count}; they stay, as asked"]
+    with monitor.stage("unfold"):
+        uv, report = unfold(patches, uv, hold, monitor, conformal)
+    left = report.after > 0
+    if not left.any():
+        return uv, [f"{count}, mended by the foldover-free energy"]
+    notes = [f"{count}, mended by the foldover-free energy but for {int(left.sum())} charts"]
+    if hold is not None:
+        left[patches.vertex_chart[hold]] = False
+    if left.any():
+        part, vertices, _ = patches.subset(left)
+        start, told = embed_start(part, options.start, options.tutte, monitor)
+        uv = uv.copy()
+        with monitor.stage("relax"):
+            uv[vertices] = relax(part, start, RelaxOptions(), monitor).uv
+        notes += [f"{name}: {int(left.sum())} charts are the isometric map instead", *told]
+    return uv, notes

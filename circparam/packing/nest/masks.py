@@ -1,0 +1,87 @@
+"""Charts as masks on a coarse grid, one for each angle: what the search for a layout works on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
+
+# Directions in which an outline is grown by half the gap.
+_GROW = np.array([[np.cos(t), np.sin(t)] for t in np.arange(8) * np.pi / 4])
+
+
+@dataclass(frozen=True, eq=False)
+class Masks:
+    """Masks of one chart at several angles, all in one block.
+
+    cells: (k, H, W) bool, each mask in the corner of its slice. size: (k, 2) rows and columns in use.
+    low: (k, 2) x, y of the block's corner relative to the chart's centre, in cells. angle: (k,) radians.
+    """
+
+    cells: BoolArray
+    size: IntArray
+    low: FloatArray
+    angle: FloatArray
+
+    @cached_property
+    def area(self) -> npt.NDArray[np.float32]:
+        """(k,) number of cells of each mask."""
+        return np.asarray(self.cells.sum((1, 2)), np.float32)
+
+
+def chart_masks(start: FloatArray, end: FloatArray, angle: FloatArray, grow: float) -> Masks:
+    """Cells touched by a chart grown by ``grow``: outline edges (e, 2) in cells, angles (k,).
+
+    The inside is filled by winding number, so holes stay free and charts that cross themselves are full.
+    """
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.stack([np.stack([c, -s], 1), np.stack([s, c], 1)], 1)
+    a = np.einsum("kij,ej->kei", turn, start)
+    b = np.einsum("kij,ej->kei", turn, end)
+    low = np.floor(a.min(1) - grow - 0.01)
+    high = np.ceil(a.max(1) + grow + 0.01)
+    size = np.maximum(high - low, 1).astype(np.int64)
+    width, height = int(size[:, 0].max()), int(size[:, 1].max())
+    a, b = a - low[:, None], b - low[:, None]
+    cells = _fill(a, b, height, width)
+    _touch(cells, a, b, grow)
+    return Masks(cells, size[:, ::-1], low, angle)
+
+
+def _fill(a: FloatArray, b: FloatArray, height: int, width: int) -> BoolArray:
+    """Cells whose centre has a winding number other than 0: edges (k, e, 2)."""
+    k = len(a)
+    which = np.repeat(np.arange(k), a.shape[1])
+    a, b = a.reshape(-1, 2), b.reshape(-1, 2)
+    r0 = np.ceil(np.minimum(a[:, 1], b[:, 1]) - 0.5).astype(np.int64)
+    r1 = np.ceil(np.maximum(a[:, 1], b[:, 1]) - 0.5).astype(np.int64)
+    count = r1 - r0
+    edge = np.repeat(np.arange(len(a)), count)
+    row = r0[edge] + ranges(count)
+    t = (row + 0.5 - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
+    x = a[edge, 0] + t * (b[edge, 0] - a[edge, 0])
+    column = np.clip(np.ceil(x - 0.5).astype(np.int64), 0, width)
+    sign = np.where(b[edge, 1] > a[edge, 1], 1, -1)
+    flat = (which[edge] * height + row) * (width + 1) + column
+    steps = np.bincount(flat, sign, k * height * (width + 1)).reshape(k, height, width + 1)
+    return np.asarray(np.rint(np.cumsum(steps, 2))[:, :, :width] != 0)
+
+
+def _touch(cells: BoolArray, a: FloatArray, b: FloatArray, grow: float) -> None:
+    """Set the cells that the outline, grown, runs through."""
+    k, height, width = cells.shape
+    length = np.sqrt(((b[0] - a[0]) ** 2).sum(1))
+    count = np.ceil(length / 0.5).astype(np.int64) + 1
+    edge = np.repeat(np.arange(len(length)), count)
+    t = ((ranges(count) + 0.5) / count[edge])[None, :, None]
+    p = a[:, edge] * (1 - t) + b[:, edge] * t
+    which = np.arange(k)[:, None]
+    radius = grow + 0.12
+    for offset in [np.zeros(2), *(_GROW * radius)]:
+        column = np.clip(np.floor(p[:, :, 0] + offset[0]).astype(np.int64), 0, width - 1)
+        row = np.clip(np.floor(p[:, :, 1] + offset[1]).astype(np.int64), 0, height - 1)
+        cells[which, row, column] = True

@@ -1,0 +1,269 @@
+"""Nesting: charts laid one by one where they touch most, at every angle, holes used.
+
+A grid of the page is correlated with the mask of a chart by FFT: once with the cells in use (any common
+cell forbids the place), once with those cells blurred (how much of the chart lies against others). Masks and
+their spectra are made once; a larger scale of the charts is a smaller page on the same grid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft as sf
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.packing.budget import Work
+from circparam.packing.nest.masks import Masks, chart_masks
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
+from circparam.packing.placement import Placement
+
+# A chart of which a tip moves by less than this between two angles is tried at no more of them (cells).
+_TIP = 3.0
+
+Spectrum = npt.NDArray[np.complex64]
+
+# Threads of the transforms: always as many, whatever the machine has, so that results repeat.
+THREADS = 2
+
+# The grid of the transforms is this much larger than the page at the density that is hoped for.
+SLACK = 1.25
+
+
+def cell_size(shapes: Shapes, options: PackOptions, cells: int, density: float) -> float:
+    """Side of a cell in uv units at which charts cover ``density`` of all pages of ``cells`` squared."""
+    return float(np.sqrt(shapes.area.sum() / (density * options.pages))) / cells
+
+
+@dataclass(frozen=True, eq=False)
+class Board:
+    """All charts as masks at one cell size, with spectra. cell: uv units; side: of the FFT grid."""
+
+    masks: list[Masks]
+    spectra: list[Spectrum]
+    cell: float
+    side: int
+
+
+def chart_angles(shapes: Shapes, options: PackOptions, cell: float, most: int) -> list[FloatArray]:
+    """Angles at which each chart is tried: more for charts that reach further, at most ``most``."""
+    box = least_box_angles(shapes, options.rotate)
+    square = least_square_angles(shapes, options.rotate)
+    reach = shapes.radius / cell
+    count = 4 * np.ceil(np.clip(2 * np.pi * reach / _TIP, 8, most) / 4).astype(np.int64)
+    if options.rotate != "free":
+        count[:] = 1 if options.rotate == "none" else 4
+        box[:] = 0.0
+    wide = reach > 0.5 * reach.max()
+    return [
+        np.r_[
+            box[c] + np.arange(count[c]) * (2 * np.pi / count[c]),
+            square[c] + np.arange(4 if wide[c] and options.rotate == "free" else 0) * (np.pi / 2),
+        ]
+        for c in range(shapes.n)
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A layout on the grid: page side in cells, and for each chart its mask, row, column and page."""
+
+    side: int
+    mask: IntArray
+    row: IntArray
+    column: IntArray
+    page: IntArray
+
+
+def make_board(
+    shapes: Shapes, options: PackOptions, angles: list[FloatArray], cells: int, density: float
+) -> Board:
+    """Masks and spectra at the scale at which charts cover ``density`` of a page of ``cells`` squared."""
+    cell = cell_size(shapes, options, cells, density)
+    grow = options.gap / 2 * cells / options.resolution
+    masks = []
+    largest = 0
+    for c in range(shapes.n):
+        a, b = shapes.outline(c)
+        masks.append(chart_masks(a / cell, b / cell, angles[c], grow))
+        largest = max(largest, int(masks[-1].size.min(0).max()))
+    side = sf.next_fast_len(max(int(cells * SLACK), largest + 2), real=True)
+    while side % 2:
+        side = sf.next_fast_len(side + 1, real=True)
+    spectra = []
+    for m in masks:
+        block = np.zeros((len(m.cells), side, side), np.float32)
+        h, w = min(m.cells.shape[1], side), min(m.cells.shape[2], side)
+        block[:, :h, :w] = m.cells[:, :h, :w]
+        spectra.append(np.conj(sf.rfft2(block)))
+    return Board(masks, spectra, cell, side)
+
+
+def _blur(side: int, sigma: float) -> FloatArray:
+    """Transfer function of a Gaussian of ``sigma`` cells on the FFT grid, (side, side // 2 + 1)."""
+    f0, f1 = sf.fftfreq(side)[:, None], sf.rfftfreq(side)[None]
+    return np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
+
+
+def lay(
+    board: Board,
+    order: IntArray,
+    side: int,
+    sigma: float,
+    pages: int,
+    choice: list[IntArray],
+    work: Work,
+) -> Found | None:
+    """Lay charts in the order given on pages of ``side`` cells; None as soon as one does not fit.
+
+    sigma: blur of the contact score in cells. choice: the masks of each chart that are tried.
+    """
+    n = len(board.masks)
+    size = board.side
+    grid = np.ones((pages, size, size), np.float32)
+    grid[:, :side, :side] = 0
+    blur = _blur(size, sigma)
+    found = Found(side, *(np.zeros(n, np.int64) for _ in range(4)))
+    spectra: list[Spectrum] = [sf.rfft2(g) for g in grid]
+    for c in order.tolist():
+        masks = board.masks[c]
+        pick = choice[c][masks.size[choice[c]].max(1) <= side]
+        if len(pick) == 0:
+            return None
+        if not work.spend(len(pick) * float(size) ** 2):
+            return None
+        kernel, area = board.spectra[c][pick], masks.area[pick]
+        rows, columns = masks.size[pick, 0], masks.size[pick, 1]
+        for tile in range(pages):
+            spot = _best_place(spectra[tile], kernel, blur, area, rows, columns, side)
+            if spot is not None:
+                break
+        else:
+            return None
+        k, y, x = spot
+        found.mask[c], found.row[c], found.column[c], found.page[c] = pick[k], y, x, tile
+        h, w = int(rows[k]), int(columns[k])
+        cells = masks.cells[pick[k], :h, :w]
+        grid[tile, y : y + h, x : x + w][cells] = 1
+        spectra[tile] = sf.rfft2(grid[tile])
+    return found
+
+
+def _best_place(
+    page: Spectrum,
+    kernel: Spectrum,
+    blur: FloatArray,
+    area: FloatArray,
+    rows: IntArray,
+    columns: IntArray,
+    side: int,
+) -> tuple[int, int, int] | None:
+    """Mask, row, column of the free place with the highest contact score; None where nothing is free."""
+    size = len(page)
+    hit = sf.irfft2(kernel * page, s=(size, size), workers=THREADS)[:, :side, :side]
+    free = hit < 0.5
+    fits = (np.arange(side)[None] <= side - rows[:, None])[:, :, None] & (
+        np.arange(side)[None] <= side - columns[:, None]
+    )[:, None, :]
+    free &= fits
+    some = np.flatnonzero(free.any((1, 2)))
+    if len(some) == 0:
+        return None
+    score = sf.irfft2(kernel[some] * (page * blur), s=(size, size), workers=THREADS)[
+        :, :side, :side
+    ]
+    score = np.where(free[some], score / area[some, None, None], -1)
+    best = int(score.argmax())
+    k, rest = divmod(best, side * side)
+    return int(some[k]), rest // side, rest % side
+
+
+def to_placement(board: Board, found: Found, options: PackOptions) -> Placement:
+    """A layout on the grid in texels: the page's free side is what lies between the borders."""
+    n = len(board.masks)
+    k = found.mask
+    angle = np.array([board.masks[c].angle[k[c]] for c in range(n)])
+    low = np.array([board.masks[c].low[k[c]] for c in range(n)])
+    # masks are grown by half the gap, which at the border is not needed: the free square is that much larger
+    inner = options.resolution - 2 * options.border + options.gap
+    texels = inner / found.side
+    corner = np.stack([found.column, found.row], 1) - low
+    offset = corner * texels + options.border - options.gap / 2
+    return Placement(texels / board.cell, angle, offset, found.page)
+
+
+def search(
+    board: Board, shapes: Shapes, options: PackOptions, cells: int, work: Work
+) -> list[Found]:
+    """Layouts of falling page side, best first.
+
+    Greedy orders by size come first, then perturbed orders with a random part of the angles and another
+    blur; each must beat the best page side by a cell, and goes on for as long as it does.
+    """
+    rng = np.random.default_rng(20)
+    area = np.log(np.maximum(shapes.area, 1e-300))
+    span = 2 * np.log(np.maximum(shapes.radius, 1e-300))
+    results: list[Found] = []
+    most = int(board.side)
+    tried = 0
+    failures = 0
+    while failures < 400:
+        key = area if tried % 2 == 0 else span
+        sigma = SIGMAS[tried % len(SIGMAS)]
+        share = 0.5
+        if tried >= 4:
+            key = key + rng.normal(0, 0.25, shapes.n)
+            share = float(rng.choice([0.15, 0.3, 0.6]))
+            sigma = float(np.exp(rng.uniform(0, 2.2)))
+        choice = [_some(rng, len(m.angle), share) for m in board.masks]
+        order = np.argsort(-key, kind="stable")
+        tried += 1
+        failures += 1
+        stride = 1
+        while True:
+            side = results[0].side - stride if results else min(int(cells * 1.12), most)
+            if not results and failures > 1:
+                side = min(int(side * 1.05 ** (failures - 1)), most)
+            found = lay(board, order, side, sigma, options.pages, choice, work)
+            if found is not None:
+                results.insert(0, found)
+                failures, stride = 0, 2 * stride
+            elif stride > 1:
+                stride = 1
+            else:
+                break
+        if work.left <= 0 or not work.spend(0):
+            break
+        if not results and failures > 8:
+            break
+    return results
+
+
+def lay_first(
+    board: Board, shapes: Shapes, options: PackOptions, side: int, work: Work
+) -> Found | None:
+    """The first layout found on pages of ``side`` cells, the fewest pages first."""
+    rng = np.random.default_rng(20)
+    key = np.log(np.maximum(shapes.area, 1e-300))
+    everything = [np.arange(len(m.angle)) for m in board.masks]
+    for pages in range(1, options.pages + 1):
+        if pages * side**2 < sum(float(m.area.min()) for m in board.masks):
+            continue
+        for tried in range(6):
+            order = np.argsort(-key - rng.normal(0, 0.1 * tried, shapes.n), kind="stable")
+            found = lay(board, order, side, SIGMAS[tried % 5], pages, everything, work)
+            if found is not None or work.left <= 0:
+                return found
+    return None
+
+
+# Blurs of the contact score, in cells, of the first tries.
+SIGMAS = (2.0, 4.0, 1.2, 8.0, 3.0)
+
+
+def _some(rng: np.random.Generator, n: int, share: float) -> IntArray:
+    """A random part of 0..n-1, never empty; all of a few."""
+    pick = np.flatnonzero(rng.random(n) < share) if n > 4 else np.arange(n)
+    return pick if len(pick) else np.array([int(rng.integers(n))])

@@ -1,0 +1,202 @@
+"""Charts as the packers see them: outlines about a centre, extents at any angle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, cross2, first_of_runs, group_sum
+from circparam.errors import OptionError
+
+_QUARTER = np.pi / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Charts, each about its own centre, in the units of the uv given.
+
+    faces: (m, 3) into points. points: (nv, 2), relative to the centre of their chart. chart: (m,) 0..n-1.
+    owner: (nv,) chart of each vertex, −1 where no face uses it. area: (n,) without sign.
+    start, end: (b,) vertices of the outline's edges, sorted by chart; edge_start: (n + 1,) offsets.
+    """
+
+    faces: IntArray
+    points: FloatArray
+    chart: IntArray
+    owner: IntArray
+    area: FloatArray
+    start: IntArray
+    end: IntArray
+    edge_start: IntArray
+
+    @property
+    def n(self) -> int:
+        """Number of charts."""
+        return len(self.area)
+
+    @cached_property
+    def radius(self) -> FloatArray:
+        """(n,) largest distance of an outline vertex from the centre."""
+        r = np.sqrt((self.points[self.start] ** 2).sum(1))
+        return np.asarray(np.maximum.reduceat(r, self.edge_start[:-1]))
+
+    def boxes(self, angle: FloatArray) -> FloatArray:
+        """Bounding boxes of all charts, each turned by its angle: (n,) radians → (n, 4) x0, y0, x1, y1."""
+        own = self.owner[self.start]
+        c, s = np.cos(angle)[own], np.sin(angle)[own]
+        p = self.points[self.start]
+        x, y = c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]
+        at = self.edge_start[:-1]
+        low, high = np.minimum.reduceat, np.maximum.reduceat
+        return np.stack([low(x, at), low(y, at), high(x, at), high(y, at)], 1)
+
+    def outline(self, c: int) -> tuple[FloatArray, FloatArray]:
+        """Edges of the outline of one chart: (k, 2) starts and (k, 2) ends."""
+        part = slice(self.edge_start[c], self.edge_start[c + 1])
+        return self.points[self.start[part]], self.points[self.end[part]]
+
+    def place(self, angle: FloatArray, offset: FloatArray, scale: float) -> FloatArray:
+        """(nv, 2): every chart scaled, turned by its angle (n,), its centre moved to offset (n, 2).
+
+        A chart that is not turned keeps its axes exactly. Vertices that no face uses come to the origin.
+        """
+        own = np.maximum(self.owner, 0)
+        c, s = np.cos(angle), np.sin(angle)
+        quarter = np.rint(angle / _QUARTER)
+        exact = np.abs(angle - quarter * _QUARTER) < 1e-12
+        turn = quarter.astype(np.int64) % 4
+        c = np.where(exact, np.array([1.0, 0.0, -1.0, 0.0])[turn], c)[own]
+        s = np.where(exact, np.array([0.0, 1.0, 0.0, -1.0])[turn], s)[own]
+        p = self.points * scale
+        out = np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]], 1) + offset[own]
+        out[self.owner < 0] = 0.0
+        return out
+
+
+def shapes_of(faces: IntArray, uv: FloatArray, chart: IntArray) -> Shapes:
+    """Charts of a layout: faces (m, 3), uv (nv, 2), chart (m,) labels 0..n-1.
+
+    Raises OptionError where arrays do not fit, uv are not finite, labels leave gaps, or two charts share a
+    uv vertex (they could not be moved apart).
+    """
+    faces = np.asarray(faces, np.int64)
+    uv = np.asarray(uv, np.float64)
+    chart = np.asarray(chart, np.int64)
+    _validate(faces, uv, chart)
+    n = int(chart.max()) + 1
+    owner = np.full(len(uv), -1)
+    owner[faces.ravel()] = np.repeat(chart, 3)
+    if (owner[faces] != chart[:, None]).any():
+        bad = int(np.flatnonzero((owner[faces] != chart[:, None]).any(1))[0])
+        raise OptionError(
+            f"face {bad} shares a uv vertex with another chart: give every chart its own uv vertices"
+        )
+    start, end = _outline_edges(faces, len(uv))
+    order = np.argsort(owner[start], kind="stable")
+    start, end = start[order], end[order]
+    edge_start = np.searchsorted(owner[start], np.arange(n + 1)).astype(np.int64)
+    at = edge_start[:-1]
+    p = uv[start]
+    centre = (np.minimum.reduceat(p, at) + np.maximum.reduceat(p, at)) / 2
+    points = np.where(owner[:, None] >= 0, uv - centre[np.maximum(owner, 0)], 0.0)
+    q = points[faces]
+    area = group_sum(np.abs(cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])) / 2, chart, n)
+    return Shapes(faces, points, chart, owner, area, start, end, edge_start)
+
+
+def _validate(faces: IntArray, uv: FloatArray, chart: IntArray) -> None:
+    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+        raise OptionError(f"faces have shape {faces.shape}: (m, 3) with m > 0 is needed")
+    if uv.ndim != 2 or uv.shape[1] != 2:
+        raise OptionError(f"uv have shape {uv.shape}: (nv, 2) is needed")
+    if chart.shape != (len(faces),):
+        raise OptionError(f"chart has shape {chart.shape}: one label a face is needed")
+    if faces.min() < 0 or faces.max() >= len(uv):
+        raise OptionError(
+            f"faces name uv vertices outside 0..{len(uv) - 1}: every corner needs a uv"
+        )
+    if not np.isfinite(uv[faces]).all():
+        raise OptionError("some uv are NaN or infinite: only finite uv can be packed")
+    if chart.min() < 0 or (np.bincount(chart) == 0).any():
+        raise OptionError("chart labels leave gaps: number the charts 0..n-1")
+
+
+def _outline_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
+    """Edges that exactly one face has; all edges of a chart that has none (a closed or doubled one)."""
+    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    key = np.minimum(a, b) * n + np.maximum(a, b)
+    order = np.argsort(key, kind="stable")
+    head = first_of_runs(key[order])
+    once = np.diff(np.r_[head, len(key)]) == 1
+    border = np.zeros(len(key), bool)
+    border[order[head[once]]] = True
+    # a face without any way to an outline still has to be packed: take all its edges
+    vertex = np.full(n, False)
+    vertex[a[border]] = True
+    from_chart = _charts_without(faces, vertex)
+    border |= np.repeat(from_chart, 3)
+    return a[border], b[border]
+
+
+def _charts_without(faces: IntArray, vertex: np.ndarray) -> np.ndarray:
+    """(m,) faces of which no connected face has a vertex on an outline."""
+    import scipy.sparse as sps
+    import scipy.sparse.csgraph as csgraph
+
+    m, n = len(faces), len(vertex)
+    graph = sps.coo_matrix(
+        (np.ones(3 * m, bool), (np.repeat(np.arange(m), 3), faces.ravel() + m)),
+        shape=(m + n, m + n),
+    )
+    _, labels = csgraph.connected_components(graph, directed=False)
+    has = np.zeros(labels.max() + 1, bool)
+    has[labels[m:][vertex]] = True
+    return np.asarray(~has[labels[:m]])
+
+
+def least_box_angles(shapes: Shapes, rotate: str, steps: int = 90) -> FloatArray:
+    """(n,) angle of each chart whose bounding box has the least area, then with its long side along u.
+
+    'free' tries ``steps`` angles of a quarter turn and refines round the best one; '90' only lays the long
+    side along u; 'none' turns nothing.
+    """
+    if rotate == "none":
+        return np.zeros(shapes.n)
+    best = np.zeros(shapes.n)
+    if rotate == "free":
+        best = _best_angles(shapes, steps, lambda w, h: w * h)
+    box = shapes.boxes(best)
+    tall = (box[:, 3] - box[:, 1]) > (box[:, 2] - box[:, 0]) * (1 + 1e-9)
+    return best + np.where(tall, _QUARTER, 0.0)
+
+
+def least_square_angles(
+    shapes: Shapes, rotate: str, steps: int = 90, rounds: int = 3
+) -> FloatArray:
+    """(n,) angle at which each chart fits the smallest upright square."""
+    if rotate != "free":
+        return np.zeros(shapes.n)
+    return _best_angles(shapes, steps, np.maximum, rounds)
+
+
+def _best_angles(
+    shapes: Shapes,
+    steps: int,
+    cost: Callable[[FloatArray, FloatArray], FloatArray],
+    rounds: int = 3,
+) -> FloatArray:
+    """Angles of least cost of width and height: a quarter turn in steps, then finer about the best."""
+    best = np.zeros(shapes.n)
+    width, count = _QUARTER, steps
+    for _ in range(rounds):
+        centre, least = best.copy(), np.full(shapes.n, np.inf)
+        for t in np.linspace(-width / 2, width / 2, count):
+            box = shapes.boxes(centre + t)
+            size = cost(box[:, 2] - box[:, 0], box[:, 3] - box[:, 1])
+            better = size < least * (1 - 1e-12)
+            best[better], least[better] = (centre + t)[better], size[better]
+        width, count = 2 * width / (count - 1), 9
+    return best

@@ -1,0 +1,244 @@
+"""Dropping: many small charts fall one by one onto the skyline of those below, each at its best angle.
+
+After Lévy, Petitjean, Ray and Maillot 2002 ("Least squares conformal maps", section 4.3): a chart is known by
+the lower and upper bound of each column, the page by its skyline; a chart comes to rest where it wastes least.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
+
+from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.monitor import Monitor
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes, least_box_angles
+from circparam.packing.placement import Placement
+
+Bounds: TypeAlias = npt.NDArray[np.float32]
+
+# Columns of a chart of average width: more are slower and hardly tighter.
+COLUMNS = 24
+
+# Scales that are tried: the height used at one tells the next.
+PASSES = 5
+
+# Share of the pages that grown charts cover, about: of charts above, and of soups of small pieces.
+_HOPE, _HOPE_MANY = 0.72, 0.58
+
+# Charts from which a page filled so far is full: a pass takes a second there.
+_MANY = 1000
+_FULL = 0.98
+
+
+@dataclass(frozen=True, eq=False)
+class Profiles:
+    """Column bounds of every chart at every angle, in texels; entry k = chart * angles + angle.
+
+    start: (K + 1,) offsets. lower, upper: bounds of each column, grown by half the gap.
+    left: (K,) x of the first column's left side relative to the chart's centre.
+    """
+
+    start: IntArray
+    lower: Bounds
+    upper: Bounds
+    left: FloatArray
+
+
+def profiles(shapes: Shapes, angle: FloatArray, scale: float, grow: float, cell: float) -> Profiles:
+    """Bounds of charts at angles (n, k), scaled, grown by ``grow`` texels, in columns of ``cell`` texels."""
+    n, k = angle.shape
+    box = np.stack([shapes.boxes(angle[:, j]) for j in range(k)], 1).reshape(n * k, 4) * scale
+    pad = int(np.ceil(grow / cell)) + 1
+    left = box[:, 0] - pad * cell
+    width = np.ceil((box[:, 2] - left) / cell).astype(np.int64) + pad
+    start = np.r_[0, np.cumsum(width)]
+    lower, upper = np.full(start[-1], np.inf), np.full(start[-1], -np.inf)
+    own = shapes.owner[shapes.start]
+    for j in range(k):
+        c, s = np.cos(angle[own, j]), np.sin(angle[own, j])
+        a, b = (
+            np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]], 1) * scale
+            for p in (shapes.points[shapes.start], shapes.points[shapes.end])
+        )
+        entry = own * k + j
+        _column_bounds(a, b, left[entry], start[entry], cell, lower, upper)
+    return _trimmed(start, *_grown(lower, upper, grow, cell), left, cell)
+
+
+def _trimmed(
+    start: IntArray, lower: FloatArray, upper: FloatArray, left: FloatArray, cell: float
+) -> Profiles:
+    """Without the empty columns at both ends; an empty one in between (a chart in parts) bounds nothing."""
+    filled = np.isfinite(lower)
+    count = np.diff(start)
+    entry = np.repeat(np.arange(len(count)), count)
+    column = ranges(count)
+    first = np.minimum.reduceat(np.where(filled, column, len(filled)), start[:-1])
+    last = np.maximum.reduceat(np.where(filled, column, -1), start[:-1])
+    keep = (column >= first[entry]) & (column <= last[entry])
+    start = np.r_[0, np.cumsum(last - first + 1)].astype(np.int64)
+    lower, upper, own = lower[keep], upper[keep], entry[keep]
+    gap = ~filled[keep]
+    top = np.maximum.reduceat(upper, start[:-1])[own]
+    bottom = np.minimum.reduceat(lower, start[:-1])[own]
+    lower, upper = np.where(gap, top, lower), np.where(gap, bottom, upper)
+    left = left + first * cell
+    # single precision: half the time, and rounding far below the margin of the gap
+    return Profiles(start, lower.astype(np.float32), upper.astype(np.float32), left)
+
+
+def _column_bounds(
+    a: FloatArray,
+    b: FloatArray,
+    left: FloatArray,
+    first: IntArray,
+    cell: float,
+    lower: FloatArray,
+    upper: FloatArray,
+) -> None:
+    """Lower and raise the bounds of the columns that edges a, b run through."""
+    swap = a[:, 0] > b[:, 0]
+    a, b = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
+    c0 = np.floor((a[:, 0] - left) / cell).astype(np.int64)
+    c1 = np.floor((b[:, 0] - left) / cell).astype(np.int64)
+    count = c1 - c0 + 1
+    e = np.repeat(np.arange(len(a)), count)
+    column = c0[e] + ranges(count)
+    slope = (b[:, 1] - a[:, 1]) / np.maximum(b[:, 0] - a[:, 0], 1e-300)
+    x = left[e] + column * cell
+    y0 = a[e, 1] + np.clip(x - a[e, 0], 0, None) * slope[e]
+    y1 = b[e, 1] - np.clip(b[e, 0] - (x + cell), 0, None) * slope[e]
+    steep = c0 == c1
+    y0, y1 = np.where(steep[e], a[e, 1], y0), np.where(steep[e], b[e, 1], y1)
+    at = first[e] + column
+    np.minimum.at(lower, at, np.minimum(y0, y1))
+    np.maximum.at(upper, at, np.maximum(y0, y1))
+
+
+def _grown(
+    lower: FloatArray, upper: FloatArray, grow: float, cell: float
+) -> tuple[FloatArray, FloatArray]:
+    """Bounds of the charts grown by a disc; the empty columns at both ends of a chart take it up."""
+    low, high = lower - grow, upper + grow
+    for k in range(1, int(np.ceil(grow / cell)) + 2):
+        near = (k - 1) * cell
+        if near >= grow:
+            break
+        rise = np.sqrt(grow * grow - near * near)
+        low[k:] = np.minimum(low[k:], lower[:-k] - rise)
+        low[:-k] = np.minimum(low[:-k], lower[k:] - rise)
+        high[k:] = np.maximum(high[k:], upper[:-k] + rise)
+        high[:-k] = np.maximum(high[:-k], upper[k:] + rise)
+    return low, high
+
+
+def drop_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Placement | None:
+    """Charts dropped from the tallest on; the scale at which they just fill the pages, or the fixed one."""
+    n = shapes.n
+    turns = {"free": 8 if n <= 3000 else 4, "90": 4, "none": 1}[options.rotate]
+    base = least_box_angles(shapes, options.rotate) if options.rotate == "free" else np.zeros(n)
+    angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
+    if options.fixed_scale is not None:
+        return _drop(shapes, options, angle, options.fixed_scale)[0]
+    area = float(shapes.area.sum())
+    reach = options.gap / 2
+    # the share that is hoped for counts charts grown by half the gap
+    scale = _scale_for(shapes, options, _HOPE if n < _MANY else _HOPE_MANY, area, reach)
+    best: Placement | None = None
+    low, high = 0.0, np.inf
+    for _ in range(PASSES):
+        placement, fill = _drop(shapes, options, angle, scale)
+        if placement is not None:
+            best, low = placement, scale
+        else:
+            high = scale
+        full = placement is not None and n >= _MANY and fill >= _FULL
+        if high < low * 1.008 or full or monitor.expired:
+            break
+        guess = scale / np.sqrt(fill) * 0.999
+        if placement is not None:
+            guess = max(guess, low * 1.003)
+        scale = guess if low < guess < high else (low + high) / 2 if low > 0 else 0.95 * high
+    return best
+
+
+def _scale_for(
+    shapes: Shapes, options: PackOptions, share: float, area: float, reach: float
+) -> float:
+    """Scale at which the grown charts have ``share`` of the pages as their area."""
+    edge = shapes.points[shapes.end] - shapes.points[shapes.start]
+    rim = float(np.sqrt((edge**2).sum(1)).sum()) * reach
+    disc = shapes.n * np.pi * reach * reach
+    goal = share * options.pages * float(options.resolution) ** 2
+    root = np.sqrt(max(rim * rim + 4 * area * (goal - disc), 0.0))
+    return float(
+        max((root - rim) / (2 * max(area, 1e-300)), 1e-3 / max(shapes.radius.max(), 1e-300))
+    )
+
+
+def _drop(
+    shapes: Shapes, options: PackOptions, angle: FloatArray, scale: float
+) -> tuple[Placement | None, float]:
+    """Drop all charts at a scale. Returns (placement or None, height used over height there is)."""
+    n, k = angle.shape
+    wide = shapes.boxes(angle[:, 0])
+    mean = float((wide[:, 2] - wide[:, 0]).mean()) * scale + 2 * options.gap
+    cell = float(max(mean / COLUMNS, options.resolution / 4096))
+    grow = options.gap / 2
+    shape = profiles(shapes, angle, scale, grow, cell)
+    margin = options.border - grow
+    room = options.resolution - 2 * margin
+    columns = int(room / cell)
+    size = shapes.boxes(angle[:, 0]) * scale
+    order = np.argsort(-(size[:, 3] - size[:, 1]), kind="stable")
+    sky = np.zeros((options.pages, columns), np.float32)
+    pick, corner, rest = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
+    page = np.zeros(n, np.int64)
+    for c in order.tolist():
+        best = (np.inf, 0, 0, 0.0, 0)
+        for tile in range(options.pages):
+            for j in range(k):
+                e = c * k + j
+                part = slice(shape.start[e], shape.start[e + 1])
+                spot = _rest(sky[tile], shape.lower[part], shape.upper[part])
+                if spot is not None and spot[0] < best[0]:
+                    best = (spot[0], j, spot[1], spot[2], tile)
+            last = tile == options.pages - 1
+            if np.isfinite(best[0]) and (last or _top(shape, c * k + best[1], best[3]) <= room):
+                break
+        if not np.isfinite(best[0]):
+            return None, 2.0
+        _, j, x, y, tile = best
+        part = slice(shape.start[c * k + j], shape.start[c * k + j + 1])
+        pick[c], corner[c], rest[c], page[c] = j, x, y, tile
+        span = sky[tile, x : x + part.stop - part.start]
+        np.maximum(span, y + shape.upper[part], out=span)
+    fill = float((sky.max(1).sum()) / (room * options.pages))
+    if (sky.max(1) > room).any():
+        return None, max(fill, 1.001)
+    e = np.arange(n) * k + pick
+    offset = np.stack([corner * cell - shape.left[e], rest], 1) + margin
+    return Placement(scale, angle[np.arange(n), pick], offset, page), fill
+
+
+def _top(shape: Profiles, e: int, y: float) -> float:
+    return y + float(shape.upper[shape.start[e] : shape.start[e + 1]].max())
+
+
+def _rest(sky: Bounds, lower: Bounds, upper: Bounds) -> tuple[float, int, float] | None:
+    """Where a chart comes to rest with the least waste: (cost, first column, height of its centre)."""
+    w = len(lower)
+    if w > len(sky):
+        return None
+    # windows along the first axis: the maximum then runs over whole rows at once
+    height = (sliding_window_view(sky, len(sky) - w + 1) - lower[:, None]).max(0)
+    below = np.r_[0.0, np.cumsum(sky)]
+    waste = height * w + lower.sum() - (below[w:] - below[:-w])
+    cost = waste / w + 0.5 * (height + upper.max())
+    x = int(cost.argmin())
+    return float(cost[x]), x, float(height[x])

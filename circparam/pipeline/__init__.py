@@ -1,0 +1,1 @@
+"""The way through: options, stages in order, the fallback cascade, verification, results."""

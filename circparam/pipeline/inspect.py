@@ -1,0 +1,66 @@
+"""Look at a mesh without changing anything: its topology, the uv it has, and what these are worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from circparam.errors import InputError, TopologyError
+from circparam.formats.document import Document
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.mesh.topology import TopologyReport, describe
+from circparam.pipeline.verify import Promise, Verification, reasons, verify
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """topology: of the mesh as it is. uv_sets: numbers of the sets in the file. uv: what the set that was asked
+    for is worth, None where none was; faults: what is wrong with it, one line each. notes: of reading.
+    """
+
+    document: Document
+    topology: TopologyReport
+    uv_sets: tuple[int, ...]
+    uv: Verification | None = None
+    faults: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def inspect(
+    document: Document,
+    *,
+    uv_set: int | None = None,
+    weld: float = 0.0,
+    resolution: int = 2048,
+    padding: int = 4,
+) -> Inspection:
+    """Describe a document; with ``uv_set`` judge that set at a resolution in texels.
+
+    Raises InputError where the set does not exist, or no face has uv in it.
+    """
+    topology = describe(document.mesh, weld)
+    notes = list(document.notes)
+    if uv_set is None:
+        return Inspection(document, topology, document.uv_sets, notes=notes)
+    uvmap = document.uv(uv_set) if uv_set in document.uv_sets else None
+    if uvmap is None:
+        there = ", ".join(map(str, document.uv_sets)) or "none"
+        raise InputError(
+            f"{document.source.name}: it has no uv set {uv_set} (there is {there}): circparam unwrap makes one"
+        )
+    surface, _ = repair(document.mesh, RepairOptions(weld))
+    found = verify(surface, uvmap, resolution=resolution, padding=padding)
+    return Inspection(
+        document, topology, document.uv_sets, found, reasons(found, Promise(None, padding)), notes
+    )
+
+
+def require_disks(inspection: Inspection) -> None:
+    """Raise TopologyError, with the first component that is none, unless every component is a disk."""
+    bad = inspection.topology.not_disks
+    if bad:
+        component = inspection.topology.components[bad[0]]
+        more = f" ({len(bad)} components are no disks)" if len(bad) > 1 else ""
+        raise TopologyError(
+            f"{inspection.document.source.name}: component {bad[0]} is {component.verdict}, not a disk{more}: "
+            "cut it with circparam unwrap --cut disk"
+        )

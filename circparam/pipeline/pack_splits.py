@@ -1,0 +1,250 @@
+"""Splits for packing: a chart like a hub with arms wastes the page; cut where the arms begin, it may not.
+
+Candidates are shortest paths across a chart between points of its border. They are ranked by the area that
+the bounding boxes of both parts leave free beside what the chart's leaves free, and the best are packed: a
+split stays only if the page is covered much better with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
+from circparam.core.monitor import Monitor
+from circparam.errors import CircparamError
+from circparam.geometry.distortion import best_chart_scales, chart_distortion
+from circparam.mesh.cut_mesh import Patches, not_disks
+from circparam.packing import pack
+from circparam.packing.options import PackOptions
+from circparam.pipeline.cascade import Cascade
+
+ANCHORS = 48  # points of a border between which paths are tried
+ANGLES = 16  # of the bounding boxes, in a quarter turn
+HUBS = 2  # charts that are tried for a split, those that waste most
+TRIED = 3  # paths of each that are packed
+GAIN = 1.05  # factor on the covered share that each split must bring
+AHEAD = 3  # splits that may bring nothing before one that does
+LEAST = 0.03  # share of the chart that either part must have
+CHORD = 0.05  # worth of a cut as long as the root of the chart's area, as a share of that area
+EFFORT = 0.1  # of the search for a layout that only serves to compare
+COARSE = 512  # texels a side of its page, about
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """score: higher is better. cut: (e,) bool, the seams with the path."""
+
+    score: float
+    cut: BoolArray
+
+
+def split_hubs(
+    atlas: Cascade, most: int, options: PackOptions, bound: float, monitor: Monitor
+) -> None:
+    """Split at most so many charts where each split raises the covered share by GAIN; the atlas notes it.
+
+    The parts keep the layout they had, so nothing overlaps; a split that would lift one above ``bound`` (its
+    distortion at its own best scale) is not made.
+    """
+    coarse = max(options.resolution // COARSE, 1)
+    quick = replace(
+        options,
+        effort=min(options.effort, EFFORT),
+        resolution=max(options.resolution // coarse, 2 * (options.padding // coarse) + 1),
+        padding=options.padding // coarse,
+    )
+    before = atlas.cut
+    # an arm alone often frees nothing while its opposite stays: go on, then take what was worth its splits
+    steps: list[tuple[float, BoolArray]] = [(_share(atlas, before, quick, monitor), before)]
+    done = 0
+    while len(steps) <= most and len(steps) - done <= AHEAD and not monitor.expired:
+        tried = [(_share(atlas, c.cut, quick, monitor), c.cut) for c in _candidates(atlas, bound)]
+        if not tried:
+            break
+        steps.append(max(tried, key=lambda t: t[0]))
+        atlas.cut = steps[-1][1]
+        done = int(np.argmax([share / GAIN**k for k, (share, _) in enumerate(steps)]))
+    atlas.cut = steps[done][1]
+    if done:
+        # the quick layouts only rank the splits: what counts is the page as it will be packed
+        first, last = (_share(atlas, cut, options, monitor) for cut in (before, atlas.cut))
+        if last >= GAIN**done * first:
+            longer = _seams(atlas, atlas.cut) - _seams(atlas, before)
+            atlas.notes.append(
+                f"--pack-splits: {done} charts split, covered share {first:.2f} before and {last:.2f} "
+                f"after, seams longer by {longer:.2f} times the root of the area"
+            )
+            return
+        atlas.cut = before
+    atlas.notes.append("--pack-splits: no split raises the covered share by 5 %")
+
+
+def _seams(atlas: Cascade, cut: BoolArray) -> float:
+    s = atlas.surface
+    return float(s.edge_lengths[cut].sum() / np.sqrt(s.areas.sum()))
+
+
+def _share(atlas: Cascade, cut: BoolArray, options: PackOptions, monitor: Monitor) -> float:
+    """Covered share of the pages with these seams; 0 where they cannot be packed."""
+    patches, uv = _opened(atlas, cut)
+    uv = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
+    try:
+        packed = pack(patches.faces, uv, patches.chart, options, monitor)
+    except CircparamError:
+        return 0.0
+    return float(packed.share[: int(packed.page.max()) + 1].mean())
+
+
+def _opened(atlas: Cascade, cut: BoolArray) -> tuple[Patches, FloatArray]:
+    return replace(atlas, cut=cut).open()
+
+
+def _candidates(atlas: Cascade, bound: float) -> list[_Candidate]:
+    """The best paths across the charts that waste most, without those that break the bound."""
+    patches, uv = atlas.open()
+    loops = patches.loops
+    if len(loops.chart) == 0:
+        return []
+    start = patches.faces.ravel()[loops.half_edges]
+    along = _turned(uv[start])
+    high = np.maximum.reduceat(along, loops.start[:-1])
+    low = np.minimum.reduceat(along, loops.start[:-1])
+    waste = np.where(loops.outer, _boxes(low, high), 0.0)
+    waste -= group_sum(_fans(uv, start, loops.half_edges, patches), loops.loop_of, len(waste))
+    found: list[_Candidate] = []
+    for loop in np.argsort(-waste, kind="stable")[:HUBS].tolist():
+        if loops.outer[loop] and waste[loop] > 0:
+            found += _paths(atlas, patches, uv, loop, bound)
+    return found
+
+
+def _turned(points: FloatArray) -> FloatArray:
+    """(k, ANGLES, 2) coordinates of points (k, 2) in turned frames."""
+    t = np.arange(ANGLES) * (np.pi / 2 / ANGLES)
+    x = points @ np.stack([np.cos(t), np.sin(t)])
+    y = points @ np.stack([-np.sin(t), np.cos(t)])
+    return np.stack([x, y], -1)
+
+
+def _boxes(low: FloatArray, high: FloatArray) -> FloatArray:
+    """(...) area of the least bounding box, from the extents (..., ANGLES, 2)."""
+    result: FloatArray = (high - low).prod(-1).min(-1)
+    return result
+
+
+def _fans(uv: FloatArray, start: IntArray, half_edges: IntArray, patches: Patches) -> FloatArray:
+    """(b,) signed areas between the origin and border half-edges; a loop's sum is the area inside."""
+    end = patches.faces.ravel()[next_half_edge(half_edges)]
+    return cross2(uv[start], uv[end]) / 2
+
+
+def _paths(
+    atlas: Cascade, patches: Patches, uv: FloatArray, loop: int, bound: float
+) -> list[_Candidate]:
+    """Paths across one chart between points of its outer border, the best first."""
+    loops = patches.loops
+    part = slice(int(loops.start[loop]), int(loops.start[loop + 1]))
+    h = loops.half_edges[part]
+    v = patches.faces.ravel()[h]
+    p = uv[v]
+    step = np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
+    at = np.cumsum(step) - step
+    anchor = np.unique(np.searchsorted(at, np.arange(ANCHORS) * (step.sum() / ANCHORS)))
+    anchor = anchor[anchor < len(v)]
+    k = len(anchor)
+    if k < 4:
+        return []
+    i, j, score = _ranked(p, anchor, _fans(uv, v, h, patches))
+    found: list[_Candidate] = []
+    taken = np.zeros((0, 2), np.int64)
+    for a, b, value in zip(i.tolist(), j.tolist(), score.tolist(), strict=True):
+        if len(found) == TRIED or len(taken) == 4 * TRIED:
+            break
+        if (np.abs(taken - [a, b]).max(1, initial=0) <= 2).any():
+            continue
+        taken = np.vstack([taken, [a, b]])
+        chart = int(loops.chart[loop])
+        cut = _cut_across(atlas, patches, chart, int(v[anchor[a]]), int(v[anchor[b]]))
+        if cut is not None and _allowed(atlas, patches, chart, cut, bound):
+            found.append(_Candidate(value, cut))
+    return found
+
+
+def _ranked(
+    p: FloatArray, anchor: IntArray, fans: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs of anchors i < j of a border p by what a cut between them saves, as a share of the area inside."""
+    k = len(anchor)
+    along = _turned(p)
+    high = np.maximum.reduceat(along, anchor)
+    low = np.minimum.reduceat(along, anchor)
+    # a piece of the border has both its ends; the first one also has what lies before the first anchor
+    wrap = np.r_[np.arange(1, k), 0]
+    high, low = np.maximum(high, along[anchor[wrap]]), np.minimum(low, along[anchor[wrap]])
+    if anchor[0] > 0:
+        high[-1] = np.maximum(high[-1], along[: anchor[0]].max(0))
+        low[-1] = np.minimum(low[-1], along[: anchor[0]].min(0))
+    total = float(fans.sum())
+    inside = np.r_[0.0, np.cumsum(fans)][np.r_[anchor, len(p)]]
+    box = np.zeros((k, k))  # of the border from anchor i on over so many pieces, less one
+    top, bottom = high.copy(), low.copy()
+    for length in range(k):
+        box[:, length] = _boxes(bottom, top)
+        following = (np.arange(k) + length + 1) % k
+        top, bottom = np.maximum(top, high[following]), np.minimum(bottom, low[following])
+    i, j = np.triu_indices(k, 2)
+    ends = p[anchor]
+    first = inside[j] - inside[i] + cross2(ends[j], ends[i]) / 2
+    second = total - first
+    free = box[i, j - i - 1] + box[j, k - (j - i) - 1] - total
+    saved = (float(_boxes(along.min(0), along.max(0))) - total - free) / total
+    chord = np.linalg.norm(ends[i] - ends[j], axis=1) / np.sqrt(total)
+    score = saved - CHORD * chord
+    ok = (np.minimum(first, second) > LEAST * total) & (score > 0)
+    order = np.flatnonzero(ok)[np.argsort(-score[ok], kind="stable")]
+    return i[order], j[order], score[order]
+
+
+def _cut_across(
+    atlas: Cascade, patches: Patches, chart: int, start: int, end: int
+) -> BoolArray | None:
+    """The seams with the shortest path in a chart between two vertices of its border."""
+    s = atlas.surface
+    usable = ~atlas.cut & ~s.locked & (patches.chart[s.edges[:, 0] // 3] == chart)
+    edge = np.flatnonzero(usable)
+    flat = patches.faces.ravel()
+    h = s.edges[edge, 0]
+    a, b = flat[h], flat[next_half_edge(h)]
+    rim = np.zeros(patches.n_vertices, bool)
+    rim[flat[patches.border]] = True
+    # a path along the border would tear crumbs off: each vertex there costs more than any way round
+    length = s.edge_lengths[edge]
+    length = length + length.sum() * (rim[a].astype(float) + rim[b])
+    n = patches.n_vertices
+    graph = sps.csr_matrix((length, (a, b)), shape=(n, n))
+    dijkstra: Any = csgraph.dijkstra
+    _, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
+    path = [end]
+    while path[-1] != start:
+        if before[path[-1]] < 0:
+            return None
+        path.append(int(before[path[-1]]))
+    q = np.array(path)
+    key = np.minimum(q[1:], q[:-1]) * n + np.maximum(q[1:], q[:-1])
+    cut = atlas.cut.copy()
+    cut[edge[np.isin(np.minimum(a, b) * n + np.maximum(a, b), key)]] = True
+    return cut
+
+
+def _allowed(atlas: Cascade, patches: Patches, chart: int, cut: BoolArray, bound: float) -> bool:
+    """Whether the cut makes two disks of a chart, neither above the bound."""
+    after, uv = _opened(atlas, cut)
+    parts = np.unique(after.chart[patches.chart == chart])
+    if len(parts) != 2 or not_disks(after)[parts].any():
+        return False
+    return bool((chart_distortion(after, uv)[parts] <= bound).all())

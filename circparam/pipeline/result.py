@@ -1,0 +1,106 @@
+"""What an unwrap returns, and the judgement on it: ok, repaired or degraded, with reasons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import NoResultError, OutOfTimeError
+from circparam.formats.document import Document
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.repair import Repairs
+from circparam.mesh.surface import Surface
+from circparam.pipeline.options import DEFAULT_PADDING, DEFAULT_RESOLUTION, Options
+from circparam.pipeline.verify import Promise, Verification, reasons, verify
+
+
+@dataclass(eq=False)
+class Result:
+    """A layout, what it is worth, and what was done for it.
+
+    document: the input. uv (k, 2) float64, uv_faces (m, 3) int64 for the m faces of the mesh, origin
+    bottom-left, as stored in the file; charts (m,) chart of each face, −1 for a face that was set aside.
+    status: ok | repaired | degraded, with reasons. warnings: what a user must know; notes: what may interest.
+    repairs: what was done to the mesh and to the layout, one line each. iterations, stopped: of each chart as
+    the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and face_map:
+    input vertex and face of every one in that file. work: unwrap, or pack
+    where the charts were there before. tiles: (m,) atlas of each face, None where there is one.
+    """
+
+    options: Options
+    document: Document
+    surface: Surface
+    mended: Repairs
+    uv: FloatArray
+    uv_faces: IntArray
+    charts: IntArray
+    verification: Verification
+    status: str
+    reasons: list[str]
+    warnings: list[str]
+    notes: list[str]
+    repairs: list[str]
+    seconds: dict[str, float]
+    iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    stopped: list[str] = field(default_factory=list)
+    tiles: IntArray | None = None
+    work: str = "unwrap"
+    path: str | None = None
+    format: str = ""
+    files: list[str] = field(default_factory=list)
+    vertex_map: IntArray | None = None
+    face_map: IntArray | None = None
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh, as it was read."""
+        return self.document.mesh
+
+    @property
+    def measures(self) -> dict[str, float | int | None]:
+        """Every figure of the layout by name: charts, flips, overlap, distortion, seam_length, pack ..."""
+        return self.verification.numbers()
+
+
+def promise(options: Options) -> Promise:
+    """What the options promise of the layout."""
+    padding = DEFAULT_PADDING if options.padding is None else options.padding
+    return Promise(options.bound, padding if options.packed else None)
+
+
+def verify_layout(
+    surface: Surface, uvmap: UVMap, options: Options, tiles: IntArray | None = None
+) -> Verification:
+    """Verify a layout of the whole mesh as the options ask for it."""
+    return verify(
+        surface,
+        uvmap,
+        resolution=(options.resolution or DEFAULT_RESOLUTION) if options.packed else None,
+        padding=DEFAULT_PADDING if options.padding is None else options.padding,
+        tiles=tiles,
+    )
+
+
+def judge(result: Result, expired: bool) -> None:
+    """Status, reasons and warnings from what was verified."""
+    wrong = reasons(result.verification, promise(result.options))
+    if result.verification.missing == len(result.surface.faces):
+        raise NoResultError("no face got a uv: " + "; ".join(wrong))
+    result.warnings = []
+    if expired:
+        if not result.verification.valid:
+            raise OutOfTimeError(
+                "out of time with no valid result: "
+                + "; ".join(wrong)
+                + "; give a longer --timeout"
+            )
+        result.warnings.append("out of time: this is the best valid result so far")
+    if wrong:
+        result.status, result.reasons = "degraded", wrong
+        result.warnings += wrong
+    elif result.repairs:
+        result.status, result.reasons = "repaired", list(result.repairs)
+    else:
+        result.status, result.reasons = "ok", []

@@ -1,0 +1,101 @@
+"""Out to disk: the mesh with its uv, read back and verified; seams and index map beside it."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+
+from circparam.core.arrays import IntArray
+from circparam.core.monitor import Monitor
+from circparam.errors import NoResultError, OptionError
+from circparam.formats.document import WriteOptions
+from circparam.formats.io import read, write
+from circparam.formats.sidecars import write_bytes, write_seams
+from circparam.mesh.mesh import UVMap
+from circparam.pipeline.result import Result, judge, verify_layout
+
+
+def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None = None) -> None:
+    """Write a result, read the file back and verify that; the figures become those of the file."""
+    monitor = monitor or Monitor()
+    o = result.options
+    writing = WriteOptions(
+        uv_set=o.target_set,
+        overwrite_uv=bool(o.overwrite_uv),
+        ply_uv=o.ply_uv,
+        copy_assets=bool(o.copy_assets),
+    )
+    piped = os.fspath(output) == "-"
+    with monitor.stage("write"):
+        written = write(
+            output,
+            result.document,
+            UVMap(result.uv, result.uv_faces),
+            format=result.format if piped else o.format,
+            options=writing,
+            overwrite=o.overwrite,
+        )
+    result.path = "-" if written.path is None else os.fspath(written.path)
+    result.files = [os.fspath(f) for f in written.files]
+    result.notes += written.notes
+    result.vertex_map, result.face_map = written.vertex_map, written.face_map
+    if piped or not os.path.isfile(result.path):  # a pipe or a device cannot be read back
+        return
+    with monitor.stage("verify"):
+        again = read(result.path, format=o.format)
+        uvmap = again.uv(o.target_set or 0)
+        uvmap = None if uvmap is None else in_input_order(uvmap, written.face_map, result)
+        if uvmap is None:
+            raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
+        result.verification = verify_layout(result.surface, uvmap, o, result.tiles)
+    result.uv, result.uv_faces = uvmap.uv, uvmap.uv_faces
+    result.charts[result.surface.source] = result.verification.patches.chart
+    judge(result, monitor.expired)
+
+
+def in_input_order(uvmap: UVMap, face_map: IntArray, result: Result) -> UVMap | None:
+    """A layout as read back, its faces in the order of the input; None where they do not fit."""
+    m = len(result.mesh.faces)
+    if len(uvmap.uv_faces) != len(face_map):
+        return None
+    faces = np.full((m, 3), -1)
+    faces[face_map] = uvmap.uv_faces
+    return UVMap(uvmap.uv, faces)
+
+
+def export_seams(result: Result, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+    """Write the seams as vertex pairs of the input, one a line. Raises OutputError."""
+    write_seams(path, seam_pairs(result), overwrite)
+
+
+def seam_pairs(result: Result) -> IntArray:
+    """(s, 2) the two mesh vertices of every seam edge, each edge once, in ascending order."""
+    surface, patches = result.surface, result.verification.patches
+    glued = np.zeros(surface.faces.size, bool)
+    glued[patches.edges.ravel()] = True
+    h = surface.edges[~glued[surface.edges[:, 0]], 0]
+    corner = np.where(surface.turned[:, None], [[0, 2, 1]], [[0, 1, 2]])
+    face = result.mesh.faces[surface.source]
+    a = face[h // 3, corner[h // 3, h % 3]]
+    b = face[h // 3, corner[h // 3, (h % 3 + 1) % 3]]
+    pairs = np.stack([np.minimum(a, b), np.maximum(a, b)], 1)
+    return np.unique(pairs, axis=0)
+
+
+def write_map(result: Result, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+    """Write the index map as npz. Raises OutputError.
+
+    vertex: input vertex of every output vertex. face: input face of every output face. chart: of every
+    output face, −1 where it was set aside.
+    """
+    if Path(path).suffix.lower() != ".npz":
+        raise OptionError(f"--map {path}: the index map is an .npz file, name it so")
+    vertex, face = result.vertex_map, result.face_map
+    if vertex is None or face is None:
+        raise OptionError("an index map belongs to a written file: give an output")
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, vertex=vertex, face=face, chart=result.charts[face])
+    write_bytes(path, buffer.getvalue(), overwrite)

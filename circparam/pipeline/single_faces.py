@@ -1,0 +1,77 @@
+"""The end of the cascade: faces laid down one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, group_max, group_sum, ranges
+from circparam.pipeline.cascade import Cascade
+
+STAND_IN = 1e-3  # least side of a triangle that stands in: of √(surface area) or the longest edge
+LARGEST = 8  # Cascade.laid at which no polygon that stands in grows any more
+GROW = 16.0  # by which such a side grows where even that is not held
+
+
+def take_to_pieces(atlas: Cascade, faces: BoolArray) -> None:
+    """Cut round every polygon among some faces, and project each onto its own plane.
+
+    A triangle comes out as it is. The triangles of a polygon all agree with its normal (that is how
+    polygons are triangulated), so none of them is flipped.
+    """
+    surface = atlas.surface
+    again = faces & (atlas.laid > 0)
+    if again.any():
+        _stand_in(atlas, again)
+    faces = faces & ~again
+    if not faces.any():
+        return
+    atlas.laid[faces] = 1
+    e = surface.edges // 3
+    inside = faces[e].any(1)
+    atlas.cut = atlas.cut | (inside & ~surface.locked)
+    _, polygon = surface.charts(~(inside & surface.locked & ~atlas.cut))
+    fid = np.flatnonzero(faces)
+    _, first, label = np.unique(polygon[fid], return_index=True, return_inverse=True)
+    p = surface.points[surface.faces[fid]]
+    area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    normal = np.stack([group_sum(area[:, k], label, len(first)) for k in range(3)], 1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    origin = p[first, 0]
+    x = p[first, 1] - origin
+    x -= (x * normal).sum(1)[:, None] * normal
+    x /= np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None]
+    basis = np.stack([x, np.cross(normal, x)], 1)[label]
+    atlas.corners = atlas.corners.copy()
+    atlas.corners[fid] = np.einsum("mkc,mdc->mkd", p - origin[label][:, None], basis)
+    atlas.repairs.append(f"{len(fid)} face(s) laid down one by one: no larger chart was sound")
+
+
+def _stand_in(atlas: Cascade, faces: BoolArray) -> None:
+    """Regular polygons for polygons so thin or small that stored numbers cannot hold their shape."""
+    surface = atlas.surface
+    _, chart = surface.charts(atlas.cut)
+    _, label = np.unique(chart[faces], return_inverse=True)
+    local = np.zeros(len(chart), np.int64)
+    local[faces] = label
+    patches, fid = surface.some_patches(atlas.cut, faces, local)
+    n = patches.n_charts
+    longest = group_max(patches.edge_lengths.max(1), patches.chart, n)
+    size = max(float(np.sqrt(surface.areas.sum())), float(surface.edge_lengths.max(initial=0.0)))
+    side = np.maximum(longest, STAND_IN * size)
+    old = np.linalg.norm(atlas.corners[fid, 1] - atlas.corners[fid, 0], axis=1)
+    grown = group_max(np.where(atlas.laid[fid] >= 2, GROW * old, 0.0), patches.chart, n)
+    side = np.maximum(side, grown)
+    # a polygon's triangles have all their corners on its border
+    loops = patches.loops
+    turn = ranges(np.diff(loops.start)) / np.diff(loops.start)[loops.loop_of]
+    radius = side[loops.chart[loops.loop_of]] / np.sqrt(3)
+    uv = np.zeros((patches.n_vertices, 2))
+    uv[patches.faces.ravel()[loops.half_edges]] = radius[:, None] * np.stack(
+        [np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], 1
+    )
+    atlas.corners = atlas.corners.copy()
+    atlas.corners[fid] = uv[patches.faces]
+    atlas.laid[fid] = np.maximum(atlas.laid[fid] + 1, 2)
+    atlas.repairs.append(
+        f"{len(fid)} face(s) too thin or small to be stored got a regular polygon instead"
+    )

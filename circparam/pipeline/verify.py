@@ -1,0 +1,270 @@
+"""What a layout is worth, read from the layout alone: flips, overlaps, mirrored charts, gaps, distortion.
+
+``verify`` is given the uv of a file as it was read back, and trusts nothing that the pipeline knew before:
+seams are where the uv of the two sides of an edge differ, charts are what lies between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.errors import InputError
+from circparam.geometry.coverage import Coverage, cover, pages_of
+from circparam.geometry.distortion import Measures, measure
+from circparam.geometry.overlap import overlaps, signs
+from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.mesh import UVMap
+from circparam.mesh.surface import Surface
+
+BOUND_SLACK = 1e-4  # relative: what storing uv in float32 may add to a distortion
+EVEN = 1e-9  # share of a chart's area by which one side must outweigh the other
+EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may lie
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What was found. Faces are those of the surface (degenerate and duplicate ones are set aside).
+
+    patches: the surface cut where uv differ; uv (nv, 2) of its vertices. missing: faces without uv.
+    flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
+    clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
+    that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that
+    of all seams / √(surface area). coverage: None where the layout was not rasterised.
+    """
+
+    patches: Patches
+    uv: FloatArray
+    missing: int
+    flips: int
+    flipped: BoolArray
+    mirrored: IntArray
+    overlapping: IntArray
+    overlapping_pairs: IntArray
+    outside: IntArray
+    measures: Measures
+    seam_length: float
+    uv_min: FloatArray
+    uv_max: FloatArray
+    coverage: Coverage | None
+
+    @property
+    def overlap(self) -> int:
+        """Charts that overlap themselves, and pairs of charts that overlap each other."""
+        return len(self.overlapping) + len(self.overlapping_pairs)
+
+    @property
+    def valid(self) -> bool:
+        """Whether every point of the surface has its own place: no flip, no overlap, nothing missing."""
+        return not (self.flips or self.overlap or self.missing or len(self.mirrored))
+
+    def numbers(self) -> dict[str, float | int | None]:
+        """The figures by the names of the report."""
+        m, c = self.measures, self.coverage
+        return {
+            "charts": self.patches.n_charts,
+            "flips": self.flips,
+            "overlap": self.overlap,
+            "mirrored": len(self.mirrored),
+            "missing": self.missing,
+            "distortion": m.sd,
+            "distortion_max_chart": m.sd_max_chart,
+            "stretch_l2": m.whole["stretch_l2"],
+            "stretch_linf": m.whole["stretch_linf"],
+            "angle": m.whole["angle"],
+            "area": m.whole["area"],
+            "seam_length": self.seam_length,
+            "pack": None if c is None else c.share,
+            "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,
+            "border_texels": None if c is None else c.border,
+        }
+
+
+def corners_of(surface: Surface, uvmap: UVMap) -> tuple[FloatArray, BoolArray]:
+    """uv (m, 3, 2) of the corners of the surface's faces, winding as solved; and (m,) which have uv."""
+    index = uvmap.uv_faces[surface.source]
+    index = np.where(surface.turned[:, None], index[:, [0, 2, 1]], index)
+    uv = uvmap.uv if len(uvmap.uv) else np.zeros((1, 2))
+    corners = uv[np.maximum(index, 0)]
+    ok = np.all((index >= 0) & np.isfinite(corners).all(axis=2), axis=1) & (len(uvmap.uv) > 0)
+    return np.where(ok[:, None, None], corners, 0.0), ok
+
+
+def verify(
+    surface: Surface,
+    uvmap: UVMap,
+    *,
+    resolution: int | None = None,
+    padding: int = 4,
+    tiles: IntArray | None = None,
+) -> Verification:
+    """Judge a layout over the faces of the mesh that the surface was made from.
+
+    uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and
+    coordinates may leave the unit square). padding: gaps are looked for up to a little more than this.
+    tiles: (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane;
+    tile t is laid out t units to the right.
+    Raises InputError where no face has uv.
+    """
+    corners, ok = corners_of(surface, uvmap)
+    if not ok.any():
+        raise InputError("no face has uv: unwrap the mesh first")
+    cut = _seams(surface, corners, ok)
+    if tiles is not None:
+        e = tiles[surface.source][surface.edges // 3]
+        cut |= e[:, 0] != e[:, 1]
+    patches = surface.patches(cut)
+    uv = np.zeros((patches.n_vertices, 2))
+    uv[patches.faces.ravel()] = corners.reshape(-1, 2)
+    n, chart = patches.n_charts, patches.chart
+    sign = signs(uv, patches.faces)
+    positive, negative = (
+        group_count(chart[ok & (sign > 0)], n),
+        group_count(chart[ok & (sign < 0)], n),
+    )
+    mirror = negative > positive
+    wrong_side = (mirror != wound_against(surface, patches)) & (negative + positive > 0)
+    flipped = ok & (np.where(mirror[chart], -sign, sign) <= 0)
+    used = group_count(chart[ok], n) > 0
+    if tiles is not None:
+        uv = uv + np.stack([_vertex_tiles(patches, tiles[surface.source]), np.zeros(len(uv))], 1)
+    part, vertices, faces = patches.subset(used)
+    found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
+    number = np.flatnonzero(used)
+    lo, hi = _boxes(patches, uv)
+    covered, outside = None, np.zeros(0, np.int64)
+    if resolution is not None:
+        page = pages_of(patches, uv)[:, None] * [1, 0]
+        outside = np.flatnonzero(
+            used & ((lo < page - EDGE_SLACK) | (hi > page + 1 + EDGE_SLACK)).any(1)
+        )
+        covered = cover(patches, uv, resolution, padding + 2)
+    points = uv[vertices]
+    alike = points if tiles is None else _at_best_scales(part, points, tiles[surface.source][faces])
+    return Verification(
+        patches=patches,
+        uv=uv,
+        missing=int((~ok).sum()),
+        flips=int(flipped.sum()),
+        flipped=flipped,
+        mirrored=np.flatnonzero(wrong_side),
+        overlapping=number[np.flatnonzero(found.self_overlapping)],
+        overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
+        outside=outside,
+        measures=measure(part, alike),
+        seam_length=float(surface.edge_lengths[cut].sum() / np.sqrt(surface.areas.sum())),
+        uv_min=points.min(0),
+        uv_max=points.max(0),
+        coverage=covered,
+    )
+
+
+def wound_against(surface: Surface, patches: Patches) -> BoolArray:
+    """(n_charts,) charts of which the file winds more area the other way than the surface is wound.
+
+    Repair gives a whole component one winding, that of most of its area; where a file is wound at random a
+    single chart may go the other way, and readers take the side that most of the chart shows for its front.
+    Where both sides are as large, up to rounding, it is the side of the chart's first face.
+    """
+    n = patches.n_charts
+    balance = group_sum(np.where(surface.turned, -surface.areas, surface.areas), patches.chart, n)
+    even = np.abs(balance) <= EVEN * group_sum(surface.areas, patches.chart, n)
+    charts, first = np.unique(patches.chart, return_index=True)
+    front = np.zeros(n, bool)
+    front[charts] = surface.turned[first]
+    result: BoolArray = np.where(even, front, balance < 0)
+    return result
+
+
+def _vertex_tiles(patches: Patches, tile: IntArray) -> IntArray:
+    """(nv,) tile of each vertex, from that of each face."""
+    out = np.zeros(patches.n_vertices, np.int64)
+    out[patches.faces.ravel()] = np.repeat(tile, 3)
+    return out
+
+
+def _at_best_scales(patches: Patches, uv: FloatArray, tile: IntArray) -> FloatArray:
+    """uv with every atlas at its own best scale: each may have a density of its own."""
+    of_chart = np.zeros(patches.n_charts, np.int64)
+    of_chart[patches.chart] = tile
+    out = uv.copy()
+    for t in np.unique(of_chart):
+        part, vertices, _ = patches.subset(of_chart == t)
+        out[vertices] *= measure(part, uv[vertices]).scale
+    return out
+
+
+def uv_seams(surface: Surface, uvmap: UVMap) -> BoolArray:
+    """(e,) bool: edges whose two sides have different uv, or one of them none."""
+    return _seams(surface, *corners_of(surface, uvmap))
+
+
+def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
+    flat = corners.reshape(-1, 2)
+    i, j = surface.edges[:, 0], surface.edges[:, 1]
+    ni, nj = (h - h % 3 + (h + 1) % 3 for h in (i, j))
+    differs = (flat[i] != flat[nj]).any(1) | (flat[ni] != flat[j]).any(1)
+    result: BoolArray = differs | ~ok[surface.edges // 3].all(1)
+    return result
+
+
+def _boxes(patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Bounding box of each chart."""
+    lo = np.full((patches.n_charts, 2), np.inf)
+    hi = np.full((patches.n_charts, 2), -np.inf)
+    np.minimum.at(lo, patches.vertex_chart, uv)
+    np.maximum.at(hi, patches.vertex_chart, uv)
+    return lo, hi
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What the options promise of a layout: bound None where the cut promises none; padding in texels."""
+
+    bound: float | None = None
+    padding: int | None = None
+
+
+def reasons(v: Verification, promise: Promise) -> list[str]:
+    """Why a layout is less than what was promised, one line each; empty where it is all right."""
+    out = []
+    if v.missing:
+        out.append(f"{v.missing} faces have no finite uv")
+    if v.flips:
+        where = np.unique(v.patches.chart[v.flipped])
+        out.append(f"{v.flips} faces are flipped or without area in {_named(where)}")
+    if len(v.mirrored):
+        out.append(f"{_named(v.mirrored)} mirrored")
+    if len(v.overlapping):
+        out.append(f"{_named(v.overlapping)} overlapping itself")
+    if len(v.overlapping_pairs):
+        a, b = v.overlapping_pairs[0]
+        out.append(f"{len(v.overlapping_pairs)} pairs of charts overlap, the first {a} and {b}")
+    if len(v.outside):
+        out.append(f"{_named(v.outside)} outside the unit square")
+    if promise.bound is not None:
+        high = np.flatnonzero(v.measures.charts["sd"] > promise.bound * (1 + BOUND_SLACK))
+        if len(high):
+            worst = v.measures.sd_max_chart
+            out.append(f"{_named(high)} above the bound {promise.bound:g}: up to {worst:.4g}")
+    if promise.padding is not None and v.coverage is not None:
+        c = v.coverage
+        if c.gap < promise.padding + 1 and c.near is not None:
+            out.append(
+                f"charts {c.near[0]} and {c.near[1]} are {max(c.gap - 1, 0):.1f} texels apart: "
+                f"{promise.padding} were asked for"
+            )
+        if c.border < promise.padding:
+            out.append(
+                f"{c.border} texels are empty at the border: {promise.padding} were asked for"
+            )
+    return out
+
+
+def _named(charts: IntArray) -> str:
+    """``chart 3`` or ``charts 3, 5, 9 and 4 more``."""
+    shown = ", ".join(str(int(c)) for c in charts[:5])
+    more = f" and {len(charts) - 5} more" if len(charts) > 5 else ""
+    return f"chart{'s' if len(charts) > 1 else ''} {shown}{more}"

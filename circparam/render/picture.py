@@ -1,0 +1,201 @@
+"""The picture of a layout: one PNG that shows the plane, the surface and the stretch; or the layout as SVG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from circparam.core.arrays import FloatArray
+from circparam.errors import OutputError
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.render import colours as col
+from circparam.render.camera import best_directions, look_from
+from circparam.render.figures import Figures, PictureOptions, as_figures, scene_figures, write_bytes
+from circparam.render.html import page
+from circparam.render.scene import Scene, make_scene
+from circparam.render.svg import layout_svg
+from circparam.render.views import (
+    View,
+    checker_cells,
+    checker_colours,
+    draw_plan,
+    paint,
+    see,
+    stretch_colours,
+)
+
+MARGIN = 40
+
+
+def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Pillow's own font at a size, so that pictures look the same on every machine."""
+    return ImageFont.load_default(size)
+
+
+def to_image(array: FloatArray, paper: str = col.PAPER) -> Image.Image:
+    """An (h, w, 3 or 4) array of 0..1 as an image on paper."""
+    if array.shape[2] == 4:
+        alpha = array[..., 3:]
+        array = array[..., :3] * alpha + col.rgb(paper) * (1 - alpha)
+    return Image.fromarray(np.round(np.clip(array, 0, 1) * 255).astype(np.uint8), "RGB")
+
+
+def draw_figure(
+    scene: Scene, options: PictureOptions | None = None, figures: Figures | None = None
+) -> Image.Image:
+    """The figure, 1600 pixels wide: layout on the left, checker above stretch on the right, numbers below.
+
+    figures: (label, text) pairs to print; None prints what the scene itself tells.
+    """
+    options = options or PictureOptions()
+    factor = options.samples or (3 if len(scene.faces) < 200_000 else 2)
+    directions = options.directions
+    if directions is None:
+        directions = best_directions(scene, 2, options.up)
+    top = options.stretch_end or col.stretch_top(scene.stretch, scene.areas * scene.mapped)
+    cells = checker_cells(scene)
+    plan = draw_plan(scene, 720, min(factor, 2), cells=cells, padding=options.padding)
+    width, height = 370, 345
+    views = [
+        see(scene, look_from(scene, d, options.up, width / height), width, height, factor)
+        for d in directions[:2]
+    ]
+    page = Image.new("RGB", (1600, 1010), col.PAPER)
+    draw = ImageDraw.Draw(page)
+    _heading(draw, options, scene)
+    y = 128
+    page.paste(to_image(plan.image), (MARGIN, y))
+    note = _tile_note(scene) + ("; hatched where it overlaps" if plan.overlap > 1e-4 else "")
+    _label(draw, MARGIN, y - 26, "Layout", note)
+    for k, view in enumerate(views):
+        x = MARGIN + 720 + 40 + k * (width + 20)
+        page.paste(_checker_view(scene, view, cells), (x, y))
+        page.paste(_stretch_view(scene, view, top), (x, y + height + 30))
+    x = MARGIN + 760
+    _label(draw, x, y - 26, "Checker", "in the colours of the charts; seams in black")
+    _label(draw, x, y + height + 4, "Stretch", "")
+    _legend(page, draw, 1600 - MARGIN, y + height + 6, top, scene)
+    _figures(
+        draw,
+        905,
+        figures if figures is not None else scene_figures(scene, (plan.share, plan.overlap)),
+    )
+    return page
+
+
+def _checker_view(scene: Scene, view: View, cells: float) -> Image.Image:
+    return to_image(paint(view, checker_colours(scene, view, cells), col.rgb(col.INK)))
+
+
+def _stretch_view(scene: Scene, view: View, top: float) -> Image.Image:
+    return to_image(paint(view, stretch_colours(scene, view.face, top), col.rgb(col.INK), 0.5, 0.5))
+
+
+def _tile_note(scene: Scene) -> str:
+    if not scene.outside:
+        return "the unit square"
+    u0, v0, u1, v1 = scene.bounds
+    return f"outside the unit square: u {u0:.4g} to {u1:.4g}, v {v0:.4g} to {v1:.4g}"
+
+
+def _heading(draw: ImageDraw.ImageDraw, options: PictureOptions, scene: Scene) -> None:
+    draw.text((MARGIN, 28), options.title, font=font(30), fill=col.INK)
+    counts = f"{len(scene.faces):,} faces · {scene.n_charts:,} chart{'s' * (scene.n_charts != 1)}"
+    line = f"{options.note} · {counts}" if options.note else counts
+    draw.text((1600 - MARGIN, 38), line, font=font(19), fill=col.MUTED, anchor="ra")
+    draw.line((MARGIN, 80, 1600 - MARGIN, 80), fill=col.HAIRLINE, width=2)
+
+
+def _label(draw: ImageDraw.ImageDraw, x: float, y: float, name: str, note: str) -> None:
+    draw.text((x, y), name, font=font(19), fill=col.INK)
+    if note:
+        shift = draw.textlength(name, font=font(19)) + 12
+        draw.text((x + shift, y + 2), note, font=font(16), fill=col.MUTED)
+
+
+def _legend(
+    page: Image.Image, draw: ImageDraw.ImageDraw, right: int, y: int, top: float, scene: Scene
+) -> None:
+    """A colour bar from 1 to the end of the scale, on one line that ends at ``right``."""
+    small = font(16)
+    for present, code, name in (
+        (not scene.mapped.all(), col.NO_UV, "no uv"),
+        (scene.flipped.any(), col.FLIP, "flipped"),
+    ):
+        if present:
+            right -= int(draw.textlength(name, font=small))
+            draw.text((right, y), name, font=small, fill=col.MUTED)
+            draw.rectangle((right - 22, y + 4, right - 8, y + 18), fill=code)
+            right -= 42
+    text = f"{top:g} or more"
+    right -= int(draw.textlength(text, font=small))
+    draw.text((right, y), text, font=small, fill=col.MUTED)
+    bar = 240
+    left = right - 10 - bar
+    page.paste(to_image(np.repeat(col.stretch_map(bar)[None], 12, axis=0)), (left, y + 5))
+    draw.rectangle((left - 1, y + 4, left + bar, y + 17), outline=col.HAIRLINE)
+    draw.text((left - 10, y), "1, no stretch", font=small, fill=col.MUTED, anchor="ra")
+
+
+def _figures(draw: ImageDraw.ImageDraw, y: int, figures: Figures) -> None:
+    """The key figures in one row: large number, small label."""
+    draw.line((MARGIN, y - 18, 1600 - MARGIN, y - 18), fill=col.HAIRLINE, width=2)
+    shown = list(figures)[:8]
+    step = (1600 - 2 * MARGIN) / max(len(shown), 1)
+    for k, (label, text) in enumerate(shown):
+        x = MARGIN + k * step
+        draw.text((x, y), text, font=font(27), fill=col.INK)
+        draw.text((x, y + 38), label, font=font(16), fill=col.MUTED)
+
+
+def png_bytes(image: Image.Image) -> bytes:
+    """The image as PNG, small: at most 256 colours where that changes nothing one would see."""
+    out = io.BytesIO()
+    image.save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+def save_preview(
+    path: str | Path,
+    mesh: Mesh,
+    uvmap: UVMap,
+    measures: Mapping[str, object] | Figures | None = None,
+    options: PictureOptions | None = None,
+) -> None:
+    """Write a PNG (or an SVG, or an HTML page, by the file's ending) of a mesh and its uv.
+
+    measures: figures to print, name → value, by the names of ``figures.NAMES`` or any others; None prints
+    what the layout itself tells. options: title, padding, repairs and so on.
+    Raises InputError where the mesh has no usable uv, OutputError where the file cannot be written or the
+    ending is unknown.
+    """
+    path = Path(path)
+    scene = make_scene(mesh.points, mesh.faces, uvmap.uv, uvmap.uv_faces)
+    options = options or PictureOptions(title=path.stem)
+    figures = as_figures(measures) if measures is not None else None
+    save_scene(path, scene, options, figures)
+
+
+def save_scene(
+    path: Path, scene: Scene, options: PictureOptions, figures: Figures | None = None
+) -> None:
+    """Write the picture of a scene in the format of the file's ending: .png, .svg or .html.
+
+    Raises OutputError where the ending is another, or where the file cannot be written.
+    """
+    kind = path.suffix.lower()
+    if kind == ".png":
+        data = png_bytes(draw_figure(scene, options, figures))
+    elif kind == ".svg":
+        data = layout_svg(scene, options.title).encode()
+    elif kind == ".html":
+        data = page(scene, options, figures).encode()
+    else:
+        raise OutputError(
+            f"{path}: no picture format {kind or 'without an ending'!r}: end the name in .png, .svg or .html"
+        )
+    write_bytes(path, data)

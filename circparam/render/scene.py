@@ -1,0 +1,297 @@
+"""What a picture shows: a mesh with its uv, its charts, its seams, and the stretch of every face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, relabel
+from circparam.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Arrays that every picture is drawn from; made by ``make_scene``.
+
+    points: (n, 3) float64. faces: (m, 3) int64 into points. weld: (n,) int64, equal for equal positions.
+    uv: (k, 2) float64, finite, all of them used. uv_faces: (m, 3) int64 into uv, −1 where a face has no uv.
+    chart: (m,) int64, charts numbered by falling uv area, −1 where a face has no uv.
+    """
+
+    points: FloatArray
+    faces: IntArray
+    weld: IntArray
+    uv: FloatArray
+    uv_faces: IntArray
+    chart: IntArray
+
+    @cached_property
+    def n_charts(self) -> int:
+        """Number of charts."""
+        return int(self.chart.max(initial=-1)) + 1
+
+    @cached_property
+    def mapped(self) -> BoolArray:
+        """(m,) faces that have uv."""
+        return self.chart >= 0
+
+    @cached_property
+    def used_points(self) -> FloatArray:
+        """(p, 3) the points that some face uses."""
+        used = np.zeros(len(self.points), bool)
+        used[self.faces] = True
+        return self.points[used]
+
+    @cached_property
+    def inside_out(self) -> bool:
+        """Whether a (nearly) closed surface is wound inwards: its signed volume is negative."""
+        whole = float(np.linalg.norm(self._crosses, axis=1).sum())
+        if (
+            np.linalg.norm(self._crosses.sum(0)) > 0.02 * whole
+        ):  # the sum of a closed surface is zero
+            return False
+        p = self.points[self.faces].mean(1)
+        middle = (p * self.areas[:, None]).sum(0) / max(float(self.areas.sum()), 1e-300)
+        return bool(np.einsum("ij,ij->", p - middle, self._crosses) < 0)
+
+    @cached_property
+    def corner_uv(self) -> FloatArray:
+        """(m, 3, 2) uv of every corner, NaN where a face has none."""
+        out = self.uv[np.maximum(self.uv_faces, 0)]
+        out[~self.mapped] = np.nan
+        return out
+
+    @cached_property
+    def uv_areas(self) -> FloatArray:
+        """(m,) signed uv area of every face, 0 where it has none."""
+        c = np.nan_to_num(self.corner_uv)
+        return cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) / 2
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """(m,) area of every face on the surface."""
+        result: FloatArray = np.linalg.norm(self._crosses, axis=1) / 2
+        return result
+
+    @cached_property
+    def _crosses(self) -> FloatArray:
+        c = self.points[self.faces]
+        return np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """(m, 3) unit normals of the faces, zero for faces without area."""
+        length = np.linalg.norm(self._crosses, axis=1, keepdims=True)
+        result: FloatArray = np.divide(
+            self._crosses, length, out=np.zeros_like(self._crosses), where=length > 0
+        )
+        return result
+
+    @cached_property
+    def corner_normals(self) -> FloatArray:
+        """(m, 3, 3) normals for smooth shading: area-weighted vertex normals, except across sharp edges."""
+        at = self.weld[self.faces].ravel()
+        weight = np.repeat(self._crosses, 3, axis=0)
+        total = np.stack([group_sum(weight[:, k], at, len(self.points)) for k in range(3)], 1)
+        length = np.linalg.norm(total, axis=1, keepdims=True)
+        smooth = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+        corner = smooth[at].reshape(-1, 3, 3)
+        flat = np.broadcast_to(self.normals[:, None], corner.shape)
+        sharp = (corner * flat).sum(2) < np.cos(np.radians(40))
+        return np.where(sharp[..., None], flat, corner)
+
+    @cached_property
+    def scale(self) -> float:
+        """Uv units for one unit of length on the surface, over all charts together."""
+        uv_area = float(np.abs(self.uv_areas).sum())
+        area = float(self.areas[self.mapped].sum())
+        return float(np.sqrt(uv_area / area)) if area > 0 and uv_area > 0 else 1.0
+
+    @cached_property
+    def stretch(self) -> FloatArray:
+        """(m,) symmetric Dirichlet energy σ1² + σ2² + σ1⁻² + σ2⁻² of every face, divided by 4: 1 is perfect.
+
+        At the one scale that is best for the whole atlas, as in the measures (Rabinovich 2017; Smith and
+        Schaefer 2015). Infinite where a face has no area on either side, NaN where it has no uv.
+        """
+        c = self.points[self.faces]
+        e1, e2 = c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]
+        w = np.nan_to_num(self.corner_uv)
+        d1, d2 = w[:, 1] - w[:, 0], w[:, 2] - w[:, 0]
+        g11, g12, g22 = (np.einsum("ij,ij->i", a, b) for a, b in ((e1, e1), (e1, e2), (e2, e2)))
+        double = np.linalg.norm(self._crosses, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            # |J|² = trace of (uv metric · inverse surface metric); det J = ratio of areas
+            trace = (
+                (d1 * d1).sum(1) * g22 - 2 * (d1 * d2).sum(1) * g12 + (d2 * d2).sum(1) * g11
+            ) / double**2
+            det = cross2(d1, d2) / double
+            grow, shrink = trace, trace / det**2
+            broken = ~np.isfinite(grow) | ~np.isfinite(shrink)
+            ok = self.mapped & ~broken
+            a = self.areas[ok]
+            k2 = np.sqrt((a * shrink[ok]).sum() / (a * grow[ok]).sum()) if ok.any() else 1.0
+            out = (grow * k2 + shrink / k2) / 4
+        out[broken] = np.inf
+        out[~self.mapped] = np.nan
+        result: FloatArray = out
+        return result
+
+    @cached_property
+    def flipped(self) -> BoolArray:
+        """(m,) faces whose uv winding differs from that of their chart, or whose uv area is zero.
+
+        Faces without area on the surface, further faces on the same three places (twins, which can only lie
+        on the uv of the first one), and faces that the file winds against their neighbours are no flips.
+        """
+        n = self.n_charts
+        chart = np.maximum(self.chart, 0)
+        turn = np.sign(group_sum(self.uv_areas * self.mapped, chart, max(n, 1)))
+        result: BoolArray = self.mapped & (np.sign(self.uv_areas) != turn[chart])
+        c = self.points[self.faces]
+        longest = np.square(c - c[:, [1, 2, 0]]).sum(2).max(1)
+        result &= self.areas > 1e-12 * longest
+        if result.any():
+            label = row_labels(np.sort(self.weld[self.faces], axis=1).astype(np.float64))
+            first = np.full(int(label.max()) + 1, len(label))
+            np.minimum.at(first, label, np.arange(len(label)))
+            result &= first[label] == np.arange(len(label))
+            result &= ~self._turned()
+        return result
+
+    def _turned(self) -> BoolArray:
+        """(m,) faces that run along a uv edge in the same direction as another: wound against a neighbour."""
+        a, b = self.uv_faces.ravel(), self.uv_faces[:, [1, 2, 0]].ravel()
+        key = np.where(a >= 0, a * (len(self.uv) + 1) + b, -1)
+        _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
+        shared = (count[inverse.reshape(-1)] > 1) & (a >= 0)
+        return np.asarray(shared.reshape(-1, 3).any(axis=1), bool)
+
+    @cached_property
+    def seams(self) -> IntArray:
+        """(s,) half-edges 3f + k along which the uv of a face does not go on into a neighbour.
+
+        Both sides of a seam are listed; borders of the surface are listed too.
+        """
+        a = self.uv_faces.ravel()
+        b = self.uv_faces[:, [1, 2, 0]].ravel()
+        ok = (a >= 0) & (b >= 0)
+        n = len(self.uv) + 1
+        key = np.where(ok, np.minimum(a, b) * n + np.maximum(a, b), -1)
+        order = np.argsort(key, kind="stable")
+        ranked = key[order]
+        lone = np.ones(len(key), bool)
+        lone[1:] &= ranked[1:] != ranked[:-1]
+        lone[:-1] &= ranked[1:] != ranked[:-1]
+        out: IntArray = np.sort(order[lone & (ranked >= 0)])
+        return out
+
+    @cached_property
+    def inner_seams(self) -> IntArray:
+        """(s,) the half-edges of ``seams`` that are cuts, not borders of the surface: one for each edge."""
+        w = self.weld[self.faces]
+        a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
+        h = self.seams
+        key = np.minimum(a, b)[h] * (len(self.points) + 1) + np.maximum(a, b)[h]
+        _, first, count = np.unique(key, return_index=True, return_counts=True)
+        out: IntArray = np.sort(h[first[count > 1]])
+        return out
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The part of the plane to show, (u0, v0, u1, v1): the unit square and all uv.
+
+        A side that comes near the edge of a tile goes to that edge, so that whole tiles are shown whole.
+        """
+        low, high = np.minimum(self.uv.min(0), 0), np.maximum(self.uv.max(0), 1)
+        snap_low, snap_high = np.floor(low + 1e-6), np.ceil(high - 1e-6)
+        margin = 0.02 * float((high - low).max())
+        low = np.where(low - snap_low < 0.35, np.minimum(snap_low, low), low - margin)
+        high = np.where(snap_high - high < 0.35, np.maximum(snap_high, high), high + margin)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    @cached_property
+    def n_tiles(self) -> int:
+        """Number of unit tiles that hold a face, by its centre."""
+        tile = np.floor(self.corner_uv[self.mapped].mean(1))
+        tile -= tile.min(0)
+        return len(np.unique(tile[:, 0] * (tile[:, 1].max() + 1) + tile[:, 1]))
+
+    @cached_property
+    def outside(self) -> bool:
+        """Whether some uv lie outside the unit square."""
+        return bool((self.uv < -1e-6).any() or (self.uv > 1 + 1e-6).any())
+
+
+def row_labels(rows: FloatArray) -> IntArray:
+    """(n,) label of each row of a (n, d) array, equal for equal rows (−0 equals 0)."""
+    rows = rows + 0.0
+    order = np.lexsort(rows.T[::-1])
+    ranked = rows[order]
+    new = np.r_[False, (ranked[1:] != ranked[:-1]).any(1)]
+    out = np.empty(len(rows), np.int64)
+    out[order] = np.cumsum(new)
+    return out
+
+
+def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: IntArray) -> Scene:
+    """The scene of a mesh and its layout.
+
+    points: (n, 3), faces: (m, 3), uv: (k, 2), uv_faces: (m, 3), −1 in uv_faces for a corner without uv.
+    Corners that share position and uv are joined first, whatever the file's numbering says (glTF repeats
+    them at sharp edges), so that charts and seams are those that one sees.
+    Raises InputError where shapes do not fit, where no face has uv, or where uv are not finite.
+    """
+    points = np.asarray(points, np.float64)
+    faces = np.asarray(faces, np.int64)
+    uv = np.asarray(uv, np.float64)
+    uv_faces = np.asarray(uv_faces, np.int64)
+    if uv_faces.shape != faces.shape:
+        raise InputError(
+            f"uv_faces have shape {uv_faces.shape}, faces {faces.shape}: one uv corner a face corner is needed"
+        )
+    mapped: BoolArray = np.asarray((uv_faces >= 0).all(1))
+    if not mapped.any() or uv.size == 0:
+        raise InputError("no face has uv: make them first with 'circparam unwrap'")
+    if int(uv_faces.max()) >= len(uv):
+        raise InputError(f"uv_faces name uv {int(uv_faces.max())}, there are only {len(uv)}")
+    finite: BoolArray = np.asarray(np.isfinite(uv).all(1))
+    bad = mapped & ~finite[np.maximum(uv_faces, 0)].all(1)
+    if bad.any():
+        raise InputError(
+            f"{int(bad.sum())} faces have NaN or infinite uv, the first is face "
+            f"{int(np.flatnonzero(bad)[0])}: unwrap the mesh again with 'circparam unwrap'"
+        )
+    weld = row_labels(points)
+    same_uv = row_labels(uv)
+    key = weld[faces] * (len(uv) + 1) + same_uv[np.maximum(uv_faces, 0)]
+    _, first, inverse = np.unique(key[mapped].ravel(), return_index=True, return_inverse=True)
+    joined = np.full(faces.shape, -1)
+    joined[mapped] = inverse.reshape(-1, 3)
+    new_uv = uv[uv_faces[mapped].ravel()[first]]
+    chart = _charts(joined, mapped, new_uv)
+    return Scene(points, faces, weld, new_uv, joined, chart)
+
+
+def _charts(uv_faces: IntArray, mapped: BoolArray, uv: FloatArray) -> IntArray:
+    """Components of the faces through shared corners, numbered by falling uv area; −1 without uv."""
+    fid = np.flatnonzero(mapped)
+    rows = np.repeat(np.arange(len(fid)), 3)
+    columns = uv_faces[fid].ravel()
+    size = len(fid) + len(uv)
+    graph = sps.coo_matrix(
+        (np.ones(len(rows), bool), (rows, columns + len(fid))), shape=(size, size)
+    )
+    _, labels = csgraph.connected_components(graph, directed=False)
+    n, label = relabel(labels[: len(fid)].astype(np.int64))
+    c = uv[uv_faces[fid]]
+    area = group_sum(np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])), label, n)
+    rank = np.empty(n, np.int64)
+    rank[np.lexsort((np.arange(n), -area))] = np.arange(n)
+    chart = np.full(len(uv_faces), -1)
+    chart[fid] = rank[label]
+    return chart

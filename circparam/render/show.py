@@ -1,0 +1,117 @@
+"""From a document to its picture: a uv set of a file, with the file's own textures where a page shows them."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from PIL import Image
+
+from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document
+from circparam.formats.materials import decode, media_type, textures
+from circparam.mesh.mesh import UVMap
+from circparam.render.figures import PageImages, PictureOptions
+from circparam.render.picture import save_scene
+from circparam.render.scene import Scene, make_scene
+
+KINDS = (".png", ".svg", ".html")
+LARGEST = 2048  # texels a side of a texture inside a page
+
+
+def check_kind(path: Path) -> None:
+    """Raise OptionError where the ending of a picture's name tells no format."""
+    if path.suffix.lower() not in KINDS:
+        raise OptionError(
+            f"{path}: {path.suffix or 'no ending'} is no picture format: end the name in {', '.join(KINDS)}"
+        )
+
+
+def view_document(
+    document: Document,
+    path: Path,
+    *,
+    uv_set: int = 0,
+    padding: float = 0.0,
+    up: str = "auto",
+    stretch_end: float | None = None,
+) -> Scene:
+    """Draw a uv set of a file into a PNG, an SVG or a page, by the ending of ``path``; returns the scene.
+
+    padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or auto. stretch_end:
+    end of the colour scale. Raises OptionError for an unknown ending, InputError where the file lacks that set
+    or its uv are no numbers, OutputError where the picture cannot be written.
+    """
+    check_kind(path)
+    uvmap = document.uv(uv_set)
+    if uvmap is None:
+        there = ", ".join(str(n) for n in document.uv_sets)
+        cure = f"it has {there}" if there else "make uv first with 'circparam unwrap'"
+        raise InputError(f"{document.source.name}: no uv set {uv_set}: {cure}")
+    scene = scene_of(document, uvmap)
+    images, note, notes = None, "this mesh has no texture", list(document.notes)
+    if path.suffix.lower() == ".html":
+        images, note, more = page_images(document, uv_set)
+        notes += more
+    name = Path(document.source.name).name
+    if up == "auto":  # two formats say what is up: glTF by its standard, STL by what it is used for
+        up = {"glb": "y", "gltf": "y", "stl": "z"}.get(document.format, up)
+    options = PictureOptions(
+        title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
+        padding=padding, stretch_end=stretch_end, repairs=tuple(notes), images=images, image_note=note,
+    )  # fmt: skip
+    save_scene(path, scene, options)
+    return scene
+
+
+def scene_of(document: Document, uvmap: UVMap) -> Scene:
+    """The scene of a document; errors name its file."""
+    try:
+        mesh = document.mesh
+        return make_scene(mesh.points, mesh.faces, uvmap.uv, uvmap.uv_faces)
+    except InputError as error:
+        raise InputError(f"{document.source.name}: {error}") from None
+
+
+def page_images(document: Document, uv_set: int) -> tuple[PageImages | None, str, list[str]]:
+    """The textures that belong to a uv set, small enough for a page: (images, why there are none, notes)."""
+    try:
+        found = textures(document)
+    except InputError as error:
+        return None, "the texture cannot be read", [str(error)]
+    if found is None:
+        return None, "this mesh has no texture", []
+    if found.uv_set != uv_set:
+        return None, f"the texture belongs to uv set {found.uv_set}", found.notes
+    if not found.images:
+        return None, "; ".join(found.notes) or "its materials have no image", found.notes
+    files, notes = [], list(found.notes)
+    for data, name in zip(found.images, found.names, strict=True):
+        try:
+            files.append(_page_image(data, name))
+        except InputError as error:
+            notes.append(str(error))
+            files.append((_grey(), "image/png"))
+    return PageImages(files, found.face), "", notes
+
+
+def _page_image(data: bytes, name: str) -> tuple[bytes, str]:
+    """An image as it is where browsers know it and it is small enough, else scaled down and as JPEG or PNG."""
+    image = decode(data, name)
+    kind = media_type(data)
+    if kind is not None and max(image.size) <= LARGEST and len(data) <= 3_000_000:
+        return data, kind
+    image.thumbnail((LARGEST, LARGEST))
+    out = io.BytesIO()
+    if image.mode == "RGBA":
+        image.save(out, "PNG", optimize=True)
+        return out.getvalue(), "image/png"
+    image.save(out, "JPEG", quality=85)
+    return out.getvalue(), "image/jpeg"
+
+
+def _grey() -> bytes:
+    """A grey texel: stands for an image that cannot be read."""
+    out = io.BytesIO()
+    Image.new("RGB", (1, 1), (200, 204, 210)).save(out, "PNG")
+    return out.getvalue()

@@ -1,0 +1,168 @@
+"""Layouts of one mesh side by side: what a comparison shows, drawn with the same views and the same scale."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from circparam.errors import InputError
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.render import colours as col
+from circparam.render.camera import Camera, best_directions, look_from
+from circparam.render.figures import number_text
+from circparam.render.picture import to_image
+from circparam.render.scene import Scene, make_scene
+from circparam.render.views import (
+    View,
+    checker_cells,
+    checker_colours,
+    draw_plan,
+    paint,
+    see,
+    stretch_colours,
+    with_seams,
+)
+
+LARGEST_TOP = 5.0  # a scale that ends later shows no difference between the good ones
+COLUMNS = {
+    "seconds": "seconds",
+    "charts": "charts",
+    "distortion": "stretch",
+    "distortion_max_chart": "worst chart",
+    "stretch_l2": "L2",
+    "stretch_linf": "L∞",
+    "angle": "angle",
+    "area": "area",
+    "flips": "flips",
+    "overlap": "overlaps",
+    "mirrored": "mirrored",
+    "seam_length": "seam",
+    "pack": "covered",
+    "peak_bytes": "peak MB",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One row of a comparison.
+
+    name: of the method. uvmap: its layout, None where it has none. status: ok, invalid or failed, with error.
+    figures: values by the keys of COLUMNS. stages: seconds of each stage.
+    """
+
+    name: str
+    uvmap: UVMap | None
+    status: str = "ok"
+    figures: Mapping[str, float | int | None] = field(default_factory=dict)
+    stages: Mapping[str, float] = field(default_factory=dict)
+    error: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """A mesh and its rows. title: of the mesh; note: how it was cut; up: the axis that points up."""
+
+    title: str
+    mesh: Mesh
+    rows: Sequence[Side]
+    note: str = ""
+    up: str = "auto"
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Pictures of one row: layout, checker, stretch; None where the row has no layout."""
+
+    side: Side
+    images: tuple[Image.Image, Image.Image, Image.Image] | None
+
+
+def sides_of(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto") -> Sides:
+    """The sides of a ``circparam.compare.compare.Comparison`` whose rows keep their layout as ``uvmap``."""
+    rows = []
+    for row in comparison.rows:
+        figures = dict(row.figures) | {"seconds": row.seconds, "peak_bytes": row.peak_bytes}
+        uvmap = getattr(row, "uvmap", None)
+        rows.append(Side(row.method, uvmap, row.status, figures, row.stages, row.error or ""))
+    note = f"{comparison.faces:,} faces, cut {comparison.cut}"
+    return Sides(title or comparison.mesh, mesh, rows, note, up)
+
+
+def draw_sides(sides: Sides, size: int = 300, samples: int = 2) -> tuple[list[Drawn], float]:
+    """Every row drawn from the same side of the surface: (pictures, end of the common stretch scale).
+
+    size: pixels of the square layout; the views are size wide and as high as the surface needs.
+    """
+    scenes = [_scene(sides.mesh, side) for side in sides.rows]
+    tops = [col.stretch_top(s.stretch, s.areas * s.mapped) for s in scenes if s is not None]
+    top = min(max(tops, default=2.0), LARGEST_TOP)
+    height = size
+    view: View | None = None
+    camera: Camera | None = None
+    out = []
+    for side, scene in zip(sides.rows, scenes, strict=True):
+        if scene is None:
+            out.append(Drawn(side, None))
+            continue
+        if view is None or camera is None:
+            direction = best_directions(scene, 1, sides.up)[0]
+            height = _view_height(scene, look_from(scene, direction, sides.up), size)
+            camera = look_from(scene, direction, sides.up, size / height)
+            view = see(scene, camera, size, height, samples)
+        else:
+            view = with_seams(view, scene, camera)
+        cells = checker_cells(scene, 22)
+        plan = draw_plan(scene, size, samples, cells=cells)
+        checker = paint(view, checker_colours(scene, view, cells), col.rgb(col.INK))
+        colours = stretch_colours(scene, view.face, top)
+        stretch = paint(view, colours, col.rgb(col.INK), 0.5, 0.5)
+        out.append(Drawn(side, (to_image(plan.image), to_image(checker), to_image(stretch))))
+    return out, top
+
+
+def _view_height(scene: Scene, camera: Camera, size: int) -> int:
+    """Height of a view that is size wide, so that little of it stays empty."""
+    xy, _ = camera.project(scene.used_points, 1000, 1000)
+    wide, high = np.ptp(xy, axis=0) + 1e-9
+    return int(size * np.clip(1.06 * high / wide, 0.45, 1.0))
+
+
+def _scene(mesh: Mesh, side: Side) -> Scene | None:
+    if side.uvmap is None:
+        return None
+    try:
+        return make_scene(mesh.points, mesh.faces, side.uvmap.uv, side.uvmap.uv_faces)
+    except InputError:
+        return None
+
+
+def caption(side: Side, seconds: bool = True) -> str:
+    """Charts, stretch and seconds of a row in a few words; what is unknown is left out."""
+    charts, stretch, time = (side.figures.get(k) for k in ("charts", "distortion", "seconds"))
+    parts = []
+    if charts is not None:
+        parts.append(f"{charts:,} chart{'s' * (charts != 1)}")
+    if stretch is not None:
+        parts.append(f"stretch {cell_text('distortion', stretch)}")
+    if time is not None and seconds:
+        parts.append(f"{cell_text('seconds', time)}\u00a0s")
+    return " · ".join(parts)
+
+
+def cell_text(key: str, value: float | int | None) -> str:
+    """A value of a column as text; an empty cell is a dash."""
+    if value is None or not np.isfinite(value):
+        return "–" if value is None else "∞"
+    if abs(value) > 1e9 and key != "peak_bytes":  # collapsed faces: the digits would say nothing
+        return "over 1e9"
+    if key == "peak_bytes":
+        return f"{value / 1e6:,.0f}"
+    if key == "pack":
+        return f"{100 * value:.1f} %"
+    if key == "seconds":
+        return f"{value:.3g}" if value < 100 else f"{value:,.0f}"
+    return number_text(float(f"{value:.5g}")) if isinstance(value, float) else f"{value:,}"

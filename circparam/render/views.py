@@ -1,0 +1,277 @@
+"""The two pictures of a scene: the surface from one side, and the layout in the plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.geometry.raster import barycentric, rasterise
+from circparam.render import colours as col
+from circparam.render.camera import Camera
+from circparam.render.lines import draw_lines, shrink
+from circparam.render.scene import Scene
+
+LIGHT = np.array([-0.40, 0.55, 0.73])
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A rasterised side of the surface, to be coloured as often as needed.
+
+    pixel: (p,) flat indices of the samples that show a face, face and bary belong to them.
+    light: (p,) brightness. back: (p,) the face is seen from behind. depth: (h, w) of the nearest face.
+    seams: (h, w) mask of seam lines.
+    """
+
+    width: int
+    height: int
+    factor: int
+    pixel: IntArray
+    face: IntArray
+    bary: FloatArray
+    light: FloatArray
+    back: BoolArray
+    depth: FloatArray
+    seams: FloatArray
+
+
+def see(scene: Scene, camera: Camera, width: int, height: int, factor: int = 2) -> View:
+    """Rasterise the surface for a picture of width × height, with factor² samples a pixel."""
+    w, h = width * factor, height * factor
+    xy, depth = camera.project(scene.points, w, h)
+    face_xy, face_z = xy[scene.faces], depth[scene.faces]
+    face, z, _ = rasterise(face_xy, w, h, face_z)
+    pixel = np.flatnonzero(face.ravel() >= 0)
+    seen = face.ravel()[pixel]
+    bary = barycentric(face_xy, seen, pixel, w)
+    normal = np.einsum("pk,pkc->pc", bary, scene.corner_normals[seen])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    back = (scene.normals[seen] @ camera.back < 0) != scene.inside_out
+    if scene.inside_out:
+        normal = -normal
+    light = _brightness(normal, back, camera) * _occlusion(z, pixel, factor)
+    lines = _seam_lines(scene, camera, z, factor)
+    return View(width, height, factor, pixel, seen, bary, light, back, z, lines)
+
+
+def with_seams(view: View, scene: Scene, camera: Camera) -> View:
+    """The same view of the same mesh with the seams of another layout."""
+    return replace(view, seams=_seam_lines(scene, camera, view.depth, view.factor))
+
+
+def _seam_lines(scene: Scene, camera: Camera, z: FloatArray, factor: int) -> FloatArray:
+    """Mask of the seams and borders that are seen; the bias keeps a line from sinking into its own faces."""
+    h, w = z.shape
+    xy, depth = camera.project(scene.points, w, h)
+    seams = scene.seams
+    flat = scene.faces.ravel()
+    a, b = flat[seams], flat[3 * (seams // 3) + (seams + 1) % 3]
+    lines = np.concatenate([xy, depth[:, None]], 1)
+    pixel_size = 2 * camera.reach / min(w, h)
+    return draw_lines(lines[a], lines[b], (h, w), 0.75 * factor, z, 3.5 * factor * pixel_size)
+
+
+def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArray:
+    """A key light from the upper left, wrapped round the shape, over a soft sky."""
+    n = np.stack([normal @ camera.right, normal @ camera.up, normal @ camera.back], 1)
+    n[back] *= -1
+    key = np.clip(0.5 + 0.5 * (n @ (LIGHT / np.linalg.norm(LIGHT))), 0, 1) ** 1.6
+    sky = 0.5 + 0.5 * n[:, 1]
+    result: FloatArray = 0.42 + 0.56 * key + 0.10 * sky
+    return result
+
+
+def _occlusion(z: FloatArray, pixel: IntArray, factor: int) -> FloatArray:
+    """Darken what lies deeper than its surroundings (unsharp masking of the depth, Luft 2006)."""
+    small = z[
+        factor // 2 :: factor, factor // 2 :: factor
+    ]  # a soft effect: one sample a pixel is enough
+    mask = np.isfinite(small)
+    if not mask.any():
+        return np.ones(len(pixel))
+    radius = min(small.shape) / 40
+    depth = np.where(mask, small, small[mask].min())
+    weight = gaussian_filter(mask.astype(np.float32), radius, truncate=2)
+    mean = gaussian_filter(np.where(mask, depth, 0.0), radius, truncate=2)
+    span = max(float(np.ptp(small[mask])), 1e-12)
+    below = np.clip((depth - mean / np.maximum(weight, 1e-9)) / (0.18 * span), 0, 1) * mask
+    row, column = pixel // z.shape[1] // factor, pixel % z.shape[1] // factor
+    result: FloatArray = 1 - 0.38 * below[row, column]
+    return result
+
+
+def paint(
+    view: View, colour: FloatArray, seam: FloatArray, line: float = 1.0, shade: float = 1.0
+) -> FloatArray:
+    """The finished picture (h, w, 4) with straight alpha.
+
+    colour: (p, 3) of the samples. seam: (3,) colour of the seams, drawn with the opacity ``line``.
+    shade: how much of the light is applied; less of it keeps colours that carry values legible.
+    """
+    h, w = view.height * view.factor, view.width * view.factor
+    c = np.where(view.back[:, None], col.mix(colour, np.array([0.62, 0.63, 0.65]), 0.45), colour)
+    image = np.zeros((h * w, 4))
+    image[view.pixel, :3] = c * (1 - shade + shade * view.light[:, None])
+    image[view.pixel, 3] = 1
+    at = np.flatnonzero(view.seams)
+    image[at, :3] = image[at, :3] * (1 - line) + seam * line
+    image[at, 3] = np.maximum(image[at, 3], line)
+    small = shrink(image.reshape(h, w, 4), view.factor)
+    small[..., :3] /= np.maximum(small[..., 3:], 1e-9)
+    return np.clip(small, 0, 1)
+
+
+def checker_colours(scene: Scene, view: View, cells: float) -> FloatArray:
+    """(p, 3) a checker in the colours of the charts. cells: checker cells for one uv unit."""
+    uv = np.einsum("pk,pkc->pc", view.bary, scene.corner_uv[view.face])
+    return _chart_table(scene, (0.80, 0.18))[scene.chart[view.face], _checker(uv, cells)]
+
+
+def _checker(uv: FloatArray, cells: float) -> IntArray:
+    """(p,) 0 or 1: the colour of the checker at each uv."""
+    step = np.floor(np.nan_to_num(uv) * cells)
+    return ((step[:, 0] + step[:, 1]) % 2).astype(np.int64)
+
+
+def _chart_table(scene: Scene, pale: tuple[float, float]) -> FloatArray:
+    """(n_charts + 1, 2, 3) two shades of every chart's colour, by how much white they hold; last: no uv."""
+    base = col.chart_colours(np.r_[np.arange(scene.n_charts), -1])
+    return np.stack([col.mix(base, np.ones(3), t) for t in pale], 1)
+
+
+def stretch_colours(scene: Scene, faces: IntArray, top: float) -> FloatArray:
+    """(p, 3) the stretch map of faces; flipped faces and faces without uv have colours of their own."""
+    table = col.stretch_map(512)
+    t = col.stretch_position(scene.stretch[faces], top)
+    out = table[np.round(t * 511).astype(np.int64)]
+    out[scene.flipped[faces]] = col.rgb(col.FLIP)
+    out[~scene.mapped[faces]] = col.rgb(col.NO_UV)
+    return out
+
+
+def checker_cells(scene: Scene, across: float = 26.0) -> float:
+    """Checker cells for one uv unit, so that about ``across`` cells cross the surface."""
+    diagonal = float(np.linalg.norm(np.ptp(scene.used_points, axis=0)))
+    if diagonal == 0:
+        return 16.0
+    cells = across / (diagonal * scene.scale)
+    return float(max(1.0, round(cells))) if cells > 1 else float(cells)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The layout in the plane, rasterised. share: covered part of the tiles in use.
+
+    image: (h, w, 3). overlap: part of the covered samples that more than one face covers.
+    """
+
+    image: FloatArray
+    share: float
+    overlap: float
+
+
+def draw_plan(
+    scene: Scene,
+    size: int,
+    factor: int = 2,
+    *,
+    cells: float = 0.0,
+    padding: float = 0.0,
+    stretch_end: float = 0.0,
+) -> Plan:
+    """The layout, size × size pixels: charts in their colours, borders drawn, the space between them seen.
+
+    cells: checker cells for one uv unit, 0 for none. padding: width, in uv units, of the band round every
+    chart that belongs to it, drawn paler. stretch_end: colour by stretch up to that value instead.
+    """
+    n = size * factor
+    u0, v0, u1, v1 = scene.bounds
+    unit = n / max(u1 - u0, v1 - v0)
+    origin = np.array([u0 - (n / unit - (u1 - u0)) / 2, v1 + (n / unit - (v1 - v0)) / 2])
+    uv = np.stack([scene.uv[:, 0] - origin[0], origin[1] - scene.uv[:, 1]], 1) * unit
+    corners = np.where(scene.mapped[:, None, None], uv[np.maximum(scene.uv_faces, 0)], np.nan)
+    face, _, layers = rasterise(corners, n, n)
+    image = _tile_ground(n, scene.bounds, origin, unit)
+    if padding > 0:
+        _draw_padding(image, face, padding * unit)
+    pixel = np.flatnonzero(face.ravel() >= 0)
+    seen = face.ravel()[pixel]
+    flat = image.reshape(-1, 3)
+    if stretch_end:
+        flat[pixel] = stretch_colours(scene, seen, stretch_end)
+    else:
+        shade = np.zeros(len(pixel), np.int64)
+        if cells:
+            at = np.stack([pixel % n + 0.5, -(pixel // n) - 0.5], 1) / unit + origin
+            shade = _checker(at, cells)
+        table = _chart_table(scene, (0.62, 0.42) if cells else (0.52, 0.52))
+        flat[pixel] = table[scene.chart[seen], shade]
+        flat[pixel[scene.flipped[seen]]] = col.rgb(col.FLIP)
+    double = layers.ravel()[pixel] > 1
+    stripe = ((pixel % n + pixel // n) // (3 * factor)) % 2 == 0
+    twice = pixel[double & stripe]
+    flat[twice] = col.mix(flat[twice], col.rgb(col.INK), 0.5)
+    _draw_borders(image, scene, uv, factor)
+    return Plan(
+        np.clip(shrink(image, factor), 0, 1),
+        len(pixel) / (scene.n_tiles * unit**2),
+        float(double.mean()) if len(pixel) else 0.0,
+    )
+
+
+def coverage(scene: Scene, size: int = 1024) -> tuple[float, float]:
+    """(share of the tiles in use that is covered, share of that covered more than once), on a raster."""
+    u0, v0, u1, v1 = scene.bounds
+    unit = size / max(u1 - u0, v1 - v0)
+    _, _, layers = rasterise((scene.corner_uv - np.array([u0, v0])) * unit, size, size)
+    hit = layers > 0
+    double = float((layers[hit] > 1).mean()) if hit.any() else 0.0
+    return float(hit.sum()) / (scene.n_tiles * unit**2), double
+
+
+def _tile_ground(
+    n: int, bounds: tuple[float, float, float, float], origin: FloatArray, unit: float
+) -> FloatArray:
+    """Panel on paper with a hairline round every tile; the unit square is the palest part."""
+    u0, v0, u1, v1 = bounds
+    image = np.ones((n, n, 3), np.float64)
+
+    def column(u: float) -> int:
+        return round(float((u - origin[0]) * unit))
+
+    def row(v: float) -> int:
+        return round(float((origin[1] - v) * unit))
+
+    rows, columns = slice(row(v1), row(v0)), slice(column(u0), column(u1))
+    image[rows, columns] = col.mix(col.rgb(col.PANEL), col.rgb(col.HAIRLINE), 0.45)
+    image[row(1) : row(0), column(0) : column(1)] = col.rgb(col.PANEL)
+    line, half = col.rgb(col.HAIRLINE) * 0.92, max(1, round(n / 1400))
+    if max(u1 - u0, v1 - v0) <= 64:
+        for u in range(math.ceil(u0), math.floor(u1) + 1):
+            image[rows, max(column(u) - half, 0) : column(u) + half] = line
+        for v in range(math.ceil(v0), math.floor(v1) + 1):
+            image[max(row(v) - half, 0) : row(v) + half, columns] = line
+    return image
+
+
+def _draw_padding(image: FloatArray, face: IntArray, width: float) -> None:
+    """A pale band of the padding's width round every chart, in place."""
+    distance = distance_transform_edt(face < 0)
+    band = (distance > 0) & (distance <= max(width, 1.0))
+    image[band] = col.mix(col.rgb(col.PANEL), col.rgb(col.INK), 0.10)
+
+
+def _draw_borders(image: FloatArray, scene: Scene, uv: FloatArray, factor: int) -> None:
+    """The borders of all charts, in place; thinner where there are many."""
+    h = scene.seams
+    flat = scene.uv_faces.ravel()
+    a, b = uv[flat[h]], uv[flat[3 * (h // 3) + (h + 1) % 3]]
+    length = np.abs(b - a).sum() / image.shape[0]
+    radius = factor * (0.62 if length < 60 else 0.4)
+    mask = draw_lines(a, b, image.shape[:2], radius)[..., None]
+    strength = 0.85 if length < 60 else 0.55
+    image[:] = image * (1 - strength * mask) + col.rgb(col.INK) * strength * mask

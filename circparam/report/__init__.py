@@ -1,1 +1,0 @@
-"""What a run tells: the summary, its table, pictures and pages."""

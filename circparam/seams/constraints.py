@@ -1,0 +1,87 @@
+"""Edges named by the user or by the file as seams, or as edges that no seam may follow."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.errors import OptionError
+from circparam.mesh.surface import Surface
+from circparam.seams.options import SeamOptions
+
+
+def match_edges(surface: Surface, pairs: IntArray) -> tuple[BoolArray, IntArray]:
+    """Edges named by their two points, in either order.
+
+    Returns ((e,) bool over surface.edges, the indices of the pairs that no edge joins).
+    """
+    n = len(surface.points)
+    flat = surface.faces.ravel()
+    h = surface.edges[:, 0]
+    a, b = flat[h], flat[next_half_edge(h)]
+    key = np.minimum(a, b) * n + np.maximum(a, b)
+    low, high = np.min(pairs, 1, initial=n), np.max(pairs, 1, initial=0)
+    wanted = low * n + high
+    outside = (pairs < 0).any(1) | (pairs >= n).any(1)
+    rim = surface.border
+    c, d = flat[rim], flat[next_half_edge(rim)]
+    known = np.concatenate([key, np.minimum(c, d) * n + np.maximum(c, d)])
+    return np.isin(key, wanted[~outside]), np.flatnonzero(outside | ~np.isin(wanted, known))
+
+
+def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArray, list[str]]:
+    """What the options fix before any seam is chosen.
+
+    Returns (the surface with the forbidden edges locked as well, (e,) bool edges that must be seams, notes).
+    A polygon is never cut open: an edge inside one is left out of the seams, and the notes say so. Raises
+    OptionError where an edge is both demanded and forbidden, or names no edge of the mesh.
+    """
+    notes: list[str] = []
+    locked = surface.locked
+    forced = np.zeros(len(surface.edges), bool)
+    if options.start is not None:
+        forced |= options.start
+    if options.sharp is not None:
+        forced |= dihedral_angles(surface) >= options.sharp
+    if options.cut_groups and options.groups is not None:
+        label = options.groups[surface.source]
+        forced |= label[surface.edges[:, 0] // 3] != label[surface.edges[:, 1] // 3]
+    forced &= ~locked
+    if options.no_cut is not None:
+        forbidden = _named(surface, options.no_cut, "--no-seams", notes)
+        locked = locked | forbidden
+        forced &= ~forbidden
+    if options.cut is not None:
+        wanted = _named(surface, options.cut, "--seams", notes)
+        inside = int((wanted & surface.locked).sum())
+        if inside:
+            notes.append(f"{inside} of the edges of --seams lie inside a polygon and were not cut")
+        clash = wanted & locked & ~surface.locked
+        if clash.any():
+            raise OptionError(
+                f"{int(clash.sum())} edges are named by --seams and by --no-seams: take them out of one"
+            )
+        forced |= wanted & ~surface.locked
+    return dataclasses.replace(surface, locked=locked), forced, notes
+
+
+def dihedral_angles(surface: Surface) -> FloatArray:
+    """(e,) angle between the normals of the two faces of each edge, in radians, 0 where they are coplanar."""
+    n = surface.normals
+    a, b = n[surface.edges[:, 0] // 3], n[surface.edges[:, 1] // 3]
+    result: FloatArray = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
+    return result
+
+
+def _named(surface: Surface, pairs: IntArray, option: str, notes: list[str]) -> BoolArray:
+    """The edges that an option names; raises OptionError where none of its pairs is an edge."""
+    pairs = np.asarray(pairs, np.int64).reshape(-1, 2)
+    edges, missing = match_edges(surface, pairs)
+    if len(missing):
+        first = pairs[missing[0]].tolist()
+        if len(missing) == len(pairs):
+            raise OptionError(f"{option} names no edge of the mesh: no edge joins vertices {first}")
+        notes.append(f"{len(missing)} pairs of {option} are no edges, the first is {first}")
+    return edges

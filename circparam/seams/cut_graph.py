@@ -1,0 +1,346 @@
+"""Seams that only open the surface: none at all, or one disk for each component."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_count,
+    next_half_edge,
+)
+from circparam.core.monitor import Monitor
+from circparam.core.multigraph import Graph, spanning_forest
+from circparam.errors import TopologyError
+from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.halfedge import corner_classes
+from circparam.mesh.surface import Surface
+from circparam.seams.constraints import constrain
+from circparam.seams.options import SeamOptions, Seams
+
+LOCKED = 1e6  # a locked edge is this many times longer: taken only where there is no other way
+SLIT = 1e-9  # a border whose vector area is below this share of its length² encloses nothing
+SLIT_EDGES = 6  # and only if it has at most so many edges: the opening of a pocket is flat as well
+SHORTEST_CUT = 3  # edges of the path that opens a closed surface
+CREEP = 0.005  # a seam that got shorter by less than this share is as good as done
+WORK = 1_500_000  # faces looked at while loops are shortened
+
+
+def none(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
+    """No seams. Raises TopologyError unless every component is a disk.
+
+    Slits that set-aside faces without area have left do not count as borders.
+    """
+    cut = np.zeros(len(surface.edges), bool)
+    patches = surface.patches(cut)
+    loops = patches.loops
+    open_loops = group_count(loops.chart[~_slits(surface, patches)], patches.n_charts)
+    genus = genus_of(patches)
+    bad = np.flatnonzero((open_loops != 1) | (genus > 0))
+    if len(bad):
+        c = int(bad[0])
+        faces = int((patches.chart == c).sum())
+        borders, handles = int(open_loops[c]), int(genus[c])
+        raise TopologyError(
+            f"component {c} ({faces} faces, the first is face "
+            f"{surface.source[int((patches.chart == c).argmax())]}) has {borders} "
+            f"border{'s' * (borders != 1)} and genus {handles}; a map without seams needs 1 and 0"
+            + (f" ({len(bad)} components in all)" if len(bad) > 1 else "")
+            + ". Cut it: --cut disk"
+        )
+    return Seams(cut)
+
+
+def disk(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
+    """One disk for each component, but for inner holes: Euler characteristic 1 once these are closed.
+
+    Closed surfaces without handles open along the shortest path between two far ends. Handles are cut along
+    the 2g loops that a tree-cotree pair leaves (Erickson, Whittlesey 2005; Dey's and Eppstein's trees), borders
+    taken as points, and each loop is then replaced by the shortest cut that does the same. Seams that the
+    options demand are kept, and every part they leave becomes a disk of its own.
+    """
+    surface, cut, notes = constrain(surface, options)
+    before = int(cut.sum())
+    patches = surface.patches(cut)
+    genus = genus_of(patches)
+    if genus.any():
+        cut = cut | _cut_handles(surface, cut, genus > 0, monitor)
+        patches = surface.patches(cut)
+    borders = patches.loops.chart[~_slits(surface, patches)]
+    closed = group_count(borders, patches.n_charts) == 0
+    if closed.any():
+        cut = cut | _open(surface, cut, patches, closed)
+    handles = int(genus.sum())
+    if handles:
+        notes.append(f"{handles} handles cut along {int(cut.sum()) - before} edges")
+    crossed = int((cut & surface.locked).sum())
+    if crossed:
+        notes.append(
+            f"{crossed} edges that no seam should follow had to be cut: there is no other way"
+        )
+    return Seams(cut, None, notes)
+
+
+def genus_of(patches: Patches) -> IntArray:
+    """(n_charts,) genus of each chart: χ = 2 − 2·genus − borders."""
+    borders = group_count(patches.loops.chart, patches.n_charts)
+    return (2 - patches.euler() - borders) // 2
+
+
+def _slits(surface: Surface, patches: Patches) -> BoolArray:
+    """(loops,) borders of a few edges that enclose no area, as a set-aside face without area leaves them."""
+    loops = patches.loops
+    flat = surface.faces.ravel()
+    h = loops.half_edges
+    first = loops.start[:-1]
+    if len(h) == 0:
+        return np.zeros(0, bool)
+    origin = surface.points[flat[h[first]]][loops.loop_of]
+    p, q = surface.points[flat[h]] - origin, surface.points[flat[next_half_edge(h)]] - origin
+    area = np.linalg.norm(np.add.reduceat(np.cross(p, q), first, axis=0), axis=1)
+    result: BoolArray = (area <= SLIT * loops.length**2) & (np.diff(loops.start) <= SLIT_EDGES)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """The charts being cut: patches of them, the edges of the surface in patches.edges, and their weights."""
+
+    patches: Patches
+    edge: IntArray
+    weight: FloatArray
+    locked: BoolArray
+
+    @property
+    def ends(self) -> tuple[IntArray, IntArray]:
+        """The two vertices of each edge."""
+        h = self.patches.edges[:, 0]
+        flat = self.patches.faces.ravel()
+        return flat[h], flat[next_half_edge(h)]
+
+
+def _part(surface: Surface, cut: BoolArray, faces: BoolArray) -> _Part:
+    _, chart = surface.charts(cut)
+    label = np.cumsum(np.bincount(chart[faces], minlength=int(chart.max()) + 1) > 0) - 1
+    patches, _ = surface.some_patches(cut, faces, label[chart])
+    edge = np.flatnonzero(~cut & faces[surface.edges[:, 0] // 3])
+    locked = surface.locked[edge]
+    weight = np.maximum(surface.edge_lengths[edge], 1e-9 * surface.edge_lengths.max(initial=0.0))
+    return _Part(patches, edge, np.where(locked, LOCKED * weight, weight), locked)
+
+
+def _nodes(patches: Patches) -> tuple[int, IntArray]:
+    """Vertices with every border loop drawn together to one node: (number, (n_vertices,) node)."""
+    node = np.arange(patches.n_vertices)
+    loops = patches.loops
+    node[patches.faces.ravel()[loops.half_edges]] = patches.n_vertices + loops.loop_of
+    return patches.n_vertices + len(loops.chart), node
+
+
+def _cut_handles(
+    surface: Surface, cut: BoolArray, charts: BoolArray, monitor: Monitor
+) -> BoolArray:
+    """(e,) edges along which some charts (bool over the charts of ``cut``) lose their handles."""
+    _, chart = surface.charts(cut)
+    part = _part(surface, cut, charts[chart])
+    seam = _shorten(part, _tree_cotree(part), monitor)
+    out = np.zeros(len(surface.edges), bool)
+    out[part.edge[seam]] = True
+    return out
+
+
+def _tree_cotree(part: _Part) -> BoolArray:
+    """(e,) edges of the part along which every chart becomes a sphere with holes: 2g loops from one point.
+
+    The tree is that of shortest paths from the longest border (else from one vertex), with borders drawn
+    together to points; the cotree joins faces across the other edges, those on the longest loops first, so the
+    2g edges that are left close the shortest loops.
+    """
+    patches = part.patches
+    n, node = _nodes(patches)
+    a, b = (node[end] for end in part.ends)
+    roots = np.empty(patches.n_charts, np.int64)
+    roots[patches.vertex_chart[::-1]] = node[::-1]
+    outer = np.flatnonzero(patches.loops.outer)
+    roots[patches.loops.chart[outer]] = patches.n_vertices + outer
+    graph = Graph(n, a, b, part.weight)
+    distance, parent = graph.paths(roots)
+    left = np.ones(len(a), bool)
+    child = np.flatnonzero(parent >= 0)
+    left[graph.edge(child, parent[child])] = False
+    # locked edges join their faces first of all: no seam runs there
+    length = np.where(part.locked, np.inf, distance[a] + part.weight + distance[b])
+    free = np.flatnonzero(left)
+    f, g = patches.edges[free, 0] // 3, patches.edges[free, 1] // 3
+    left[free[spanning_forest(len(patches.faces), f, g, -length[free])]] = False
+    seam = left.copy()
+    seam[graph.trace(parent, np.r_[a[left], b[left]])] = True
+    return _prune(seam, a, b, n)
+
+
+def _prune(seam: BoolArray, a: IntArray, b: IntArray, n: int) -> BoolArray:
+    """Take off the loose ends of a seam, again and again."""
+    e = np.flatnonzero(seam)
+    while len(e):
+        valence = np.bincount(np.r_[a[e], b[e]], minlength=n)
+        loose = (valence[a[e]] == 1) | (valence[b[e]] == 1)
+        if not loose.any():
+            break
+        e = e[~loose]
+    out = np.zeros(len(seam), bool)
+    out[e] = True
+    return out
+
+
+def _shorten(part: _Part, seam: BoolArray, monitor: Monitor) -> BoolArray:
+    """Replace arcs of the seam, the longest first, by the shortest cut between the two borders they join.
+
+    With one arc glued a chart is an annulus, but for holes, and *every* path between the two borders of the
+    annulus opens it again. One arc of each chart at a time; ends when no arc gets shorter, the work is spent
+    or the time is up (the seam is valid all the way).
+    """
+    patches = part.patches
+    n, node = _nodes(patches)
+    a, b = (node[end] for end in part.ends)
+    chart = patches.chart[patches.edges[:, 0] // 3]
+    tried = np.zeros(len(seam), bool)
+    for _ in range(1 + WORK // len(patches.faces)):
+        arc = _longest_arcs(seam, tried, a, b, chart, part.weight, patches.n_vertices)
+        if not arc.any() or monitor.expired:
+            break
+        tried |= arc
+        path, gained = _reroute(part, seam & ~arc, arc, chart)
+        before = np.bincount(chart[seam], part.weight[seam], patches.n_charts)
+        seam = _prune(np.where(gained[chart], (seam & ~arc) | path, seam), a, b, n)
+        after = np.bincount(chart[seam], part.weight[seam], patches.n_charts)
+        # a chart that changed has new arcs to try; creeping progress is not worth the time
+        tried &= seam & ~(after < (1 - CREEP) * before)[chart]
+    return seam
+
+
+def _longest_arcs(
+    seam: BoolArray,
+    tried: BoolArray,
+    a: IntArray,
+    b: IntArray,
+    chart: IntArray,
+    weight: FloatArray,
+    n_vertices: int,
+) -> BoolArray:
+    """(e,) for each chart the longest arc of its seam not tried yet; arcs end at branches and borders."""
+    e = np.flatnonzero(seam)
+    ends = np.r_[a[e], b[e]]
+    through = (np.bincount(ends, minlength=1)[ends] == 2) & (ends < n_vertices)
+    k = np.flatnonzero(through)
+    k = k[np.argsort(ends[k], kind="stable")]
+    one, two = k[::2] % len(e), k[1::2] % len(e)  # the two edges at each vertex passed through
+    graph = sps.coo_matrix((np.ones(len(one), bool), (one, two)), shape=(len(e), len(e)))
+    count, labels = csgraph.connected_components(graph, directed=False)
+    arc = labels.astype(np.int64)
+    length = np.bincount(arc, weight[e], count)
+    stale = np.bincount(arc, tried[e], count) > 0
+    owner = np.zeros(count, np.int64)
+    owner[arc] = chart[e]
+    order = np.lexsort((np.arange(count), -length, stale, owner))
+    best = order[first_of_runs(owner[order])]
+    out = np.zeros(len(seam), bool)
+    out[e] = np.isin(arc, best[~stale[best]])
+    return out
+
+
+def _reroute(
+    part: _Part, seam: BoolArray, arc: BoolArray, chart: IntArray
+) -> tuple[BoolArray, BoolArray]:
+    """Shortest paths between the borders that the arcs join: ((e,) edges, (charts,) where one is shorter)."""
+    patches = part.patches
+    kept = np.flatnonzero(~seam)
+    _, corners = corner_classes(len(patches.faces), patches.edges[kept])
+    trial = Patches(corners, patches.frames, patches.chart, patches.edges[kept])
+    n, node = _nodes(trial)
+    flat = trial.faces.ravel()
+    h = trial.edges[:, 0]
+    a, b = node[flat[h]], node[flat[next_half_edge(h)]]
+    on = arc[kept]
+    owner = chart[kept]
+    length = np.bincount(owner[on], part.weight[kept][on], trial.n_charts)
+    # the ends of an arc are its only vertices on a border
+    ends = np.unique(np.stack([np.r_[owner[on], owner[on]], np.r_[a[on], b[on]]], 1), axis=0)
+    ends = ends[ends[:, 1] >= trial.n_vertices]
+    two = group_count(ends[:, 0], trial.n_charts)[ends[1:, 0]] == 2
+    pair = np.flatnonzero((ends[1:, 0] == ends[:-1, 0]) & two)
+    charts, start, stop = ends[pair, 0], ends[pair, 1], ends[pair + 1, 1]
+    path = np.zeros(len(seam), bool)
+    gained = np.zeros(trial.n_charts, bool)
+    if len(charts) == 0:
+        return path, gained
+    graph = Graph(n, a, b, part.weight[kept])
+    distance, parent = graph.paths(start, limit=float(length.max()))
+    better = distance[stop] < length[charts] * (1 - 1e-9)
+    gained[charts[better]] = True
+    path[kept[graph.trace(parent, stop[better])]] = True
+    return path, gained
+
+
+def _open(surface: Surface, cut: BoolArray, patches: Patches, charts: BoolArray) -> BoolArray:
+    """(e,) a short path in each closed chart, between two far ends (or from a slit, where it has one)."""
+    part = _part(surface, cut, charts[patches.chart])
+    patches = part.patches
+    n, node = _nodes(patches)
+    a, b = (node[end] for end in part.ends)
+    graph = Graph(n, a, b, part.weight)
+    chart = np.full(n, -1)
+    chart[node] = patches.vertex_chart
+    used = np.flatnonzero(chart >= 0)
+    loops = patches.loops
+
+    def farthest(distance: FloatArray) -> IntArray:
+        order = used[np.lexsort((used, -distance[used], chart[used]))]
+        return order[first_of_runs(chart[order])]
+
+    start = used[np.unique(chart[used], return_index=True)[1]]
+    start = farthest(graph.paths(start)[0])
+    start[loops.chart[loops.outer]] = patches.n_vertices + np.flatnonzero(loops.outer)
+    distance, parent = graph.paths(start)
+    tip = farthest(distance)
+    seam = np.zeros(len(a), bool)
+    seam[graph.trace(parent, tip)] = True
+    owner = patches.chart[patches.edges[:, 0] // 3]
+    for _ in range(SHORTEST_CUT - 1):
+        seam, tip = _lengthen(seam, tip, a, b, owner, part, n)
+    out = np.zeros(len(surface.edges), bool)
+    out[part.edge[seam]] = True
+    return out
+
+
+def _lengthen(
+    seam: BoolArray,
+    tip: IntArray,
+    a: IntArray,
+    b: IntArray,
+    owner: IntArray,
+    part: _Part,
+    n: int,
+) -> tuple[BoolArray, IntArray]:
+    """Add an edge at the tip of every path with fewer than 3 edges: a path of one edge opens nothing."""
+    taken = np.zeros(n, bool)
+    taken[a[seam]] = True
+    taken[b[seam]] = True
+    taken[tip] = True
+    short = group_count(owner[seam], len(tip)) < SHORTEST_CUT
+    e = np.flatnonzero(short[owner])
+    ta, tb = a[e] == tip[owner[e]], b[e] == tip[owner[e]]
+    ok = (ta & ~taken[b[e]]) | (tb & ~taken[a[e]])
+    e, ta = e[ok], ta[ok]
+    order = np.lexsort((e, part.weight[e], owner[e]))
+    best = order[first_of_runs(owner[e[order]])]
+    seam, tip = seam.copy(), tip.copy()
+    seam[e[best]] = True
+    tip[owner[e[best]]] = np.where(ta[best], b[e[best]], a[e[best]])
+    return seam, tip

@@ -1,0 +1,140 @@
+"""A decimated mesh on which seams are decided, with the cell of every fine vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.core.graph import components, nearest, undirected
+from circparam.mesh.cut_mesh import plane_frames
+from circparam.mesh.surface import Surface
+
+SMALL_COMPONENT = 300  # faces; smaller components are taken over as they are
+CRUMB = 16  # faces; smaller torn-off parts of a component are left out of the proxy
+LEAST_AREA = 1e-10  # coarse faces below this share of their longest edge squared are left out
+
+
+@dataclass(frozen=True, eq=False)
+class Proxy:
+    """A coarse surface and the cell of every fine vertex.
+
+    surface: the decimated surface. cell: (fine vertices,) vertex of the coarse surface's *points*; each cell
+    is connected. apart: (k, 2) points of coarse edges that are no inner edges of the coarse surface although
+    several faces meet there: seams, not borders.
+    """
+
+    surface: Surface
+    cell: IntArray
+    apart: IntArray
+
+
+def pair_edges(points: FloatArray, faces: IntArray) -> tuple[Surface, IntArray]:
+    """A surface from triangles that need not be manifold: only edges of two opposite half-edges are paired.
+
+    Returns (surface, (k, 2) points of the edges with several faces that are not paired).
+    """
+    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    order = np.lexsort((high, low))
+    key = low[order] * len(points) + high[order]
+    run = first_of_runs(key)
+    count = np.diff(np.r_[run, len(key)])
+    two = run[count == 2]
+    i, j = order[two], order[two + 1]
+    opposite = a[i] == b[j]
+    edges = np.sort(np.stack([i, j], 1)[opposite], axis=1)
+    edges = edges[np.argsort(edges[:, 0], kind="stable")]
+    many = np.r_[order[run[count > 2]], i[~opposite]]
+    surface = Surface(
+        points,
+        faces,
+        np.arange(len(faces)),
+        np.zeros(len(faces), bool),
+        edges,
+        np.zeros(len(edges), bool),
+    )
+    return surface, np.stack([low[many], high[many]], 1)
+
+
+def decimate(surface: Surface, target: int) -> Proxy:
+    """A proxy of about ``target`` faces by quadric error (Garland and Heckbert 1997).
+
+    The record of the collapses of fast-simplification tells which coarse vertex every fine vertex went into.
+    Components of few faces are taken over unchanged.
+    """
+    import fast_simplification
+
+    points, faces = surface.vertex_points, surface.corner_vertex
+    n, m = len(points), len(faces)
+    _, component = components(m, surface.edges[:, 0] // 3, surface.edges[:, 1] // 3)
+    large = np.bincount(component)[component] > SMALL_COMPONENT
+    root = np.arange(n)
+    position = points.copy()
+    if large.any():
+        used = np.unique(faces[large])
+        local = np.full(n, -1)
+        local[used] = np.arange(len(used))
+        centre = points[used].mean(0)
+        size = float(np.abs(points[used] - centre).max())
+        unit = (points[used] - centre) / size
+        share = max(int(target * large.mean()), 4 * len(np.unique(component[large])))
+        simple = local[faces[large]].astype(np.int32)
+        _, _, collapses = fast_simplification.simplify(
+            unit, simple, target_count=min(share, int(large.sum())), return_collapses=True
+        )
+        moved, _, into = fast_simplification.replay_simplification(unit, simple, collapses)
+        # each coarse vertex is named by the first fine vertex that went into it
+        into = np.asarray(into, np.int64)
+        order = np.argsort(into, kind="stable")
+        first = used[order[first_of_runs(into[order])]]
+        root[used] = first[np.unique(into, return_inverse=True)[1]]
+        position[first] = moved[into[order[first_of_runs(into[order])]]] * size + centre
+    coarse = root[faces]
+    alive = (
+        (coarse[:, 0] != coarse[:, 1])
+        & (coarse[:, 1] != coarse[:, 2])
+        & (coarse[:, 0] != coarse[:, 2])
+    )
+    frames = plane_frames(position[coarse])
+    longest = np.maximum(frames[:, 1, 0] ** 2, (frames[:, 2] ** 2).sum(1))
+    with np.errstate(invalid="ignore"):
+        alive &= frames[:, 1, 0] * frames[:, 2, 1] > LEAST_AREA * longest
+    keep = np.flatnonzero(alive)
+    keep = keep[_main_parts(position, coarse[keep], component[keep])]
+    coarse = coarse[keep]
+    kept = np.unique(coarse)
+    number = np.full(n, -1)
+    number[kept] = np.arange(len(kept))
+    proxy, apart = pair_edges(position[kept], number[coarse])
+    return Proxy(proxy, _settle(surface, number[root]), apart)
+
+
+def _main_parts(points: FloatArray, faces: IntArray, component: IntArray) -> BoolArray:
+    """(m,) bool: the face is not in a crumb that the collapses tore off its component."""
+    surface, _ = pair_edges(points, faces)
+    count, part = components(len(faces), surface.edges[:, 0] // 3, surface.edges[:, 1] // 3)
+    size = np.bincount(part, minlength=count)
+    largest = np.zeros(int(component.max()) + 1, np.int64)
+    np.maximum.at(largest, component, size[part])
+    result: BoolArray = size[part] >= np.minimum(CRUMB, largest[component])
+    return result
+
+
+def _settle(surface: Surface, cell: IntArray) -> IntArray:
+    """Give fine vertices whose coarse vertex lost its faces to the nearest cell of their component."""
+    lost = cell < 0
+    if not lost.any():
+        return cell
+    flat = surface.corner_vertex
+    a, b = flat.ravel(), flat[:, [1, 2, 0]].ravel()
+    n = len(cell)
+    touch = np.unique(np.r_[a[~lost[a] & lost[b]], b[~lost[b] & lost[a]]])
+    if len(touch) == 0:
+        return cell
+    _, _, source = nearest(undirected(n, a, b, np.ones(len(a))), touch)
+    fill = lost & (source >= 0)
+    out = cell.copy()
+    out[fill] = cell[source[fill]]
+    return out

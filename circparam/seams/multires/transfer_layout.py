@@ -1,0 +1,160 @@
+"""Transfer of charts and layout from a coarse surface to the fine one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_count,
+    group_sum,
+    ranges,
+)
+from circparam.core.graph import nearest, undirected
+from circparam.geometry.gradient_transfer import (
+    space_gradients,
+    spread,
+    targets_from,
+    turn_gradients,
+)
+from circparam.mesh.atlas import Cutting
+from circparam.mesh.surface import Surface
+from circparam.seams.multires.decimate import Proxy
+from circparam.seams.segmentation.grow import DualGraph
+from circparam.seams.segmentation.shorten import propose
+
+
+def separate(
+    fine: Cutting, graph: DualGraph, coarse: Cutting, coarse_chart: IntArray, near: IntArray
+) -> None:
+    """Cut fine charts that hold several coarse ones (a path between them was not found) along their labels."""
+    _, chart = fine.charts()
+    clear = _clear_of_seams(coarse)
+    sure = np.flatnonzero((near >= 0) & clear[near])
+    label = coarse_chart[near[sure]]
+    width = int(coarse_chart.max()) + 1
+    pairs, inverse = np.unique(chart[sure] * width + label, return_inverse=True)
+    area = group_sum(fine.surface.areas[sure], inverse.reshape(-1), len(pairs))
+    whole = np.zeros(width)
+    np.maximum.at(whole, pairs % width, area)
+    much = area >= 0.3 * np.maximum(whole[pairs % width], 1e-300)
+    several = group_count((pairs // width)[much], int(chart.max()) + 1) > 1
+    seed = sure[much[inverse.reshape(-1)] & several[chart[sure]]]
+    if len(seed) == 0:
+        return
+    before = fine.cut.copy()
+    use = ~fine.cut & several[chart[fine.surface.edges[:, 0] // 3]]
+    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
+    of_cell = np.full(graph.n, -1)
+    of_cell[graph.cell[seed]] = coarse_chart[near[seed]]
+    _, _, source = nearest(links, np.unique(graph.cell[seed]))
+    side = np.where(source >= 0, of_cell[np.maximum(source, 0)], -1)
+    fine.cut |= use & (side[graph.tail] != side[graph.head])
+    proposal = propose(fine, 3, before)
+    fine.cut = proposal.cut(np.ones(proposal.n, bool))
+
+
+def _clear_of_seams(coarse: Cutting) -> BoolArray:
+    """(m,) coarse faces with no corner on a seam."""
+    on_seam = np.zeros(coarse.n_vertices, bool)
+    on_seam[coarse.ends[0][coarse.cut]] = on_seam[coarse.ends[1][coarse.cut]] = True
+    touched = on_seam[coarse.surface.corner_vertex]
+    return ~(touched[:, 0] | touched[:, 1] | touched[:, 2])
+
+
+def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
+    """(m,) a coarse face near every fine face, facing alike: among those round the cell of its first corner."""
+    coarse = proxy.surface
+    order = np.argsort(coarse.faces.ravel(), kind="stable")
+    degree = group_count(coarse.faces.ravel(), len(coarse.points))
+    first = np.cumsum(degree) - degree
+    cell = proxy.cell[fine.corner_vertex[:, 0]]
+    out = np.full(len(fine.faces), -1)
+    face = np.flatnonzero(cell >= 0)
+    centre = coarse.points[coarse.faces].mean(1)
+    size = float(np.sqrt(coarse.areas.mean()))
+    for part in np.array_split(face, max(1, len(face) // 300_000)):
+        k = degree[cell[part]]
+        f = np.repeat(part, k)
+        candidate = order[np.repeat(first[cell[part]], k) + ranges(k)] // 3
+        here = fine.points[fine.faces[f]].mean(1)
+        apart = np.linalg.norm(centre[candidate] - here, axis=1) / size
+        turn = 1 - (coarse.normals[candidate] * fine.normals[f]).sum(1)
+        best = np.lexsort((apart + 0.5 * turn, f))
+        start = first_of_runs(f[best])
+        out[f[best][start]] = candidate[best][start]
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """Fine charts matched to coarse ones. main: (n,) coarse chart of each fine chart; real: (n,) bool, it is
+    the largest of its coarse chart (the others are slivers between paths)."""
+
+    chart: IntArray
+    main: IntArray
+    real: BoolArray
+
+
+def match_charts(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Carried:
+    """Which coarse chart each fine chart stands for, by the area they share."""
+    n, chart = fine.charts()
+    label = np.where(near >= 0, coarse_chart[near], -1)
+    ok = label >= 0
+    nc = int(coarse_chart.max()) + 1
+    shared = group_sum(fine.surface.areas[ok], chart[ok] * nc + label[ok], n * nc).reshape(n, nc)
+    main = shared.argmax(1)
+    area = shared.max(1)
+    order = np.lexsort((-area, main))
+    real = np.zeros(n, bool)
+    real[order[first_of_runs(main[order])]] = True
+    # a chart without any coarse face (a component too small for the proxy) stands for itself
+    real |= area == 0
+    return Carried(chart, main, real)
+
+
+def drop_slivers(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Carried:
+    """Glue charts that stand for no coarse chart to the neighbour with the longest common seam."""
+    for _ in range(6):
+        found = match_charts(fine, coarse_chart, near)
+        if found.real.all():
+            return found
+        arcs = fine.arcs(found.chart)
+        sliver = ~found.real
+        may = (arcs.left != arcs.right) & (sliver[arcs.left] | sliver[arcs.right])
+        if not may.any():
+            return found
+        which = np.flatnonzero(may)
+        side = np.where(sliver[arcs.left[which]], arcs.left[which], arcs.right[which])
+        order = np.lexsort((-arcs.length[which], side))
+        glue = which[order[first_of_runs(side[order])]]
+        chosen = np.zeros(len(arcs.left), bool)
+        chosen[glue] = True
+        fine.cut[arcs.edge[chosen[arcs.arc]]] = False
+    return match_charts(fine, coarse_chart, near)
+
+
+def fine_targets(
+    coarse: Cutting, fine: Cutting, coarse_chart: IntArray, near: IntArray, carried: Carried
+) -> tuple[FloatArray, BoolArray]:
+    """(2, 2, m) Jacobians that the coarse layout asks of the fine faces, and which charts have any."""
+    gradients = space_gradients(coarse)
+    surface, chart = fine.surface, carried.chart
+    clear = _clear_of_seams(coarse)
+    own = (near >= 0) & (np.where(near >= 0, coarse_chart[near], -1) == carried.main[chart])
+    known = own & clear[near]
+    # small charts may have no face clear of seams: there every face of its own counts
+    none_clear = np.bincount(chart, known, int(chart.max()) + 1) == 0
+    known |= own & none_clear[chart]
+    source = np.where(known, near, 0)
+    turned = turn_gradients(gradients[source], coarse.surface.normals[source], surface.normals)
+    turned[~known] = 0
+    filled, have = spread(fine, turned, known)
+    whole = np.ones(int(chart.max()) + 1, bool)
+    whole[chart[np.flatnonzero(~have)]] = False
+    return targets_from(fine, filled), whole

@@ -1,0 +1,267 @@
+"""Transfer of seams from a coarse surface to the fine one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.core.graph import nearest, undirected
+from circparam.mesh.atlas import Cutting
+from circparam.seams.multires.decimate import Proxy
+from circparam.seams.segmentation.paths import Chains, chains_of, route
+from circparam.seams.segmentation.shorten import bands, edge_costs
+
+RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by attempt
+HALVINGS = 4  # of a chain that found no path
+
+
+def carry_seams(coarse: Cutting, proxy: Proxy, fine: Cutting) -> int:
+    """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found."""
+    surface = coarse.surface
+    n = len(surface.points)
+    flat = surface.faces.ravel()
+    h = surface.edges[coarse.cut, 0]
+    along = surface.faces[:, [1, 2, 0]].ravel()
+    a, b = np.r_[flat[h], proxy.apart[:, 0]], np.r_[along[h], proxy.apart[:, 1]]
+    fine.cut = np.zeros(len(fine.cut), bool)
+    if len(a) == 0:
+        return 0
+    border = np.zeros(n, bool)
+    border[flat[surface.border]] = border[along[surface.border]] = True
+    border[proxy.apart.ravel()] = False
+    chains = chains_of(a, b, n, border)
+    router = _Router(fine, proxy, (flat, along), border, chains)
+    left = chains
+    for rings in RINGS:
+        left = router.cut(left, rings)
+    for _ in range(HALVINGS):
+        # a long path that fails as a whole may fail in one place only: its halves are tried alone
+        left = _halves(left)
+        if len(left.start) == 0:
+            break
+        router.stand_again(left.start, left.end)
+        left = router.cut(router.cut(left, RINGS[0]), RINGS[-1])
+    return sum(not router.find_way(k) for k in zip(left.start, left.end, strict=True))
+
+
+class _Router:
+    """Cuts paths on the fine surface, each in the cells of a chain of coarse vertices."""
+
+    def __init__(
+        self,
+        fine: Cutting,
+        proxy: Proxy,
+        coarse_ends: tuple[IntArray, IntArray],
+        border: BoolArray,
+        chains: Chains,
+    ) -> None:
+        self.fine, self.proxy, self.coarse_ends, self.border = fine, proxy, coarse_ends, border
+        self.cost = edge_costs(fine)
+        self.usable = np.flatnonzero(np.isfinite(self.cost))
+        self.ends = fine.ends[0][self.usable], fine.ends[1][self.usable]
+        owner, _ = self._bands(chains, RINGS[0])
+        # (coarse points,) fine vertex that stands for each
+        self.stand = _representatives(fine, proxy, proxy.surface.points, border, chains, owner)
+        self.junctions = np.r_[chains.start, chains.end]
+
+    def cut(self, chains: Chains, rings: int) -> Chains:
+        """Cut paths along chains that stray so many cells from them; returns the chains that found none."""
+        if len(chains.start) == 0:
+            return chains
+        owner, value = self._bands(chains, rings)
+        owner[self.stand[self.junctions]] = -1
+        owner[self.stand[np.r_[chains.start, chains.end]]] = -1
+        jump = 1.0 if rings == 0 else 2.0
+        start, end = self.stand[chains.start], self.stand[chains.end]
+        weight = self.cost[self.usable]
+        routes = route(self.ends, weight, owner, value, start, end, chains.size, jump)
+        self.fine.cut[self.usable[routes.edges]] = True
+        return _some_chains(chains, routes.failed)
+
+    def stand_again(self, start: IntArray, end: IntArray) -> None:
+        """Let coarse points that became ends stand for fine vertices that no seam uses yet."""
+        fine, cell = self.fine, self.proxy.cell
+        new = np.setdiff1d(np.r_[start, end], self.junctions)
+        taken = fine.on_border.copy()
+        taken[fine.ends[0][fine.cut]] = taken[fine.ends[1][fine.cut]] = True
+        member = np.flatnonzero(np.isin(cell, new) & ~taken)
+        points = self.proxy.surface.points
+        far = np.linalg.norm(fine.surface.vertex_points[member] - points[cell[member]], axis=1)
+        order = np.lexsort((far, cell[member]))
+        first = order[first_of_runs(cell[member][order])]
+        self.stand[cell[member[first]]] = member[first]
+        # a path may end there from now on: moved once more, it would part from that path
+        self.junctions = np.r_[self.junctions, new]
+
+    def find_way(self, ends: tuple[int, int]) -> bool:
+        """Cut a shortest path between the stands of two coarse points: for the last few, one by one."""
+        return _find_way(self.fine, self.usable, self.cost, *(int(self.stand[k]) for k in ends))
+
+    def _bands(self, chains: Chains, rings: int) -> tuple[IntArray, FloatArray]:
+        owner, value = bands(self.coarse_ends, len(self.border), chains, self.border, rings)
+        return _fine_bands(self.fine, self.proxy, chains, self.ends, owner, value)
+
+
+def _halves(chains: Chains) -> Chains:
+    """Each chain cut in two at its middle; chains of one edge stay."""
+    k = np.arange(len(chains.start))
+    middle = np.full(len(k), -1)
+    at = chains.position == (chains.size // 2)[chains.chain]
+    middle[chains.chain[at]] = chains.vertex[at]
+    two = middle >= 0
+    if not two.any():
+        return chains
+    half = np.where(two, chains.size // 2, chains.size)
+    # the second halves are numbered after all the first ones
+    second = np.full(len(k), -1)
+    second[two] = len(k) + np.arange(int(two.sum()))
+    behind = two[chains.chain] & (chains.position > half[chains.chain])
+    inner = ~at
+    return Chains(
+        np.r_[chains.start, middle[two]],
+        np.r_[np.where(two, middle, chains.end), chains.end[two]],
+        chains.vertex[inner],
+        np.where(behind, second[chains.chain], chains.chain)[inner],
+        np.where(behind, chains.position - half[chains.chain], chains.position)[inner],
+        np.r_[half, (chains.size - half)[two]],
+    )
+
+
+def _find_way(fine: Cutting, usable: IntArray, cost: FloatArray, start: int, end: int) -> bool:
+    """Cut a shortest path through any vertices that no seam uses: for the last few chains, one by one."""
+    if start < 0 or end < 0 or start == end:
+        return False
+    a, b = fine.ends
+    n = fine.n_vertices
+    free = ~fine.on_border
+    free[a[fine.cut]] = free[b[fine.cut]] = False
+    free[[start, end]] = True
+    use = usable[free[a[usable]] & free[b[usable]] & ~fine.cut[usable]]
+    links = undirected(n, a[use], b[use], cost[use])
+    points = fine.surface.vertex_points
+    reach = 6 * float(np.linalg.norm(points[start] - points[end]))
+    distance, before, _ = nearest(links, np.array([start]), reach)
+    if not np.isfinite(distance[end]):
+        return False
+    path = [end]
+    while path[-1] != start:
+        path.append(int(before[path[-1]]))
+    low, high = np.minimum(path[:-1], path[1:]), np.maximum(path[:-1], path[1:])
+    key = np.minimum(a[use], b[use]) * n + np.maximum(a[use], b[use])
+    order = np.lexsort((cost[use], key))
+    fine.cut[use[order[np.searchsorted(key[order], low * n + high)]]] = True
+    return True
+
+
+def _some_chains(chains: Chains, which: IntArray) -> Chains:
+    """Some chains, numbered anew."""
+    number = np.full(len(chains.start), -1)
+    number[which] = np.arange(len(which))
+    inner = number[chains.chain] >= 0
+    return Chains(
+        chains.start[which],
+        chains.end[which],
+        chains.vertex[inner],
+        number[chains.chain[inner]],
+        chains.position[inner],
+        chains.size[which],
+    )
+
+
+def _fine_bands(
+    fine: Cutting,
+    proxy: Proxy,
+    chains: Chains,
+    ends: tuple[IntArray, IntArray],
+    owner: IntArray,
+    value: FloatArray,
+) -> tuple[IntArray, FloatArray]:
+    """The bands of the chains on the fine surface: cells of their own, shares of the cells at their ends."""
+    cell = proxy.cell
+    n = len(owner)
+    has = cell >= 0
+    fine_owner = np.where(has, owner[cell], -1)
+    fine_value = np.where(has, value[cell], 0.0)
+    # a chain of one edge has no cell of its own: it begins where its two end cells meet
+    short = np.flatnonzero(chains.size == 1)
+    key = (
+        np.minimum(chains.start, chains.end)[short] * n
+        + np.maximum(chains.start, chains.end)[short]
+    )
+    order = np.argsort(key, kind="stable")
+    meet = np.minimum(cell[ends[0]], cell[ends[1]]) * n + np.maximum(cell[ends[0]], cell[ends[1]])
+    if len(short):
+        at = np.minimum(np.searchsorted(key[order], meet), len(short) - 1)
+        hit = (key[order][at] == meet) & (cell[ends[0]] >= 0) & (cell[ends[1]] >= 0)
+        for side in ends:
+            vertex, chain = side[hit], short[order[at[hit]]]
+            free = fine_owner[vertex] < 0
+            fine_owner[vertex[free]] = chain[free]
+    closed = fine.on_border.copy()
+    closed[fine.ends[0][fine.cut]] = closed[fine.ends[1][fine.cut]] = True
+    at_end = np.zeros(n, bool)
+    at_end[chains.start] = at_end[chains.end] = True
+    return _share_out(ends, fine_owner, fine_value, cell, has & at_end[cell], closed)
+
+
+def _representatives(
+    fine: Cutting,
+    proxy: Proxy,
+    points: FloatArray,
+    border: BoolArray,
+    chains: Chains,
+    owner: IntArray,
+) -> IntArray:
+    """(coarse points,) fine vertex that stands for each.
+
+    At a junction the vertex beside which the most chains begin; then one on the border where the coarse point
+    is on it; then the nearest.
+    """
+    cell = proxy.cell
+    a = np.r_[fine.ends[0], fine.ends[1], np.arange(len(cell))]
+    b = np.r_[fine.ends[1], fine.ends[0], np.arange(len(cell))]
+    k = owner[b]
+    here = (k >= 0) & (cell[a] >= 0)
+    a, k = a[here], k[here]
+    own = (chains.start[k] == cell[a]) | (chains.end[k] == cell[a])
+    pairs = np.unique(a[own] * (len(chains.start) + 1) + k[own])
+    beside = np.bincount(pairs // (len(chains.start) + 1), minlength=len(cell))
+    member = np.flatnonzero(cell >= 0)
+    c = cell[member]
+    distance = np.linalg.norm(fine.surface.vertex_points[member] - points[c], axis=1)
+    inside = border[c] & ~fine.on_border[member]
+    order = np.lexsort((distance, -beside[member], inside, c))
+    first = first_of_runs(c[order])
+    out = np.full(len(points), -1)
+    out[c[order][first]] = member[order][first]
+    return out
+
+
+def _share_out(
+    ends: tuple[IntArray, IntArray],
+    owner: IntArray,
+    value: FloatArray,
+    cell: IntArray,
+    junction: BoolArray,
+    closed: BoolArray,
+) -> tuple[IntArray, FloatArray]:
+    """Give the vertices of junction cells to the nearest chain; borders and ends of chains to none."""
+    n = len(owner)
+    owner = np.where(closed, -1, owner)
+    fill = junction & ~closed & (owner < 0)
+    a, b = ends
+    # from a chain's own cells into a junction cell, but not on from there into another one
+    use = (
+        (fill[a] & fill[b] & (cell[a] == cell[b]))
+        | (fill[a] & (owner[b] >= 0))
+        | (fill[b] & (owner[a] >= 0))
+    )
+    a, b = a[use], b[use]
+    seeds = np.unique(np.r_[a[~fill[a]], b[~fill[b]]])
+    if len(seeds):
+        _, _, source = nearest(undirected(n, a, b, np.ones(len(a))), seeds)
+        got = fill & (source >= 0)
+        owner, value = owner.copy(), value.copy()
+        owner[got] = owner[source[got]]
+        value[got] = value[source[got]]
+    return owner, value

@@ -1,0 +1,1 @@
+"""Charts grown, merged, shortened and held to the bound on one surface."""

@@ -1,0 +1,170 @@
+"""Grow first charts: regions of the dual graph round seeds that lie far apart, until every chart is a disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_max,
+    group_sum,
+)
+from circparam.core.graph import components, distances, nearest, undirected
+from circparam.mesh.atlas import Cutting
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+
+NORMAL_WEIGHT = 3.0  # how much a turn of the normal lengthens a step
+LLOYD_ROUNDS = 4
+NEEDLES = 0.05  # of the distance of their centroids: two faces are needles where the way across is shorter
+
+
+@dataclass(frozen=True, eq=False)
+class DualGraph:
+    """Cells (faces joined across locked edges) and the steps between them.
+
+    cell: (m,) cell of each face. tail, head: (e,) cells of both sides of every edge. step: (e,) cost.
+    """
+
+    cell: IntArray
+    tail: IntArray
+    head: IntArray
+    step: FloatArray
+
+    @property
+    def n(self) -> int:
+        """Number of cells."""
+        return int(self.cell.max()) + 1
+
+
+def dual_graph(surface: Surface) -> DualGraph:
+    """The dual graph of a surface: a step costs the distance of the centroids, more where the normal turns."""
+    m = len(surface.faces)
+    e = surface.edges
+    fi, fj = e[:, 0] // 3, e[:, 1] // 3
+    locked = surface.locked
+    n, cell = components(m, fi[locked], fj[locked])
+    area = np.maximum(surface.areas, 1e-300)
+    total = group_sum(area, cell, n)
+    corner = surface.points[surface.faces].mean(1)
+    centre = (
+        np.stack([group_sum(corner[:, d] * area, cell, n) for d in range(3)], 1) / total[:, None]
+    )
+    normal = np.stack([group_sum(surface.normals[:, d] * area, cell, n) for d in range(3)], 1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    a, b = cell[fi], cell[fj]
+    turn = 1 - (normal[a] * normal[b]).sum(1)
+    far = np.linalg.norm(centre[a] - centre[b], axis=1)
+    # across the long side of two needles the way is as short as they are thin, wherever their centres lie
+    across = 2 * (total[a] + total[b]) / (3 * np.maximum(surface.edge_lengths, 1e-300))
+    far = np.where(across < NEEDLES * far, across, far)
+    step = far * (1 + NORMAL_WEIGHT * turn) + 1e-9 * float(np.sqrt(total.sum()))
+    return DualGraph(cell, a, b, step)
+
+
+def grow(
+    n: int, tail: IntArray, head: IntArray, step: FloatArray, count: int, rounds: int = LLOYD_ROUNDS
+) -> IntArray:
+    """(n,) region of every cell: at least one region a component, ``count`` regions if there are cells enough.
+
+    Seeds lie farthest apart (Gonzalez 1985); then each moves to the middle of its region (Lloyd), so many
+    rounds. Deterministic.
+    """
+    graph = undirected(n, tail, head, step)
+    _, component = components(n, tail, head)
+    middle = _far_seeds(graph, component, count)
+    for turn in range(rounds + 1):
+        _, _, source = nearest(graph, middle)
+        _, region = np.unique(source, return_inverse=True)
+        region = region.reshape(-1).astype(np.int64)
+        if turn == rounds:
+            break
+        between = region[tail] != region[head]
+        rim = np.unique(np.r_[tail[between], head[between]])
+        if len(rim) == 0:
+            break
+        inner = undirected(n, tail[~between], head[~between], step[~between])
+        depth = distances(inner, rim)
+        depth[~np.isfinite(depth)] = 0
+        order = np.lexsort((np.arange(n), -depth, region))
+        middle = order[first_of_runs(region[order])]
+    return region
+
+
+def _far_seeds(graph: sps.csr_matrix, component: IntArray, count: int) -> IntArray:
+    """Seeds far apart, at least one in every component: each time the cell that is farthest from all seeds.
+
+    Components do not bear on each other, so a round takes the farthest cell of every one that reaches at
+    least half as far as the best: as many rounds as the busiest component has seeds, not one a seed.
+    """
+    n = len(component)
+    _, first = np.unique(component, return_index=True)
+    seeds = [first]
+    missing = min(count, n) - len(first)
+    distance = distances(graph, first)
+    while missing > 0:
+        reach = group_max(distance, component, len(first))
+        best = float(reach.max())
+        if best <= 0:
+            break
+        candidate = np.flatnonzero((distance == reach[component]) & (distance > best / 2))
+        far = candidate[np.unique(component[candidate], return_index=True)[1]]
+        far = far[np.lexsort((far, -distance[far]))][:missing]
+        seeds.append(far)
+        missing -= len(far)
+        distance = np.minimum(distance, distances(graph, far, best))
+    return np.concatenate(seeds)
+
+
+def first_charts(cutting: Cutting, graph: DualGraph, count: int) -> None:
+    """Cut the surface into about ``count`` regions, keeping the seams there are."""
+    use = ~cutting.cut
+    region = grow(graph.n, graph.tail[use], graph.head[use], graph.step[use], count)
+    cutting.cut |= region[graph.tail] != region[graph.head]
+
+
+def split_charts(
+    cutting: Cutting,
+    graph: DualGraph,
+    chart: IntArray,
+    which: BoolArray,
+    pieces: int = 2,
+    rounds: int = 2,
+) -> BoolArray:
+    """Cut the charts ``which`` ((n,) bool) into about ``pieces`` regions each; returns the edges newly cut."""
+    tail_chart = chart[cutting.surface.edges[:, 0] // 3]
+    use = ~cutting.cut & which[tail_chart]
+    cells = np.zeros(graph.n, bool)
+    cells[graph.cell[which[chart]]] = True
+    number = np.cumsum(cells) - 1
+    tail, head = number[graph.tail[use]], number[graph.head[use]]
+    n = int(cells.sum())
+    region = grow(n, tail, head, graph.step[use], pieces * int(which.sum()), rounds)
+    new = np.zeros(len(cutting.cut), bool)
+    new[np.flatnonzero(use)[region[tail] != region[head]]] = True
+    cutting.cut |= new
+    return new
+
+
+def make_disks(cutting: Cutting, graph: DualGraph, limit: int = 40) -> int:
+    """Split charts until all are disks or disks with holes; returns the rounds it took.
+
+    A chart that a few halvings do not help is cut into ever more pieces; single cells are disks, so this ends.
+    """
+    for attempt in range(limit):
+        patches = cutting.patches()
+        bad = not_disks(patches)
+        if not bad.any():
+            return attempt
+        pieces = 2 if attempt < 4 else 2 ** min(attempt - 2, 12)
+        new = split_charts(cutting, graph, patches.chart, bad, pieces, 1)
+        if not new.any():
+            # nothing left to split between cells: leave the chart to the caller's checks
+            return attempt
+    return limit

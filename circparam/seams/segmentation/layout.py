@@ -1,0 +1,197 @@
+"""Lay charts out anew after their seams have moved, from the layout they had."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.graph import matching
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Helper, in_halves
+from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
+from circparam.geometry.overlap import self_overlapping
+from circparam.mesh.atlas import Cutting
+from circparam.mesh.cut_mesh import Patches, not_disks
+from circparam.seams.segmentation.grow import DualGraph, make_disks
+from circparam.seams.segmentation.shorten import Proposal, propose
+from circparam.seams.segmentation.state import main_parts
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.poisson import from_jacobians
+from circparam.solvers.tutte.embed import embed_convex
+
+UNTANGLE = 12
+ROUNDS = 8  # of single chains that are straightened where all at once spoil a chart
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """A layout of all charts. energy: (n,); overlapping: (n,) bool."""
+
+    patches: Patches
+    uv: FloatArray
+    energy: FloatArray
+    overlapping: BoolArray
+
+    def bad(self, bound: float) -> BoolArray:
+        """(n,) charts above the bound, flipped, or overlapping themselves."""
+        return ~(self.energy <= bound) | self.overlapping
+
+
+def lay_out_fresh(
+    cutting: Cutting,
+    which: BoolArray | None,
+    options: RelaxOptions,
+    helper: Helper | None = None,
+    monitor: Monitor | None = None,
+) -> Laid:
+    """Embed charts on circles and relax them; ``which`` ((n,) bool): the others keep their layout.
+
+    helper: does one half of many charts.
+    """
+    patches = cutting.patches()
+    uv = cutting.gather(patches)
+    chosen = np.ones(patches.n_charts, bool) if which is None else which
+    if chosen.any():
+        sub, vid, fid = patches.subset(chosen)
+        if helper is None:
+            part = embed_and_relax(sub, options, None)
+        else:
+            part = np.zeros((sub.n_vertices, 2))
+            halves = chart_halves(sub)
+            tasks = [(half, options) for _, half, _, _ in halves]
+            done = helper.map(embed_and_relax, tasks, monitor or Monitor())
+            for (_, _, of_half, _), result in zip(halves, done, strict=True):
+                part[of_half] = result
+        uv[vid] = part
+        cutting.corners[fid] = part[sub.faces]
+    return judge(patches, uv)
+
+
+def chart_halves(patches: Patches) -> list[tuple[BoolArray, Patches, IntArray, IntArray]]:
+    """Patches as ``in_halves`` has them: [((n,) charts, patches of those, vertices, faces)]."""
+    charts = [np.zeros(patches.n_charts, bool) for _ in range(2)]
+    for part, faces in zip(charts, in_halves(patches.chart), strict=False):
+        part[patches.chart[faces]] = True
+    return [(part, *patches.subset(part)) for part in charts if part.any()]
+
+
+def embed_and_relax(patches: Patches, options: RelaxOptions, monitor: Monitor | None) -> FloatArray:
+    """(nv, 2) mean-value map of every chart onto a circle, relaxed."""
+    start, _ = embed_convex(patches, "mean-value")
+    return relax(patches, start, options).uv
+
+
+def judge(patches: Patches, uv: FloatArray, margin: float = 0.0) -> Laid:
+    """Energies and overlaps of a layout."""
+    energy = relax(patches, uv, RelaxOptions(max_iterations=0)).energy
+    overlapping = ~np.isfinite(energy)
+    fine = ~overlapping
+    if fine.any():
+        sub, vid, _ = patches.subset(fine)
+        overlapping[fine] = self_overlapping(sub, uv[vid], margin=margin)
+    return Laid(patches, uv, energy, overlapping)
+
+
+def lay_out_again(
+    cutting: Cutting, before: IntArray, options: RelaxOptions, margin: float = 0.0
+) -> Laid:
+    """Lay all charts out from the Jacobians they had. before: (m,) charts for which ``corners`` is the layout.
+
+    Faces that came from another chart take the Jacobian of their nearest neighbour, turned to their plane.
+    """
+    patches = cutting.patches()
+    known = main_parts(patches.chart, before, patches.areas)
+    gradients, _ = spread(cutting, space_gradients(cutting), known)
+    uv, fine = from_jacobians(patches, targets_from(cutting, gradients), UNTANGLE)
+    if not fine.all():
+        sub, vid, _ = patches.subset(~fine)
+        uv[vid] = embed_convex(sub, "mean-value")[0]
+    relaxed = relax(patches, uv, options)
+    cutting.scatter(patches, relaxed.uv)
+    return judge(patches, relaxed.uv, margin)
+
+
+def straighten(
+    cutting: Cutting,
+    graph: DualGraph,
+    bound: float,
+    options: RelaxOptions,
+    rings: int = 3,
+    pinned: BoolArray | None = None,
+    margin: float = 0.0,
+) -> Laid:
+    """Shorten the seams as far as every chart stays good; chains that would spoil one keep their old path.
+
+    All chains are tried at once first. Where that spoils a chart, they are tried again in rounds of the largest
+    gains, at most one chain a chart, and each stays only if its charts are good.
+    """
+    options = dataclasses.replace(options, give_up=bound)
+    start_cut, start_corners = cutting.cut.copy(), cutting.corners.copy()
+    _, before = cutting.charts()
+    proposal = propose(cutting, rings, pinned)
+
+    def attempt(take: BoolArray) -> Laid:
+        cutting.cut = proposal.cut(take)
+        cutting.corners = start_corners.copy()
+        if not_disks(cutting.patches()).any():
+            make_disks(cutting, graph)
+        return lay_out_again(cutting, before, options, margin)
+
+    left, right, gain = _chain_sides(cutting, proposal, before)
+    take = gain > 0
+    laid = attempt(take)
+    if not laid.bad(bound).any():
+        return laid
+    open_chains = np.flatnonzero(gain > 1e-3 * cutting.surface.edge_lengths[start_cut].sum())
+    take[:] = False
+    n = int(before.max()) + 1
+    for _ in range(ROUNDS):
+        if len(open_chains) == 0:
+            break
+        pick = matching(gain[open_chains], left[open_chains], right[open_chains], n)
+        chosen = open_chains[pick]
+        trial = take.copy()
+        trial[chosen] = True
+        laid = attempt(trial)
+        spoilt = _chains_beside(cutting, proposal, laid.patches.chart, laid.bad(bound), trial)
+        take[chosen[~spoilt[chosen]]] = True
+        open_chains = np.setdiff1d(open_chains, chosen)
+    laid = attempt(take)
+    if not laid.bad(bound).any():
+        return laid
+    cutting.cut, cutting.corners = start_cut, start_corners
+    patches = cutting.patches()
+    return judge(patches, cutting.gather(patches))
+
+
+def _chain_sides(
+    cutting: Cutting, proposal: Proposal, chart: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """The charts on both sides of every chain, and how much shorter its new path is."""
+    e = cutting.surface.edges
+    length = cutting.surface.edge_lengths
+    on = np.flatnonzero(proposal.old >= 0)
+    chain = proposal.old[on]
+    left, right = np.zeros(proposal.n, np.int64), np.zeros(proposal.n, np.int64)
+    left[chain], right[chain] = chart[e[on, 0] // 3], chart[e[on, 1] // 3]
+    now = np.flatnonzero(proposal.new >= 0)
+    gain = group_sum(length[on], chain, proposal.n) - group_sum(
+        length[now], proposal.new[now], proposal.n
+    )
+    return left, right, gain
+
+
+def _chains_beside(
+    cutting: Cutting, proposal: Proposal, chart: IntArray, bad: BoolArray, take: BoolArray
+) -> BoolArray:
+    """(n,) chains that were moved and touch a bad chart, on their old path or their new one."""
+    e = cutting.surface.edges
+    touches = bad[chart[e[:, 0] // 3]] | bad[chart[e[:, 1] // 3]]
+    out = np.zeros(proposal.n + 1, bool)
+    out[proposal.new[touches]] = True
+    out[proposal.old[touches]] = True
+    result: BoolArray = out[:-1] & take
+    return result

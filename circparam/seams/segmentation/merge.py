@@ -1,0 +1,248 @@
+"""Merge charts: glue one arc of a pair of neighbours, lay the union out, keep it if it is good.
+
+Every round glues at most one arc of every chart and lays all unions out in one block system, so a round costs
+about one relaxation of the surface however many charts there are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
+from circparam.core.graph import matching
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Helper
+from circparam.mesh.atlas import Arcs, Cutting
+from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.segmentation.layout import chart_halves
+from circparam.seams.segmentation.state import main_parts
+from circparam.seams.segmentation.unions import MANY, MergeOptions, Tried, Unions, lay_out
+
+PATIENCE = 3  # rounds in a row, after which merging ends
+HARDLY = 50  # if fewer than one in so many charts was merged in them
+SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
+
+
+@dataclass(frozen=True, eq=False)
+class _Glues:
+    """Candidates for gluing: every arc, then every pair of neighbouring charts with all its arcs.
+
+    left, right: charts. key: what was tried is remembered by it. score: the best are tried first. may: bool.
+    pair: (arcs,) pair of each arc.
+    """
+
+    left: IntArray
+    right: IntArray
+    key: npt.NDArray[np.uint64]
+    score: FloatArray
+    may: BoolArray
+    pair: IntArray
+
+    def glued(self, arcs: Arcs, chosen: IntArray, n_edges: int) -> BoolArray:
+        """(n_edges,) bool: edges that the chosen candidates glue."""
+        n = len(arcs.left)
+        arc = np.zeros(n, bool)
+        arc[chosen[chosen < n]] = True
+        arc |= np.isin(self.pair, chosen[chosen >= n] - n)
+        out = np.zeros(n_edges, bool)
+        out[arcs.edge[arc[arcs.arc]]] = True
+        return out
+
+
+class Merger:
+    """Merges the charts of a cutting in rounds and remembers what was tried."""
+
+    def __init__(
+        self,
+        cutting: Cutting,
+        options: MergeOptions,
+        fixed: BoolArray,
+        helper: Helper | None = None,
+    ) -> None:
+        self.cutting = cutting
+        self.helper = helper  # lays half of the unions out
+        self.options = options
+        self.fixed = fixed  # (e,) bool: seams that must stay
+        self.tried = np.zeros(0, np.uint64)
+        self.toll = np.zeros(len(cutting.cut))  # (e,) see _charge
+        self.tally = {"trials": 0, "topology": 0, "distortion": 0, "overlap": 0, "merged": 0}
+
+    def run(self, monitor: Monitor) -> None:
+        """Merge until no pair is left to try."""
+        merged: list[int] = []
+        for turn in range(self.options.rounds):
+            before = self.tally["merged"]
+            if monitor.expired or not self.round(monitor):
+                break
+            merged.append(self.tally["merged"] - before)
+            few = (sum(merged[-PATIENCE:]) + 1) * HARDLY < self.cutting.charts()[0]
+            if few and turn >= PATIENCE:
+                break
+            monitor.update(turn / self.options.rounds)
+
+    def round(self, monitor: Monitor) -> bool:
+        """One round; False when there was nothing to try."""
+        c = self.cutting
+        n, chart = c.charts()
+        arcs = c.arcs(chart, self.options.cone)
+        if len(arcs.left) == 0:
+            return False
+        glues = self._glues(arcs, chart, n)
+        open_glues = np.flatnonzero(glues.may & ~np.isin(glues.key, self.tried))
+        if len(open_glues) == 0:
+            return False
+        pick = matching(glues.score[open_glues], glues.left[open_glues], glues.right[open_glues], n)
+        chosen = open_glues[pick]
+        self.tried = np.union1d(self.tried, glues.key[chosen])
+        self._try(arcs, chart, n, glues, chosen, monitor)
+        return True
+
+    def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> _Glues:
+        """What may be glued: single arcs, and all arcs between two charts at once where there are several.
+
+        Several at once are tried only when each alone has failed: two charts that close a flat ring overlap
+        with one arc glued, and not with both.
+        """
+        c = self.cutting
+        size = np.bincount(chart, minlength=n)
+        first_face = np.full(n, len(chart))
+        np.minimum.at(first_face, chart, np.arange(len(chart)))
+        first_edge = np.full(len(arcs.left), len(c.cut))
+        np.minimum.at(first_edge, arcs.arc, arcs.edge)
+        held = np.zeros(len(arcs.left), bool)
+        held[arcs.arc[self.fixed[arcs.edge]]] = True
+        pairs, pair = np.unique(arcs.left * n + arcs.right, return_inverse=True)
+        pair = pair.reshape(-1)
+        left, right = np.r_[arcs.left, pairs // n], np.r_[arcs.right, pairs % n]
+        several = (np.bincount(pair) > 1) & (pairs // n != pairs % n)
+        length = np.r_[arcs.length, group_sum(arcs.length, pair, len(pairs))]
+        key = np.zeros(len(left), np.uint64)
+        mark = np.r_[first_edge, np.full(len(pairs), len(c.cut) + 1)]
+        for part in (first_face[left], size[left], first_face[right], size[right], mark):
+            key = (key ^ part.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+            key ^= key >> np.uint64(29)
+        alone = key[: len(arcs.left)]
+        waiting = np.zeros(len(pairs), bool)
+        waiting[pair[~np.isin(alone, self.tried) | held]] = True
+        may = np.r_[((arcs.left != arcs.right) | arcs.tip) & ~held, several & ~waiting]
+        if self.options.faces is not None:
+            may &= size[left] + np.where(left == right, 0, size[right]) <= self.options.faces
+        may &= ~self._hopeless(arcs, chart, left, right, pair)
+        rim = self._perimeters(arcs, chart, n)
+        # zipping a chart up uses distortion that gluing another chart on may need: it comes last
+        score = length / np.minimum(rim[left], rim[right]) - (left == right)
+        return _Glues(left, right, key, score, may, pair)
+
+    def _hopeless(
+        self, arcs: Arcs, chart: IntArray, left: IntArray, right: IntArray, pair: IntArray
+    ) -> BoolArray:
+        """(candidates,) bool: a part of the union is known to be distorted too much for it.
+
+        A map of a chart is one of each of its parts, so its distortion times its area is no less than that of
+        a part, and arcs and charts only grow.
+        """
+        area = group_sum(self.cutting.surface.areas, chart, len(np.bincount(chart)))
+        union = np.where(left == right, area[left], area[left] + area[right])
+        toll = group_max(self.toll[arcs.edge], arcs.arc, len(arcs.left))
+        toll = np.r_[toll, group_max(toll, pair, len(left) - len(toll))]
+        result: BoolArray = 1 + toll / union > self.options.bound
+        return result
+
+    def _charge(self, arcs: Arcs, chosen: IntArray, toll: FloatArray) -> None:
+        """Keep (energy − 1) · area of the unions that failed, on the edges of their arcs.
+
+        Where all arcs of a pair were glued nothing is known of each alone.
+        """
+        alone = chosen < len(arcs.left)
+        of_arc = np.zeros(len(arcs.left))
+        of_arc[chosen[alone]] = toll[alone]
+        self.toll[arcs.edge] = np.maximum(self.toll[arcs.edge], of_arc[arcs.arc])
+
+    def seams_moved(self, before: IntArray, arcs: Arcs) -> None:
+        """Carry what was learnt over to seams that were shortened.
+
+        before: (m,) charts when ``arcs`` were taken. What is known of all arcs of a pair of charts holds,
+        less SLACK, for the arcs that the same pair has now.
+        """
+        c = self.cutting
+        n, chart = c.charts()
+        width = int(before.max()) + 1
+        toll = group_max(self.toll[arcs.edge], arcs.arc, len(arcs.left))
+        pairs, pair = np.unique(arcs.left * width + arcs.right, return_inverse=True)
+        least = group_min(toll, pair.reshape(-1), len(pairs))
+        main = main_parts(chart, before, c.surface.areas)
+        was = np.zeros(n, np.int64)
+        was[chart[main]] = before[main]
+        now = c.arcs(chart, self.options.cone)
+        left, right = was[now.left], was[now.right]
+        key = np.minimum(left, right) * width + np.maximum(left, right)
+        at = np.minimum(np.searchsorted(pairs, key), len(pairs) - 1)
+        known = np.where(pairs[at] == key, least[at], 0.0)
+        self.toll[:] = 0
+        self.toll[now.edge] = (1 - SLACK) * known[now.arc]
+
+    def _perimeters(self, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
+        """(n,) length of the border of every chart."""
+        c = self.cutting
+        rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
+        return rim + group_sum(c.border_lengths, chart[c.surface.border // 3], n)
+
+    def _try(
+        self,
+        arcs: Arcs,
+        chart: IntArray,
+        n: int,
+        glues: _Glues,
+        chosen: IntArray,
+        monitor: Monitor,
+    ) -> None:
+        """Lay out the unions of the chosen arcs and keep the good ones."""
+        c = self.cutting
+        while True:
+            cut = c.cut & ~glues.glued(arcs, chosen, len(c.cut))
+            union = np.full(n, -1)
+            union[glues.left[chosen]] = union[glues.right[chosen]] = np.arange(len(chosen))
+            label = union[chart]
+            patches, fid = c.surface.some_patches(cut, label >= 0, label)
+            bad = not_disks(patches)
+            if not bad.any():
+                break
+            self.tally["topology"] += int(bad.sum())
+            chosen = chosen[~bad]
+            if len(chosen) == 0:
+                return
+        self.tally["trials"] += len(chosen)
+        right = glues.right[chosen][patches.chart]
+        in_right = (chart[fid] == right) & (glues.left[chosen] != glues.right[chosen])[
+            patches.chart
+        ]
+        unions = Unions(patches, c.corners[fid], in_right)
+        tried = self._lay_out(unions, monitor)
+        self._charge(arcs, chosen, (tried.floor - 1) * patches.chart_areas)
+        self.tally["distortion"] += int(tried.distorted.sum())
+        self.tally["overlap"] += int(tried.overlapping.sum())
+        good = ~tried.distorted & ~tried.overlapping
+        self.tally["merged"] += int(good.sum())
+        kept = good[patches.chart]
+        c.corners[fid[kept]] = tried.uv[patches.faces[kept]]
+        c.cut &= ~glues.glued(arcs, chosen[good], len(c.cut))
+
+    def _lay_out(self, unions: Unions, monitor: Monitor) -> Tried:
+        """Lay unions out; many faces in two halves, one of them by the helper where there is one."""
+        patches = unions.patches
+        crowd = patches.n_charts > MANY
+        if self.helper is None:
+            return lay_out(unions, self.options, crowd, monitor)
+        tried = Tried.nothing(patches)
+        halves = chart_halves(patches)
+        tasks = [
+            (Unions(sub, unions.corners[fid], unions.in_right[fid]), self.options, crowd)
+            for _, sub, _, fid in halves
+        ]
+        done = self.helper.map(lay_out, tasks, monitor)
+        for (part, _, vid, _), of_part in zip(halves, done, strict=True):
+            tried.put(part, vid, of_part)
+        return tried

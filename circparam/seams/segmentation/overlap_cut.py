@@ -1,0 +1,233 @@
+"""Split charts that overlap themselves: a shortest cut between the two sheets that lie on each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    first_of_runs,
+    group_max,
+    group_sum,
+    ranges,
+)
+from circparam.core.graph import components, distances, matching, nearest, undirected
+from circparam.geometry.boundary import border_of
+from circparam.geometry.intersect import windings
+from circparam.geometry.overlap import crossings
+from circparam.mesh.atlas import Cutting
+from circparam.seams.segmentation.grow import DualGraph
+from circparam.seams.segmentation.layout import Laid
+
+SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
+CHUNK = 2_000_000  # points x faces looked at together
+PAIRS = 4  # of doubled parts that are cut apart in a round, in each chart
+NEAR = 4.0  # times the root of a part's area: how far from it its cut may run
+WALL = 2.0**26  # capacity of an edge that must not be cut
+CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
+
+
+def split_sheets(
+    cutting: Cutting, graph: DualGraph, laid: Laid, which: BoolArray, cost: FloatArray
+) -> BoolArray:
+    """Cut charts along the cheapest seam between their largest doubled part and what lies on it.
+
+    which: (n,) bool charts. cost: (e,) of every edge. Returns (n,) bool, the charts that were cut: the others
+    have no two parts that lie on each other without touching.
+    """
+    done = np.zeros(len(which), bool)
+    chart = laid.patches.chart
+    edges = cutting.surface.edges
+    inner = ~cutting.cut & which[chart[edges[:, 0] // 3]]
+    faces = np.flatnonzero(which[chart])
+    point, twice = _doubled(laid, faces)
+    pairs = _sides(graph, inner, laid, faces[twice], point[twice])
+    unseen = which.copy()
+    unseen[chart[faces[twice]]] = False
+    pairs += _touching(graph, inner, laid, unseen)
+    links = undirected(graph.n, graph.tail[inner], graph.head[inner], graph.step[inner])
+    off = np.zeros(graph.n, bool)  # cells that were cut off
+    for source, sink in pairs:
+        if off[source].any() or off[sink].any():
+            continue
+        # what lies far from the smaller part stays with the larger one
+        reach = NEAR * np.sqrt(_cell_areas(graph, laid)[source].sum())
+        close = np.isfinite(distances(links, source, reach))
+        side = _minimum_cut(graph, inner, cost, source, sink, close & ~off)
+        off |= side
+        new = inner & (side[graph.tail] != side[graph.head])
+        cutting.cut |= new
+        done[chart[edges[new, 0] // 3]] = True
+    return done
+
+
+def _touching(
+    graph: DualGraph, inner: BoolArray, laid: Laid, which: BoolArray
+) -> list[tuple[IntArray, IntArray]]:
+    """Cells beside borders that cross, in charts whose overlap is too small to cover any sample point."""
+    if not which.any():
+        return []
+    met = crossings(laid.uv, laid.patches) // 3
+    met = met[which[laid.patches.chart[met[:, 0]]]]
+    ends = graph.cell[met]
+    ends = ends[ends[:, 0] != ends[:, 1]]
+    pairs = []
+    for a, b in ends[:PAIRS].tolist():
+        sink = np.array([b])
+        source = _widened(graph, inner, np.array([a]), sink)
+        if b not in source:
+            pairs.append((source, sink))
+    return pairs
+
+
+def _cell_areas(graph: DualGraph, laid: Laid) -> FloatArray:
+    return group_sum(laid.patches.areas, graph.cell, graph.n)
+
+
+def _doubled(laid: Laid, faces: IntArray) -> tuple[FloatArray, BoolArray]:
+    """((k, 2) a point of each face, (k,) bool: its chart covers that point more than once)."""
+    p = laid.patches
+    border = border_of(p.faces, laid.uv, p.chart, p.edges, p.n_charts)
+    corners = laid.uv[p.faces[faces]]
+    middle = corners.mean(1)
+    points = np.concatenate(
+        [middle[:, None], middle[:, None] + 0.95 * (corners - middle[:, None])], 1
+    )
+    k, _, turns = windings(border, points.reshape(-1, 2), np.repeat(p.chart[faces], 4), own=True)
+    counts = np.zeros(4 * len(faces), np.int64)
+    counts[k] = turns
+    layers = counts.reshape(-1, 4)
+    best = layers.argmax(1)
+    rows = np.arange(len(faces))
+    return points[rows, best], layers[rows, best] > 1
+
+
+def _sides(
+    graph: DualGraph, inner: BoolArray, laid: Laid, faces: IntArray, point: FloatArray
+) -> list[tuple[IntArray, IntArray]]:
+    """Cells of doubled parts of charts, and cells of what lies on them: a few disjoint pairs a chart.
+
+    inner: (e,) bool edges inside charts. faces, point: doubled faces and a doubled point of each. Where both
+    are one part (a sheet that comes back on itself), those near either end of it.
+    """
+    p = laid.patches
+    if len(faces) == 0:
+        return []
+    inside = np.zeros(graph.n, bool)
+    inside[graph.cell[faces]] = True
+    use = inner & inside[graph.tail] & inside[graph.head]
+    _, part = components(graph.n, graph.tail[use], graph.head[use])
+    _, sheet = np.unique(part[graph.cell[faces]], return_inverse=True)
+    sheet = sheet.reshape(-1)
+    area = group_sum(p.areas[faces], sheet, int(sheet.max()) + 1)
+    probe, cover = _covers(p.chart[faces], sheet, p.areas[faces], laid.uv[p.faces[faces]], point)
+    # disjoint pairs of parts, the largest first; of each the smaller part is cut off
+    pick = matching(
+        np.minimum(area[sheet[probe]], area[sheet[cover]]), sheet[probe], sheet[cover], len(area)
+    )
+    probe, cover = probe[pick], cover[pick]
+    swap = area[sheet[probe]] > area[sheet[cover]]
+    probe, cover = np.where(swap, cover, probe), np.where(swap, probe, cover)
+    ends = graph.cell[faces[np.r_[probe, cover]]]
+    distinct = ends[: len(probe)] != ends[len(probe) :]
+    probe, cover = probe[distinct], cover[distinct]
+    order = np.lexsort((-area[sheet[probe]], p.chart[faces[probe]]))
+    probe, cover = probe[order], cover[order]
+    few = ranges(np.bincount(p.chart[faces[probe]])) < PAIRS
+    probe, cover = probe[few], cover[few]
+    if len(probe) == 0:
+        return []
+    first, second = graph.cell[faces[probe]], graph.cell[faces[cover]]
+    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
+    distance, _, owner = nearest(links, np.unique(np.r_[first, second]))
+    same = sheet[probe] == sheet[cover]
+    reach = np.full(graph.n, np.inf)
+    found = owner >= 0
+    span = group_max(distance[found], owner[found], graph.n)
+    half = SHARE * np.maximum(span[first[same]], span[second[same]])
+    reach[first[same]] = reach[second[same]] = half
+    near = found & (distance <= reach[np.where(found, owner, 0)])
+    pairs = []
+    for a, b in zip(first.tolist(), second.tolist(), strict=True):
+        sink = np.flatnonzero(near & (owner == b))
+        pairs.append((_widened(graph, inner, np.flatnonzero(near & (owner == a)), sink), sink))
+    return pairs
+
+
+def _covers(
+    chart: IntArray, sheet: IntArray, area: FloatArray, corners: FloatArray, point: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """The largest face of every part, and the largest other face of its chart that covers its doubled point.
+
+    All arrays are over the doubled faces; parts whose point no other doubled face covers are left out.
+    """
+    order = np.lexsort((np.arange(len(sheet)), -area, sheet))
+    probe = order[first_of_runs(sheet[order])]
+    low, high = corners.min(1), corners.max(1)
+    pairs = []
+    for part in np.array_split(probe, 1 + len(probe) * len(sheet) // CHUNK):
+        x = point[part][:, None]
+        hit = (low <= x).all(2) & (x <= high).all(2) & (chart[part][:, None] == chart)
+        row, f = np.nonzero(hit)
+        row = part[row]
+        inside = row != f
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            inside &= cross2(corners[f, b] - corners[f, a], point[row] - corners[f, a]) >= 0
+        pairs.append(np.stack([row[inside], f[inside]], 1))
+    row, f = np.concatenate(pairs).T
+    order = np.lexsort((f, -area[f], row))
+    best = order[first_of_runs(row[order])]
+    return row[best], f[best]
+
+
+def _widened(graph: DualGraph, inner: BoolArray, cells: IntArray, apart: IntArray) -> IntArray:
+    """The cells and their neighbours, but for those ``apart`` and theirs: what overlaps by a corner goes."""
+    out, far = np.zeros(graph.n, bool), np.zeros(graph.n, bool)
+    out[cells], far[apart] = True, True
+    a, b = graph.tail[inner], graph.head[inner]
+    ring, close = out.copy(), far.copy()
+    ring[a[out[b]]] = ring[b[out[a]]] = True
+    close[a[far[b]]] = close[b[far[a]]] = True
+    return np.flatnonzero(out | (ring & ~close))
+
+
+def _minimum_cut(
+    graph: DualGraph,
+    use: BoolArray,
+    cost: FloatArray,
+    source: IntArray,
+    sink: IntArray,
+    near: BoolArray,
+) -> BoolArray:
+    """(cells,) bool: on the side of the sources when the cheapest edges between both are cut.
+
+    near: (cells,) bool, all others count as sinks. Maximum flow by Dinic's algorithm (SciPy); capacities are
+    costs in whole numbers.
+    """
+    near[source], near[sink] = True, False
+    count = int(near.sum())
+    number = np.full(graph.n, count)  # all sinks are one
+    number[near] = np.arange(count)
+    use = use & (near[graph.tail] | near[graph.head])
+    known = use & np.isfinite(cost)
+    mean = float(cost[known].mean()) if known.any() else 1.0
+    whole = np.where(known, np.maximum(cost / max(mean, 1e-300) * CAPACITY, 1), WALL)
+    a, b, w = number[graph.tail[use]], number[graph.head[use]], np.minimum(whole[use], WALL)
+    rows = np.concatenate([a, b, np.full(len(source), count + 1)])
+    columns = np.concatenate([b, a, number[source]])
+    w = np.concatenate([w, w, np.full(len(source), 16 * WALL)]).astype(np.int32)
+    capacity = sps.csr_array(sps.coo_array((w, (rows, columns)), shape=(count + 2, count + 2)))
+    flow = csgraph.maximum_flow(capacity, count + 1, count).flow
+    residual = sps.csr_array(capacity - flow)
+    residual.data = np.maximum(residual.data, 0)
+    residual.eliminate_zeros()
+    reached = csgraph.breadth_first_order(residual, count + 1, return_predecessors=False)
+    out = np.zeros(count + 2, bool)
+    out[reached] = True
+    result: BoolArray = near & out[number]
+    return result

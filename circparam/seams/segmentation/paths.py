@@ -1,0 +1,180 @@
+"""Seams as chains of vertices between junctions, and shortest paths for all of them in one search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.core.graph import components, distances, nearest, undirected
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """Chains of seam edges between junctions.
+
+    start, end: (k,) vertices. vertex, chain, position: (i,) the vertices between the ends, their chain and how
+    many edges after the start they stand. size: (k,) edges of each chain.
+    """
+
+    start: IntArray
+    end: IntArray
+    vertex: IntArray
+    chain: IntArray
+    position: IntArray
+    size: IntArray
+
+
+def chains_of(a: IntArray, b: IntArray, n: int, stop: BoolArray) -> Chains:
+    """Order seam edges (a, b) into chains that end where ``stop`` is set or the valence is not 2.
+
+    Closed chains are opened at their lowest vertex, and what then ends where it began is halved, so that every
+    chain runs between two different vertices.
+    """
+    stop = stop | (np.bincount(np.r_[a, b], minlength=n) != 2)
+    for _ in range(3):
+        chains, closed, middle = _chain_once(a, b, n, stop)
+        if len(closed) == 0 and len(middle) == 0:
+            break
+        stop = stop.copy()
+        stop[closed] = True
+        stop[middle] = True
+    return chains
+
+
+def _chain_once(
+    a: IntArray, b: IntArray, n: int, stop: BoolArray
+) -> tuple[Chains, IntArray, IntArray]:
+    """Chains as they are, the lowest vertex of closed ones, the middle of those that end where they begin."""
+    k = np.arange(len(a))
+    # a junction is a node of its own for every edge end, so chains are components
+    node_a = np.where(stop[a], n + 2 * k, a)
+    node_b = np.where(stop[b], n + 2 * k + 1, b)
+    total = n + 2 * len(a)
+    graph = undirected(total, node_a, node_b, np.ones(len(a)))
+    _, label = components(total, node_a, node_b)
+    vertex_of = np.r_[np.arange(n), np.stack([a, b], 1).ravel()]
+    used = np.zeros(total, bool)
+    used[node_a] = used[node_b] = True
+    nodes = np.flatnonzero(used)
+    order = nodes[np.argsort(label[nodes], kind="stable")]
+    runs = first_of_runs(label[order])
+    low, high = order[runs], order[np.r_[runs[1:], len(order)] - 1]
+    opened = high >= n  # a closed chain has no junction node
+    closed = low[~opened]
+    # ascending node numbers: junction nodes come last in each run, exactly two for an open chain
+    position_of_high = np.r_[runs[1:], len(order)] - 1
+    first_end = order[position_of_high[opened] - 1]
+    last_end = high[opened]
+    if len(first_end) == 0:
+        none = np.zeros(0, np.int64)
+        return Chains(none, none, none, none, none, none), closed, none
+    steps = distances(graph, first_end)
+    chain_of_label = np.full(int(label.max()) + 1, -1)
+    chain_of_label[label[first_end]] = np.arange(len(first_end))
+    inner = nodes[(nodes < n) & (chain_of_label[label[nodes]] >= 0)]
+    chain = chain_of_label[label[inner]]
+    size = steps[last_end].astype(np.int64)
+    start, end = vertex_of[first_end], vertex_of[last_end]
+    position = steps[inner].astype(np.int64)
+    same = (start == end)[chain] & (position == (size // 2)[chain])
+    chains = Chains(start, end, inner, chain, position, size)
+    return chains, closed, inner[same]
+
+
+@dataclass(frozen=True, eq=False)
+class Routes:
+    """Edges on the paths found, the chain of each, and the chains that found none."""
+
+    edges: IntArray
+    chain: IntArray
+    failed: IntArray
+
+
+def route(
+    ends: tuple[IntArray, IntArray],
+    weight: FloatArray,
+    owner: IntArray,
+    value: FloatArray,
+    start: IntArray,
+    end: IntArray,
+    size: IntArray,
+    jump: float = 2.0,
+) -> Routes:
+    """Shortest paths from start[k] to end[k], each through the vertices that chain k owns: one search for all.
+
+    ends: (e,), (e,) vertices of the edges that may be used. weight: (e,) lengths. owner: (vertices,) chain or
+    −1. value: (vertices,) position along the chain, from 0 to size (k,): no step goes further than ``jump``
+    along it, so that a path does not skip to another part of a seam that runs beside itself. The bands are
+    disjoint, so paths never cross.
+    """
+    n, k = len(owner), len(start)
+    a, b = np.r_[ends[0], ends[1]], np.r_[ends[1], ends[0]]
+    w = np.r_[weight, weight]
+    edge = np.r_[np.arange(len(weight)), np.arange(len(weight))]
+    both = (owner[a] >= 0) & (owner[a] == owner[b]) & (np.abs(value[a] - value[b]) <= jump)
+    rows, columns, ids, lengths = [a[both]], [b[both]], [edge[both]], [w[both]]
+    chain = np.where(owner[a] >= 0, owner[a], 0)
+    for node, at, place in ((n + np.arange(k), start, 0 * size), (n + k + np.arange(k), end, size)):
+        touch = (owner[a] >= 0) & (at[chain] == b) & (np.abs(value[a] - place[chain]) <= jump)
+        rows += [a[touch], node[chain[touch]]]
+        columns += [node[chain[touch]], a[touch]]
+        ids += [edge[touch], edge[touch]]
+        lengths += [w[touch], w[touch]]
+    direct_rows, direct_columns, direct_ids, direct_lengths = _direct(
+        a, b, edge, w, start, end, n, k
+    )
+    rows.append(direct_rows)
+    columns.append(direct_columns)
+    ids.append(direct_ids)
+    lengths.append(direct_lengths)
+    r, c = np.concatenate(rows), np.concatenate(columns)
+    i, x = np.concatenate(ids), np.concatenate(lengths)
+    total = n + 2 * k
+    order = np.lexsort((i, x, c, r))
+    r, c, i, x = r[order], c[order], i[order], x[order]
+    keep = first_of_runs(r * total + c)
+    r, c, i, x = r[keep], c[keep], i[keep], x[keep]
+    graph = sps.csr_matrix((x, (r, c)), shape=(total, total))
+    distance, before, _ = nearest(graph, n + np.arange(k))
+    found = np.isfinite(distance[n + k + np.arange(k)])
+    key = r * total + c
+    walker = np.flatnonzero(found)
+    here = n + k + walker
+    walked, whose = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    while len(here):
+        previous = before[here]
+        walked.append(i[np.searchsorted(key, previous * total + here)])
+        whose.append(walker)
+        going = (previous < n) | (previous >= n + k)
+        here, walker = previous[going], walker[going]
+    return Routes(np.concatenate(walked), np.concatenate(whose), np.flatnonzero(~found))
+
+
+def _direct(
+    a: IntArray,
+    b: IntArray,
+    edge: IntArray,
+    w: FloatArray,
+    start: IntArray,
+    end: IntArray,
+    n: int,
+    k: int,
+) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Edges that join the two ends of a chain at once (in both directions of the search graph)."""
+    size = (
+        int(max(a.max(initial=0), b.max(initial=0), start.max(initial=0), end.max(initial=0))) + 1
+    )
+    wanted = start * size + end
+    order = np.argsort(wanted, kind="stable")
+    key = a * size + b
+    low = np.searchsorted(wanted[order], key, side="left")
+    high = np.searchsorted(wanted[order], key, side="right")
+    hit = np.flatnonzero(high > low)
+    count = (high - low)[hit]
+    which = np.repeat(hit, count)
+    within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+    chain = order[low[which] + within]
+    return n + chain, n + k + chain, edge[which], w[which]

@@ -1,0 +1,103 @@
+"""Straighten seams: every chain between two junctions becomes a shortest path inside a band round it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.graph import nearest, undirected
+from circparam.mesh.atlas import Cutting
+from circparam.seams.segmentation.paths import Chains, chains_of, route
+
+SHARP_BONUS = 0.5  # a step along an edge that turns by 60° or more costs 1 / (1 + this)
+
+
+def edge_costs(cutting: Cutting) -> FloatArray:
+    """(e,) cost of a seam along an edge: its length, less where the surface is sharp, infinite if locked."""
+    surface = cutting.surface
+    e = surface.edges
+    turn = 1 - (surface.normals[e[:, 0] // 3] * surface.normals[e[:, 1] // 3]).sum(1)
+    cost = surface.edge_lengths / (1 + SHARP_BONUS * np.clip(2 * turn, 0, 1))
+    return np.where(surface.locked, np.inf, cost)
+
+
+def bands(
+    ends: tuple[IntArray, IntArray], n: int, chains: Chains, closed: BoolArray, rings: int
+) -> tuple[IntArray, FloatArray]:
+    """Vertices within ``rings`` edges of a chain, each given to the nearest: (owner (n,), value (n,)).
+
+    closed: (n,) bool, vertices that no band may hold (borders and junctions).
+    """
+    blocked = closed.copy()
+    blocked[chains.start] = blocked[chains.end] = True
+    owner = np.full(n, -1)
+    value = np.zeros(n)
+    owner[chains.vertex] = chains.chain
+    value[chains.vertex] = chains.position
+    open_edge = ~blocked[ends[0]] & ~blocked[ends[1]]
+    a, b = ends[0][open_edge], ends[1][open_edge]
+    if len(chains.vertex) and len(a):
+        _, _, source = nearest(undirected(n, a, b, np.ones(len(a))), chains.vertex, rings)
+        reached = (source >= 0) & ~blocked
+        owner[reached] = owner[source[reached]]
+        value[reached] = value[source[reached]]
+    return owner, value
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """Shorter seams, chain by chain, so that single chains can be taken or left.
+
+    old, new: (e,) chain whose path follows the edge before and after, −1 for none. kept: (e,) bool, seams that
+    are in no chain. n: number of chains.
+    """
+
+    old: IntArray
+    new: IntArray
+    kept: BoolArray
+    n: int
+
+    def cut(self, take: BoolArray) -> BoolArray:
+        """(e,) seams when the chains ``take`` ((n,) bool) move and the others stay."""
+        take = np.r_[take, False]  # the last entry stands for −1
+        stay = np.r_[~take[:-1], False]
+        result: BoolArray = self.kept | take[self.new] | stay[self.old]
+        return result
+
+
+def propose(cutting: Cutting, rings: int = 2, pinned: BoolArray | None = None) -> Proposal:
+    """Shorten all seams inside bands of ``rings`` edges; junctions and ends on borders stay.
+
+    pinned: (e,) bool, seams that stay as they are (sharp edges, seams the user asked for). The bands are
+    disjoint, so any choice of moved and unmoved chains is free of crossings.
+    """
+    n_edges = len(cutting.cut)
+    kept = np.zeros(n_edges, bool) if pinned is None else pinned & cutting.cut
+    move = np.flatnonzero(cutting.cut & ~kept)
+    old, new = np.full(n_edges, -1), np.full(n_edges, -1)
+    if len(move) == 0:
+        return Proposal(old, new, kept, 0)
+    a, b = cutting.ends
+    n = cutting.n_vertices
+    stop = cutting.on_border.copy()
+    stop[a[kept]] = stop[b[kept]] = True
+    chains = chains_of(a[move], b[move], n, stop)
+    owner, value = bands(cutting.ends, n, chains, stop, rings)
+    cost = edge_costs(cutting)
+    usable = np.flatnonzero(np.isfinite(cost) & ~kept)
+    routes = route(
+        (a[usable], b[usable]), cost[usable], owner, value, chains.start, chains.end, chains.size
+    )
+    of_vertex = np.full(n, -1)
+    of_vertex[chains.vertex] = chains.chain
+    old[move] = np.maximum(of_vertex[a[move]], of_vertex[b[move]])
+    # a chain of one edge between two junctions has no vertex of its own and cannot get shorter
+    kept = kept.copy()
+    kept[move[old[move] < 0]] = True
+    new[usable[routes.edges]] = routes.chain
+    failed = np.isin(old, routes.failed) & (old >= 0)
+    new[failed] = old[failed]
+    new[kept] = -1
+    return Proposal(old, new, kept, len(chains.start))

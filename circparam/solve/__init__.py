@@ -1,1 +1,0 @@
-"""The numerical core that methods and seams share: energies, block systems, relaxation, Poisson starts."""

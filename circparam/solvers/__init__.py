@@ -1,0 +1,1 @@
+"""The numerical core of methods and seams: energies, relaxation, Poisson and Tutte embeddings, untangling."""

@@ -1,0 +1,160 @@
+"""One block matrix for all charts: the 2 × 2 vertex blocks of a Hessian, with a pattern computed once."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import FloatArray, IntArray, dot, group_count, group_sum, next_half_edge
+from circparam.core.linalg import Factor, SparseMatrix
+from circparam.mesh.cut_mesh import Patches
+
+# From this many vertices on, conjugate gradients with the two-level preconditioner are faster than a
+# factorisation of the Hessian (measured on disks of 5k to 400k faces).
+DIRECT_LIMIT = 3000
+SMALL_CHART = 1000  # vertices up to which charts of larger systems are solved by factorisation
+AGGREGATE_SIZE = 60  # vertices in one aggregate of the coarse space
+
+
+class BlockPattern:
+    """Where the blocks of the edges and vertices of patches stand in a block-sparse-row matrix."""
+
+    def __init__(self, patches: Patches) -> None:
+        flat = patches.faces.ravel()
+        i, j = patches.edges[:, 0], patches.edges[:, 1]
+        first = np.concatenate([i, patches.border])
+        tail, head = flat[first], flat[next_half_edge(first)]
+        n = patches.n_vertices
+        rows = np.concatenate([tail, head, np.arange(n)])
+        columns = np.concatenate([head, tail, np.arange(n)])
+        self.n = n
+        self.chart = patches.vertex_chart
+        self.count = np.maximum(group_count(self.chart, patches.n_charts), 1)
+        self.inner = i, j
+        self.border = patches.border
+        self.tail, self.head = tail, head
+        order = np.lexsort((columns, rows))
+        self.order = order
+        self.indices = columns[order].astype(np.int32)
+        self.indptr = np.r_[0, np.cumsum(group_count(rows, n))].astype(np.int32)
+        self.diagonal = np.flatnonzero(rows[order] == columns[order])
+
+    def assemble(self, blocks: FloatArray) -> sps.bsr_matrix:
+        """The matrix from half-edge blocks (2, 2, 3, m) as made by dirichlet.edge_blocks."""
+        flat = blocks.transpose(0, 1, 3, 2).reshape(2, 2, -1)
+        i, j = self.inner
+        edge = np.concatenate(
+            [flat[:, :, i] + flat[:, :, j].transpose(1, 0, 2), flat[:, :, self.border]], axis=2
+        ).transpose(2, 0, 1)
+        data = np.concatenate([edge, edge.transpose(0, 2, 1), np.zeros((self.n, 2, 2))])[self.order]
+        diagonal = -np.add.reduceat(data, self.indptr[:-1], axis=0)
+        # a touch of ridge: the energy does not see rigid motions of a chart
+        trace = diagonal[:, 0, 0] + diagonal[:, 1, 1]
+        mean = group_sum(trace, self.chart, len(self.count)) / self.count
+        ridge = 1e-9 * trace + 1e-13 * mean[self.chart]
+        diagonal[:, 0, 0] += ridge
+        diagonal[:, 1, 1] += ridge
+        data[self.diagonal] = diagonal
+        return sps.bsr_matrix((data, self.indices, self.indptr), shape=(2 * self.n, 2 * self.n))
+
+
+def solve_direct(matrix: SparseMatrix, b: FloatArray) -> FloatArray:
+    """matrix⁻¹ b by factorisation; b is (n, 2). The matrix is symmetric."""
+    rows = matrix.tocsr()
+    columns = sps.csc_matrix((rows.data, rows.indices, rows.indptr), shape=rows.shape)
+    return Factor(columns).solve(b.ravel()).reshape(-1, 2)
+
+
+def aggregates(patches: Patches, pattern: BlockPattern, uv: FloatArray) -> IntArray:
+    """(nv,) connected groups of about AGGREGATE_SIZE vertices of one chart that lie together in the layout."""
+    n = patches.n_vertices
+    chart = patches.vertex_chart
+    count = group_count(chart, patches.n_charts)
+    side = np.sqrt(patches.chart_areas / count * AGGREGATE_SIZE)[chart]
+    cell = np.floor(uv / side[:, None]).astype(np.int64)
+    cell -= cell.min(0)
+    span = cell.max(0) + 1
+    key = (chart * span[0] + cell[:, 0]) * span[1] + cell[:, 1]
+    same = key[pattern.tail] == key[pattern.head]
+    graph = sps.coo_matrix(
+        (np.ones(int(same.sum()), bool), (pattern.tail[same], pattern.head[same])), shape=(n, n)
+    )
+    _, labels = csgraph.connected_components(graph, directed=False)
+    return labels.astype(np.int64)
+
+
+def _diagonal_blocks(matrix: SparseMatrix) -> FloatArray:
+    """(n, 2, 2) blocks on the diagonal."""
+    main, above, below = (matrix.diagonal(k) for k in (0, 1, -1))
+    above, below = np.r_[above, 0.0][::2], np.r_[below, 0.0][::2]
+    result: FloatArray = np.stack([main[::2], above, below, main[1::2]], 1).reshape(-1, 2, 2)
+    return result
+
+
+class TwoLevel:
+    """Block Jacobi with a Galerkin coarse space of affine motions of each aggregate: a preconditioner.
+
+    The six modes of an aggregate (constants and linear functions for both coordinates) hold what block Jacobi
+    damps slowly; smoothed on both sides it is symmetric, as conjugate gradients need.
+    """
+
+    def __init__(self, matrix: SparseMatrix, agg: IntArray, uv: FloatArray) -> None:
+        n = len(agg)
+        na = int(agg.max()) + 1
+        size = group_count(agg, na).astype(np.float64)
+        centre = np.stack([np.bincount(agg, uv[:, d], na) for d in range(2)], 1) / size[:, None]
+        offset = uv - centre[agg]
+        radius = np.sqrt(np.bincount(agg, (offset**2).sum(1), na) / size) + 1e-300
+        modes = np.c_[np.ones(n), offset / radius[agg][:, None]]
+        modes[size[agg] < 4, 1:] = 0.0  # too few vertices to tell the linear modes apart
+        data = np.repeat(modes[:, None, :], 2, axis=1).ravel()
+        column = 6 * agg[:, None, None] + np.array([[0, 1, 2], [3, 4, 5]])[None]
+        self.matrix = matrix
+        prolong = sps.csr_matrix(
+            (data, column.ravel(), 3 * np.arange(2 * n + 1)), shape=(2 * n, 6 * na)
+        )
+        coarse = (prolong.T @ (matrix.tocsr() @ prolong)).tocsc()
+        d = coarse.diagonal()
+        coarse = coarse + sps.diags(np.where(d > 0, 1e-7 * d, 1.0))
+        self.prolong, self.restrict = prolong, prolong.T.tocsr()
+        self.coarse = Factor(sps.csc_matrix(coarse))
+        self.inverse = np.linalg.inv(_diagonal_blocks(matrix))
+
+    def jacobi(self, r: FloatArray) -> FloatArray:
+        """Damped block Jacobi."""
+        r2 = r.reshape(-1, 2)
+        result: FloatArray = 0.6 * np.einsum("nij,nj->ni", self.inverse, r2).ravel()
+        return result
+
+    def __call__(self, r: FloatArray) -> FloatArray:
+        """One symmetric V-cycle: smooth, correct on the coarse space, smooth."""
+        x = self.jacobi(r)
+        x = x + self.prolong @ self.coarse.solve(self.restrict @ (r - self.matrix @ x))
+        result: FloatArray = x + self.jacobi(r - self.matrix @ x)
+        return result
+
+
+def conjugate_gradients(
+    matrix: SparseMatrix, b: FloatArray, precondition: TwoLevel, tolerance: float, limit: int
+) -> FloatArray:
+    """Preconditioned conjugate gradients; every iterate is a descent direction."""
+    x = np.zeros_like(b)
+    r = b.copy()
+    z = precondition(r)
+    p = z.copy()
+    rz = start = dot(r, z)
+    for _ in range(limit):
+        q = matrix @ p
+        curvature = dot(p, q)
+        if not curvature > 0:
+            break
+        alpha = rz / curvature
+        x += alpha * p
+        r -= alpha * q
+        z = precondition(r)
+        rz, last = dot(r, z), rz
+        if not rz > tolerance**2 * start:
+            break
+        p = z + (rz / last) * p
+    return x

@@ -1,0 +1,1 @@
+"""Tutte embeddings: weights, convex boundaries, the solve, and graded weights for thin protrusions."""

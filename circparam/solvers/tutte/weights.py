@@ -1,0 +1,216 @@
+"""Convex-combination weights: what each inner vertex takes of each of its neighbours.
+
+A scheme is one function of patches. It returns a pair (forward, backward) of (m, 3) arrays: what the face
+adds to the weight w_ij of its half-edge i → j, and to w_ji of the same edge read backwards. The function
+``half_edge_weights`` adds the two faces of every edge up. All schemes are intrinsic (they read the frames
+only) and work on all charts at once; none needs a loop over vertices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.registry import Row, Table
+from circparam.geometry.intrinsic import corner_angles as angles_of
+from circparam.geometry.intrinsic import cotangents, tan_half_angles, twins, vertex_angle_sums
+from circparam.mesh.cut_mesh import Patches
+
+WeightPair: TypeAlias = tuple[FloatArray, FloatArray]
+
+WeightFunction: TypeAlias = Callable[[Patches], WeightPair]
+
+
+def uniform(patches: Patches) -> WeightPair:
+    """w_ij = 1 (Tutte 1963): half from each face of the edge."""
+    half = np.full(patches.faces.shape, 0.5)
+    return half, half
+
+
+def circle(patches: Patches) -> WeightPair:
+    """w_ij = tan(θ_l/2) + tan(θ_r/2), the angles at i on both sides of ij (Kim 2019, eq. 4, as printed)."""
+    t = tan_half_angles(patches)
+    return t, t[:, [1, 2, 0]]
+
+
+def mean_value(patches: Patches) -> WeightPair:
+    """w_ij = (tan(θ_l/2) + tan(θ_r/2)) / r_ij, the angles at i on both sides of ij (Floater 2003)."""
+    t = tan_half_angles(patches)
+    r = patches.edge_lengths
+    return t / r, t[:, [1, 2, 0]] / r
+
+
+def harmonic(patches: Patches) -> WeightPair:
+    """w_ij = (cot α + cot β)/2, the angles opposite to ij (Pinkall, Polthier 1993)."""
+    w = cotangents(patches)[:, [2, 0, 1]] / 2
+    return w, w
+
+
+def authalic(patches: Patches) -> WeightPair:
+    """w_ij = (cot γ + cot δ) / r_ij², the angles at j beside ij (Desbrun, Meyer, Alliez 2002)."""
+    c = cotangents(patches)
+    square = patches.edge_lengths**2
+    return c[:, [1, 2, 0]] / square, c / square
+
+
+def floater(patches: Patches) -> WeightPair:
+    """Mean over l of the barycentric coordinates of i in the ring triangle hit by the ray opposite to
+    neighbour l, the ring laid flat by eq. 3 (Floater 1997, shape preserving). Zero on border vertices.
+    """
+    ring, h, angle = flat_rings(patches)
+    r = patches.edge_lengths.ravel()[h]
+    p = np.stack([r * np.cos(angle), r * np.sin(angle)], 1)
+    size = np.bincount(ring)
+    start = np.cumsum(size) - size
+    # one global search: rings are 8 apart, angles lie in [0, 2π)
+    opposite = np.where(angle >= np.pi, angle - np.pi, angle + np.pi)
+    s = np.searchsorted(8.0 * ring + angle, 8.0 * ring + opposite, side="right") - 1
+    t = start[ring] + (s + 1 - start[ring]) % size[ring]
+    w = _barycentric(p, p[s], p[t]) / size[ring][:, None]
+    total = np.bincount(np.concatenate([np.arange(len(h)), s, t]), w.T.ravel(), len(h))
+    out = np.zeros(patches.faces.size)
+    out[h] = total
+    return out.reshape(-1, 3), np.zeros(patches.faces.shape)
+
+
+def _barycentric(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(k, 3) barycentric coordinates of the origin in the triangles a, b, c."""
+    w = np.stack(
+        [
+            b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0],
+            c[:, 0] * a[:, 1] - c[:, 1] * a[:, 0],
+            a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0],
+        ],
+        1,
+    )
+    result: FloatArray = w / w.sum(1, keepdims=True)
+    return result
+
+
+def flat_rings(patches: Patches) -> tuple[IntArray, IntArray, FloatArray]:
+    """The rings of all inner vertices, each counter-clockwise from angle 0, laid flat by Floater's eq. 3.
+
+    Returns (ring (k,) 0.. in ascending order of vertex, half-edge (k,) that leaves the centre, angle (k,) in
+    [0, 2π)). A corner that would take π or more of the plane is held below π, else the centre would lie
+    outside its own ring and the weights would lose their sign; on a plane this never happens.
+    """
+    twin = twins(patches)
+    flat = patches.faces.ravel()
+    inner = np.ones(patches.n_vertices, bool)
+    inner[flat[patches.border]] = False
+    h = np.flatnonzero(inner[flat])
+    entry = np.full(len(flat), -1)
+    entry[h] = np.arange(len(h))
+    follower = entry[twin[np.where(h % 3 == 0, h + 2, h - 1)]]
+    number = np.cumsum(inner) - 1
+    ring = number[flat[h]]
+    size = np.bincount(ring)
+    order = _ring_positions(follower, ring, size) + (np.cumsum(size) - size)[ring]
+    by_ring = np.empty_like(h)
+    by_ring[order] = h
+    ring = np.repeat(np.arange(len(size)), size)
+    angles = angles_of(patches)
+    raw = angles.ravel()[by_ring]
+    theta = raw * (2 * np.pi / vertex_angle_sums(patches, angles)[inner])[ring]
+    wide = theta >= np.pi  # at most one corner of a ring
+    if wide.any():
+        held = np.maximum(raw[wide], 0.95 * np.pi)
+        scale = np.ones(len(size))
+        scale[ring[wide]] = (2 * np.pi - held) / (2 * np.pi - theta[wide])
+        theta *= scale[ring]
+        theta[wide] = held
+    turned = np.cumsum(theta)
+    first = (np.cumsum(size) - size)[ring]
+    angle = turned - theta
+    return ring, by_ring, np.clip(angle - angle[first], 0, 2 * np.pi * (1 - 1e-15))
+
+
+def _ring_positions(follower: IntArray, ring: IntArray, size: IntArray) -> IntArray:
+    """Position of every entry in its ring, counted from the ring's lowest entry, by pointer doubling."""
+    n = len(follower)
+    head = np.zeros(len(size), np.int64)
+    head[ring[::-1]] = np.arange(n)[::-1]
+    is_head = np.zeros(n, bool)
+    is_head[head] = True
+    jump = np.where(is_head, np.arange(n), follower)
+    steps = np.where(is_head, 0, 1)
+    reach = 1
+    while reach < int(size.max(initial=1)):
+        steps = steps + steps[jump]
+        jump = jump[jump]
+        reach *= 2
+    return np.where(is_head, 0, size[ring] - steps)
+
+
+def half_edge_weights(patches: Patches, scheme: WeightFunction) -> FloatArray:
+    """(3m,) weight w_ij of every half-edge i → j, summed over both faces of its edge (one on a border)."""
+    forward, backward = scheme(patches)
+    w = forward.ravel().copy()
+    other = backward.ravel()
+    i, j = patches.edges[:, 0], patches.edges[:, 1]
+    w[i] += other[j]
+    w[j] += other[i]
+    return w
+
+
+def clamp_negative(patches: Patches, weights: FloatArray) -> FloatArray:
+    """Weights with everything below a thousandth of its row's mean size lifted to that: all positive.
+
+    weights: (3m,) as from ``half_edge_weights``. A zero would be enough for the sign, but could cut a vertex
+    off from one side of its ring, which Tutte's theorem does not allow.
+    """
+    source = patches.faces.ravel()
+    n = patches.n_vertices
+    count = np.maximum(np.bincount(source, minlength=n), 1)
+    floor = 1e-3 * group_sum(np.abs(weights), source, n) / count
+    return np.maximum(weights, floor[source])
+
+
+_POSITIVE = frozenset({"positive"})
+_BOTH = frozenset({"positive", "reproduces-plane"})
+_PLANE = frozenset({"reproduces-plane"})
+WEIGHTS: Table[WeightFunction] = Table(
+    "weight scheme",
+    Row(
+        "circle",
+        circle,
+        "tangents of half angles, as printed: fast, positive, angles between uniform and mean-value",
+        "Kim 2019, eq. 4",
+        _POSITIVE,
+        "reproduces the plane only where all neighbours of a vertex are equally far from it",
+    ),
+    Row(
+        "mean-value",
+        mean_value,
+        "mean value coordinates: positive and shape preserving",
+        "Floater 2003, eq. 2.1",
+        _BOTH,
+    ),
+    Row(
+        "floater",
+        floater,
+        "shape preserving weights from flattened rings",
+        "Floater 1997, eq. 3 and section 6",
+        _BOTH,
+    ),
+    Row("uniform", uniform, "every neighbour counts the same", "Tutte 1963", _POSITIVE),
+    Row(
+        "harmonic",
+        harmonic,
+        "cotangent weights: the discrete harmonic map",
+        "Pinkall and Polthier 1993; Eck et al. 1995",
+        _PLANE,
+        "positive, hence free of flips, only where the mesh is intrinsically Delaunay, or with --clamp",
+    ),
+    Row(
+        "authalic",
+        authalic,
+        "weights of the discrete authalic map",
+        "Desbrun, Meyer and Alliez 2002, eq. 5",
+        _PLANE,
+        "weights can be negative: free of flips only where none is, or with --clamp",
+    ),
+)

@@ -1,0 +1,116 @@
+"""``circparam check``: topology with known answers, uv with planted faults."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from circparam.cli import cli
+from tests.cli.test_unwrap import obj, one_line_error
+from tests.support import shapes
+
+
+def check(*args: object) -> Result:
+    return CliRunner().invoke(cli, ["check", *map(str, args)])
+
+
+def report(*args: object) -> dict[str, object]:
+    result = check(*args, "--json")
+    assert result.exit_code == 0, result.stderr
+    document: dict[str, object] = json.loads(result.stdout)
+    return document
+
+
+KNOWN = {
+    "disk": (shapes.grid(), "disk", 1, 0, 1),
+    "sphere": (shapes.icosphere(1), "sphere", 2, 0, 0),
+    "torus": (shapes.torus(10, 8), "genus 1, closed", 0, 1, 0),
+    "two handles": (shapes.handles(2), "genus 2, closed", -2, 2, 0),
+    "annulus": (shapes.annulus(), "genus 0 with 2 borders", 0, 0, 2),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_topology(name: str, tmp_path: Path) -> None:
+    shape, verdict, euler, genus, borders = KNOWN[name]
+    got = report(obj(tmp_path / "m.obj", shape))
+    assert got["schema"] == "circparam/check/1"
+    assert (got["euler"], got["genus"], got["borders"]) == (euler, genus, borders)
+    assert [c["verdict"] for c in got["component_list"]] == [verdict]
+    assert got["faces"] == len(shape[1])
+    assert got["uv"] is None
+    assert got["uv_sets"] == []
+    assert verdict in " ".join(check(tmp_path / "m.obj").stdout.split())
+
+
+def test_defects_are_counted(tmp_path: Path) -> None:
+    p, f = shapes.fins(3)
+    p = np.r_[p, [[9.0, 9, 9]]]
+    f = np.r_[f, f[:1], [[0, 0, 1]]]
+    got = report(obj(tmp_path / "m.obj", (p, f)))
+    assert got["nonmanifold_edges"] > 0
+    assert got["duplicate_faces"] == 1
+    assert got["degenerate_faces"] == 1
+    assert got["unreferenced_vertices"] == 1
+
+
+def test_require_disk(tmp_path: Path) -> None:
+    disk = obj(tmp_path / "disk.obj", shapes.grid())
+    assert check(disk, "--require", "disk", "-q").exit_code == 0
+    mixed = obj(tmp_path / "mixed.obj", shapes.join(shapes.grid(), shapes.torus(6, 5)))
+    one_line_error(
+        check(mixed, "--require", "disk", "-q"), 4, "component 1", "genus 1", "--cut disk"
+    )
+
+
+def with_uv(path: Path, uv: np.ndarray, shape: tuple[np.ndarray, np.ndarray]) -> Path:
+    p, f = shape
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in p.tolist()]
+    lines += [f"vt {u!r} {v!r}" for u, v in uv.tolist()]
+    lines += ["f " + " ".join(f"{k}/{k}" for k in face) for face in (f + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_uv_of_a_file(tmp_path: Path) -> None:
+    p, f = shapes.grid(6, 6)
+    uv = p[:, :2] * 0.8 + 0.1
+    good = report(with_uv(tmp_path / "good.obj", uv, (p, f)), "--uv")["uv"]
+    assert good["valid"]
+    assert good["faults"] == []
+    assert good["distortion"] == pytest.approx(1)
+    mirrored = report(with_uv(tmp_path / "bad.obj", uv * [-1, 1] + [1, 0], (p, f)), "--uv")["uv"]
+    assert mirrored["mirrored"] == 1
+    assert not mirrored["valid"]
+    uv[14] = uv[0]
+    flipped = report(with_uv(tmp_path / "flip.obj", uv, (p, f)), "--uv")["uv"]
+    assert flipped["flips"] > 0
+    path = tmp_path / "flip.obj"
+    one_line_error(check(path, "--uv", "--fail-if", "flips>0", "-q"), 6, "flips>0")
+
+
+def test_uv_that_leave_the_unit_square(tmp_path: Path) -> None:
+    p, f = shapes.grid(4, 4)
+    got = report(with_uv(tmp_path / "m.obj", p[:, :2] * 3 - 1, (p, f)), "--uv")["uv"]
+    assert got["outside"] == 1
+    assert got["flips"] == 0
+
+
+def test_no_uv(tmp_path: Path) -> None:
+    mesh = obj(tmp_path / "m.obj", shapes.grid())
+    one_line_error(check(mesh, "--uv"), 3, "no uv set 0")
+
+
+def test_an_option_that_needs_uv(tmp_path: Path) -> None:
+    mesh = obj(tmp_path / "m.obj", shapes.grid())
+    one_line_error(check(mesh, "--padding", "2"), 2, "--uv")
+    one_line_error(check(mesh, "--fail-if", "flips>0"), 2, "--uv")
+
+
+def test_bad_input(tmp_path: Path) -> None:
+    one_line_error(check(tmp_path / "none.obj"), 3, "none.obj")
+    one_line_error(check(tmp_path), 3, "directory")

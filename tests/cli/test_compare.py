@@ -1,0 +1,128 @@
+"""``circparam compare``: tables of 80 columns, JSON, CSV, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from circparam import samples
+from circparam.cli import cli
+from circparam.compare import kim2019
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(cli, ["compare", *words])
+
+
+def sample(name: str) -> str:
+    return str(samples.path(name))
+
+
+def test_table_fits_and_names_every_method() -> None:
+    result = run(sample("ribbon"), "--methods", "circle,floater,lscm")
+    assert result.exit_code == 0, result.stderr
+    lines = result.stdout.splitlines()
+    assert all(len(line) <= 80 or line == sample("ribbon") for line in lines)
+    for name in ("circle", "floater", "lscm"):
+        assert len([line for line in lines if line.startswith(name + " ")]) == 2  # cost and quality
+
+
+def test_json_and_csv_hold_the_same_rows(tmp_path: Path) -> None:
+    out = tmp_path / "rows.csv"
+    result = run(sample("ribbon"), "--methods", "circle,floater", "--json", "--csv", str(out))
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)
+    assert document["schema"] == "circparam/compare/1"
+    assert document["table1"] is None
+    (mesh,) = document["meshes"]
+    with out.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert (
+        [r["method"] for r in rows] == [r["method"] for r in mesh["rows"]] == ["circle", "floater"]
+    )
+    for written, printed in zip(rows, mesh["rows"], strict=True):
+        assert float(written["distortion"]) == printed["distortion"]
+        assert float(written["seconds_weights"]) == printed["stages"]["weights"]
+
+
+def test_csv_is_not_overwritten(tmp_path: Path) -> None:
+    out = tmp_path / "rows.csv"
+    out.write_text("mine")
+    result = run(sample("ribbon"), "--csv", str(out))
+    assert result.exit_code == 2
+    assert out.read_text() == "mine"
+    assert run(sample("ribbon"), "--csv", str(tmp_path / "no" / "x.csv")).exit_code == 8
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "text"),
+    [
+        (("--methods", "circel"), 2, "did you mean circle"),
+        (("--methods", ""), 2, "names no method"),
+        (("--methods", "circle,circle"), 2, "twice"),
+        (("--cut", "disks"), 2, "did you mean disk"),
+        (("--border", "squar"), 2, "square"),
+    ],
+)
+def test_refusals(words: tuple[str, ...], code: int, text: str) -> None:
+    result = run(sample("ribbon"), *words)
+    assert result.exit_code == code
+    assert text in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stdout == ""
+
+
+def test_missing_file_is_exit_3_and_the_others_are_compared(tmp_path: Path) -> None:
+    assert run(str(tmp_path / "none.obj")).exit_code == 3
+    result = run(str(tmp_path / "none.obj"), sample("ribbon"), "--methods", "circle")
+    assert result.exit_code == 3
+    assert "none.obj" in result.stderr
+    assert "ribbon" in result.stdout
+
+
+def test_cut_that_does_not_suit_is_exit_4() -> None:
+    assert run(sample("knot"), "--cut", "none", "--methods", "circle").exit_code == 4
+
+
+def test_without_a_mesh_from_another_directory(tmp_path: Path) -> None:
+    """As a user calls it: a real process, the bundled samples, and Table 1 beside the paper's ratios."""
+    source = str(Path(__file__).resolve().parent.parent)
+    words = ["compare", "--methods", "circle,floater", "--cut", "disk", "--repeats", "3", "--json"]
+    done = subprocess.run(
+        [sys.executable, "-m", "circparam", *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": source},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert [Path(m["mesh"]).stem for m in document["meshes"]] == samples.names()
+    for mesh in document["meshes"]:
+        for entry in mesh["rows"]:
+            manifold = samples.info(Path(mesh["mesh"]).name).genus != "-"
+            if entry["method"] != "input" and manifold:
+                assert (entry["status"], entry["flips"]) == ("ok", 0), (mesh["mesh"], entry)
+    sizes = document["table1"]["sizes"]
+    assert [s["vertices"] for s in sizes] == list(kim2019.PAPER)
+    assert all(s["ratio"] > 0 for s in sizes)
+
+
+def test_table1_text_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(samples, "names", lambda: [])
+    result = run("--methods", "circle,floater", "--repeats", "2")
+    assert result.exit_code == 0, result.stderr
+    lines = result.stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "1.147 to 1.279" in result.stdout
+    assert [line.split()[0] for line in lines if line.split()[0].isdigit()] == list(
+        map(str, kim2019.PAPER)
+    )

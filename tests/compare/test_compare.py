@@ -1,0 +1,189 @@
+"""Methods side by side: the same cut for all, rows that can be trusted, failures that are rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from circparam import errors, samples
+from circparam.compare import process, xatlas
+from circparam.compare.compare import FIGURES, INPUT, Comparison, compare, method_names
+from circparam.methods import METHODS
+from tests.support import shapes
+
+has_xatlas = True
+try:
+    xatlas.require()
+except errors.OptionError:
+    has_xatlas = False
+needs_xatlas = pytest.mark.skipif(not has_xatlas, reason="xatlas is not installed")
+
+
+@pytest.fixture(scope="module")
+def disk() -> Comparison:
+    return compare(shapes.bumped_disk(300), "circle,mean-value,floater,lscm")
+
+
+def quick(source: object, methods: str, **keywords: object) -> Comparison:
+    """In this process: the same rows without a peak memory."""
+    return compare(source, methods, isolate=False, **keywords)  # type: ignore[arg-type]
+
+
+def row(c: Comparison, name: str) -> dict[str, Any]:
+    return next(r for r in c.rows if r.method == name).as_dict()
+
+
+def test_every_method_gets_the_identical_cut(disk: Comparison) -> None:
+    assert disk.cut == "disk"  # which makes no seam where there is a disk already
+    assert [r.method for r in disk.rows] == ["circle", "mean-value", "floater", "lscm"]
+    assert {r.figures["charts"] for r in disk.rows} == {1}
+    assert {r.figures["seam_length"] for r in disk.rows} == {0.0}
+
+
+def test_convex_rows_do_not_flip_and_differ(disk: Comparison) -> None:
+    for name in ("circle", "mean-value", "floater"):
+        assert row(disk, name)["flips"] == 0
+        assert row(disk, name)["status"] == "ok"
+    # both reproduce the plane, circle does not: on a bumped disk mean-value keeps angles better
+    assert row(disk, "mean-value")["angle"] < row(disk, "circle")["angle"]
+    # conformal, with a free border
+    assert row(disk, "lscm")["angle"] < row(disk, "circle")["angle"]
+
+
+def test_stages_and_memory_are_measured(disk: Comparison) -> None:
+    for r in disk.rows:
+        assert r.seconds is not None
+        assert 0 < sum(r.stages.values()) <= r.seconds
+        assert r.peak_bytes is not None
+        assert r.peak_bytes >= 0
+    assert {"weights", "solve"} <= set(disk.rows[0].stages)
+
+
+def test_figures_agree_with_an_unwrap(disk: Comparison) -> None:
+    from circparam.pipeline import unwrap
+
+    result = unwrap.unwrap(shapes.bumped_disk(300), cut="none", method="mean-value")
+    mine = row(disk, "mean-value")
+    for name in ("distortion", "stretch_l2", "angle", "area"):
+        assert mine[name] == pytest.approx(result.measures[name], rel=1e-5)
+
+
+def test_memory_grows_with_the_mesh() -> None:
+    small, large = (compare(shapes.grid(n, n), "circle").rows[0].peak_bytes for n in (20, 140))
+    assert small is not None
+    assert large is not None
+    assert large > small + 4 * 2**20
+
+
+def test_closed_meshes_get_charts_or_what_is_asked_for() -> None:
+    c = quick(shapes.icosphere(2), "mean-value", cut="disk")
+    assert c.cut == "disk"
+    assert row(c, "mean-value")["charts"] == 1
+    assert row(c, "mean-value")["flips"] == 0
+
+
+def test_holes_do_not_keep_a_disk_from_staying_whole() -> None:
+    for shape in (shapes.holed_sheet(4), shapes.cylinder(12, 4)):
+        c = quick(shape, "circle")
+        assert (c.cut, row(c, "circle")["seam_length"]) == ("disk", 0)
+
+
+def test_the_uv_of_the_file_is_the_first_row() -> None:
+    c = quick(samples.path("vase"), "circle", cut="disk")
+    assert [r.method for r in c.rows] == [INPUT, "circle"]
+    own = c.rows[0]
+    assert own.seconds is None
+    assert own.figures["charts"] == 2
+    assert own.figures["flips"] == 0
+    assert own.figures["overlap"] != 0  # both parts fill the whole texture
+    assert own.status == "invalid"
+
+
+def test_input_row_of_a_layout_that_is_perfect(tmp_path: Path) -> None:
+    p, f = shapes.delaunay_square(50)
+    lines = [f"v {x!r} {y!r} 0" for x, y, _ in p.tolist()] + [
+        f"vt {x!r} {y!r}" for x, y, _ in p.tolist()
+    ]
+    lines += [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in (f + 1).tolist()]
+    (tmp_path / "flat.obj").write_text("\n".join(lines) + "\n")
+    c = quick(tmp_path / "flat.obj", "uniform")
+    own = row(c, INPUT)
+    assert own["status"] == "ok"
+    assert own["distortion"] == pytest.approx(1, abs=1e-9)
+    assert own["seam_length"] == 0
+    assert row(c, "uniform")["distortion"] > 1.001
+
+
+@needs_xatlas
+def test_xatlas_is_a_row_with_seams_of_its_own() -> None:
+    c = quick(shapes.cube(4), "isometric,xatlas,xatlas-default")
+    own, plain = row(c, "xatlas"), row(c, "xatlas-default")
+    assert own["charts"] == plain["charts"] == 6
+    assert own["mirrored"] == 0
+    assert own["distortion"] == pytest.approx(1, abs=1e-4)
+    assert own["seconds"] > 0
+    assert row(c, "isometric")["charts"] < 6
+
+
+def test_a_method_that_fails_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> process.Outcome:
+        return process.Outcome(error="no such luck")
+
+    monkeypatch.setattr(process, "here", broken)
+    c = quick(shapes.bumped_disk(100), "circle")
+    assert (c.rows[0].status, c.rows[0].error) == ("failed", "no such luck")
+    assert c.rows[0].as_dict()["distortion"] is None
+
+
+def test_a_layout_with_flips_is_invalid(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = process.here
+
+    def folded(*given: Any) -> process.Outcome:
+        done = real(*given)
+        done.arrays["uv"][:, 0] = np.abs(done.arrays["uv"][:, 0])
+        return done
+
+    monkeypatch.setattr(process, "here", folded)
+    c = quick(shapes.bumped_disk(100), "mean-value")
+    assert c.rows[0].status == "invalid"
+    assert row(c, "mean-value")["flips"] > 0
+
+
+def test_names_are_checked() -> None:
+    assert method_names("all") == METHODS.names()
+    assert method_names(" circle, floater ") == ["circle", "floater"]
+    assert method_names(["circle"]) == ["circle"]
+    with pytest.raises(errors.OptionError, match="did you mean circle"):
+        method_names("circel")
+    with pytest.raises(errors.OptionError, match="twice"):
+        method_names("circle,all")
+    with pytest.raises(errors.OptionError, match="names no method"):
+        method_names(" , ")
+
+
+def test_options_go_where_they_apply() -> None:
+    square = quick(shapes.bumped_disk(100), "circle,lscm", border="square")
+    round_ = quick(shapes.bumped_disk(100), "circle,lscm")
+    assert row(square, "circle")["distortion"] != row(round_, "circle")["distortion"]
+    assert row(square, "lscm")["distortion"] == row(round_, "lscm")["distortion"]
+    with pytest.raises(errors.OptionError, match="no effect"):
+        quick(shapes.bumped_disk(100), "lscm", border="square")
+
+
+def test_bad_requests() -> None:
+    with pytest.raises(errors.OptionError, match="cut"):
+        quick(shapes.triangle(), "circle", cut="chart")
+    with pytest.raises(errors.TopologyError):
+        quick(shapes.icosphere(1), "circle", cut="none")
+    with pytest.raises(errors.InputError):
+        quick("nowhere.obj", "circle")
+
+
+def test_as_dict_has_every_figure(disk: Comparison) -> None:
+    plain = disk.as_dict()
+    assert plain["cut_seconds"] >= 0
+    for entry in plain["rows"]:
+        assert set(FIGURES) <= set(entry)

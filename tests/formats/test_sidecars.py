@@ -1,0 +1,65 @@
+"""Small text files: read as written, refused with the line that is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats import sidecars
+
+
+def file(tmp_path: Path, text: str | bytes, name: str = "f.txt") -> Path:
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_pins(tmp_path: Path) -> None:
+    path = file(tmp_path, "# vertex u v\n3 0.5 0.25\n\n7, 1, -2e-1  # a corner\n")
+    np.testing.assert_array_equal(sidecars.read_pins(path), [[3, 0.5, 0.25], [7, 1, -0.2]])
+
+
+def test_polygon(tmp_path: Path) -> None:
+    path = file(tmp_path, "0 0\n1 0\n0 1\n")
+    np.testing.assert_array_equal(sidecars.read_polygon(path), [[0, 0], [1, 0], [0, 1]])
+
+
+def test_seams_as_pairs_and_as_lines(tmp_path: Path) -> None:
+    np.testing.assert_array_equal(
+        sidecars.read_seams(file(tmp_path, "0 4\n4 9\n")), [[0, 4], [4, 9]]
+    )
+    obj = "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\nl -1 1/5\n"
+    got = sidecars.read_seams(file(tmp_path, obj, "seams.obj"))
+    np.testing.assert_array_equal(got, [[0, 1], [1, 2], [2, 0]])
+
+
+def test_seams_come_back_as_written(tmp_path: Path) -> None:
+    pairs = np.array([[0, 4], [4, 9], [2, 1000000]])
+    sidecars.write_seams(tmp_path / "s.txt", pairs)
+    np.testing.assert_array_equal(sidecars.read_seams(tmp_path / "s.txt"), pairs)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("1 2\n", "line 1"),
+        ("1 0 0\n2 0 x\n", "line 2"),
+        ("1 0 nan\n", "line 1"),
+        ("1.5 0 0\n", "no whole number"),
+        ("# nothing\n", "no line"),
+        (b"\xff\xfe\x00", "no text file"),
+    ],
+)
+def test_bad_pins(tmp_path: Path, text: str | bytes, word: str) -> None:
+    with pytest.raises(InputError, match=word):
+        sidecars.read_pins(file(tmp_path, text))
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        sidecars.read_seams(tmp_path / "none.txt")
+    with pytest.raises(InputError, match="directory"):
+        sidecars.read_seams(tmp_path)

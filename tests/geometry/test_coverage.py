@@ -1,0 +1,106 @@
+"""Rasters from the border alone, against brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.geometry.coverage import cover, label_grid, pages_of, smallest_gap
+from circparam.mesh.cut_mesh import Patches, plane_frames
+from tests.support import shapes
+
+
+def flat_patches(p: np.ndarray, f: np.ndarray, chart: np.ndarray) -> tuple[Patches, np.ndarray]:
+    from circparam.geometry.overlap import shared_edges
+
+    uv = p[:, :2].copy()
+    return Patches(f, plane_frames(p[f]), chart, shared_edges(f)), uv
+
+
+def squares(corners: list[tuple[float, float]], size: float) -> tuple[Patches, np.ndarray]:
+    """Axis-aligned squares of one size in the unit square, one chart each."""
+    base, f = shapes.grid(3, 3)
+    parts = [(base * size + [x, y, 0], f) for x, y in corners]
+    p, f = shapes.join(*parts)
+    return flat_patches(p, f, np.repeat(np.arange(len(corners)), 8))
+
+
+def inside(uv: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
+    """Brute force: texel centres inside any face."""
+    centre = (np.arange(resolution) + 0.5) / resolution
+    x, y = np.meshgrid(centre, centre)
+    out = np.zeros((resolution, resolution), bool)
+    for a, b, c in uv[faces]:
+        sides = [
+            (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])
+            for p, q in ((a, b), (b, c), (c, a))
+        ]
+        out |= np.min(sides, 0) >= 0
+    return out
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.integers(8, 60))
+def test_the_border_alone_tells_what_faces_cover(seed: int, resolution: int) -> None:
+    p, f = shapes.delaunay_disk(40, seed % 1000)
+    rng = np.random.default_rng(seed)
+    p = p * 0.3 + [0.5, 0.5, 0] + [*rng.uniform(-0.1, 0.1, 2), 0]
+    patches, uv = flat_patches(p, f, np.zeros(len(f), np.int64))
+    got = label_grid(patches, uv, resolution) >= 0
+    # centres that lie on a border to the last digit may fall on either side
+    assert (got != inside(uv, f, resolution)).sum() <= 2
+
+
+def test_a_hole_is_not_covered() -> None:
+    p, f = shapes.annulus(48, 4, 0.5)
+    patches, uv = flat_patches(p * 0.4 + [0.5, 0.5, 0], f, np.zeros(len(f), np.int64))
+    grid = label_grid(patches, uv, 64)
+    assert grid[32, 32] == -1
+    ring = np.pi * 0.4**2 * (1 - 0.5**2)
+    assert (grid >= 0).mean() == pytest.approx(ring, rel=0.03)
+
+
+@pytest.mark.parametrize(("texels", "gap"), [(4, 4.0), (5, 5.0), (1, 1.0)])
+def test_gap_between_two_squares(texels: int, gap: float) -> None:
+    n = 100
+    # the first covers columns 10..29; the second begins so many columns further on
+    patches, uv = squares([(0.10, 0.1), (0.10 + 0.2 + (texels - 1) / n, 0.1)], 0.2)
+    found = cover(patches, uv, n, 8)
+    assert found.gap == gap
+    assert found.near == (0, 1)
+    assert found.border == 10
+    assert found.share == pytest.approx(0.08, abs=0.002)
+
+
+def test_far_charts_have_no_gap_within_the_search() -> None:
+    patches, uv = squares([(0.1, 0.1), (0.6, 0.6)], 0.2)
+    assert cover(patches, uv, 100, 6).gap == np.inf
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6))
+def test_smallest_gap_is_that_of_all_pairs(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    grid = np.full((24, 24), -1)
+    for label in range(3):
+        y, x = rng.integers(0, 20, 2)
+        h, w = rng.integers(1, 5, 2)
+        block = grid[y : y + h, x : x + w]
+        block[block < 0] = label
+    at = np.argwhere(grid >= 0)
+    label = grid[tuple(at.T)]
+    distance = np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1))
+    distance[label[:, None] == label[None]] = np.inf
+    best = distance.min(initial=np.inf)
+    found, _ = smallest_gap(grid, 7)
+    assert found == (best if best <= 7 else np.inf)
+
+
+def test_pages_are_tiles() -> None:
+    patches, uv = squares([(0.1, 0.1), (1.1, 0.1), (2.5, 0.5)], 0.2)
+    assert pages_of(patches, uv).tolist() == [0, 1, 2]
+    found = cover(patches, uv, 50, 4)
+    assert found.share == pytest.approx(0.04, abs=0.005)
+    assert found.border == 5

@@ -1,0 +1,528 @@
+"""Exact signs, and overlap of charts against brute force over all pairs of faces."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from circparam.core.arrays import next_half_edge
+from circparam.geometry.boundary import Border
+from circparam.geometry.intersect import (
+    NEIGHBOURS,
+    nearby,
+    segment_distance,
+    wedge_left_of,
+    wedges_meet,
+)
+from circparam.geometry.overlap import crossings, overlaps, self_overlapping, shared_edges, signs
+from circparam.geometry.predicates import orientation
+from circparam.geometry.segment_grid import Candidates
+from circparam.mesh.cut_mesh import Patches, plane_frames
+from circparam.mesh.halfedge import corner_classes
+from tests.support import shapes
+
+
+def exact_sign(a, b, c):
+    (ax, ay), (bx, by), (cx, cy) = [tuple(map(Fraction, map(float, p))) for p in (a, b, c)]
+    det = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    return (det > 0) - (det < 0)
+
+
+coordinate = st.one_of(
+    st.floats(-1, 1),
+    st.floats(allow_nan=False, allow_infinity=False, width=64, min_value=-1e150, max_value=1e150),
+    st.integers(-3, 3).map(float),
+    st.sampled_from([0.1, 0.2, 0.3, 1e-300, 5e-324, 0.5 + 2**-53, 12.0, 24.0]),
+)
+point = st.tuples(coordinate, coordinate)
+
+
+@given(point, point, point)
+@example((0.1, 0.1), (0.2, 0.2), (0.3, 0.3))
+@example((5e-324, 0.0), (0.0, 5e-324), (0.0, 0.0))
+@example((1e150, 5e-324), (1e150, 0.0), (5e-324, 1e150))
+def test_orientation_is_exact(a, b, c):
+    got = orientation(*(np.array([p]) for p in (a, b, c)))
+    assert int(got[0]) == exact_sign(a, b, c)
+
+
+@given(point, st.floats(-4, 4), st.floats(-4, 4), st.integers(-3, 3))
+def test_orientation_is_exact_near_a_line(direction, s, t, ulps):
+    """Points on one line up to a few last digits: where floating point alone guesses."""
+    d = np.array(direction)
+    a, b, c = np.array([[0.1, 0.7]]), np.array([[0.1, 0.7] + s * d]), np.array([[0.1, 0.7] + t * d])
+    c[0, 0] += ulps * np.spacing(c[0, 0])
+    assert int(orientation(a, b, c)[0]) == exact_sign(a[0], b[0], c[0])
+
+
+def test_orientation_is_exact_where_floating_point_is_known_to_fail():
+    """The grid of Kettner and others (2008): points a few last digits from (½, ½), against one diagonal."""
+    k = np.arange(64) * 2.0**-53
+    p = np.stack(np.meshgrid(0.5 + k, 0.5 + k), -1).reshape(-1, 2)
+    q, r = np.full_like(p, 12.0), np.full_like(p, 24.0)
+    got = orientation(p, q, r)
+    assert np.array_equal(got, [exact_sign(a, (12, 12), (24, 24)) for a in p])
+    plain = (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
+    assert (np.sign(plain) != got).any(), "the case is hard enough"
+    for scale in (1e-140, 1e140):
+        assert np.array_equal(
+            orientation(p * scale, q * scale, r * scale),
+            [
+                exact_sign(a * scale, np.array([12, 12]) * scale, np.array([24, 24]) * scale)
+                for a in p
+            ],
+        )
+
+
+def test_orientation_is_exact_for_full_mantissas_on_a_rounded_line():
+    rng = np.random.default_rng(7)
+    a, b = rng.random((1500, 2)), rng.random((1500, 2))
+    c = a + rng.uniform(-1, 2, (1500, 1)) * (b - a)
+    assert np.array_equal(
+        orientation(a, b, c), [exact_sign(*abc) for abc in zip(a, b, c, strict=True)]
+    )
+
+
+def test_signs_turn_with_the_winding():
+    rng = np.random.default_rng(3)
+    uv, faces = rng.random((50, 2)), rng.integers(0, 50, (400, 3))
+    assert np.array_equal(signs(uv, faces), -signs(uv, faces[:, ::-1]))
+    assert (signs(uv, faces[:, [0, 1, 0]]) == 0).all()
+
+
+# Random charts on a small grid of integers: all faces positive, many touches, many overlaps.
+step = st.tuples(
+    st.integers(0, 10**6), st.integers(0, 5), st.integers(0, 5), st.sampled_from([0, 0, 0, 1, 2])
+)
+
+
+def grow(steps):
+    """A chart grown face by face on the integer grid: new apex, closed ear, or an apex joined on."""
+    uv = [(2, 2), (3, 2), (2, 3)]
+    faces = [(0, 1, 2)]
+    border = [(0, 1), (1, 2), (2, 0)]  # counter-clockwise, each follows the one before
+
+    def positive(a, b, c):
+        return exact_sign(uv[a], uv[b], uv[c]) > 0
+
+    for pick, x, y, kind in steps:
+        k = pick % len(border)
+        a, b = border[k]
+        if kind == 1 and len(border) > 3:  # close the ear at b: it becomes an inner vertex
+            after = (k + 1) % len(border)
+            c = border[after][1]
+            if c != a and positive(a, c, b) and (a, c) not in border and (c, a) not in border:
+                faces.append((a, c, b))
+                border[k] = (a, c)
+                border.pop(after)
+            continue
+        uv.append((x, y))
+        c = len(uv) - 1
+        if not positive(b, a, c):
+            uv.pop()
+            continue
+        faces.append((b, a, c))
+        border[k : k + 1] = [(a, c), (c, b)]
+    return np.array(uv, float), np.array(faces, np.int64)
+
+
+def faces_overlap(uv, f, g):
+    """Whether two positive triangles share inner points: no edge of either has the other outside."""
+    for p, q in ((f, g), (g, f)):
+        for k in range(3):
+            a, b = uv[p[k]], uv[p[(k + 1) % 3]]
+            if all(exact_sign(a, b, uv[v]) <= 0 for v in q):
+                return False
+    return True
+
+
+def brute_force(uv, faces):
+    m = len(faces)
+    return any(faces_overlap(uv, faces[i], faces[j]) for i in range(m) for j in range(i))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(step, min_size=1, max_size=14), st.sampled_from([1.0, -1.0]))
+def test_self_overlap_agrees_with_all_pairs_of_faces(steps, mirror):
+    uv, faces = grow(steps)
+    expected = brute_force(uv, faces)
+    got = overlaps(faces, uv * [mirror, 1.0], np.zeros(len(faces), np.int64))
+    assert bool(got.self_overlapping[0]) == expected
+    assert len(got.pairs) == 0
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(step, min_size=1, max_size=6), st.lists(step, min_size=1, max_size=6))
+def test_overlap_of_two_charts_agrees_with_all_pairs_of_faces(first, second):
+    (uv, f), (uv2, g) = grow(first), grow(second)
+    if brute_force(uv, f) or brute_force(uv2, g):
+        return
+    both = np.concatenate([uv, uv2])
+    g = g + len(uv)
+    expected = any(faces_overlap(both, a, b) for a in f for b in g)
+    got = overlaps(np.concatenate([f, g]), both, np.repeat([0, 1], [len(f), len(g)]))
+    assert not got.self_overlapping.any()
+    assert got.pairs.tolist() == ([[0, 1]] if expected else [])
+
+
+def square(low, high):
+    uv = np.array([[low, low], [high, low], [high, high], [low, high]], float)
+    return uv, np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def together(*charts):
+    offset = np.cumsum([0] + [len(uv) for uv, _ in charts])
+    uv = np.concatenate([uv for uv, _ in charts])
+    faces = np.concatenate([f + o for (_, f), o in zip(charts, offset, strict=False)])
+    return faces, uv, np.repeat(np.arange(len(charts)), [len(f) for _, f in charts])
+
+
+def test_a_chart_inside_another_overlaps_it_and_neighbours_do_not():
+    inside = overlaps(*together(square(0, 9), square(3, 4), square(9, 12)))
+    assert inside.pairs.tolist() == [[0, 1]]
+    assert not inside.self_overlapping.any()
+
+
+def test_stacked_charts_overlap():
+    assert overlaps(*together(square(0, 1), square(0, 1))).pairs.tolist() == [[0, 1]]
+
+
+def ring(inner, outer, n=12):
+    """An annulus; inner and outer are radii of the two loops."""
+    t = 2 * np.pi * np.arange(n) / n
+    circle = np.stack([np.cos(t), np.sin(t)], 1)
+    a, b = np.arange(n), (np.arange(n) + 1) % n
+    faces = np.concatenate([np.stack([a, a + n, b + n], 1), np.stack([a, b + n, b], 1)])
+    return np.concatenate([inner * circle, outer * circle]), faces
+
+
+def test_a_chart_fits_into_the_hole_of_another():
+    found = overlaps(*together(ring(3, 5), square(-1, 1)))
+    assert len(found.pairs) == 0
+    assert not found.self_overlapping.any()
+
+
+def fan(turns, n):
+    """A disk whose faces wind round their one inner vertex ``turns`` times."""
+    t = 2 * np.pi * turns * np.arange(n) / n
+    uv = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(t), np.sin(t)], 1) + 0.0])
+    k = np.arange(n)
+    return uv, np.stack([np.zeros(n, int), 1 + k, 1 + (k + 1) % n], 1)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_a_fan_wound_twice_overlaps(mirror):
+    uv, faces = fan(2, 10)
+    assert overlaps(faces, uv * [mirror, 1.0], np.zeros(10, np.int64)).self_overlapping[0]
+    uv, faces = fan(1, 10)
+    assert not overlaps(faces, uv * [mirror, 1.0], np.zeros(10, np.int64)).self_overlapping[0]
+
+
+def two_sheets(crossed):
+    """A large square and a small one in its middle, of one surface when ``crossed``: joined crosswise along a
+    slit, so that both ends of the slit are wound twice while the two borders are plain nested squares."""
+    big, small = shapes.grid(9, 9, 8.0, 8.0), shapes.grid(5, 5, 4.0, 4.0)
+    uv = np.concatenate([big[0][:, :2] - 4, small[0][:, :2] - 2])
+    faces = np.concatenate([big[1], small[1] + len(big[0])])
+    chart = np.repeat([0, 1], [len(big[1]), len(small[1])])
+    edges = shared_edges(faces)
+    flat = faces.ravel()
+    p, q = uv[flat[edges[:, 0]]], uv[flat[next_half_edge(edges[:, 0])]]
+    on = np.flatnonzero((p[:, 1] == 0) & (q[:, 1] == 0) & (np.abs(p + q)[:, 0] / 2 < 1))
+    if crossed:
+        # each slit edge as (half-edge of the face above, of the one below), sheet by sheet, then swapped
+        above = uv[faces[edges[on, 0] // 3]].mean(1)[:, 1] > 0
+        up = np.where(above, edges[on, 0], edges[on, 1])
+        down = np.where(above, edges[on, 1], edges[on, 0])
+        place = np.round(np.minimum(p[on, 0], q[on, 0])).astype(int)
+        order = np.lexsort((chart[edges[on, 0] // 3], place))
+        partner = order.reshape(-1, 2)[:, ::-1].ravel()
+        edges[on[order]] = np.sort(np.stack([up[order], down[partner]], 1), 1)
+        chart = np.zeros_like(chart)
+    _, corners = corner_classes(len(faces), edges)
+    place = np.zeros((corners.max() + 1, 2))
+    place[corners.ravel()] = uv[flat]
+    return corners, place, chart, edges
+
+
+def test_a_surface_wound_twice_overlaps_though_its_borders_never_meet():
+    faces, uv, chart, edges = two_sheets(crossed=True)
+    found = overlaps(faces, uv, chart, edges)
+    assert found.self_overlapping.tolist() == [True]
+    assert len(found.crossings) == 0, "only the inner vertices tell"
+    faces, uv, chart, edges = two_sheets(crossed=False)
+    found = overlaps(faces, uv, chart, edges)
+    assert found.self_overlapping.tolist() == [False, False]
+    assert found.pairs.tolist() == [[0, 1]]
+
+
+direction = st.tuples(st.integers(-2, 2), st.integers(-2, 2)).filter(any)
+
+
+def corner_border(*wedges):
+    """Borders that pass through the origin: (out, back) directions of each; segment 2k leaves wedge k."""
+    start, end = [], []
+    for out, back in wedges:
+        start += [(0, 0), back]
+        end += [out, (0, 0)]
+    n = len(start)
+    other = np.arange(n) ^ 1
+    return Border(
+        np.arange(n),
+        np.arange(n) // 2,
+        np.array(start, float),
+        np.array(end, float),
+        other,
+        other,
+        np.ones(n // 2),
+    )
+
+
+def in_arc(angle, first, last):
+    turn = 2 * np.pi
+    span = (last - first) % turn or turn
+    inside = (angle - first) % turn
+    return (inside > 1e-9) & (inside < span - 1e-9)
+
+
+def angle_of(d):
+    return np.arctan2(d[1], d[0])
+
+
+MANY = np.arange(3600) * 2 * np.pi / 3600 + 1e-5
+
+
+@settings(max_examples=300, deadline=None)
+@given(direction, direction, direction, direction)
+@example((1, 0), (1, 0), (0, 1), (0, 2))
+@example((1, 0), (0, -1), (1, -1), (1, 0))
+def test_wedges_meet_where_they_share_a_direction(out_a, back_a, out_b, back_b):
+    border = corner_border((out_a, back_a), (out_b, back_b))
+    got = wedges_meet(border, np.array([0]), np.array([2]))[0]
+    expected = in_arc(MANY, angle_of(out_a), angle_of(back_a))
+    expected &= in_arc(MANY, angle_of(out_b), angle_of(back_b))
+    assert got == expected.any()
+
+
+@settings(max_examples=300, deadline=None)
+@given(direction, direction, direction)
+@example((1, 0), (-1, 0), (-1, 0))
+@example((1, 0), (1, -1), (-1, 0))
+@example((1, 0), (1, -1), (-1, -1))
+def test_a_wedge_reaches_to_the_left_of_a_line(line, out, back):
+    border = corner_border((out, back), (line, line))
+    d = np.array(line, float)
+    border.start[2], border.end[2] = -2 * d, 3 * d
+    got = wedge_left_of(border, np.array([0]), np.array([2]))[0]
+    left = angle_of(line)
+    expected = in_arc(MANY, angle_of(out), angle_of(back)) & in_arc(MANY, left, left + np.pi)
+    assert got == expected.any()
+
+
+def patches_of(uv, faces):
+    edges = shared_edges(faces)
+    _, corners = corner_classes(len(faces), edges)
+    place = np.zeros((corners.max() + 1, 2))
+    place[corners.ravel()] = uv[faces.ravel()]
+    frames = plane_frames(np.pad(uv, ((0, 0), (0, 1)))[faces])
+    return Patches(corners, frames, np.zeros(len(faces), np.int64), edges), place
+
+
+def strip(centre_line, width=0.3):
+    """Quads along a polyline, two vertices a point."""
+    d = np.gradient(centre_line, axis=0)
+    d /= np.linalg.norm(d, axis=1)[:, None]
+    side = np.stack([-d[:, 1], d[:, 0]], 1) * width / 2
+    uv = np.concatenate([centre_line - side, centre_line + side])
+    n = len(centre_line)
+    a = np.arange(n - 1)
+    faces = np.concatenate([np.stack([a, a + 1, a + 1 + n], 1), np.stack([a, a + 1 + n, a + n], 1)])
+    return uv, faces
+
+
+def horseshoe(gap):
+    """Two long arms that are ``gap`` apart, as a grid without the cells between the arms."""
+    x = np.array([0, 0.15, 0.3, 0.3 + gap, 0.45 + gap, 0.6 + gap])
+    y = np.linspace(0, 4, 30)
+    uv = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+    row, column = np.divmod(np.arange(29 * 5), 5)
+    keep = (column != 2) | (row == 0)
+    a = (row * 6 + column)[keep]
+    return uv, np.concatenate([np.stack([a, a + 1, a + 7], 1), np.stack([a, a + 7, a + 6], 1)])
+
+
+def test_margin_finds_parts_that_come_near():
+    patches, uv = patches_of(*horseshoe(0.05))
+    assert not self_overlapping(patches, uv)[0]
+    assert self_overlapping(patches, uv, margin=0.06 / np.sqrt(patches.areas.sum()))[0]
+    assert not self_overlapping(patches, uv, margin=0.03 / np.sqrt(patches.areas.sum()))[0]
+    pairs = crossings(uv, patches, margin=0.06 / np.sqrt(patches.areas.sum()))
+    assert len(pairs)
+    assert np.isin(pairs, patches.border).all()
+    assert len(crossings(uv, patches)) == 0
+
+
+def test_a_spiral_that_meets_itself_is_found_with_the_half_edges_that_cross():
+    t = np.linspace(0, 2 * np.pi * 1.2, 200)
+    patches, uv = patches_of(*strip(np.stack([np.cos(t), np.sin(t)], 1)))
+    pairs = crossings(uv, patches)
+    assert self_overlapping(patches, uv)[0]
+    assert len(pairs)
+    assert np.isin(pairs, patches.border).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(2, 60),
+    st.integers(0, 10**6),
+    st.sampled_from([1.0, 1e-9, 1e6]),
+    st.sampled_from([0.0, 0.02]),
+    st.sampled_from(["even", "mixed", "comb"]),
+)
+def test_candidates_hold_every_pair_that_meets(n, seed, scale, reach, kind):
+    rng = np.random.default_rng(seed)
+    start = rng.random((n, 2))
+    length = {"even": 0.1, "mixed": 10.0 ** rng.uniform(-6, 0, (n, 1)), "comb": 1e-4}[kind]
+    end = start + length * rng.normal(size=(n, 2))
+    if kind == "comb":
+        end[:, 1] += 1
+    start, end = start * scale, end * scale
+    group = rng.integers(0, 2, n)
+    pairs = set()
+    for i, j in Candidates(start, end, group, np.full(n, reach * scale)):
+        assert (i < j).all()
+        pairs |= set(zip(i.tolist(), j.tolist(), strict=True))
+    low, high = (
+        np.minimum(start, end) - reach * scale / 2,
+        np.maximum(start, end) + reach * scale / 2,
+    )
+    for i in range(n):
+        for j in range(i + 1, n):
+            if group[i] != group[j]:
+                assert (i, j) not in pairs
+                continue
+            a, b, c, d = start[[i]], end[[i]], start[[j]], end[[j]]
+            cross = orientation(a, b, c) * orientation(a, b, d) < 0
+            cross &= orientation(c, d, a) * orientation(c, d, b) < 0
+            touch = (low[i] <= high[j]).all() and (low[j] <= high[i]).all()
+            near = reach and np.linalg.norm(start[i] - start[j]) < reach * scale
+            if touch and (cross[0] or near):
+                assert (i, j) in pairs
+
+
+@pytest.mark.parametrize("shape", ["comb", "star", "uneven", "stack"])
+def test_the_work_grows_with_the_number_of_segments(shape):
+    """Pairs looked at for each segment stay bounded as the number of segments grows."""
+
+    def pairs_a_segment(n):
+        rng = np.random.default_rng(1)
+        if shape == "comb":  # long teeth side by side
+            x = np.arange(n) / n
+            start, end = np.stack([x, np.zeros(n)], 1), np.stack([x, np.ones(n)], 1)
+        elif shape == "star":  # rays that stop short of the middle
+            t = 2 * np.pi * np.arange(n) / n
+            ray = np.stack([np.cos(t), np.sin(t)], 1)
+            start, end = 0.2 * ray, ray
+        elif shape == "uneven":  # most of the segments in one corner
+            start = rng.random((n, 2)) ** 8
+            end = start + 1e-3 / n * rng.normal(size=(n, 2))
+            end[:3] = start[:3] + 1
+        else:  # several segments in each place
+            start = np.repeat(rng.random((n // 4, 2)), 4, 0)
+            end = start + 1e-4
+        group = np.zeros(len(start), np.int64)
+        return sum(len(i) for i, _ in Candidates(start, end, group, np.zeros(len(start)))) / n
+
+    assert pairs_a_segment(16000) < 4 * pairs_a_segment(1000) + 40
+
+
+def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
+    """Never one to one by omission: where not every pair can be looked at, the chart counts as overlapping."""
+    import circparam.geometry.segment_grid as nearby
+
+    monkeypatch.setattr(nearby, "LIMIT", 10)
+    monkeypatch.setattr(nearby, "FEW", 0)
+    patches, uv = patches_of(*strip(np.stack([np.linspace(0, 1, 50), np.zeros(50)], 1)))
+    assert self_overlapping(patches, uv)[0]
+
+
+def _ring_with_flap(folded: bool) -> tuple[np.ndarray, np.ndarray]:
+    """A flat ring, and on one edge of its hole a piece that fills the hole, or (folded) lies over the ring."""
+    n = 24
+    angle = 2 * np.pi * np.arange(n) / n
+    unit = np.stack([np.cos(angle), np.sin(angle)], 1)
+    k = np.arange(n)
+    follower = (k + 1) % n
+    ring = np.concatenate(
+        [np.stack([k, n + k, n + follower], 1), np.stack([k, n + follower, follower], 1)]
+    )
+    # the piece hangs on the edge 0–1 of the hole: its outline runs from 1 round the middle to 0
+    outline = np.linspace(angle[1] + 0.05, 2 * np.pi - 0.05, 40)
+    radius = 0.7 if folded else 0.39
+    points = np.concatenate(
+        [0.4 * unit, unit, [[0.0, 0.0]], radius * np.stack([np.cos(outline), np.sin(outline)], 1)]
+    )
+    middle = 2 * n
+    rim = np.concatenate([[0, 1], middle + 1 + np.arange(40), [0]])
+    piece = np.stack([np.full(len(rim) - 1, middle), rim[:-1], rim[1:]], 1)
+    return points, np.concatenate([ring, piece])
+
+
+@pytest.mark.parametrize("folded", [False, True])
+def test_a_flap_folded_out_of_a_hole_overlaps_without_any_crossing(folded):
+    uv, faces = _ring_with_flap(folded)
+    assert (signs(uv, faces) > 0).all()
+    found = overlaps(faces, uv, np.zeros(len(faces), np.int64))
+    assert len(found.crossings) == 0
+    assert found.self_overlapping.tolist() == [folded]
+
+
+def random_border(seed: int, dense: int) -> Border:
+    """Two charts: wavy closed loops whose parts come near each other, short segments and long."""
+    rng = np.random.default_rng(seed)
+    starts, ends, chart, following = [], [], [], []
+    for c, loops in enumerate((2, 1)):
+        for k in range(loops):
+            n = int(rng.integers(8, dense))
+            t = np.sort(rng.random(n)) * 2 * np.pi
+            r = 1 + 0.9 * np.sin(rng.integers(1, 9) * t + rng.random()) * rng.random() + 0.3 * k
+            p = np.stack([r * np.cos(t), r * np.sin(t)], 1)
+            at = sum(map(len, starts))
+            starts.append(p)
+            ends.append(np.roll(p, -1, axis=0))
+            chart += [c] * n
+            following.append(at + (np.arange(n) + 1) % n)
+    follow = np.concatenate(following)
+    before = np.empty_like(follow)
+    before[follow] = np.arange(len(follow))
+    order = np.arange(len(follow))
+    return Border(
+        3 * order, np.array(chart), np.concatenate(starts), np.concatenate(ends), follow, before,
+        np.ones(2),
+    )  # fmt: skip
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from([20, 150, 500]), st.floats(0.005, 0.3))
+def test_near_parts_of_a_border_against_brute_force(seed, dense, reach):
+    border = random_border(seed, dense)
+    i, j = np.triu_indices(len(border.chart), 1)
+    same = border.chart[i] == border.chart[j]
+    i, j = i[same], j[same]
+    loop, position, total = border.along
+    apart = np.abs(position[i] - position[j])
+    apart = np.minimum(apart, total[i] - apart)
+    far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach)
+    far &= (border.following[i] != j) & (border.before[i] != j)
+    i, j = i[far], j[far]
+    close = segment_distance(border.start[i], border.end[i], border.start[j], border.end[j])
+    for charts in ([True, True], [False, True]):
+        got = nearby(border, np.full(2, reach), np.array(charts))
+        keep = (close < reach) & np.array(charts)[border.chart[i]]
+        assert set(zip(*(g.tolist() for g in got), strict=True)) == set(
+            zip(i[keep].tolist(), j[keep].tolist(), strict=True)
+        )

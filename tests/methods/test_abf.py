@@ -1,0 +1,84 @@
+"""Angle based flattening: the conditions hold, the linear form is its first step, failure is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
+from circparam.methods import METHODS
+from circparam.methods.abf import _system, abf, solve_angles, with_angles
+from circparam.methods.base import MethodOptions
+from tests.support import shapes
+from tests.support.charts import patches_of, rim
+
+
+def laid_angles(patches, uv):
+    p = uv[patches.faces]
+    d, e = np.roll(p, -1, 1) - p, np.roll(p, 1, 1) - p
+    cross = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
+    return np.arctan2(cross, (d * e).sum(2))
+
+
+def angle_cost(patches, uv):
+    """Mean of ((α − β)/β)², β the angles rescaled to 2π round inner vertices."""
+    target = _system(patches, len(patches.faces)).target
+    return float((((laid_angles(patches, uv) - target) / target) ** 2).mean())
+
+
+def test_the_conditions_hold_at_the_end():
+    patches, _ = patches_of(shapes.bumped_disk(500))
+    angles, steps, converged = solve_angles(patches, 20, Monitor())
+    assert converged.all()
+    assert 2 <= steps[0] <= 10
+    np.testing.assert_allclose(angles.sum(1), np.pi, atol=1e-9)
+    inner = ~rim(patches)
+    np.testing.assert_allclose(vertex_angle_sums(patches, angles)[inner], 2 * np.pi, atol=1e-9)
+    log = np.log(np.sin(angles))
+    wheel = np.bincount(patches.faces.ravel(), (log[:, [1, 2, 0]] - log[:, [2, 0, 1]]).ravel())
+    np.testing.assert_allclose(wheel[inner], 0, atol=1e-8)
+
+
+def test_the_layout_has_the_angles_that_were_solved_for():
+    patches, _ = patches_of(shapes.bumped_disk(500))
+    angles, _, _ = solve_angles(patches, 20, Monitor())
+    layout = abf(patches, MethodOptions(), Monitor())
+    np.testing.assert_allclose(laid_angles(patches, layout.uv), angles, atol=1e-6)
+
+
+def test_frames_take_the_angles_they_are_given():
+    patches, _ = patches_of(shapes.bumped_disk(200))
+    angles = corner_angles(patches) ** 1.1
+    angles *= (np.pi / angles.sum(1))[:, None]
+    np.testing.assert_allclose(corner_angles(with_angles(patches, angles)), angles, atol=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.3, 0.8])
+def test_angles_are_nearer_to_their_targets_than_those_of_lscm(height):
+    patches, _ = patches_of(shapes.bumped_disk(500, height))
+    full = angle_cost(patches, abf(patches, MethodOptions(), Monitor()).uv)
+    linear = angle_cost(patches, abf(patches, MethodOptions(linear_abf=True), Monitor()).uv)
+    conformal = angle_cost(
+        patches, METHODS["lscm"].function(patches, MethodOptions(), Monitor()).uv
+    )
+    assert full < conformal
+    assert full <= linear * 1.0001
+    assert linear < 1.5 * full
+
+
+def test_a_chart_that_does_not_converge_takes_the_linear_form_and_is_told():
+    patches, _ = patches_of(shapes.row_of(shapes.bumped_disk(200), 2))
+    layout = abf(patches, MethodOptions(max_iterations=2), Monitor())
+    linear = abf(patches, MethodOptions(linear_abf=True), Monitor())
+    assert any("did not converge on 2 charts" in note for note in layout.notes)
+    np.testing.assert_allclose(layout.uv, linear.uv, atol=1e-9)
+    assert linear.notes == []
+
+
+def test_closed_holes_do_not_bind_the_real_faces():
+    patches, _ = patches_of(shapes.annulus())
+    angles, _, converged = solve_angles(patches, 20, Monitor())
+    assert converged.all()
+    assert angles.shape == patches.faces.shape
+    np.testing.assert_allclose(angles, corner_angles(patches), atol=0.02)

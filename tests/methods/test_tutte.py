@@ -1,0 +1,87 @@
+"""Convex maps: convergence to a known answer, holes, many charts, and what a user is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.errors import OptionError, TopologyError
+from circparam.geometry.intrinsic import signed_areas
+from circparam.methods import METHODS
+from circparam.methods.base import MethodOptions
+from circparam.solvers.tutte.boundary import TutteOptions
+from circparam.solvers.tutte.embed import embed_convex
+from tests.support import shapes
+from tests.support.charts import apart, complex_of, patches_of
+
+
+def stereographic_error(n, weights) -> float:
+    """Distance of the map of a hemisphere of n rings from the stereographic projection, size 1."""
+    patches, points = patches_of(shapes.hemisphere(n))
+    uv, _ = embed_convex(patches, weights)
+    z = complex_of(points[:, :2]) / (1 + points[:, 2])
+    return apart(uv, np.stack([z.real, z.imag], 1))
+
+
+def test_the_harmonic_map_of_a_hemisphere_converges_with_the_square_of_the_edge_length():
+    errors = [stereographic_error(n, "harmonic") for n in (6, 12, 24)]
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (rates > 1.7).all(), (errors, rates)
+
+
+@pytest.mark.parametrize("weights", ["uniform", "mean-value"])
+def test_other_weights_do_not_converge_to_it(weights):
+    errors = [stereographic_error(n, weights) for n in (6, 12, 24)]
+    assert errors[2] > errors[0] / 4
+
+
+@pytest.mark.parametrize("weights", ["circle", "mean-value", "floater", "uniform"])
+def test_holes_are_closed_for_the_solve_only(weights):
+    patches, _ = patches_of(shapes.holed_sheet(25))
+    uv, report = embed_convex(patches, weights)
+    assert len(uv) == patches.n_vertices < report.system.patches.n_vertices
+    assert report.system.patches.euler().tolist() == [1]
+    assert (signed_areas(patches.faces, uv) > 0).all()
+
+
+def test_a_thousand_charts_are_one_system():
+    patches, _ = patches_of(shapes.row_of(shapes.bumped_disk(40), 300))
+    uv, report = embed_convex(patches)
+    assert patches.n_charts == 300
+    assert (signed_areas(patches.faces, uv) > 0).all()
+    area = np.bincount(patches.chart, signed_areas(patches.faces, uv))
+    assert (area <= patches.chart_areas).all()
+    assert report.system.matrix.shape[0] == report.system.free.sum()
+
+
+def test_the_rows_of_the_system_are_means():
+    patches, _ = patches_of(shapes.bumped_disk(200))
+    _, report = embed_convex(patches, "mean-value")
+    total = np.asarray(report.system.matrix.sum(1)).ravel()
+    np.testing.assert_allclose(total, np.asarray(report.system.to_fixed.sum(1)).ravel(), atol=1e-12)
+
+
+def test_what_is_no_disk_is_refused_with_its_cure():
+    patches, _ = patches_of(shapes.icosphere(1))
+    with pytest.raises(TopologyError, match=r"chart 0 has 0 borders and genus 0.*--cut disk"):
+        embed_convex(patches)
+
+
+def test_unknown_names_are_met_with_the_nearest():
+    patches, _ = patches_of(shapes.grid())
+    with pytest.raises(OptionError, match="did you mean mean-value"):
+        embed_convex(patches, "meanvalue")
+    with pytest.raises(OptionError, match="did you mean circle"):
+        embed_convex(patches, options=TutteOptions("cirle"))
+
+
+def test_negative_weights_are_told_and_clamping_is_too():
+    patches, _ = patches_of(shapes.noisy(*shapes.bumped_disk(400), amount=0.5))
+    layout = METHODS["harmonic"].function(patches, MethodOptions(), Monitor())
+    assert any("negative weights" in note and "--clamp" in note for note in layout.notes)
+    layout = METHODS["harmonic"].function(patches, MethodOptions(clamp=True), Monitor())
+    assert any("lifted by --clamp" in note for note in layout.notes)
+    assert (signed_areas(patches.faces, layout.uv) > 0).all()
+    calm = METHODS["mean-value"].function(patches, MethodOptions(), Monitor())
+    assert calm.notes == []

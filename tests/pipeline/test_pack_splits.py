@@ -1,0 +1,64 @@
+"""Splits for packing: made where the page is covered much better, where arms begin, and nowhere else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.errors import OptionError
+from tests.support import shapes
+
+
+def star(arms: int = 4, length: int = 24, width: int = 4) -> shapes.Shape:
+    """A flat cross (or a bar: two arms) of unit squares: arms of a width on a square hub."""
+    n = 2 * length + width
+    p, f = shapes.grid(n + 1, n + 1, n, n)
+    middle = p[f].mean(1) - n / 2
+    upright = np.abs(middle[:, 0]) < width / 2
+    level = np.abs(middle[:, 1]) < width / 2
+    return shapes.compact(p, f[level | upright] if arms == 4 else f[level])
+
+
+@pytest.mark.parametrize("most", [2, 4])
+def test_arms_come_off_a_hub(most: int, tmp_path: Path) -> None:
+    whole = circparam.unwrap(star(), resolution=512)
+    split = circparam.unwrap(star(), tmp_path / "o.obj", resolution=512, pack_splits=most)
+    assert (whole.measures["charts"], split.status) == (1, "ok")
+    assert 2 <= split.measures["charts"] <= 1 + most
+    assert split.measures["pack"] >= 1.05 ** (split.measures["charts"] - 1) * whole.measures["pack"]
+    assert split.measures["gap_texels"] >= 5
+    # an arm is 4 wide and 24 long, the diagonal of the hub 8 along the edges: no cut runs along an arm
+    added = split.measures["seam_length"] * np.sqrt(4 * 24 * 4 + 16)
+    assert added <= (split.measures["charts"] - 1) * 12 + 1e-9
+    # one arm off frees nothing: the page is as wide as the arms that are left
+    assert circparam.unwrap(star(), resolution=512, pack_splits=1).measures["charts"] == 1
+    note = next(n for n in split.notes if n.startswith("--pack-splits"))
+    assert f"{split.measures['charts'] - 1} charts split" in note
+    longer = split.measures["seam_length"] - whole.measures["seam_length"]
+    assert f"seams longer by {longer:.2f} times" in note
+
+
+def test_nothing_is_split_that_packs_well() -> None:
+    plain = circparam.unwrap(shapes.delaunay_square(200), resolution=256)
+    result = circparam.unwrap(shapes.delaunay_square(200), resolution=256, pack_splits=3)
+    assert result.measures["charts"] == 1
+    assert np.array_equal(result.uv, plain.uv)
+    assert any("no split raises" in note for note in result.notes)
+
+
+def test_a_closed_mesh_keeps_its_bound(tmp_path: Path) -> None:
+    shape = shapes.double_torus(3)
+    result = circparam.unwrap(shape, tmp_path / "o.glb", pack_splits=2, max_distortion=1.03)
+    assert result.status == "ok"
+    assert result.measures["distortion_max_chart"] <= 1.03
+
+
+@pytest.mark.parametrize(
+    "more", [{"cut": "disk"}, {"max_charts": 3}, {"texel_density": 10.0}, {"normalize": False}]
+)
+def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
+    with pytest.raises(OptionError, match="--pack-splits has no effect"):
+        circparam.unwrap(star(), pack_splits=1, **more)  # type: ignore[arg-type]

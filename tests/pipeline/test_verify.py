@@ -1,0 +1,170 @@
+"""Verification finds every planted fault, and trusts nothing but the layout it is given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError, OptionError
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.mesh.surface import Surface
+from circparam.pipeline.gates import GATE_NAMES, parse_gates
+from circparam.pipeline.verify import Promise, corners_of, reasons, uv_seams, verify
+from tests.support import shapes
+
+
+def two_squares() -> tuple[Surface, np.ndarray, np.ndarray]:
+    """Two flat squares, and a layout that is right: side by side in the unit square."""
+    p, f = shapes.row_of(shapes.grid(5, 5), 2, gap=0.25)
+    uv = p[:, :2] * 0.4 + [0.03, 0.3]
+    surface, _ = repair(Mesh(p, f), RepairOptions())
+    return surface, uv, f
+
+
+def test_a_right_layout_has_no_fault() -> None:
+    surface, uv, f = two_squares()
+    v = verify(surface, UVMap(uv, f), resolution=256, padding=4)
+    assert v.valid
+    assert reasons(v, Promise(1.001, 4)) == []
+    n = v.numbers()
+    assert (n["charts"], n["flips"], n["overlap"], n["mirrored"], n["missing"]) == (2, 0, 0, 0, 0)
+    assert n["distortion"] == pytest.approx(1)
+    assert n["seam_length"] == 0
+    assert n["pack"] == pytest.approx(0.32, abs=0.01)
+    assert set(n) <= set(GATE_NAMES)
+
+
+def test_one_turned_face_is_one_flip() -> None:
+    surface, uv, f = two_squares()
+    inner = 6  # an inner vertex of the first square: pulling it over the next one turns faces
+    uv[inner] += [0.4 / 4 * 1.2, 0.4 / 4 * 1.2]
+    v = verify(surface, UVMap(uv, f))
+    q = uv[f]
+    area = (q[:, 1, 0] - q[:, 0, 0]) * (q[:, 2, 1] - q[:, 0, 1]) - (q[:, 1, 1] - q[:, 0, 1]) * (
+        q[:, 2, 0] - q[:, 0, 0]
+    )
+    assert v.flips == (area <= 0).sum() > 0
+    assert any("flipped" in line and "chart 0" in line for line in reasons(v, Promise()))
+
+
+def test_a_face_without_area_is_a_flip() -> None:
+    surface, uv, f = two_squares()
+    uv[f[3, 0]] = uv[f[3, 1]]
+    assert verify(surface, UVMap(uv, f)).flips > 0
+
+
+def test_a_mirrored_chart_is_no_flip_but_named() -> None:
+    surface, uv, f = two_squares()
+    uv[25:, 0] = 1.5 - uv[25:, 0]
+    v = verify(surface, UVMap(uv, f))
+    assert v.flips == 0
+    assert v.mirrored.tolist() == [1]
+    assert reasons(v, Promise()) == ["chart 1 mirrored"]
+
+
+def test_charts_that_overlap_each_other() -> None:
+    surface, uv, f = two_squares()
+    uv[25:] -= [0.3, 0]
+    v = verify(surface, UVMap(uv, f), resolution=64)
+    assert v.overlapping_pairs.tolist() == [[0, 1]]
+    assert v.overlap == 1
+    assert not v.valid
+
+
+def test_charts_that_share_a_point_of_the_plane_count_as_two() -> None:
+    """Touching charts do not overlap, but their gap is 0: seen on the raster only."""
+    surface, uv, f = two_squares()
+    uv[25:] -= [uv[25, 0] - uv[:25, 0].max(), 0]
+    v = verify(surface, UVMap(uv, f), resolution=128, padding=2)
+    assert v.patches.n_charts == 2
+    assert v.overlap == 0
+    why = reasons(v, Promise(None, 2))
+    assert len(why) == 1
+    assert "texels apart" in why[0]
+
+
+def test_near_the_border_of_the_page() -> None:
+    surface, uv, f = two_squares()
+    v = verify(surface, UVMap(uv - [0.03, 0], f), resolution=256, padding=4)
+    assert any("at the border" in line for line in reasons(v, Promise(None, 4)))
+    v = verify(surface, UVMap(uv - [0.1, 0], f), resolution=256, padding=4)
+    assert any("outside" in line for line in reasons(v, Promise(None, 4)))
+
+
+def test_the_bound_holds_for_each_chart() -> None:
+    surface, uv, f = two_squares()
+    uv[25:] = (uv[25:] - uv[25]) * [1, 0.5] + uv[25]
+    v = verify(surface, UVMap(uv, f))
+    assert v.measures.sd_max_chart > 1.05
+    assert any("above the bound 1.05" in line for line in reasons(v, Promise(1.05)))
+    assert reasons(v, Promise(None)) == []
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_numbers_that_are_none(value: float) -> None:
+    surface, uv, f = two_squares()
+    uv[7] = value
+    v = verify(surface, UVMap(uv, f))
+    assert v.missing == (f == 7).any(1).sum()
+    assert any("no finite uv" in line for line in reasons(v, Promise()))
+
+
+def test_faces_without_uv() -> None:
+    surface, uv, f = two_squares()
+    g = f.copy()
+    g[:3] = -1
+    v = verify(surface, UVMap(uv, g))
+    assert v.missing == 3
+    assert v.flips == 0
+    with pytest.raises(InputError, match="no face has uv"):
+        verify(surface, UVMap(np.zeros((0, 2)), np.full_like(f, -1)))
+
+
+def test_seams_are_where_numbers_differ() -> None:
+    """uv vertices that are split but agree are no seam; a moved corner is one."""
+    p, f = shapes.grid(4, 4)
+    surface, _ = repair(Mesh(p, f), RepairOptions())
+    split = p[f.ravel(), :2].copy()
+    faces = np.arange(f.size).reshape(-1, 3)
+    assert not uv_seams(surface, UVMap(split, faces)).any()
+    split[faces[0]] += 5
+    e = surface.edges // 3
+    np.testing.assert_array_equal(uv_seams(surface, UVMap(split, faces)), (e == 0).any(1))
+
+
+def test_winding_of_the_file_does_not_matter() -> None:
+    """A face that the file winds the other way is turned for the solve, and so are its uv."""
+    p, f = shapes.grid(4, 4)
+    g = f.copy()
+    g[5] = g[5, ::-1]
+    surface, _ = repair(Mesh(p, g), RepairOptions())
+    corners, ok = corners_of(surface, UVMap(p[:, :2], g))
+    assert ok.all()
+    np.testing.assert_array_equal(corners, p[surface.faces][:, :, :2])
+    assert verify(surface, UVMap(p[:, :2], g)).flips == 0
+
+
+def test_gates_compare() -> None:
+    gates = parse_gates("flips>0, distortion >= 1.05,charts<=3,pack!=1")
+    report = {"flips": 0, "distortion": 1.05, "charts": 4, "pack": 1.0}
+    assert gates.missed(report) == ["distortion>=1.05: it is 1.05"]
+    assert parse_gates(None).missed(report) == []
+    assert parse_gates("pack<0.5").missed({"pack": None}) == ["pack<0.5: it was not measured here"]
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("flip>0", "did you mean flips"),
+        ("flips", "NAME>NUMBER"),
+        ("", "NAME>NUMBER"),
+        ("flips>0,", "NAME>NUMBER"),
+        ("flips>many", "no number"),
+        ("flips>nan", "NaN"),
+        ("flips=0", "NAME>NUMBER"),
+    ],
+)
+def test_bad_gates(text: str, word: str) -> None:
+    with pytest.raises(OptionError, match=word):
+        parse_gates(text)

@@ -1,0 +1,205 @@
+"""The comparison as a page and as an image: same views, same scale, every row there, nothing made up."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from circparam import samples
+from circparam.cli import cli
+from circparam.errors import OptionError
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.render.compare_page import (
+    _bar_end,
+    _bar_parts,
+    compare_page,
+    compare_plot,
+    save_plot,
+    save_report,
+)
+from circparam.render.sides import Side, Sides, cell_text, draw_sides, sides_of
+
+
+@dataclass
+class Spread:
+    median: float
+
+
+@dataclass
+class Size:
+    vertices: int
+    circle: Spread
+    floater: Spread
+    ratio: float
+    weights_ratio: float
+    paper_ratio: float | None
+
+
+class Tags(HTMLParser):
+    """Checks that every element is closed, and keeps those that were opened."""
+
+    VOID = frozenset({"meta", "link", "img", "input", "br", "rect"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[tuple[str, dict]] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+
+def sheet_sides() -> Sides:
+    """A bent sheet: itself, the same squeezed, and a method without a result."""
+    n = 8
+    g = np.linspace(0, 1, n + 1)
+    x, y = np.meshgrid(g, g)
+    flat = np.stack([x.ravel(), y.ravel()], 1)
+    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
+    faces = np.concatenate(
+        [np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)]
+    )
+    points = np.concatenate([flat, np.zeros((len(flat), 1))], 1)
+    rows = [
+        Side("good", UVMap(flat, faces), "ok",
+             {"seconds": 2.0, "distortion": 1.0, "flips": 0, "peak_bytes": 3_000_000},
+             {"weights": 0.5, "solve": 1.0}),
+        Side("bad <b>", UVMap(flat * [1.0, 0.2], faces), "invalid",
+             {"seconds": 0.5, "distortion": 2.6, "flips": 3}, {"solve": 0.5}),
+        Side("none", None, "failed", {}, {}, "out of luck & time"),
+    ]  # fmt: skip
+    return Sides("sheet", Mesh(points, faces), rows, "128 faces")
+
+
+def test_page_is_well_formed_and_complete():
+    sizes = [
+        Size(60, Spread(0.004), Spread(0.005), 1.25, 1.1, 1.25),
+        Size(70, Spread(1), Spread(2), 2, 3, None),
+    ]
+    text = compare_page([sheet_sides()], sizes)
+    tags = Tags()
+    tags.feed(text)
+    assert tags.open == []
+    images = [a for t, a in tags.seen if t == "img"]
+    assert len(images) == 6  # three of each row that has a layout
+    assert all(a["src"].startswith("data:image/png;base64,") for a in images)
+    assert "<b>" not in text.replace("&lt;b&gt;", "")
+    assert "out of luck &amp; time" in text
+    assert text.count("<svg") == 2
+    assert "1.250" in text
+    assert not re.search(r"https?://(?!www\.w3\.org)", text)  # nothing is fetched from anywhere
+
+
+def test_table_marks_the_best_valid_row_only():
+    text = compare_page([sheet_sides()])
+    best = re.findall(r'<td data-value="([^"]*)" class=best>', text)
+    assert best == []  # one valid row is no competition
+    sides = sheet_sides()
+    rows = [sides.rows[0], Side("second", None, "ok", {"seconds": 1.0, "distortion": 1.5})]
+    text = compare_page([Sides("sheet", sides.mesh, rows)])
+    assert re.findall(r'<td data-value="([^"]*)" class=best>', text) == ["1.0", "1.0"]
+
+
+def test_same_view_and_same_scale():
+    drawn, top = draw_sides(sheet_sides(), size=60, samples=1)
+    good, bad, none = (d.images for d in drawn)
+    assert none is None
+    assert good is not None
+    assert bad is not None
+    shape = [np.asarray(i.convert("L")) < 250 for i in (good[1], bad[1])]
+    assert np.array_equal(*shape)  # the same silhouette
+    assert top > 1.05  # the scale is that of the worse row, so the good one is pale
+    assert np.asarray(good[2]).mean() > np.asarray(bad[2]).mean() + 5
+
+
+def test_plot_and_files(tmp_path: Path):
+    sides = sheet_sides()
+    image = compare_plot([sides, sides], columns=2)
+    assert image.width >= 660
+    save_plot(tmp_path / "a.png", [sides])
+    save_report(tmp_path / "a.html", [sides])
+    assert Image.open(tmp_path / "a.png").size[1] > 400
+    again = compare_page([sides])
+    assert (tmp_path / "a.html").read_text("utf-8") == again
+    with pytest.raises(OptionError, match="html"):
+        save_report(tmp_path / "a.txt", [sides])
+    with pytest.raises(OptionError, match="png"):
+        save_plot(tmp_path / "a.jpg", [sides])
+
+
+def test_bars_add_up():
+    rows = sheet_sides().rows
+    parts = _bar_parts(rows[0], ["solve", "weights"])
+    assert sum(share for share, _ in parts) == pytest.approx(1.0)
+    assert [round(share, 3) for share, _ in parts] == [0.5, 0.25, 0.25]
+    assert _bar_end([1.0, 1.0, 1000.0]) == 20.0
+    assert _bar_end([]) == 1.0
+    assert _bar_end([0.0]) == 1.0
+
+
+def test_cells():
+    assert cell_text("seconds", None) == "–"
+    assert cell_text("stretch_linf", float("inf")) == "∞"
+    assert cell_text("pack", 0.614) == "61.4 %"
+    assert cell_text("peak_bytes", 1_234_000_000) == "1,234"
+    assert cell_text("charts", 12345) == "12,345"
+    assert cell_text("stretch_linf", 7.7e146) == "over 1e9"
+
+
+def test_sides_of_a_comparison():
+    @dataclass
+    class Row:
+        method: str
+        status: str
+        figures: dict
+        stages: dict
+        seconds: float | None
+        peak_bytes: int | None
+        error: str | None
+        uvmap: UVMap | None = None
+
+    @dataclass
+    class Comparison:
+        mesh: str
+        faces: int
+        cut: str
+        rows: list
+
+    sides = sheet_sides()
+    rows = [
+        Row("circle", "ok", {"distortion": 1.5}, {"solve": 1.0}, 1.0, 5, None, sides.rows[0].uvmap)
+    ]
+    out = sides_of(Comparison("a.obj", 128, "disk", rows), sides.mesh)
+    assert out.title == "a.obj"
+    assert out.rows[0].figures == {"distortion": 1.5, "seconds": 1.0, "peak_bytes": 5}
+    assert out.rows[0].uvmap is sides.rows[0].uvmap
+    assert "disk" in out.note
+
+
+def test_from_the_shell(tmp_path: Path):
+    """compare --report --plot: both files, and a refusal before any work."""
+    disk = str(samples.path("bumped-disk"))
+    words = ["compare", disk, "--methods", "circle,mean-value", "-q"]
+    report, plot = tmp_path / "r.html", tmp_path / "p.png"
+    result = CliRunner().invoke(cli, [*words, "--report", str(report), "--plot", str(plot)])
+    assert result.exit_code == 0, result.output
+    text = report.read_text("utf-8")
+    assert text.count("<article>") == 2
+    assert text.count("<img ") == 6
+    assert Image.open(plot).size[0] >= 660
+    for option, name in (("--report", "r.txt"), ("--plot", "p.jpg"), ("--report", "r.html")):
+        again = CliRunner().invoke(cli, [*words, option, str(tmp_path / name)])
+        assert again.exit_code == 2

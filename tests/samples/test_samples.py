@@ -1,0 +1,97 @@
+"""The bundled samples: made again byte for byte, and what the manifest says is what is in them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from circparam import errors, formats, samples
+from circparam.mesh.repair import RepairOptions, repair
+
+ROOT = Path(__file__).resolve().parent.parent
+SCRIPT = ROOT / "data" / "make_samples.py"
+
+
+@pytest.mark.skipif(
+    not SCRIPT.exists(), reason="the sample script is not part of an installed package"
+)
+def test_script_makes_the_same_bytes(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, str(SCRIPT), str(tmp_path)], check=True, capture_output=True)
+    made = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    shipped = {p.name: p.read_bytes() for p in samples.path("knot").parent.iterdir() if p.is_file()}
+    shipped = {k: v for k, v in shipped.items() if not k.endswith(".py")}
+    assert sorted(made) == sorted(shipped)
+    assert [k for k in made if made[k] != shipped[k]] == []
+    assert (ROOT / "data" / "manifest.tsv").read_bytes() == shipped["manifest.tsv"]
+    assert sum(map(len, shipped.values())) < 1_500_000
+
+
+def test_six_to_ten_of_every_format() -> None:
+    assert 6 <= len(samples.names()) <= 10
+    suffixes = {samples.path(n).suffix for n in samples.names()}
+    assert suffixes == {".obj", ".ply", ".off", ".stl", ".glb"}
+
+
+@pytest.mark.parametrize("name", samples.names())
+def test_counts_of_the_manifest(name: str) -> None:
+    row = samples.info(name)
+    mesh = samples.load(name).mesh
+    assert len(mesh.faces) == row.triangles
+    polygons = row.triangles if mesh.polygons is None else len(np.unique(mesh.polygons))
+    assert polygons == row.polygons
+    if name != "knot":  # STL: one vertex a corner
+        assert len(mesh.points) == row.vertices
+    assert len(np.unique(mesh.weld[mesh.faces])) <= row.vertices
+
+
+@pytest.mark.parametrize("name", [n for n in samples.names() if samples.info(n).genus != "-"])
+def test_topology_of_the_manifest(name: str) -> None:
+    row = samples.info(name)
+    surface, repairs = repair(samples.load(name).mesh, RepairOptions())
+    whole = surface.patches(np.zeros(len(surface.edges), bool))
+    assert len(surface.faces) == row.triangles, repairs
+    assert whole.n_charts == row.components
+    assert len(whole.loops.chart) == int(row.borders)
+    genus = (2 * row.components - int(row.borders) - int(whole.euler().sum())) // 2
+    assert genus == int(row.genus)
+
+
+def test_messy_holds_what_it_promises() -> None:
+    mesh = samples.load("messy").mesh
+    surface, _ = repair(mesh, RepairOptions())
+    assert len(surface.faces) < len(mesh.faces)  # degenerate faces and twins are set aside
+    assert surface.turned.any()
+    assert len(np.unique(mesh.faces)) < len(mesh.points)
+    assert samples.info("messy").nonmanifold_edges > 0
+
+
+def test_vase_has_uv_of_its_own_that_repeat() -> None:
+    document = samples.load("vase")
+    uvmap = document.uv()
+    assert uvmap is not None
+    assert (uvmap.uv_faces >= 0).all()
+    corners = uvmap.uv[uvmap.uv_faces]
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    assert (e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0] > 0).all()  # none mirrored
+
+
+def test_bracket_has_two_materials_and_quads() -> None:
+    mesh = samples.load("bracket").mesh
+    assert mesh.groups is not None
+    assert len(np.unique(mesh.groups)) == 2
+    assert mesh.polygons is not None
+    assert samples.files("bracket")[1].name == "bracket.mtl"
+
+
+def test_unknown_name_names_the_nearest() -> None:
+    with pytest.raises(errors.OptionError, match="did you mean bracket"):
+        samples.path("braket")
+
+
+def test_names_and_file_names_both_work() -> None:
+    assert samples.path("knot") == samples.path("knot.stl")
+    assert formats.read(samples.path("ribbon")).mesh.points.shape == (600, 3)

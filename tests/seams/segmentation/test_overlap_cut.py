@@ -1,0 +1,130 @@
+"""Charts that lie on themselves: pushed apart where little is needed, else cut between the two sheets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.geometry.overlap import self_overlapping
+from circparam.mesh.atlas import Cutting
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import repair
+from circparam.seams.charts import FINAL
+from circparam.seams.segmentation.enforce import enforce
+from circparam.seams.segmentation.grow import dual_graph
+from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.overlap_cut import split_sheets
+from circparam.seams.segmentation.shorten import edge_costs
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.separate import push_apart
+
+
+def winding_ring(turn: float, inner: float = 0.7, around: int = 96, along: int = 6) -> Cutting:
+    """A flat ring of an angle beyond a full turn, one end rising over the other: laid out, it covers itself."""
+    t, r = np.meshgrid(np.linspace(0, turn, around), np.linspace(inner, 1, along), indexing="ij")
+    t, r = t.ravel(), r.ravel()
+    p = np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1)
+    a = np.arange(around * along).reshape(around, along)
+    q = np.stack([a[:-1, :-1], a[:-1, 1:], a[1:, 1:], a[1:, :-1]], -1).reshape(-1, 4)
+    f = np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]]])[:, ::-1]
+    surface = repair(Mesh(p, np.ascontiguousarray(f)))[0]
+    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
+    flat = np.ascontiguousarray(p[surface.faces][:, :, :2])
+    d, e = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+    upright = (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]).sum() > 0
+    cutting.corners = flat if upright else flat * [-1, 1]
+    return cutting
+
+
+@pytest.mark.parametrize("beyond", [0.005, 0.012])
+def test_ends_that_overlap_a_little_are_pushed_apart(beyond: float) -> None:
+    cutting = winding_ring(2 * np.pi + beyond)
+    patches = cutting.patches()
+    uv = cutting.gather(patches)
+    margin = 0.002
+    assert self_overlapping(patches, uv).all()
+    pushed, fine = push_apart(patches, uv, margin, 1.05)
+    assert fine.all()
+    assert not self_overlapping(patches, pushed, margin=margin).any()
+    energy = relax(patches, pushed, RelaxOptions(max_iterations=0)).energy
+    assert energy.max() <= 1.05
+    # what there is no room for under the bound is told, and what lies deep is left alone
+    assert not push_apart(patches, uv, margin, 1 + 1e-9)[1].any()
+    deep = winding_ring(2 * np.pi + 1.5)
+    deep_patches = deep.patches()
+    assert not push_apart(deep_patches, deep.gather(deep_patches), margin, 1.05)[1].any()
+
+
+def test_charts_that_are_sound_keep_their_layout() -> None:
+    cutting = winding_ring(5.0)
+    patches = cutting.patches()
+    uv = cutting.gather(patches)
+    pushed, fine = push_apart(patches, uv, 0.002, 1.05)
+    assert fine.all()
+    assert np.allclose(pushed, uv, atol=1e-12)
+
+
+@pytest.mark.parametrize("turn", [7.5, 10.0])
+def test_sheets_are_cut_apart_across_the_ring(turn: float) -> None:
+    cutting = winding_ring(turn)
+    graph = dual_graph(cutting.surface)
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
+    assert laid.overlapping.all()
+    done = split_sheets(cutting, graph, laid, np.ones(1, bool), edge_costs(cutting))
+    assert done.all()
+    length = cutting.surface.edge_lengths[cutting.cut].sum()
+    assert 0.3 <= length <= 0.3 * 1.5 * cutting.cut.any(), "one cut across, which is 0.3 wide"
+    patches = cutting.patches()
+    assert patches.n_charts == 2
+    assert not judge(patches, cutting.gather(patches)).overlapping.any()
+
+
+def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
+    cutting = winding_ring(16.0)
+    graph = dual_graph(cutting.surface)
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
+    enforce(cutting, graph, laid, 1.01, FINAL, Monitor())
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
+    assert not laid.bad(1.01).any()
+    # 16 radians need at least three charts of a turn each
+    assert 3 <= laid.patches.n_charts <= 6
+
+
+def test_enforcing_leaves_good_charts_as_they_are() -> None:
+    """A ring that winds on itself beside a large flat sheet: work goes on with the ring alone."""
+    ring, sheet = winding_ring(10.0), winding_ring(5.0, around=600)
+    n, k = len(ring.surface.points), len(ring.surface.faces)
+    points = np.concatenate([ring.surface.points, sheet.surface.points + np.array([3.0, 0, 0])])
+    faces = np.concatenate([ring.surface.faces, sheet.surface.faces + n])
+    cutting = Cutting(
+        repair(Mesh(points, faces))[0], np.zeros(len(ring.cut) + len(sheet.cut), bool)
+    )
+    cutting.corners = np.concatenate([ring.corners, sheet.corners])
+    patches = cutting.patches()
+    laid = judge(patches, cutting.gather(patches))
+    assert laid.overlapping.tolist() == [True, False]
+    enforce(cutting, dual_graph(cutting.surface), laid, 1.01, FINAL, Monitor())
+    patches = cutting.patches()
+    assert not judge(patches, cutting.gather(patches)).bad(1.01).any()
+    assert np.array_equal(cutting.corners[k:], sheet.corners)
+    assert not cutting.cut[cutting.surface.edges[:, 0] // 3 >= k].any()
+
+
+def test_a_part_is_taken_out_and_put_back() -> None:
+    cutting = winding_ring(5.0)
+    m = len(cutting.surface.faces)
+    faces = np.arange(m) % 48 < 20
+    part = cutting.part(faces)
+    assert np.array_equal(part.surface.areas, cutting.surface.areas[faces])
+    inside = faces[cutting.surface.edges // 3].all(1)
+    assert np.array_equal(part.surface.edge_lengths, cutting.surface.edge_lengths[inside])
+    part.cut[:] = True
+    part.corners += 1
+    before = cutting.corners.copy()
+    cutting.put(faces, part)
+    assert np.array_equal(cutting.cut, inside)
+    assert np.array_equal(cutting.corners, before + faces[:, None, None])

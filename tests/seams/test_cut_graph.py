@@ -1,0 +1,296 @@
+"""Opening surfaces: every component one disk but for holes, along short seams, never inside a polygon."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.core.arrays import next_half_edge
+from circparam.core.monitor import Monitor
+from circparam.core.multigraph import Graph, spanning_forest
+from circparam.errors import InputError, OptionError, TopologyError
+from circparam.mesh.cut_mesh import close_holes
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import repair
+from circparam.seams import SEAMS
+from circparam.seams.constraints import dihedral_angles, match_edges
+from circparam.seams.options import SeamOptions
+from tests.support import shapes
+
+
+def cut_disk(surface, options=None):
+    options = SeamOptions() if options is None else options
+    return SEAMS["disk"].function(surface, options, Monitor())
+
+
+def surface_of(shape, polygons=None):
+    return repair(Mesh(*shape, polygons=polygons))[0]
+
+
+def check_disks(surface, cut, components=None):
+    """Every chart is a disk once its holes are closed, and its outer border is a polygon."""
+    patches = surface.patches(cut)
+    closed, _ = close_holes(patches)
+    assert (closed.euler() == 1).all()
+    assert (np.bincount(closed.loops.chart, minlength=closed.n_charts) == 1).all()
+    loops = patches.loops
+    assert (np.diff(loops.start)[loops.outer] >= 3).all()
+    if components is not None:
+        assert patches.n_charts == components
+    return patches
+
+
+CLOSED = {
+    "sphere": (shapes.icosphere(3), 1),
+    "cube": (shapes.cube(), 1),
+    "capped cylinder": (shapes.cylinder(caps=True), 1),
+    "torus": (shapes.torus(), 1),
+    "double torus": (shapes.double_torus(), 1),
+    "five handles": (shapes.handles(5), 1),
+    "tetrahedron": (
+        (
+            np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
+            np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]),
+        ),
+        1,
+    ),
+    "three at once": (shapes.join(shapes.icosphere(1), shapes.torus(), shapes.grid()), 3),
+    "row of tori": (shapes.row_of(shapes.torus(), 4), 4),
+    "moebius": (shapes.moebius(), 1),
+    "klein": (shapes.klein(), 1),
+    "fins": (shapes.fins(5), 3),
+    "holes": (shapes.holed_sheet(25), 1),
+}
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_every_component_becomes_one_disk(name):
+    shape, components = CLOSED[name]
+    surface = surface_of(shape)
+    seams = cut_disk(surface)
+    check_disks(surface, seams.cut, components)
+    assert not (seams.cut & surface.locked).any()
+
+
+def test_disks_and_inner_holes_are_not_cut():
+    for shape in (shapes.grid(), shapes.annulus(), shapes.holed_sheet(25), shapes.hemisphere()):
+        assert not cut_disk(surface_of(shape)).cut.any()
+
+
+@pytest.mark.parametrize("holes", [1, 3, 8])
+def test_handles_with_holes(holes):
+    """A cut through a hole may join it to the outer border; the chart stays in one piece."""
+    p, f = shapes.torus(40, 20)
+    keep = np.ones(len(f), bool)
+    keep[np.linspace(0, len(f) - 1, holes).astype(int)] = False
+    surface = surface_of((p, f[keep]))
+    check_disks(surface, cut_disk(surface).cut, 1)
+
+
+def test_a_seam_between_two_holes_uses_them():
+    """Where a slot nearly closes a loop of a torus, the seam takes the bridge instead of the loop."""
+    p, f = shapes.torus(64, 32, 1.0, 0.4)
+    a = np.arctan2(p[:, 2], np.hypot(p[:, 0], p[:, 1]) - 1)[f]
+    b = np.arctan2(p[:, 1], p[:, 0])[f]
+    near = (np.abs(b) < 0.15).all(1)
+    slot = near & (np.abs(a).max(1) > 0.6)  # all round the tube but for a bridge
+    surface = surface_of((p, f[~slot]))
+    seams = cut_disk(surface)
+    check_disks(surface, seams.cut, 1)
+    whole = surface_of((p, f))
+    without = whole.edge_lengths[cut_disk(whole).cut].sum()
+    assert surface.edge_lengths[seams.cut].sum() < without - 0.8 * 2 * np.pi * 0.4
+
+
+def test_the_seams_of_a_torus_are_about_its_two_shortest_loops():
+    surface = surface_of(shapes.torus(64, 32, 1.0, 0.35))
+    length = surface.edge_lengths[cut_disk(surface).cut].sum()
+    shortest = 2 * np.pi * 0.35 + 2 * np.pi * 0.65
+    assert 0.9 * shortest < length < 1.15 * shortest
+
+
+def parts(surface):
+    """The inner parts of the disk cut: (module, the whole surface as a part)."""
+    import importlib
+
+    module = importlib.import_module("circparam.seams.cut_graph")
+    whole = np.zeros(len(surface.edges), bool)
+    return module, module._part(surface, whole, np.ones(len(surface.faces), bool))
+
+
+def test_the_loops_left_by_tree_and_cotree_are_short_and_between_polygons():
+    p, f = shapes.torus(64, 32, 1.0, 0.35)
+    for quads in (None, np.arange(len(f)) // 2):
+        surface = surface_of((p, f), quads)
+        module, part = parts(surface)
+        loops = module._tree_cotree(part)
+        check_disks(surface, loops, 1)
+        assert not (loops & part.locked).any()
+        shortest = 2 * np.pi * 0.35 + 2 * np.pi * 0.65
+        assert part.weight[loops].sum() < 1.6 * shortest
+
+
+def test_shortening_pays():
+    """The loops from one point that a tree-cotree pair leaves are far longer than what becomes of them."""
+    surface = surface_of(shapes.double_torus(5))
+    module, part = parts(surface)
+    start = module._tree_cotree(part)
+    check_disks(surface, start, 1)
+    done = module._shorten(part, start, Monitor())
+    check_disks(surface, done, 1)
+    assert part.weight[done].sum() < 0.8 * part.weight[start].sum()
+
+
+def test_time_that_is_up_still_gives_a_valid_cut():
+    surface = surface_of(shapes.handles(3))
+    seams = SEAMS["disk"].function(surface, SeamOptions(), Monitor(timeout=0.0))
+    check_disks(surface, seams.cut, 1)
+
+
+def test_a_sphere_opens_between_far_ends():
+    """An ellipsoid opens along its length, and no further than from tip to tip."""
+    p, f = shapes.icosphere(4)
+    surface = surface_of((p * [4, 1, 1], f))
+    seams = cut_disk(surface)
+    touched = surface.faces.ravel()[surface.edges[seams.cut, 0]]
+    assert np.ptp(surface.points[touched, 0]) > 7
+    assert surface.edge_lengths[seams.cut].sum() < 1.2 * 8.6  # half the perimeter of the ellipse
+
+
+def test_polygons_stay_whole():
+    for shape in (shapes.torus(), shapes.cube(), shapes.handles(2), shapes.klein()):
+        quads = np.arange(len(shape[1])) // 2
+        surface = surface_of(shape, quads)
+        assert surface.locked.sum() == len(shape[1]) // 2
+        seams = cut_disk(surface)
+        check_disks(surface, seams.cut, 1)
+        assert not (seams.cut & surface.locked).any()
+
+
+def test_forbidden_edges_are_cut_only_where_there_is_no_other_way():
+    surface = surface_of(shapes.torus())
+    free = cut_disk(surface)
+    a = surface.faces.ravel()[surface.edges[:, 0]]
+    b = surface.faces.ravel()[next_half_edge(surface.edges[:, 0])]
+    pairs = np.stack([a, b], 1)
+    seams = cut_disk(surface, SeamOptions(no_cut=pairs[free.cut]))
+    check_disks(surface, seams.cut, 1)
+    assert not (seams.cut & free.cut).any()
+    everything = cut_disk(surface, SeamOptions(no_cut=pairs))
+    check_disks(surface, everything.cut, 1)
+    assert any("no other way" in note for note in everything.notes)
+
+
+def test_demanded_seams_are_kept_and_each_part_becomes_a_disk():
+    surface = surface_of(shapes.cube(4))
+    seams = cut_disk(surface, SeamOptions(sharp=np.radians(60)))
+    check_disks(surface, seams.cut, 6)
+    sharp = dihedral_angles(surface) > 1
+    assert np.array_equal(seams.cut, sharp)
+    groups = (surface.points[surface.faces].mean(1)[:, 2] > 0).astype(np.int64)
+    seams = cut_disk(surface, SeamOptions(groups=groups, cut_groups=True))
+    across = groups[surface.edges[:, 0] // 3] != groups[surface.edges[:, 1] // 3]
+    assert np.array_equal(seams.cut, across), "two halves with one border each need no more"
+
+
+def test_named_edges():
+    surface = surface_of(shapes.grid(4, 4))
+    edges, missing = match_edges(surface, np.array([[5, 6], [6, 5], [0, 1], [0, 15], [3, 99]]))
+    assert edges.sum() == 1
+    assert missing.tolist() == [3, 4], "a border edge is an edge, though there is nothing to cut"
+    seams = cut_disk(surface, SeamOptions(cut=np.array([[5, 6], [0, 15]])))
+    assert np.array_equal(seams.cut, edges)
+    assert any("[0, 15]" in note for note in seams.notes)
+    with pytest.raises(OptionError, match="names no edge"):
+        cut_disk(surface, SeamOptions(cut=np.array([[0, 15]])))
+    with pytest.raises(OptionError, match="--seams and by --no-seams"):
+        cut_disk(surface, SeamOptions(cut=np.array([[5, 6]]), no_cut=np.array([[6, 5]])))
+
+
+def test_none_takes_disks_and_names_what_is_no_disk():
+    none = SEAMS["none"].function
+    assert not none(surface_of(shapes.grid()), SeamOptions(), Monitor()).cut.any()
+    cases = {
+        "0 borders and genus 1": shapes.torus(),
+        "2 borders and genus 0": shapes.annulus(),
+        "0 borders and genus 0": shapes.icosphere(),
+    }
+    for message, shape in cases.items():
+        with pytest.raises(TopologyError, match=f"component 0 .*{message}.*--cut disk"):
+            none(surface_of(shape), SeamOptions(), Monitor())
+    with pytest.raises(TopologyError, match=r"component 1 .*first is face 96"):
+        none(surface_of(shapes.join(shapes.grid(), shapes.torus())), SeamOptions(), Monitor())
+
+
+def test_a_slit_of_a_face_without_area_is_no_border():
+    p = np.array([[0.0, 0, 0], [2, 0, 0], [1, -1, 0], [1, 0, 0], [1, 1, 0]])
+    p = np.concatenate([p, [[3, -1, 0], [3, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, 3, 0], [1, -3, 0]]])
+    f = [[0, 2, 1], [0, 3, 4], [3, 1, 4], [0, 1, 3]]
+    f += [[1, 2, 5], [1, 5, 6], [1, 6, 4], [0, 4, 7], [0, 7, 8], [0, 8, 2]]
+    surface = surface_of((p, np.array(f)))
+    assert len(surface.patches(np.zeros(len(surface.edges), bool)).loops.chart) == 2
+    assert not SEAMS["none"].function(surface, SeamOptions(), Monitor()).cut.any()
+    q, g = shapes.icosphere(2)
+    middle = (q[g[0, 0]] + q[g[0, 1]]) / 2
+    a, b, c = g[0]
+    n = len(q)
+    g = np.concatenate([g[1:], [[a, n, c], [n, b, c], [a, b, n]]])
+    surface = surface_of((np.concatenate([q, [middle]]), g))
+    assert len(surface.source) == len(g) - 1
+    patches = check_disks(surface, cut_disk(surface).cut, 1)
+    assert patches.loops.length.max() > 2, (
+        "a closed surface with a slit is opened like a closed one"
+    )
+
+
+def test_the_same_input_gives_the_same_cut():
+    surface = surface_of(shapes.handles(3))
+    assert np.array_equal(cut_disk(surface).cut, cut_disk(surface).cut)
+
+
+soup = st.integers(4, 9).flatmap(
+    lambda n: st.tuples(
+        st.just(n), st.lists(st.tuples(*[st.integers(0, n - 1)] * 3), min_size=1, max_size=30)
+    )
+)
+
+
+@settings(max_examples=120, deadline=None)
+@given(soup, st.booleans())
+def test_any_soup_opens_into_disks(case, paired):
+    n, faces = case
+    points = np.random.default_rng(1).normal(size=(n, 3))
+    polygons = np.arange(len(faces)) // 2 if paired else None
+    try:
+        surface, _ = repair(Mesh(points, np.array(faces), polygons=polygons))
+    except InputError:
+        return
+    seams = cut_disk(surface)
+    patches = surface.patches(seams.cut)
+    closed, _ = close_holes(patches)
+    assert (closed.euler() == 1).all()
+    assert patches.n_charts == surface.charts(np.zeros(len(surface.edges), bool))[0]
+
+
+def test_shortest_paths_take_the_lightest_of_parallel_edges():
+    a = np.array([0, 1, 1, 2, 0, 3])
+    b = np.array([1, 0, 2, 3, 3, 3])
+    graph = Graph(4, a, b, np.array([5.0, 1.0, 1.0, 1.0, 9.0, 0.1]))
+    distance, parent = graph.paths(np.array([0]))
+    assert distance.tolist() == [0, 1, 2, 3]
+    assert sorted(graph.trace(parent, np.array([3])).tolist()) == [1, 2, 3]
+
+
+def test_spanning_forest_takes_edges_in_order():
+    rng = np.random.default_rng(2)
+    a, b, order = rng.integers(0, 30, 200), rng.integers(0, 30, 200), rng.integers(0, 5, 200) * 1.0
+    chosen = spanning_forest(30, a, b, order)
+    label, expected = list(range(30)), []
+    for e in np.lexsort((np.arange(200), order)):  # Kruskal, by hand
+        x, y = label[a[e]], label[b[e]]
+        if x != y:
+            expected.append(int(e))
+            label = [x if v == y else v for v in label]
+    assert chosen.tolist() == sorted(expected)

@@ -1,0 +1,118 @@
+"""Unfolding: the energy's gradient, flips that were planted, and what must not move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.methods import METHODS
+from circparam.methods.base import MethodOptions
+from circparam.solvers.lbfgs import descend
+from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.untangle import _Problem, _region, flipped, unfold
+from tests.support import shapes
+from tests.support.charts import patches_of, rim
+
+
+def tangled(n=400, seed=0, share=0.05):
+    """A flat disk with some inner vertices thrown about."""
+    patches, points = patches_of(shapes.delaunay_disk(n, seed))
+    uv = points[:, :2].copy()
+    generator = np.random.default_rng(seed)
+    inner = np.flatnonzero(~rim(patches))
+    chosen = generator.choice(inner, max(1, int(share * len(inner))), replace=False)
+    uv[chosen] += generator.normal(0, 0.15, (len(chosen), 2))
+    return patches, uv
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_planted_flips_are_turned_back(seed):
+    patches, uv = tangled(seed=seed)
+    assert flipped(patches.faces, uv).any()
+    new, report = unfold(patches, uv)
+    assert not flipped(patches.faces, new).any()
+    assert report.before[0] == flipped(patches.faces, uv).sum()
+    assert report.after[0] == 0
+
+
+def test_what_is_far_from_a_flip_stays_where_it_is():
+    patches, points = patches_of(shapes.grid(60, 60))
+    uv = points[:, :2].copy()
+    middle = np.argmin(((uv - 0.5) ** 2).sum(1))
+    uv[middle] += 0.05
+    new, _ = unfold(patches, uv)
+    assert not flipped(patches.faces, new).any()
+    far = np.abs(uv - 0.5).max(1) > 0.25
+    assert far.any()
+    np.testing.assert_array_equal(new[far], uv[far])
+
+
+def test_held_vertices_stay():
+    patches, uv = tangled()
+    new, _ = unfold(patches, uv, rim(patches))
+    np.testing.assert_array_equal(new[rim(patches)], uv[rim(patches)])
+    assert not flipped(patches.faces, new).any()
+
+
+def test_a_chart_without_flips_is_returned_as_it_is():
+    patches, points = patches_of(shapes.row_of(shapes.delaunay_disk(100), 2))
+    uv = points[:, :2].copy()
+    inner = np.flatnonzero(~rim(patches) & (patches.vertex_chart == 1))
+    uv[inner[0]] += 5
+    before = uv.copy()
+    new, report = unfold(patches, uv)
+    np.testing.assert_array_equal(uv, before)
+    own = patches.vertex_chart == 0
+    np.testing.assert_array_equal(new[own], uv[own])
+    assert report.after.tolist() == [0, 0]
+    assert report.before[0] == 0
+
+
+@pytest.mark.parametrize("epsilon", [1.0, 1e-3])
+def test_the_gradient_is_that_of_the_energy(epsilon):
+    patches, uv = tangled(60)
+    part = _region(patches, np.ones(len(patches.faces), bool), np.zeros(len(uv), bool), uv)
+    problem = _Problem(part, np.full(part.n, epsilon))
+    x = uv[part.source]
+    _, gradient = problem.energy(x)
+    direction = np.random.default_rng(1).normal(size=x.shape)
+    h = 1e-7 * epsilon
+    up, down = problem.energy(x + h * direction)[0], problem.energy(x - h * direction)[0]
+    assert (gradient * direction).sum() == pytest.approx(((up - down) / (2 * h)).sum(), rel=1e-4)
+
+
+def test_descent_finds_the_minimum_of_quadratics_of_different_size_together():
+    scale = np.repeat([1.0, 1e6], 5)
+    group = np.repeat([0, 1], 5)
+    target = np.random.default_rng(0).normal(size=(10, 2))
+    weight = scale[:, None] * np.linspace(1, 20, 10)[:, None]
+
+    def energy(x):
+        d = x - target
+        return np.bincount(group, (weight * d * d).sum(1)) / 2, weight * d
+
+    x, steps, reasons = descend(
+        energy, np.zeros((10, 2)), group, 2, lambda g: g / scale[:, None], 1e-14, 200
+    )
+    np.testing.assert_allclose(x, target, atol=1e-5)
+    assert (steps > 1).all()
+    assert set(reasons) <= {"converged", "no lower step"}
+
+
+def test_flips_that_stay_on_request_are_told():
+    patches, _ = patches_of(shapes.spiked_disk(150, 6.0))
+    layout = METHODS["arap"].function(patches, MethodOptions(repair=False), Monitor())
+    assert flipped(patches.faces, layout.uv).any()  # arap folds a spike: else this shows nothing
+    assert any("they stay" in note for note in layout.notes)
+    mended = METHODS["arap"].function(patches, MethodOptions(), Monitor())
+    assert not flipped(patches.faces, mended.uv).any()
+    assert any("arap" in note and "flipped" in note for note in mended.notes)
+
+
+def test_a_sliver_counts_as_flipped_only_where_its_sign_is_not_certain():
+    uv = np.array([[0, 0], [1, 0], [0.5, 1e-12], [0.5, -1e-12], [0.5, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 0, 1]])
+    assert flipped(faces, uv).tolist() == [False, True, True, True]
+    plain, _ = embed_convex(patches_of(shapes.grid())[0])
+    assert np.isfinite(plain).all()

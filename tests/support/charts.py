@@ -1,0 +1,42 @@
+"""Shapes as patches, and comparisons up to a similarity, for the tests of weights, borders and methods."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import RepairOptions, repair
+
+
+def patches_of(shape) -> tuple[Patches, np.ndarray]:
+    """(patches, (n_vertices, 3) position of each vertex) of an uncut shape."""
+    surface, _ = repair(Mesh(*shape), RepairOptions())
+    patches = surface.patches(np.zeros(len(surface.edges), bool))
+    points = np.empty((patches.n_vertices, 3))
+    points[patches.faces.ravel()] = surface.points[surface.faces.ravel()]
+    return patches, points
+
+
+def complex_of(uv) -> np.ndarray:
+    return uv[:, 0] + 1j * uv[:, 1]
+
+
+def fitted(uv, target) -> np.ndarray:
+    """uv moved by the orientation-preserving similarity that brings it nearest to target."""
+    a, b = complex_of(uv), complex_of(target)
+    da, db = a - a.mean(), b - b.mean()
+    z = da * (np.vdot(da, db) / np.vdot(da, da)) + b.mean()
+    return np.stack([z.real, z.imag], 1)
+
+
+def apart(uv, target) -> float:
+    """Largest distance after the best similarity, as a share of the target's size."""
+    return float(np.abs(fitted(uv, target) - target).max() / np.abs(target - target.mean(0)).max())
+
+
+def rim(patches) -> np.ndarray:
+    """(n_vertices,) bool: on a border."""
+    out = np.zeros(patches.n_vertices, bool)
+    out[patches.faces.ravel()[patches.border]] = True
+    return out

@@ -1,0 +1,8 @@
+"""Where the real meshes are: tests that need them skip, saying so, where the folder is absent."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+CORPUS = Path(os.environ.get("CIRCPARAM_CORPUS") or Path(__file__).parents[3] / "shared" / "meshes")
