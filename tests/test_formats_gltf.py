@@ -154,7 +154,7 @@ def test_uv_sets() -> None:
     assert filled.uv_sets == (0, 1)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.floats(-2, 3), st.floats(-2, 3)), min_size=3, max_size=3))
 def test_the_flip_of_v_is_exact(values: list[tuple[float, float]]) -> None:
     """Reading what was written and writing it again gives the same bytes: nothing is rounded twice."""
@@ -475,7 +475,7 @@ def gltf_files(draw: st.DrawFn) -> bytes:
     return g.glb() if draw(st.booleans()) else g.gltf()
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(gltf_files(), st.integers(0, 9), st.sampled_from([None, 0, 1, 2]))
 def test_generated_trees_come_back(data: bytes, seed: int, uv_set: int | None) -> None:
     document = read_data(data)

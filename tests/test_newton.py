@@ -77,7 +77,7 @@ def test_the_proxy_has_the_gradient_of_the_energy_at_its_centre() -> None:
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_largest_step_is_where_a_face_first_collapses(seed: int) -> None:
     rng = np.random.default_rng(seed)
     corners = np.array([[0.0, 1.0, 0.2], [0.0, 0.1, 1.0]])[:, :, None] + rng.normal(
@@ -144,21 +144,28 @@ def test_developable_strips_unroll_without_distortion(kind: str) -> None:
 
 def test_no_face_is_ever_flipped_from_a_start_with_a_nearly_flat_triangle() -> None:
     patches = _developable("cylinder")
-    uv, _ = embed_convex(patches, "mean-value")
-    face = patches.faces[100]
-    inner = [v for v in face if v not in patches.faces.ravel()[patches.border]]
-    others = [v for v in face if v != inner[0]]
-    middle = uv[others].mean(0)
-    uv[inner[0]] = middle + 1e-9 * (uv[inner[0]] - middle)
-    jac = dirichlet.jacobians(
-        np.ascontiguousarray(patches.gradients.transpose(1, 2, 0)),
-        uv[patches.faces].transpose(2, 1, 0),
-    )
-    if not (dirichlet.determinants(jac) > 0).all():
-        pytest.skip("the planted triangle flips its neighbour in this layout")
+    plain, _ = embed_convex(patches, "mean-value")
+    on_border = np.zeros(patches.n_vertices, bool)
+    on_border[patches.faces.ravel()[patches.border]] = True
+
+    def areas(uv: FloatArray) -> FloatArray:
+        q = uv[patches.faces]
+        return cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
+
+    def squeezed(face: int, corner: int) -> FloatArray:
+        """The layout with a corner drawn onto the side of its face across from it, all but 1e-9."""
+        v, a, b = np.roll(patches.faces[face], -corner)
+        middle = (plain[a] + plain[b]) / 2
+        uv = plain.copy()
+        uv[v] = middle + 1e-9 * (plain[v] - middle)
+        return uv
+
+    trials = (squeezed(f, k) for f in range(100, 200) for k in range(3)
+              if not on_border[patches.faces[f, k]])  # fmt: skip
+    uv = next(trial for trial in trials if (areas(trial) > 0).all())
+    assert areas(uv).min() < 1e-7 * areas(plain).min()
     relaxed = relax(patches, uv, RelaxOptions(max_iterations=100))
-    q = relaxed.uv[patches.faces]
-    assert (cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]) > 0).all()
+    assert (areas(relaxed.uv) > 0).all()
     assert relaxed.energy[0] < 1.001
 
 
@@ -224,7 +231,7 @@ def test_a_poisson_layout_returns_the_layout_its_jacobians_came_from() -> None:
 
 
 @given(st.integers(0, 1000), st.floats(0.1, 0.9))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_clamped_jacobians_are_never_flipped(seed: int, low: float) -> None:
     j = np.random.default_rng(seed).normal(size=(2, 2, 50))
     clamped = clamp_stretch(j, low)

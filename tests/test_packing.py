@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.errors import NoResultError, OptionError
@@ -123,7 +123,7 @@ def promise(faces, uv, chart, packed: Packed, options: PackOptions):
     assert scales == pytest.approx(packed.scale)
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12)
 @given(
     n=st.integers(1, 12),
     seed=st.integers(0, 10**6),

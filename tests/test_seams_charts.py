@@ -209,7 +209,7 @@ def test_a_vertex_where_a_carried_path_may_end_is_not_moved_again() -> None:
 
 
 @given(st.integers(0, 5000))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_matching_is_the_greedy_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n, count = int(rng.integers(1, 12)), int(rng.integers(0, 30))
