@@ -208,6 +208,34 @@ def test_a_seam_keeps_index_types_small_and_grows_them_when_needed() -> None:
     assert out["accessors"][out["meshes"][0]["primitives"][0]["indices"]]["componentType"] == 5123
 
 
+@pytest.mark.parametrize(
+    ("vertices", "kind"), [(255, "u1"), (256, "u2"), (257, "u2"), (65535, "u2"), (65536, "u4")]
+)
+def test_the_highest_index_of_a_type_is_never_used(vertices: int, kind: str) -> None:
+    """It restarts primitives (glTF 2.0, 3.7.2.1): 255 vertices go into bytes, 256 do not."""
+    before = "u1" if vertices < 1000 else "u2"
+    points = np.random.default_rng(0).random((vertices - 1, 3)).astype("f4")
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    g = GltfMaker()
+    primitive = {
+        "attributes": {"POSITION": g.accessor(points)},
+        "indices": g.accessor(faces.ravel().astype(before)),
+    }
+    g.tree["meshes"] = [{"primitives": [primitive]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    # a seam through vertex 0 alone: one vertex more, the last
+    uv = np.array([[0.0, 0.0], [1, 0], [1, 1], [0, 1], [0.5, 0.75]])
+    data = encode(document, UVMap(uv, np.array([[0, 1, 2], [4, 2, 3]])), "glb").data
+    tree = tree_of(data)
+    entry = tree["meshes"][0]["primitives"][0]
+    assert tree["accessors"][entry["attributes"]["POSITION"]]["count"] == vertices
+    index = tree["accessors"][entry["indices"]]
+    code = {"u1": 5121, "u2": 5123, "u4": 5125}[kind]
+    assert index["componentType"] == code
+    again = read_data(data).mesh.faces
+    assert again.max() == vertices - 1 < np.iinfo(kind).max
+
+
 @pytest.mark.parametrize("mode", [4, 5, 6])
 @pytest.mark.parametrize("indexed", [False, True])
 def test_strips_fans_and_unindexed(mode: int, indexed: bool) -> None:

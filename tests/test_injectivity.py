@@ -220,6 +220,26 @@ def test_a_fan_wound_twice_overlaps(mirror):
     assert not overlaps(faces, uv * [mirror, 1.0], np.zeros(10, np.int64)).self_overlapping[0]
 
 
+def coil(turns, n=12):
+    """A fan wound so often, in a ring of faces that unwinds it: the border is a circle, run through once."""
+    uv, fans = fan(turns, n)
+    t = 2 * np.pi * np.arange(n) / n
+    k = np.arange(n)
+    a, b, c, d = 1 + k, 1 + (k + 1) % n, n + 1 + k, n + 1 + (k + 1) % n
+    ring = np.concatenate([np.stack([a, c, d], 1), np.stack([a, d, b], 1)])
+    return np.concatenate([uv, 3 * np.stack([np.cos(t), np.sin(t)], 1)]), np.r_[fans, ring]
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_only_the_angles_round_a_vertex_tell_that_it_is_wound_twice(turns, mirror):
+    """4π are too much already; the border knows nothing of it."""
+    uv, faces = coil(turns)
+    found = overlaps(faces, uv * [mirror, 1.0], np.zeros(len(faces), np.int64))
+    assert len(found.crossings) == 0
+    assert found.self_overlapping.tolist() == [turns > 1]
+
+
 def two_sheets(crossed):
     """A large square and a small one in its middle, of one surface when ``crossed``: joined crosswise along a
     slit, so that both ends of the slit are wound twice while the two borders are plain nested squares."""

@@ -12,6 +12,7 @@ from circparam.errors import NoResultError, OptionError
 from circparam.packing import Packed, PackOptions, compact, pack, shelf
 from circparam.packing.drop import drop_placement
 from circparam.packing.pack import finish
+from circparam.packing.raster import Layout, faults
 from circparam.packing.shapes import shapes_of
 from circparam.packing.work import Work
 from circparam.progress import Monitor
@@ -81,6 +82,52 @@ def gap_and_border(owner):
         for b in trees[:i]:
             gap = min(gap, float(b.query(a.data, distance_upper_bound=20)[0].min()))
     return gap, int(border)
+
+
+def two_squares(corners, side=8, page=64):
+    """Layout of squares, a chart each, that cover side x side texel centres from the texels ``corners`` on."""
+    square = np.array(
+        [[0.25, 0.25], [side - 0.25, 0.25], [side - 0.25, side - 0.25], [0.25, side - 0.25]]
+    )
+    points = (np.array(corners)[:, None] + square) / page
+    n = len(corners)
+    return Layout(
+        points[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 2), np.repeat(np.arange(n), 2),
+        points.reshape(-1, 2), np.roll(points, -1, 1).reshape(-1, 2), np.repeat(np.arange(n), 4),
+        np.zeros(n, int),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("padding", [0, 1, 2, 4, 7])
+@pytest.mark.parametrize("mirror", [False, True])
+def test_the_gap_is_checked_to_the_texel(padding, mirror):
+    """Centres of two charts are padding + 1 apart or more: as they should is let through, nearer is not."""
+    options = PackOptions(resolution=64, padding=padding)
+    seen = set()
+    for dx in range(padding + 3):
+        for dy in range(padding + 3):
+            first, second = [20, 20], [27 + dx, 27 + dy]  # the nearest texels are (dx, dy) apart
+            if mirror:
+                first, second = [20, 27 + dy], [27 + dx, 20]
+            if dx == dy == 0:
+                continue
+            wrong, share = faults(two_squares([first, second]), options)
+            assert share[0] == 2 * 64 / 64**2
+            assert (wrong is not None) == (dx**2 + dy**2 < (padding + 1) ** 2), (dx, dy, wrong)
+            seen.add(wrong is not None)
+    assert seen == ({False, True} if padding else {False})
+
+
+@pytest.mark.parametrize("padding", [0, 1, 2, 4, 7])
+def test_the_border_of_the_page_is_checked_to_the_texel(padding):
+    options = PackOptions(resolution=64, padding=padding)
+    last = 64 - 8 - padding
+    for corner in ([padding, 30], [30, padding], [last, 30], [30, last]):
+        assert faults(two_squares([corner]), options)[0] is None
+        outward = np.sign(np.array(corner) - 30)
+        wrong = faults(two_squares([corner + outward]), options)[0]
+        assert wrong is not None
+        assert ("border" if padding else "leaves the page") in wrong
 
 
 def similarity_residual(before, after, chart_vertices):
