@@ -66,6 +66,11 @@ def silent_ranges(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     for node in ast.walk(tree):
         quiet += [getattr(node, "annotation", None), getattr(node, "returns", None)]
         quiet += getattr(node, "decorator_list", [])
+        if isinstance(node, ast.Call):
+            # zip(strict=True) guards against what does not happen; to NumPy every negative size is -1
+            quiet += [k.value for k in node.keywords if k.arg == "strict"]
+            if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
+                quiet += [a for a in node.args if isinstance(a, ast.UnaryOp)]
         if isinstance(node, ast.JoinedStr) or (
             isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         ):
