@@ -6,12 +6,14 @@ RUN := $(VENV)/bin/python
 WORKERS ?= 2
 FUZZ ?= 5000
 SEED ?= 1
+# options of the run of planted faults, such as --only packing/
+MUTANTS ?=
 # threads of the linear algebra libraries: several processes run side by side
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-packing fuzz figures docs clean
+.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-packing fuzz mutants figures docs clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -67,6 +69,9 @@ bench-packing: $(VENV)/.dev ## covered share on identical charts
 
 fuzz: $(VENV)/.dev ## hostile meshes and broken files: make fuzz FUZZ=5000 SEED=1
 	$(RUN) -m tests.fuzz --cases $(FUZZ) --seed $(SEED)
+
+mutants: $(VENV)/.dev ## 200 planted faults: the share that the tests notice (half an hour or more)
+	$(RUN) -m tests.tools.mutants $(MUTANTS)
 
 figures: $(VENV)/.dev ## the pictures of README and docs
 	$(RUN) -m tests.tools.figures

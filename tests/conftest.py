@@ -6,8 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from tests.support.corpus import CORPUS
+
+# One profile for all tests. No deadline and no complaint about slow examples: how long one takes says how busy
+# the machine is, not whether the code is right.
+settings.register_profile(
+    "circparam", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+)
+settings.load_profile("circparam")
 
 
 @pytest.fixture(scope="session")

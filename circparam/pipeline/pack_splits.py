@@ -24,6 +24,12 @@ from circparam.packing.options import PackOptions
 from circparam.pipeline.cascade import Cascade
 
 ANCHORS = 48  # points of a border between which paths are tried
+REFLEX = (
+    np.pi * 4 / 9
+)  # a corner of a border that turns in by nearly a right angle: an arm may begin there
+SNAP = (
+    1e-9  # share of a border's length by which a point may lie before its anchor's place: rounding
+)
 ANGLES = 16  # of the bounding boxes, in a quarter turn
 HUBS = 2  # charts that are tried for a split, those that waste most
 TRIED = 3  # paths of each that are packed
@@ -154,8 +160,8 @@ def _paths(
     p = uv[v]
     step = np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
     at = np.cumsum(step) - step
-    anchor = np.unique(np.searchsorted(at, np.arange(ANCHORS) * (step.sum() / ANCHORS)))
-    anchor = anchor[anchor < len(v)]
+    even = np.searchsorted(at, (np.arange(ANCHORS) / ANCHORS - SNAP) * step.sum())
+    anchor = np.unique(np.r_[even[even < len(v)], _reflex(p)])
     k = len(anchor)
     if k < 4:
         return []
@@ -173,6 +179,14 @@ def _paths(
         if cut is not None and _allowed(atlas, patches, chart, cut, bound):
             found.append(_Candidate(value, cut))
     return found
+
+
+def _reflex(p: FloatArray) -> IntArray:
+    """The corners (at most ANCHORS) of a border p (b, 2) that turn in most: where arms begin."""
+    ahead, behind = np.roll(p, -1, axis=0) - p, p - np.roll(p, 1, axis=0)
+    turn = np.arctan2(cross2(behind, ahead), (behind * ahead).sum(1))
+    sharp = np.flatnonzero(turn < -REFLEX)
+    return sharp[np.argsort(turn[sharp], kind="stable")[:ANCHORS]]
 
 
 def _ranked(

@@ -240,7 +240,10 @@ def relax(
             monitor.update(
                 1 - active.mean(), f"energy {energy[np.isfinite(energy)].max(initial=0):.5g}"
             )
-    return Relaxed(out * scale, energy, floor, iterations, [str(s) for s in stopped])
+    out *= scale
+    if options.fixed is not None:  # to scale and back changes last bits
+        out[options.fixed] = uv[options.fixed]
+    return Relaxed(out, energy, floor, iterations, [str(s) for s in stopped])
 
 
 def newton_step(
@@ -259,7 +262,10 @@ def newton_step(
     if system.fixed is not None:
         g = np.where(system.fixed[:, None], 0.0, g)
     d = system.direction(u, safe, g, proxy)
-    if system.fixed is None:
+    if system.fixed is not None:
+        # the coarse space of the iterative solver moves whole aggregates, and with them what is fixed
+        d = np.where(system.fixed[:, None], 0.0, d)
+    else:
         # no energy sees a chart move as a whole; rounding would let it drift until its faces lose their digits
         count = group_count(p.vertex_chart, n)
         drift = np.stack([group_sum(d[:, k], p.vertex_chart, n) / count for k in range(2)], 1)

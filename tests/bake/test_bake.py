@@ -161,6 +161,25 @@ def test_closest_finds_points_on_a_surface_exactly():
     assert distance.max() < 1e-12
 
 
+def test_samples_lie_on_their_faces_and_cover_them_evenly():
+    """The nearest sample leads to the face sought: one beside its face leads elsewhere."""
+    points, faces = sheet(3)
+    points[:, 2] = np.sin(3 * points[:, 0])
+    closest = Closest(points, faces)
+    bary, apart = closest_on_triangles(np.asarray(closest.tree.data), points[faces[closest.face]])
+    assert apart.max() < 1e-24
+    area = np.linalg.norm(
+        np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))), axis=1
+    )
+    wanted = area / area.sum() * len(bary)
+    assert np.bincount(closest.face) == pytest.approx(wanted, abs=3)
+    for f in range(len(faces)):
+        own = bary[closest.face == f]
+        # of a uniform spread over a triangle: mean 1/3, variance 1/18
+        assert own.mean(0) == pytest.approx([1 / 3] * 3, abs=0.01)
+        assert own.var(0) == pytest.approx([1 / 18] * 3, abs=0.005)
+
+
 # files ---------------------------------------------------------------------------------------------
 
 

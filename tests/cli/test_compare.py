@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 from circparam import samples
 from circparam.cli import cli
-from circparam.compare import kim2019
+from circparam.compare.compare import kim2019
 
 
 def run(*words: str) -> Result:
@@ -113,7 +113,12 @@ def test_without_a_mesh_from_another_directory(tmp_path: Path) -> None:
                 assert (entry["status"], entry["flips"]) == ("ok", 0), (mesh["mesh"], entry)
     sizes = document["table1"]["sizes"]
     assert [s["vertices"] for s in sizes] == list(kim2019.PAPER)
-    assert all(s["ratio"] > 0 for s in sizes)
+    for s in sizes:
+        assert s["ratio"] == pytest.approx(s["floater"]["median"] / s["circle"]["median"], rel=1e-9)
+        own, floater = kim2019.PAPER[s["vertices"]]
+        assert s["paper_ratio"] == pytest.approx(floater / own)
+        for name in ("circle", "floater"):
+            assert 0 < s[name + "_weights"]["median"] < s[name]["median"]
 
 
 def test_table1_text_fits(monkeypatch: pytest.MonkeyPatch) -> None:

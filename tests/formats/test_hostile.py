@@ -226,7 +226,7 @@ def read_or_refuse(data: bytes, format: str | None, output: str) -> None:
     assert "\n" not in message
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.sampled_from(sorted(SAMPLES)),
     st.lists(st.tuples(st.integers(0, 5000), st.integers(0, 255)), max_size=6),
@@ -244,7 +244,7 @@ def test_spoiled_files_are_read_or_refused(
     read_or_refuse(text, format if known else None, "obj")
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.sampled_from(sorted(SAMPLES)), st.binary(max_size=300))
 def test_garbage_is_refused(format: str, data: bytes) -> None:
     for name in (format, None):
@@ -269,7 +269,7 @@ any_json = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(any_json, st.sampled_from(TOP))
 def test_trees_of_any_shape_are_refused(value: object, key: str) -> None:
     g = small()

@@ -41,7 +41,7 @@ def inside(uv: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
     return out
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.integers(8, 60))
 def test_the_border_alone_tells_what_faces_cover(seed: int, resolution: int) -> None:
     p, f = shapes.delaunay_disk(40, seed % 1000)
@@ -79,7 +79,7 @@ def test_far_charts_have_no_gap_within_the_search() -> None:
     assert cover(patches, uv, 100, 6).gap == np.inf
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6))
 def test_smallest_gap_is_that_of_all_pairs(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -58,7 +58,7 @@ def test_two_charts_of_different_density_pay_for_it():
 
 
 @given(st.floats(0.3, 3), st.floats(-2, 2), st.floats(-3, 3), st.floats(-3, 3))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_singular_values_agree_with_a_decomposition(a, b, c, d):
     j = np.array([[[a, b], [c, d]]])
     large, small = singular_values(j)

@@ -138,7 +138,7 @@ soup = st.integers(3, 8).flatmap(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(soup)
 def test_any_soup_is_described_and_genus_is_whole(faces):
     faces = np.array(faces)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import cross2
@@ -136,7 +136,7 @@ def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
     assert not atlas.cut.any()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(strategies.hostile(), st.integers(0, 10**6))
 def test_any_mesh_with_any_layout_ends_sound(
     shape: tuple[np.ndarray, np.ndarray], seed: int
@@ -147,7 +147,7 @@ def test_any_mesh_with_any_layout_ends_sound(
     try:
         s = surface_of(*shape)
     except InputError:
-        return
+        assume(False)  # nothing but degenerate faces
     rng = np.random.default_rng(seed)
     cut = rng.random(len(s.edges)) < rng.choice([0.0, 0.3])
     patches = s.patches(cut)
@@ -202,7 +202,7 @@ def test_a_polygon_stays_in_one_piece(monkeypatch: pytest.MonkeyPatch) -> None:
     assert s.charts(atlas.cut)[0] == len(f) // 2
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(strategies.surfaces())
 def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]) -> None:
     s = surface_of(*shape)

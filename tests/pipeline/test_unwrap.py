@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 
 import circparam
 from circparam import errors
@@ -235,7 +235,7 @@ def test_time_that_runs_out_later_leaves_the_best_so_far(monkeypatch: pytest.Mon
     assert any("out of time" in line for line in result.warnings)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(strategies.hostile())
 def test_whatever_comes_in_a_valid_layout_or_a_documented_error(
     shape: tuple[np.ndarray, np.ndarray],
@@ -243,7 +243,9 @@ def test_whatever_comes_in_a_valid_layout_or_a_documented_error(
     try:
         result = circparam.unwrap(shape, **QUICK)
     except errors.InputError:
-        return
+        assume(
+            False
+        )  # documented; how often it comes is bounded by hypothesis, so it is no way out
     assert result.verification.valid, result.reasons
 
 

@@ -71,7 +71,7 @@ def test_geometry_comes_back():
     assert len(check_geometry(flat_quad(), np.arange(2))["seams"]) == 4
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_any_soup_in_any_order_comes_back(seed: int):
     rng = np.random.default_rng(seed)

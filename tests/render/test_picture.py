@@ -84,7 +84,7 @@ def test_cube_known_pixels():
     assert (layers[seen] == 2).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000))
 def test_triangles_of_a_plane_never_leave_gaps_nor_meet(seed: int):
     """A triangulated convex region: every pixel centre inside belongs to exactly one face."""

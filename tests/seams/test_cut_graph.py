@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import next_half_edge
@@ -257,7 +257,7 @@ soup = st.integers(4, 9).flatmap(
 )
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(soup, st.booleans())
 def test_any_soup_opens_into_disks(case, paired):
     n, faces = case
@@ -266,7 +266,7 @@ def test_any_soup_opens_into_disks(case, paired):
     try:
         surface, _ = repair(Mesh(points, np.array(faces), polygons=polygons))
     except InputError:
-        return
+        assume(False)  # nothing but degenerate faces
     seams = cut_disk(surface)
     patches = surface.patches(seams.cut)
     closed, _ = close_holes(patches)

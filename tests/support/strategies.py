@@ -39,6 +39,17 @@ def disks(draw: st.DrawFn, largest: int = 120) -> Shape:
 
 
 @st.composite
+def folding_disks(draw: st.DrawFn, largest: int = 120) -> Shape:
+    """Disks so rough and so stretched that methods without a guarantee flip faces of nearly all of them."""
+    p, f = shapes.delaunay_disk(draw(st.integers(40, largest)), draw(seeds))
+    waves = np.random.default_rng(draw(seeds)).normal(0, 6, (2, 3))
+    p = p.copy()
+    p[:, 2] = draw(st.sampled_from([1.5, 3.0])) * np.sin(p[:, :2] @ waves).sum(1)
+    p *= [1.0, draw(st.sampled_from([0.15, 0.05])), 1.0]
+    return p, f
+
+
+@st.composite
 def surfaces(draw: st.DrawFn) -> Shape:
     """Manifold, oriented surfaces of every kind: closed, with handles, holes, several components."""
     make = draw(

@@ -155,7 +155,7 @@ def test_uv_sets() -> None:
     assert filled.uv_sets == (0, 1)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.floats(-2, 3), st.floats(-2, 3)), min_size=3, max_size=3))
 def test_the_flip_of_v_is_exact(values: list[tuple[float, float]]) -> None:
     """Reading what was written and writing it again gives the same bytes: nothing is rounded twice."""
@@ -207,6 +207,34 @@ def test_a_seam_keeps_index_types_small_and_grows_them_when_needed() -> None:
     document = read_data(g.glb())
     out = tree_of(encode(document, layout_with_seams(document, parts=10**6), "glb").data)
     assert out["accessors"][out["meshes"][0]["primitives"][0]["indices"]]["componentType"] == 5123
+
+
+@pytest.mark.parametrize(
+    ("vertices", "kind"), [(255, "u1"), (256, "u2"), (257, "u2"), (65535, "u2"), (65536, "u4")]
+)
+def test_the_highest_index_of_a_type_is_never_used(vertices: int, kind: str) -> None:
+    """It restarts primitives (glTF 2.0, 3.7.2.1): 255 vertices go into bytes, 256 do not."""
+    before = "u1" if vertices < 1000 else "u2"
+    points = np.random.default_rng(0).random((vertices - 1, 3)).astype("f4")
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    g = GltfMaker()
+    primitive = {
+        "attributes": {"POSITION": g.accessor(points)},
+        "indices": g.accessor(faces.ravel().astype(before)),
+    }
+    g.tree["meshes"] = [{"primitives": [primitive]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    # a seam through vertex 0 alone: one vertex more, the last
+    uv = np.array([[0.0, 0.0], [1, 0], [1, 1], [0, 1], [0.5, 0.75]])
+    data = encode(document, UVMap(uv, np.array([[0, 1, 2], [4, 2, 3]])), "glb").data
+    tree = tree_of(data)
+    entry = tree["meshes"][0]["primitives"][0]
+    assert tree["accessors"][entry["attributes"]["POSITION"]]["count"] == vertices
+    index = tree["accessors"][entry["indices"]]
+    code = {"u1": 5121, "u2": 5123, "u4": 5125}[kind]
+    assert index["componentType"] == code
+    again = read_data(data).mesh.faces
+    assert again.max() == vertices - 1 < np.iinfo(kind).max
 
 
 @pytest.mark.parametrize("mode", [4, 5, 6])
@@ -476,7 +504,7 @@ def gltf_files(draw: st.DrawFn) -> bytes:
     return g.glb() if draw(st.booleans()) else g.gltf()
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(gltf_files(), st.integers(0, 9), st.sampled_from([None, 0, 1, 2]))
 def test_generated_trees_come_back(data: bytes, seed: int, uv_set: int | None) -> None:
     document = read_data(data)

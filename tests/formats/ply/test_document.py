@@ -269,7 +269,7 @@ def test_strips(encoding: str) -> None:
         encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv="face"))
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     st.lists(st.lists(st.integers(-1, 11), min_size=1, max_size=14), min_size=1, max_size=3),
     st.integers(0, 5),
@@ -334,7 +334,7 @@ def ply_files(draw: st.DrawFn) -> bytes:
     return build(draw(st.sampled_from(list(ORDERS))), elements)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(ply_files(), st.integers(0, 9), st.sampled_from(["vertex", "face", None]))
 def test_generated_files_come_back(data: bytes, seed: int, mode: str | None) -> None:
     document = read_data(data)

@@ -53,7 +53,7 @@ def test_circle_reproduces_the_plane_on_equidistant_rings():
 
 @pytest.mark.parametrize("scheme", POSITIVE)
 @given(shape=strategies.disks())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_positive_weights_are_positive_and_flip_nothing(scheme, shape):
     patches, _ = patches_of(shape)
     inner = ~rim(patches)[patches.faces.ravel()]
