@@ -101,7 +101,7 @@ def _border(patches: Patches) -> _Border:
 
 
 def _log_factors(patches: Patches, lengths: FloatArray) -> FloatArray:
-    """(n_vertices,) log scale factor on the outer borders for target lengths in order of half-edge number, else 0."""
+    """(n_vertices,) log scale factor on the outer borders for target lengths in order of half-edge number."""
     border = _border(patches)
     h = border.ring.half_edge
     if lengths.shape != h.shape:
@@ -137,7 +137,7 @@ class _Flattening:
         self.turning = np.pi - sums[self.rim]
 
     def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
-        """The flattening with log scale factor u (n_vertices,) on the border: its curvature, curve and inside."""
+        """The flattening with log scale factor u (n_vertices,) on the border: curvature, curve, inside."""
         u = u[self.rim]
         inside = self.L[self.inner]
         factor = Factor(sps.csc_matrix(inside[:, self.inner]))
