@@ -222,9 +222,7 @@ class _HoledFlattening(_Flattening):
         sums = vertex_angle_sums(opened.patches, corner_angles(opened.patches))
         turning = np.pi - sums[at] + (L @ scale)[at]
         lengths = walk.length * np.exp((scale[at] + scale[at[walk.follower]]) / 2)
-        real = np.zeros(patches.faces.size, bool)
-        real[patches.border] = True
-        disk = _extended(L, at, _closed_curve(walk, lengths, turning, real[walk.ring.half_edge]))
+        disk = _extended(L, at, _closed_curve(walk, lengths, turning))
         targets = np.ascontiguousarray(jacobians(opened.patches, disk).transpose(1, 2, 0))
         if conjugate:
             uv, _ = from_jacobians(patches, targets)
@@ -235,7 +233,7 @@ class _HoledFlattening(_Flattening):
         outer = np.zeros(patches.faces.size, bool)
         outer[self.border.ring.half_edge] = True
         held = outer[walk.ring.half_edge]
-        curve = _closed_curve(walk, np.where(held, lengths, 0.0), turning, held)
+        curve = _closed_curve(walk, np.where(held, lengths, 0.0), turning)
         return from_jacobians(patches, targets, held=(opened.origin[at[held]], curve[held]))[0]
 
     def _scale(self, u: FloatArray) -> FloatArray:
@@ -271,11 +269,9 @@ def _extended(L: sps.csr_matrix, rim: IntArray, curve: FloatArray) -> FloatArray
     return uv
 
 
-def _closed_curve(
-    border: _Border, lengths: FloatArray, turning: FloatArray, give: BoolArray | None = None
-) -> FloatArray:
+def _closed_curve(border: _Border, lengths: FloatArray, turning: FloatArray) -> FloatArray:
     """(b, 2) the polygon with these turning angles at its vertices and edge lengths changed as little as closes
-    it (Sawhney, Crane 2017, section 4.4). give: (b,) edges whose length may change; None: all."""
+    it (Sawhney, Crane 2017, section 4.4). Edges of length 0 keep it."""
     ring = border.ring
     index = ring.index
     # angles that add up to 2π on every border, whatever the rounding
@@ -283,7 +279,7 @@ def _closed_curve(
     direction = border.running(turning)
     T = np.stack([np.cos(direction), np.sin(direction)], 1)
     floor = SHORTEST * lengths
-    weight = border.length if give is None else np.where(give, border.length, 0.0)
+    weight = np.where(lengths > 0, border.length, 0.0)
     for _ in range(20):
         gap = np.stack([border.sums(lengths * t) for t in T.T], 1)
         G = np.empty((len(ring.size), 2, 2))
