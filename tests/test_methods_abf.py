@@ -92,3 +92,13 @@ def test_the_border_of_a_hole_counts_as_an_inner_vertex(amount):
         assert wheels[v].sum() == pytest.approx(0, abs=1e-8)
     if amount == 0:
         np.testing.assert_allclose(angles, corner_angles(patches), atol=1e-9)
+
+
+@pytest.mark.parametrize("height", [0.1, 0.3])
+def test_angles_round_holes_fit_together(height):
+    patches, _ = patches_of(shapes.waved(shapes.planar_holes(4, seed=4), height))
+    angles, _, converged = solve_angles(patches, 20, Monitor())
+    assert converged.all()
+    # a plane map with exactly these angles exists: nothing is left for the reconstruction to share out
+    layout = abf(patches, MethodOptions(), Monitor())
+    np.testing.assert_allclose(laid_angles(patches, layout.uv), angles, atol=1e-6)

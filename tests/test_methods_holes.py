@@ -109,6 +109,20 @@ def run(name, patches, options=None):
     return measure(patches, layout.uv)
 
 
+@pytest.mark.parametrize(("method", "keywords"), [FREE[0], FREE[1], FREE[2]], ids=NAMES[:3])
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_sphere_with_wide_holes_is_one_valid_chart(method, keywords, seed):
+    p, f = shapes.icosphere(3)
+    centres = np.random.default_rng(seed).normal(size=(4, 3))
+    centres /= np.linalg.norm(centres, axis=1)[:, None]
+    c = p[f].mean(1)
+    shape = shapes.compact(p, f[~(c @ centres.T > 0.93).any(1)])
+    result = circparam.unwrap(shape, method=method, cut="disk", **keywords)
+    assert result.measures["flips"] == result.measures["overlap"] == 0
+    assert result.measures["angle"] < 1.15  # with virtual faces over the holes bff reached 1.17
+    assert holes_of(shape) >= 2
+
+
 def test_angle_based_flattening_converges_round_holes():
     patches, _ = patches_of(shapes.waved(shapes.planar_holes(5, seed=4), 0.2))
     layout = METHODS["abf"].function(patches, MethodOptions(), Monitor())

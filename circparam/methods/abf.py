@@ -4,8 +4,9 @@ The angles of all charts are the unknowns of one Newton system; the first step f
 Linear ABF, since the wheel condition is taken in its logarithmic form. The plane map is the conformal map of
 the triangles with the new angles, which is exact where the angles fit together. Flips are possible.
 
-A hole stays a hole: its border counts as one inner vertex, whose corners must turn by the angle of a closed
-border and whose wheel must close. On a plane the angles of the surface meet these conditions as they are.
+A hole stays a hole: its border counts as one inner vertex, whose corners add up to the turn of a closed border
+and whose wheel closes, and the walk along it must come back to its start. These four conditions a hole are all
+that a layout asks; on a plane the angles of the surface meet them as they are.
 """
 
 from __future__ import annotations
@@ -15,7 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.arrays import BoolArray, FloatArray, IntArray, dot, group_max, group_sum
+from circparam.arrays import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    dot,
+    group_max,
+    group_sum,
+)
 from circparam.errors import NoResultError
 from circparam.geometry import corner_angles, vertex_angle_sums
 from circparam.linear import Factor
@@ -65,9 +74,75 @@ def with_angles(patches: Patches, angles: FloatArray) -> Patches:
 
 
 @dataclass(frozen=True, eq=False)
+class _Rims:
+    """The borders of holes, walked: vertices (k,) in order, hole after hole, size (h,) of each."""
+
+    patches: Patches
+    vertices: IntArray
+    size: IntArray
+
+    def edges(self, alpha: FloatArray) -> ComplexArray:
+        """(k,) the edge that leaves each vertex, as a complex number; those of a hole add up to 1 in length.
+
+        At a vertex the walk turns by π less its corners, and the edge grows by the sines of its wheel.
+        """
+        log = np.log(np.sin(alpha))
+        wheel = vertex_angle_sums(self.patches, log[:, [1, 2, 0]] - log[:, [2, 0, 1]])
+        turn = np.pi - vertex_angle_sums(self.patches, alpha)
+        first = np.cumsum(self.size) - self.size
+        step = (1j * turn - wheel)[self.vertices]
+        # what the hole still lacks is shared out, so that the first step begins near a closed walk
+        lack = -2j * np.pi - np.add.reduceat(step, first)
+        run = np.cumsum(step + np.repeat(lack / self.size, self.size))
+        edge = np.exp(run - np.repeat(run[first], self.size))
+        total = np.add.reduceat(np.abs(edge), first)
+        result: ComplexArray = edge / np.repeat(total, self.size)
+        return result
+
+    def gaps(self, alpha: FloatArray) -> FloatArray:
+        """(2h,) how far the walks miss their starts, as a share of their lengths: all x, then all y."""
+        if len(self.size) == 0:
+            return np.zeros(0)
+        gap = np.add.reduceat(self.edges(alpha), np.cumsum(self.size) - self.size)
+        return np.concatenate([gap.real, gap.imag])
+
+    def jacobian(self, alpha: FloatArray) -> sps.csr_matrix:
+        """(2h, 3m) derivatives of the gaps: what turns or grows at a vertex moves all that follows."""
+        f = self.patches.faces
+        h, m = len(self.size), len(f)
+        if h == 0:
+            return sps.csr_matrix((0, 3 * m))
+        edge = self.edges(alpha)
+        last = np.cumsum(self.size) - 1
+        run = np.cumsum(edge)
+        ahead = np.repeat(run[last], self.size) - run + edge
+        ahead[last - self.size + 1] = 0.0  # the first edge stays where it is
+        moved = np.zeros(self.patches.n_vertices, np.complex128)
+        moved[self.vertices] = ahead
+        hole = np.full(self.patches.n_vertices, -1)
+        hole[self.vertices] = np.repeat(np.arange(h), self.size)
+        corner = np.arange(3 * m).reshape(m, 3)
+        use = hole[f] >= 0
+        at, pull, cot = hole[f][use], moved[f][use], 1 / np.tan(alpha)
+        value = np.concatenate(
+            [-1j * pull, -pull * cot[:, [1, 2, 0]][use], pull * cot[:, [2, 0, 1]][use]]
+        )
+        row = np.concatenate([at, at, at])
+        column = np.concatenate([corner[use], corner[:, [1, 2, 0]][use], corner[:, [2, 0, 1]][use]])
+        return sps.csr_matrix(
+            (
+                np.concatenate([value.real, value.imag]),
+                (np.concatenate([row, row + h]), np.concatenate([column, column])),
+            ),
+            shape=(2 * h, 3 * m),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class _System:
     """target β (m, 3), weight 2/β² (m, 3). row: (n_vertices,) conditions of each vertex: inner vertices one row
     each, all vertices of a hole one row behind them, −1 on the outer border. goal: (rows,) wanted angle sums.
+    holes: the walks that must close.
     """
 
     patches: Patches
@@ -75,6 +150,7 @@ class _System:
     weight: FloatArray
     row: IntArray
     goal: FloatArray
+    holes: _Rims
 
     @property
     def rows(self) -> int:
@@ -133,7 +209,7 @@ def _system(patches: Patches) -> _System:
     vertices, hole, size = hole_vertices(patches)
     row[vertices] = int(inner.sum()) + hole
     goal = np.concatenate([np.full(int(inner.sum()), 2 * np.pi), (size + 2) * np.pi])
-    return _System(patches, target, 2 / target**2, row, goal)
+    return _System(patches, target, 2 / target**2, row, goal, _Rims(patches, vertices, size))
 
 
 def solve_angles(
@@ -155,6 +231,7 @@ def solve_angles(
     best, best_at = np.full(n, np.inf), np.zeros(n, np.int64)
     solver = _Solver()
     row_chart = np.zeros(system.rows, np.int64)
+    rim_chart = patches.loops.chart[~patches.loops.outer]
     row_chart[system.row[system.row >= 0]] = patches.vertex_chart[system.row >= 0]
     for iteration in range(limit):
         try:
@@ -170,6 +247,8 @@ def solve_angles(
         worst = group_max(np.abs(face), chart, n)
         for violation in (angle, wheel):
             worst = np.maximum(worst, group_max(np.abs(violation), row_chart, n))
+        gap = np.abs(system.holes.gaps(alpha))
+        worst = np.maximum(worst, group_max(gap, np.tile(rim_chart, 2), n))
         size = group_max(np.abs(delta).max(1), chart, n)
         worst = np.where(np.isfinite(worst), worst, np.inf)
         converged |= open_charts & (worst < CONVERGED) & (size < 1e-6)
@@ -234,6 +313,9 @@ def _newton_step(system: _System, alpha: FloatArray, solver: _Solver) -> FloatAr
     face, angle, wheel = system.residuals(alpha)
     J = system.jacobian(alpha)
     b2 = -np.concatenate([angle, wheel])
+    if len(system.holes.size):
+        J = sps.csr_matrix(sps.vstack([J, system.holes.jacobian(alpha)]))
+        b2 = np.concatenate([b2, -system.holes.gaps(alpha)])
     step = -w * gradient
     # project onto the face conditions: P = W − W 1 (1ᵀW1)⁻¹ 1ᵀ W on each face
     total = w.sum(1)
