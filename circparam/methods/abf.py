@@ -3,6 +3,10 @@
 The angles of all charts are the unknowns of one Newton system; the first step from the rescaled angles is
 Linear ABF, since the wheel condition is taken in its logarithmic form. The plane map is the conformal map of
 the triangles with the new angles, which is exact where the angles fit together. Flips are possible.
+
+A hole stays a hole: its border counts as one inner vertex, whose corners add up to the turn of a closed border
+and whose wheel closes, and the walk along it must come back to its start. These four conditions a hole are all
+that a layout asks; on a plane the angles of the surface meet them as they are.
 """
 
 from __future__ import annotations
@@ -12,22 +16,30 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, dot, group_max, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    dot,
+    group_max,
+    group_sum,
+)
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
-from circparam.mesh.cut_mesh import Patches, close_holes
+from circparam.mesh.cut_mesh import Patches
 from circparam.methods.base import Layout, MethodOptions, require_border
 from circparam.methods.conformal import conformal_spectral, scaled, start_modes
 from circparam.methods.untangled import mend
+from circparam.solvers.holes import hole_vertices
 
 LIMIT = 20
 CONVERGED = 1e-9  # largest violation of a constraint, in radians (or logarithm)
 PATIENCE = 4  # steps without progress after which a chart is given up
 CG_LIMIT = 15  # conjugate gradient steps, each about a twentieth of a factorisation
 SMALLEST = 1e-8  # targets stay so far from 0 and π; angles above a twentieth of their target
-VIRTUAL = 1e-3  # weight of the faces that close holes
 
 
 def abf(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
@@ -62,23 +74,100 @@ def with_angles(patches: Patches, angles: FloatArray) -> Patches:
 
 
 @dataclass(frozen=True, eq=False)
+class _Rims:
+    """The borders of holes, walked: vertices (k,) in order, hole after hole, size (h,) of each."""
+
+    patches: Patches
+    vertices: IntArray
+    size: IntArray
+
+    def edges(self, alpha: FloatArray) -> ComplexArray:
+        """(k,) the edge that leaves each vertex, as a complex number; those of a hole add up to 1 in length.
+
+        At a vertex the walk turns by π less its corners, and the edge grows by the sines of its wheel.
+        """
+        log = np.log(np.sin(alpha))
+        wheel = vertex_angle_sums(self.patches, log[:, [1, 2, 0]] - log[:, [2, 0, 1]])
+        turn = np.pi - vertex_angle_sums(self.patches, alpha)
+        first = np.cumsum(self.size) - self.size
+        step = (1j * turn - wheel)[self.vertices]
+        # what the hole still lacks is shared out, so that the first step begins near a closed walk
+        lack = -2j * np.pi - np.add.reduceat(step, first)
+        run = np.cumsum(step + np.repeat(lack / self.size, self.size))
+        edge = np.exp(run - np.repeat(run[first], self.size))
+        total = np.add.reduceat(np.abs(edge), first)
+        result: ComplexArray = edge / np.repeat(total, self.size)
+        return result
+
+    def gaps(self, alpha: FloatArray) -> FloatArray:
+        """(2h,) how far the walks miss their starts, as a share of their lengths: all x, then all y."""
+        if len(self.size) == 0:
+            return np.zeros(0)
+        gap = np.add.reduceat(self.edges(alpha), np.cumsum(self.size) - self.size)
+        return np.concatenate([gap.real, gap.imag])
+
+    def jacobian(self, alpha: FloatArray) -> sps.csr_matrix:
+        """(2h, 3m) derivatives of the gaps: what turns or grows at a vertex moves all that follows."""
+        f = self.patches.faces
+        h, m = len(self.size), len(f)
+        if h == 0:
+            return sps.csr_matrix((0, 3 * m))
+        edge = self.edges(alpha)
+        last = np.cumsum(self.size) - 1
+        run = np.cumsum(edge)
+        ahead = np.repeat(run[last], self.size) - run + edge
+        ahead[last - self.size + 1] = 0.0  # the first edge stays where it is
+        moved = np.zeros(self.patches.n_vertices, np.complex128)
+        moved[self.vertices] = ahead
+        hole = np.full(self.patches.n_vertices, -1)
+        hole[self.vertices] = np.repeat(np.arange(h), self.size)
+        corner = np.arange(3 * m).reshape(m, 3)
+        use = hole[f] >= 0
+        at, pull, cot = hole[f][use], moved[f][use], 1 / np.tan(alpha)
+        value = np.concatenate(
+            [-1j * pull, -pull * cot[:, [1, 2, 0]][use], pull * cot[:, [2, 0, 1]][use]]
+        )
+        row = np.concatenate([at, at, at])
+        column = np.concatenate([corner[use], corner[:, [1, 2, 0]][use], corner[:, [2, 0, 1]][use]])
+        return sps.csr_matrix(
+            (
+                np.concatenate([value.real, value.imag]),
+                (np.concatenate([row, row + h]), np.concatenate([column, column])),
+            ),
+            shape=(2 * h, 3 * m),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class _System:
-    """target β (m, 3), weight 2/β² (m, 3), inner (n_vertices,) row of each inner vertex or −1."""
+    """target β (m, 3), weight 2/β² (m, 3). row: (n_vertices,) conditions of each vertex: inner vertices one row
+    each, all vertices of a hole one row behind them, −1 on the outer border. goal: (rows,) wanted angle sums.
+    holes: the walks that must close.
+    """
 
     patches: Patches
     target: FloatArray
     weight: FloatArray
     row: IntArray
-    rows: int
+    goal: FloatArray
+    holes: _Rims
+
+    @property
+    def rows(self) -> int:
+        """Number of inner vertices and holes."""
+        return len(self.goal)
+
+    def sums(self, corners: FloatArray) -> FloatArray:
+        """(rows,) sum of corner values (m, 3) over each row."""
+        row = self.row[self.patches.faces.ravel()]
+        at = np.where(row >= 0, row, self.rows)
+        return group_sum(corners.ravel(), at, self.rows + 1)[:-1]
 
     def residuals(self, alpha: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Violations: (faces (m,), angle sums (rows,), wheels (rows,))."""
-        flat, inner = self.patches.faces, self.row >= 0
-        n = self.patches.n_vertices
         log = np.log(np.sin(alpha))
-        wheel = group_sum((log[:, [1, 2, 0]] - log[:, [2, 0, 1]]).ravel(), flat.ravel(), n)
-        angle = vertex_angle_sums(self.patches, alpha) - 2 * np.pi
-        return alpha.sum(1) - np.pi, angle[inner], wheel[inner]
+        wheel = self.sums(log[:, [1, 2, 0]] - log[:, [2, 0, 1]])
+        return alpha.sum(1) - np.pi, self.sums(alpha) - self.goal, wheel
 
     def jacobian(self, alpha: FloatArray) -> sps.csr_matrix:
         """(2 rows, 3m): derivatives of the angle sums, then of the wheels."""
@@ -104,8 +193,11 @@ class _System:
         )
 
 
-def _system(patches: Patches, real: int) -> _System:
-    """Targets: the angles on the surface, rescaled to 2π round inner vertices."""
+def _system(patches: Patches) -> _System:
+    """Targets: the angles on the surface, rescaled to 2π round inner vertices.
+
+    Round a hole of k border edges the corners add up to (k + 2)π in every layout: the border turns by −2π.
+    """
     angles = corner_angles(patches)
     inner = np.ones(patches.n_vertices, bool)
     inner[patches.faces.ravel()[patches.border]] = False
@@ -113,10 +205,11 @@ def _system(patches: Patches, real: int) -> _System:
     sums = vertex_angle_sums(patches, angles)
     scale[inner] = 2 * np.pi / sums[inner]
     target = np.clip(angles * scale[patches.faces], SMALLEST, np.pi - SMALLEST)
-    weight = 2 / target**2
-    weight[real:] *= VIRTUAL
     row = np.where(inner, np.cumsum(inner) - 1, -1)
-    return _System(patches, target, weight, row, int(inner.sum()))
+    vertices, hole, size = hole_vertices(patches)
+    row[vertices] = int(inner.sum()) + hole
+    goal = np.concatenate([np.full(int(inner.sum()), 2 * np.pi), (size + 2) * np.pi])
+    return _System(patches, target, 2 / target**2, row, goal, _Rims(patches, vertices, size))
 
 
 def solve_angles(
@@ -125,11 +218,10 @@ def solve_angles(
     """Minimise Σ (α − β)²/β² under the planarity conditions, by Newton with the Hessian of the objective.
 
     Returns (angles (m, 3), steps (n_charts,), converged (n_charts,)). Charts that do not converge in ``limit``
-    steps carry the angles of the first step, those of Linear ABF. Holes are closed by virtual faces.
+    steps carry the angles of the first step, those of Linear ABF.
     """
-    closed, _ = close_holes(patches)
-    system = _system(closed, len(patches.faces))
-    n, chart = patches.n_charts, closed.chart
+    system = _system(patches)
+    n, chart = patches.n_charts, patches.chart
     alpha = system.target
     linear = alpha
     lowest = 0.05 * system.target
@@ -138,7 +230,9 @@ def solve_angles(
     converged = np.zeros(n, bool)
     best, best_at = np.full(n, np.inf), np.zeros(n, np.int64)
     solver = _Solver()
-    vertex_chart = closed.vertex_chart[system.row >= 0]
+    row_chart = np.zeros(system.rows, np.int64)
+    rim_chart = patches.loops.chart[~patches.loops.outer]
+    row_chart[system.row[system.row >= 0]] = patches.vertex_chart[system.row >= 0]
     for iteration in range(limit):
         try:
             delta = _newton_step(system, alpha, solver)
@@ -152,7 +246,9 @@ def solve_angles(
         face, angle, wheel = system.residuals(alpha)
         worst = group_max(np.abs(face), chart, n)
         for violation in (angle, wheel):
-            worst = np.maximum(worst, group_max(np.abs(violation), vertex_chart, n))
+            worst = np.maximum(worst, group_max(np.abs(violation), row_chart, n))
+        gap = np.abs(system.holes.gaps(alpha))
+        worst = np.maximum(worst, group_max(gap, np.tile(rim_chart, 2), n))
         size = group_max(np.abs(delta).max(1), chart, n)
         worst = np.where(np.isfinite(worst), worst, np.inf)
         converged |= open_charts & (worst < CONVERGED) & (size < 1e-6)
@@ -163,8 +259,7 @@ def solve_angles(
         if not open_charts.any() or monitor.expired:
             break
     alpha = np.where(converged[chart][:, None], alpha, linear)
-    real = alpha[: len(patches.faces)]
-    return real, np.where(converged, steps, 1), converged
+    return alpha, np.where(converged, steps, 1), converged
 
 
 class _Solver:
@@ -218,6 +313,9 @@ def _newton_step(system: _System, alpha: FloatArray, solver: _Solver) -> FloatAr
     face, angle, wheel = system.residuals(alpha)
     J = system.jacobian(alpha)
     b2 = -np.concatenate([angle, wheel])
+    if len(system.holes.size):
+        J = sps.csr_matrix(sps.vstack([J, system.holes.jacobian(alpha)]))
+        b2 = np.concatenate([b2, -system.holes.gaps(alpha)])
     step = -w * gradient
     # project onto the face conditions: P = W − W 1 (1ᵀW1)⁻¹ 1ᵀ W on each face
     total = w.sum(1)

@@ -1,7 +1,10 @@
 """Boundary first flattening (Sawhney, Crane 2017): conformal maps through the curvature of their border.
 
-Holes are closed by virtual faces, which take part in the map and are dropped. Flips are possible where the
-mesh is far from Delaunay or the border crosses itself.
+A hole stays a hole: the scale is one number round it, the one with which its border turns by −2π, and cuts from
+hole to hole open the chart to a disk, whose one border is walked as that of any disk. Both sides of a cut get
+the same lengths and opposite turns, so the Jacobians fit together across it up to what the holes do not close;
+the layout is then that of the uncut chart. Flips are possible where the mesh is far from Delaunay or a border
+crosses itself.
 """
 
 from __future__ import annotations
@@ -11,15 +14,29 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    group_sum,
+    next_half_edge,
+)
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
-from circparam.geometry.intrinsic import corner_angles, cotangent_laplacian, vertex_angle_sums
+from circparam.geometry.intrinsic import (
+    corner_angles,
+    cotangent_laplacian,
+    jacobians,
+    vertex_angle_sums,
+)
 from circparam.mesh.cut_mesh import Patches, close_holes
 from circparam.methods.base import Layout, MethodOptions, require_border
 from circparam.methods.conformal import scaled
 from circparam.methods.untangled import mend
+from circparam.solvers.holes import hole_vertices, open_holes
+from circparam.solvers.poisson import from_jacobians
 from circparam.solvers.tutte.boundary import Ring, outer_ring
 
 ROUNDS = 40  # of the fixed point iteration for the disk
@@ -33,7 +50,7 @@ class _Border:
     """ring: the outer borders; follower (b,) entry after each; length (b,) of each edge on the surface."""
 
     ring: Ring
-    follower: np.ndarray[tuple[int], np.dtype[np.int64]]
+    follower: IntArray
     length: FloatArray
 
     def sums(self, values: FloatArray) -> FloatArray:
@@ -54,25 +71,36 @@ def bff(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
     """
     require_border(patches)
     with monitor.stage("solve"):
-        closed, _ = close_holes(patches)
-        border = _border(closed)
-        flattening = _Flattening(closed, border)
         target = options.bff_border
         if target is None:
-            uv = flattening.automatic(np.zeros(len(border.length)), conjugate=True)
+            uv = _flatten(patches, np.zeros(patches.n_vertices), conjugate=True)
         elif isinstance(target, str):
             if target != "disk":
                 raise OptionError(f"unknown border of bff {target!r}: 'disk', or lengths")
-            uv = flattening.disk()
+            # a circle takes the shape of the border anyway: closed holes are good enough
+            uv = _Flattening(close_holes(patches)[0]).disk()
         else:
-            factors = _log_factors(patches, border, np.asarray(target, np.float64))
-            uv = flattening.automatic(factors, conjugate=False)
+            factors = _log_factors(patches, np.asarray(target, np.float64))
+            uv = _flatten(patches, factors, conjugate=False)
         uv = uv[: patches.n_vertices]
         own_size = np.full(patches.n_charts, target is None or isinstance(target, str))
         uv = scaled(patches, uv, own_size)
     uv, notes = mend(patches, uv, "bff", options, monitor)
     steps = np.ones(patches.n_charts, np.int64)
     return Layout(uv, steps, ["solved"] * patches.n_charts, notes)
+
+
+def _flatten(patches: Patches, u: FloatArray, conjugate: bool) -> FloatArray:
+    """(n_vertices, 2) the flattening whose log scale factor on the outer borders is u (n_vertices,)."""
+    holed = group_count(patches.loops.chart, patches.n_charts) > 1
+    if not holed.any():
+        return _Flattening(patches).automatic(u, conjugate)
+    uv = np.empty((patches.n_vertices, 2))
+    for charts, kind in ((~holed, _Flattening), (holed, _HoledFlattening)):
+        if charts.any():
+            part, vertices, _ = patches.subset(charts)
+            uv[vertices] = kind(part).automatic(u[vertices], conjugate)
+    return uv
 
 
 def _border(patches: Patches) -> _Border:
@@ -84,8 +112,9 @@ def _border(patches: Patches) -> _Border:
     return _Border(ring, follower, patches.edge_lengths.ravel()[ring.half_edge])
 
 
-def _log_factors(patches: Patches, border: _Border, lengths: FloatArray) -> FloatArray:
-    """(b,) scale factor u at each border vertex for target lengths given in order of half-edge number."""
+def _log_factors(patches: Patches, lengths: FloatArray) -> FloatArray:
+    """(n_vertices,) log scale factor on the outer borders for target lengths in order of half-edge number."""
+    border = _border(patches)
     h = border.ring.half_edge
     if lengths.shape != h.shape:
         raise OptionError(
@@ -101,25 +130,27 @@ def _log_factors(patches: Patches, border: _Border, lengths: FloatArray) -> Floa
     sums = after.copy()
     sums[border.follower] += after
     total[border.follower] += border.length
-    result: FloatArray = sums / total
+    result = np.zeros(patches.n_vertices)
+    result[border.ring.vertices] = sums / total
     return result
 
 
 class _Flattening:
     """The linear algebra that every kind of border shares."""
 
-    def __init__(self, patches: Patches, border: _Border) -> None:
-        self.patches, self.border = patches, border
-        self.rim = border.ring.vertices
+    def __init__(self, patches: Patches) -> None:
+        self.patches, self.border = patches, _border(patches)
+        self.rim = self.border.ring.vertices
         self.inner = np.ones(patches.n_vertices, bool)
-        self.inner[self.rim] = False
+        self.inner[patches.faces.ravel()[patches.border]] = False
         self.L = sps.csr_matrix(cotangent_laplacian(patches))
         sums = vertex_angle_sums(patches, corner_angles(patches))
         self.defect = 2 * np.pi - sums[self.inner]
         self.turning = np.pi - sums[self.rim]
 
     def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
-        """The flattening whose log scale factor on the border is u (b,): its curvature, curve and inside."""
+        """The flattening with log scale factor u (n_vertices,) on the border: curvature, curve, inside."""
+        u = u[self.rim]
         inside = self.L[self.inner]
         factor = Factor(sps.csc_matrix(inside[:, self.inner]))
         to_rim = inside[:, self.rim]
@@ -176,21 +207,83 @@ class _Flattening:
 
     def _conjugate(self, x: FloatArray) -> FloatArray:
         """The y with the least conformal energy for this x: L y = (x_before − x_after)/2 on the border."""
-        follower = self.border.follower
-        rim_x = x[self.rim]
-        b = np.zeros(self.patches.n_vertices)
-        right = np.empty(len(rim_x))
-        right[follower] = rim_x  # x of the entry before
-        b[self.rim] = (right - rim_x[follower]) / 2
+        flat, h = self.patches.faces.ravel(), self.patches.border
+        i, j = flat[h], flat[next_half_edge(h)]
+        n = self.patches.n_vertices
+        b = (group_sum(x[i], j, n) - group_sum(x[j], i, n)) / 2
         factor, keep = self._pinned()
         y = np.zeros(len(x))
         y[keep] = factor.solve(b[keep])
         return y
 
 
+class _HoledFlattening(_Flattening):
+    """Charts with holes, which are opened along cuts from border to border."""
+
+    def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
+        """The flattening whose log scale factor on the outer border is u (n_vertices,).
+
+        Where the holes of a curved chart do not quite close, the Poisson layout shares that out; its conjugate,
+        taken back and forth, then has the angles of a conformal map of the whole chart.
+        """
+        patches, opened = self.patches, open_holes(self.patches)
+        scale = self._scale(u)[opened.origin]
+        walk = _border(opened.patches)
+        at = walk.ring.vertices
+        L = sps.csr_matrix(cotangent_laplacian(opened.patches))
+        sums = vertex_angle_sums(opened.patches, corner_angles(opened.patches))
+        turning = np.pi - sums[at] + (L @ scale)[at]
+        lengths = walk.length * np.exp((scale[at] + scale[at[walk.follower]]) / 2)
+        disk = _extended(L, at, _closed_curve(walk, lengths, turning))
+        targets = np.ascontiguousarray(jacobians(opened.patches, disk).transpose(1, 2, 0))
+        if conjugate:
+            uv, _ = from_jacobians(patches, targets)
+            uv[:, 1] = self._conjugate(uv[:, 0])
+            uv[:, 0] = -self._conjugate(uv[:, 1])
+            uv[:, 1] = self._conjugate(uv[:, 0])
+            return uv
+        outer = np.zeros(patches.faces.size, bool)
+        outer[self.border.ring.half_edge] = True
+        held = outer[walk.ring.half_edge]
+        curve = _closed_curve(walk, np.where(held, lengths, 0.0), turning)
+        return from_jacobians(patches, targets, held=(opened.origin[at[held]], curve[held]))[0]
+
+    def _scale(self, u: FloatArray) -> FloatArray:
+        """(n_vertices,) log scale factor of a flat metric: u on the outer border, one number a hole."""
+        patches, n = self.patches, self.patches.n_vertices
+        vertices, hole, size = hole_vertices(patches)
+        inner = int(self.inner.sum())
+        unknown = np.full(n, -1)
+        unknown[self.inner] = np.arange(inner)
+        unknown[vertices] = inner + hole
+        used = np.flatnonzero(unknown >= 0)
+        tie = sps.csr_matrix(
+            (np.ones(len(used)), (used, unknown[used])), shape=(n, inner + len(size))
+        )
+        sums = vertex_angle_sums(patches, corner_angles(patches))
+        turning = group_sum(np.pi - sums[vertices], hole, len(size))
+        excess = np.concatenate([self.defect, turning + 2 * np.pi])
+        given = np.zeros(n)
+        given[self.rim] = u[self.rim]
+        matrix = sps.csc_matrix(tie.T @ self.L @ tie)
+        result: FloatArray = given + tie @ Factor(matrix).solve(-excess - tie.T @ (self.L @ given))
+        return result
+
+
+def _extended(L: sps.csr_matrix, rim: IntArray, curve: FloatArray) -> FloatArray:
+    """(n, 2) harmonic with respect to the Laplacian L, the places ``curve`` (b, 2) on the rim (b,)."""
+    inner = np.ones(L.shape[0], bool)
+    inner[rim] = False
+    uv = np.empty((L.shape[0], 2))
+    uv[rim] = curve
+    inside = L[inner]
+    uv[inner] = Factor(sps.csc_matrix(inside[:, inner])).solve(-(inside[:, rim] @ curve))
+    return uv
+
+
 def _closed_curve(border: _Border, lengths: FloatArray, turning: FloatArray) -> FloatArray:
     """(b, 2) the polygon with these turning angles at its vertices and edge lengths changed as little as closes
-    it (Sawhney, Crane 2017, section 4.4)."""
+    it (Sawhney, Crane 2017, section 4.4). Edges of length 0 keep it."""
     ring = border.ring
     index = ring.index
     # angles that add up to 2π on every border, whatever the rounding
@@ -198,14 +291,15 @@ def _closed_curve(border: _Border, lengths: FloatArray, turning: FloatArray) -> 
     direction = border.running(turning)
     T = np.stack([np.cos(direction), np.sin(direction)], 1)
     floor = SHORTEST * lengths
+    weight = np.where(lengths > 0, border.length, 0.0)
     for _ in range(20):
         gap = np.stack([border.sums(lengths * t) for t in T.T], 1)
         G = np.empty((len(ring.size), 2, 2))
         for i in range(2):
             for j in range(2):
-                G[:, i, j] = border.sums(border.length * T[:, i] * T[:, j])
+                G[:, i, j] = border.sums(weight * T[:, i] * T[:, j])
         pull = np.linalg.solve(G, gap[:, :, None])[:, :, 0]
-        lengths = lengths - border.length * (T * pull[index]).sum(1)
+        lengths = lengths - weight * (T * pull[index]).sum(1)
         if (lengths >= floor).all():
             break
         lengths = np.maximum(lengths, floor)

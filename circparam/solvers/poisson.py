@@ -38,22 +38,29 @@ def first_vertices(patches: Patches) -> IntArray:
 
 
 def from_jacobians(
-    patches: Patches, targets: FloatArray, untangle: int = 0, low: float = 0.5
+    patches: Patches,
+    targets: FloatArray,
+    untangle: int = 0,
+    low: float = 0.5,
+    held: tuple[IntArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
     targets: (2, 2, m). untangle: while a chart has flipped faces, clamp the singular values of its Jacobians
     to [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, at most so many
-    times (the local/global idea of Liu and others 2008).
+    times (the local/global idea of Liu and others 2008). held: vertices (k,) of every chart and their places
+    (k, 2); None: the first vertex of every chart lies at the origin.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
     n = patches.n_vertices
     gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
     corners = patches.faces.T
     free = np.ones(n, bool)
-    free[first_vertices(patches)] = False
+    pins, places = (first_vertices(patches), None) if held is None else held
+    free[pins] = False
     unknown = np.flatnonzero(free)
-    factor = Factor(laplacian(patches)[unknown][:, unknown].tocsc())
+    rows = laplacian(patches)[unknown]
+    factor = Factor(rows[:, unknown].tocsc())
     uv = np.zeros((n, 2))
     moving = np.ones(n, bool)
     for step in range(untangle + 1):
@@ -70,6 +77,9 @@ def from_jacobians(
             1,
         )
         solution = np.zeros((n, 2))
+        if places is not None:
+            solution[pins] = places
+            right[unknown] -= rows[:, pins] @ places
         solution[unknown] = factor.solve(right[unknown])
         uv[moving] = solution[moving]
         jacobian = dirichlet.jacobians(gradients, uv[patches.faces].transpose(2, 1, 0))

@@ -92,7 +92,33 @@ def test_bad_borders_are_refused(border, word):
         run(shapes.grid(9, 7), border)
 
 
-def test_a_flat_ring_with_its_hole_closed_comes_back():
+def test_a_flat_ring_comes_back_with_its_own_lengths_too():
     patches, points, layout = run(shapes.annulus())
-    assert layout.uv.shape == (patches.n_vertices, 2)
-    assert apart(layout.uv, points[:, :2]) < 0.02
+    assert apart(layout.uv, points[:, :2]) < 1e-9
+    loops = patches.loops
+    outer = np.sort(loops.half_edges[loops.outer[loops.loop_of]])
+    own = patches.edge_lengths.ravel()[outer]
+    twice = bff(patches, MethodOptions(bff_border=2 * own), Monitor())
+    assert apart(twice.uv, points[:, :2]) < 1e-9
+    assert np.ptp(twice.uv[:, 0]) == pytest.approx(4, rel=1e-9)
+
+
+def test_lengths_on_the_outer_border_are_met_round_holes_too():
+    shape = shapes.planar_holes(3, seed=1)
+    patches, _ = patches_of(shapes.waved(shape, 0.1))
+    loops = patches.loops
+    assert len(loops.chart) == 4
+    h = np.sort(loops.half_edges[loops.outer[loops.loop_of]])
+    own = patches.edge_lengths.ravel()[h]
+    uv = bff(patches, MethodOptions(bff_border=1.5 * own), Monitor()).uv
+    i, j = patches.faces.ravel()[h], patches.faces[:, [1, 2, 0]].ravel()[h]
+    ratio = np.hypot(*(uv[j] - uv[i]).T) / own
+    np.testing.assert_allclose(ratio, 1.5, rtol=0.02)
+
+
+def test_the_disk_takes_holes():
+    patches, _, layout = run(shapes.annulus(), "disk")
+    outer = patches.loops.half_edges[patches.loops.outer[patches.loops.loop_of]]
+    radius = np.abs(complex_of(layout.uv))[patches.faces.ravel()[outer]]
+    assert np.ptp(radius) < 1e-9
+    assert measure(patches, layout.uv).flips == 0

@@ -7,6 +7,8 @@ arrays. Topology is in the name or the docstring, so a test can say what it expe
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sps
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 
 Shape = tuple[np.ndarray, np.ndarray]
@@ -206,6 +208,69 @@ def holed_sheet(holes: int = 25, per_hole: int = 4) -> Shape:
     hole = (i % per_hole == per_hole // 2) & (j % per_hole == per_hole // 2)
     number = (i // per_hole) * k + j // per_hole
     return compact(p, f[~(hole & (number < holes))])
+
+
+def _inside(polygon: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """(n,) bool: points (n, 2) inside a polygon (k, 2), by crossings."""
+    a, b = polygon, np.roll(polygon, -1, 0)
+    spans = (a[:, 1] > p[:, None, 1]) != (b[:, 1] > p[:, None, 1])
+    slope = (b - a)[:, 0] / np.where((b - a)[:, 1] == 0, 1.0, (b - a)[:, 1])
+    x = a[:, 0] + (p[:, None, 1] - a[:, 1]) * slope
+    return (spans & (p[:, None, 0] < x)).sum(1) % 2 == 1
+
+
+def _star(rng: np.random.Generator, centre: np.ndarray, radius: float, rough: float) -> np.ndarray:
+    """A random star-shaped polygon (k, 2), its corners at (1 − rough) to 1 times the radius."""
+    k = int(rng.integers(4, 12))
+    angle = 2 * np.pi * (np.arange(k) + 0.6 * rng.random(k)) / k
+    r = radius * (1 - rough * rng.random(k))
+    return centre + np.stack([r * np.cos(angle), r * np.sin(angle)], 1)
+
+
+def cut_out(shape: Shape, holes: int, seed: int = 0, outline: bool = True) -> Shape:
+    """The faces of a mesh over [−1, 1]² that lie in a random polygon with that many (0..6) polygonal holes.
+
+    outline: a random star, not convex, in place of the square. The borders are as ragged as the mesh is coarse.
+    """
+    rng = np.random.default_rng(seed)
+    p, f = shape
+    c = p[f].mean(1)[:, :2]
+    keep = _inside(_star(rng, np.zeros(2), 1.0, 0.3), c) if outline else np.ones(len(f), bool)
+    angle = 2 * np.pi * (np.arange(5) + rng.random()) / 5
+    centres = np.r_[[[0.0, 0.0]], 0.42 * np.stack([np.cos(angle), np.sin(angle)], 1)]
+    for centre in centres[rng.permutation(6)[:holes]]:
+        keep &= ~_inside(_star(rng, centre, rng.uniform(0.11, 0.17), 0.4), c)
+    f = f[keep]
+    # the largest part, faces joined across edges
+    edges = np.sort(np.stack([f, np.roll(f, -1, 1)], 2).reshape(-1, 2), 1)
+    _, edge = np.unique(edges, axis=0, return_inverse=True)
+    m = len(f)
+    graph = sps.coo_matrix((np.ones(3 * m), (np.repeat(np.arange(m), 3), m + edge.reshape(-1))))
+    n = int(max(graph.shape))
+    graph.resize(n, n)
+    part = connected_components(graph, directed=False)[1][:m]
+    return compact(p, f[part == np.bincount(part).argmax()])
+
+
+def planar_holes(holes: int = 3, seed: int = 0, n: int = 700) -> Shape:
+    """A flat figure of random Delaunay triangles: a polygon that is not convex, with polygonal holes (0..6)."""
+    p = np.random.default_rng(seed).uniform(-1.1, 1.1, (n, 2))
+    return cut_out(_planar(p), holes, seed)
+
+
+def ruled_holes(holes: int = 3, seed: int = 0) -> Shape:
+    """A rectangle with holes over [−1, 1]²; its vertices lie on lines x = const, so that bending along x, or
+    turning these lines into the rays of a cone, stretches nothing."""
+    rng = np.random.default_rng(seed)
+    x, y = _mesh_grid(np.linspace(-1, 1, 27), np.linspace(-1, 1, 27))
+    y = y + np.where(np.abs(y) < 0.99, rng.uniform(-0.02, 0.02, len(y)), 0.0)
+    return cut_out((np.stack([x, y, 0 * x], 1), _grid_faces(27, 27)), holes, seed, outline=False)
+
+
+def waved(shape: Shape, height: float = 0.2) -> Shape:
+    """A flat shape lifted to smooth hills."""
+    p, f = shape
+    return np.stack([p[:, 0], p[:, 1], height * np.sin(4 * p[:, 0]) * np.cos(3 * p[:, 1])], 1), f
 
 
 # closed --------------------------------------------------------------------------------------------

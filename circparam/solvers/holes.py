@@ -1,0 +1,114 @@
+"""Patches with holes, for methods that walk along one border: their loops joined to one by cuts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+import scipy.sparse.csgraph as csgraph
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, next_half_edge
+from circparam.core.graph import nearest, undirected
+from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.halfedge import corner_classes
+
+
+def hole_vertices(patches: Patches) -> tuple[IntArray, IntArray, IntArray]:
+    """The vertices round holes: (vertices (k,), hole of each (k,), number of vertices of each hole (h,)).
+
+    Holes are the loops other than the outer border of a chart, in the order of ``patches.loops``.
+    """
+    loops = patches.loops
+    hole_of_loop = np.cumsum(~loops.outer) - 1
+    on = np.flatnonzero(~loops.outer[loops.loop_of])
+    vertices = patches.faces.ravel()[loops.half_edges[on]]
+    return vertices, hole_of_loop[loops.loop_of[on]], np.diff(loops.start)[~loops.outer]
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """patches: the same faces, cut until every chart has one border. origin: (their n_vertices,) the vertex
+    each one was before. cut: (e,) the edges of the patches before that were cut."""
+
+    patches: Patches
+    origin: IntArray
+    cut: BoolArray
+
+
+def open_holes(patches: Patches) -> Opened:
+    """Cut every chart along short edge paths that join all its border loops to one, a tree over the loops.
+
+    The paths are those of the shortest tree whose edges each run from loop to loop along shortest paths
+    (Mehlhorn 1988: found among the edges between the regions nearest to each loop). Cuts never split a chart;
+    half-edges keep their numbers. Patches without holes come back as they are.
+    """
+    cut = _joining_paths(patches)
+    if not cut.any():
+        return Opened(patches, np.arange(patches.n_vertices), cut)
+    kept = patches.edges[~cut]
+    n, corners = corner_classes(len(patches.faces), kept)
+    origin = np.empty(n, np.int64)
+    origin[corners.ravel()] = patches.faces.ravel()
+    return Opened(Patches(corners, patches.frames, patches.chart, kept), origin, cut)
+
+
+def _joining_paths(patches: Patches) -> BoolArray:
+    """(e,) edges of the paths that join the loops of each chart."""
+    loops = patches.loops
+    cut = np.zeros(len(patches.edges), bool)
+    if loops.outer.all():
+        return cut
+    flat, h = patches.faces.ravel(), patches.edges[:, 0]
+    a, b = flat[h], flat[next_half_edge(h)]
+    length = patches.edge_lengths.ravel()[h]
+    n = patches.n_vertices
+    rim = flat[loops.half_edges]
+    loop = np.full(n, -1)
+    loop[rim] = loops.loop_of
+    distance, before, source = nearest(undirected(n, a, b, length), rim)
+    region = np.where(source >= 0, loop[source], -1)
+    bridge = np.flatnonzero((region[a] != region[b]) & (region[a] >= 0) & (region[b] >= 0))
+    way = (distance[a] + length + distance[b])[bridge]
+    bridge = bridge[_forest(len(loops.chart), region[a[bridge]], region[b[bridge]], way)]
+    cut[bridge] = True
+    on_path = _ancestors(before, np.concatenate([a[bridge], b[bridge]]))
+    cut[_edges_to(before, on_path, a, b, length)] = True
+    return cut
+
+
+def _forest(n: int, a: IntArray, b: IntArray, length: FloatArray) -> IntArray:
+    """Which of the edges a–b between n nodes make up the shortest spanning forest; each length above 0."""
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    order = np.lexsort((np.arange(len(a)), length, low * n + high))
+    order = order[first_of_runs((low * n + high)[order])]
+    order = order[np.lexsort((order, length[order]))]
+    # ranks in place of lengths: no ties, and the entries of the tree name their edges
+    graph = sps.coo_matrix((np.arange(len(order)) + 1.0, (low[order], high[order])), shape=(n, n))
+    tree = csgraph.minimum_spanning_tree(graph.tocsr())
+    chosen: IntArray = order[np.asarray(tree.data, np.int64) - 1]
+    return chosen
+
+
+def _ancestors(before: IntArray, ends: IntArray) -> IntArray:
+    """The nodes on the paths from the ends back to the sources that have a node before; walked together."""
+    marked = np.zeros(len(before), bool)
+    front = np.unique(ends)
+    while len(front):
+        front = front[~marked[front] & (before[front] >= 0)]
+        marked[front] = True
+        front = np.unique(before[front])
+    return np.flatnonzero(marked)
+
+
+def _edges_to(
+    before: IntArray, nodes: IntArray, a: IntArray, b: IntArray, length: FloatArray
+) -> IntArray:
+    """The shortest edge from each of these nodes to the node before it."""
+    wanted = np.zeros(len(before), bool)
+    wanted[nodes] = True
+    from_a = wanted[a] & (before[a] == b)
+    edge = np.flatnonzero(from_a | (wanted[b] & (before[b] == a)))
+    child = np.where(from_a[edge], a[edge], b[edge])
+    order = np.lexsort((edge, length[edge], child))
+    return edge[order[first_of_runs(child[order])]]

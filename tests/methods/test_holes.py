@@ -1,0 +1,194 @@
+"""Charts with holes: planes and developable surfaces come back exactly, curved ones keep their angles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import circparam
+from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import measure
+from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.halfedge import corner_classes
+from circparam.methods import METHODS
+from circparam.methods.base import MethodOptions
+from circparam.solvers.holes import hole_vertices, open_holes
+from tests.support import shapes
+from tests.support.charts import apart, patches_of
+
+# method, options of unwrap
+FREE = [
+    ("bff", {}),
+    ("abf", {}),
+    ("abf", {"linear": True}),
+    ("lscm", {}),
+    ("arap", {}),
+    ("isometric", {}),
+]
+EXACT = FREE[:4]  # one solve, or as good as one
+NAMES = [name + "-linear" * bool(keywords) for name, keywords in FREE]
+moved = st.builds(shapes.rotation, st.integers(0, 99))
+
+
+def bent(shape, angle):
+    """A ruled rectangle on a cylinder that it covers by this angle."""
+    p, f = shape
+    a = angle / 2 * p[:, 0]
+    return np.stack([np.sin(a), p[:, 1], np.cos(a)], 1) * [2 / angle, 1, 2 / angle], f
+
+
+def conical(shape, half_angle=0.6, angle=2.0):
+    """A ruled rectangle on a cone: its lines become rays, y the distance from the apex."""
+    p, f = shape
+    r, a = 1.5 + p[:, 1], angle * p[:, 0]
+    flat = r * np.sin(half_angle)
+    return np.stack([flat * np.sin(a), flat * np.cos(a), r * np.cos(half_angle)], 1), f
+
+
+def holes_of(shape):
+    patches, _ = patches_of(shape)
+    return len(patches.loops.chart) - patches.n_charts
+
+
+def test_the_figures_have_the_holes_they_are_asked_for():
+    found = [holes_of(shapes.planar_holes(k, seed)) for k in range(7) for seed in range(3)]
+    assert found == [k for k in range(7) for _ in range(3)]
+    assert [holes_of(shapes.ruled_holes(k, 1)) for k in range(7)] == list(range(7))
+
+
+@pytest.mark.parametrize(("method", "keywords"), FREE, ids=NAMES)
+@pytest.mark.parametrize("holes", range(7))
+def test_a_plane_figure_comes_back(method, keywords, holes):
+    p, f = shapes.planar_holes(holes, seed=holes + 10)
+    turned = p @ shapes.rotation(holes).T + [3, -2, 5]
+    for cut in ("disk", "none") if holes == 0 else ("disk",):
+        for points in (p, turned):
+            result = circparam.unwrap((points, f), method=method, cut=cut, **keywords)
+            assert result.status in ("ok", "repaired")  # holes may touch in a vertex
+            assert result.measures["charts"] == 1
+            assert result.measures["flips"] == 0
+            assert result.measures["distortion"] <= 1 + 1e-5
+
+
+@pytest.mark.parametrize(("method", "keywords"), EXACT, ids=NAMES[:4])
+@given(holes=st.integers(0, 6), seed=st.integers(0, 2**20), turn=moved)
+@settings(max_examples=15, deadline=None)
+def test_any_plane_figure_comes_back_by_one_solve(method, keywords, holes, seed, turn):
+    p, f = shapes.planar_holes(holes, seed, n=300)
+    result = circparam.unwrap((p @ turn.T, f), method=method, cut="disk", **keywords)
+    assert result.measures["flips"] == 0
+    assert result.measures["distortion"] <= 1 + 1e-7
+
+
+@pytest.mark.parametrize(("method", "keywords"), EXACT, ids=NAMES[:4])
+@pytest.mark.parametrize("holes", [1, 3, 6])
+@pytest.mark.parametrize("bend", [lambda s: bent(s, 1.0), lambda s: bent(s, 5.0), conical])
+def test_a_developable_surface_with_holes_comes_back(method, keywords, holes, bend):
+    shape = bend(shapes.ruled_holes(holes, seed=holes))
+    result = circparam.unwrap(shape, method=method, cut="disk", **keywords)
+    assert result.measures["flips"] == 0
+    assert result.measures["distortion"] <= 1 + 1e-7
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("height", [0.1, 0.3])
+@pytest.mark.parametrize("holes", [1, 2, 4, 6])
+def test_curved_charts_with_holes_keep_angles_about_as_well_as_lscm(holes, height, linear):
+    """With virtual faces over its holes bff lost three times as many angles as lscm, abf twice as many."""
+    patches, _ = patches_of(shapes.waved(shapes.planar_holes(holes, seed=holes), height))
+    least = run("lscm", patches)
+    for name in ("abf",) if linear else ("abf", "bff"):
+        m = run(name, patches, MethodOptions(linear_abf=linear))
+        assert m.flips == 0
+        assert m.whole["angle"] - 1 < 1.3 * (least.whole["angle"] - 1) + 1e-3
+
+
+def run(name, patches, options=None):
+    layout = METHODS[name].function(patches, options or MethodOptions(), Monitor())
+    assert layout.notes == []
+    return measure(patches, layout.uv)
+
+
+@pytest.mark.parametrize(("method", "keywords"), [FREE[0], FREE[1], FREE[2]], ids=NAMES[:3])
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_sphere_with_wide_holes_is_one_valid_chart(method, keywords, seed):
+    p, f = shapes.icosphere(3)
+    centres = np.random.default_rng(seed).normal(size=(4, 3))
+    centres /= np.linalg.norm(centres, axis=1)[:, None]
+    c = p[f].mean(1)
+    shape = shapes.compact(p, f[~(c @ centres.T > 0.93).any(1)])
+    result = circparam.unwrap(shape, method=method, cut="disk", **keywords)
+    assert result.measures["flips"] == result.measures["overlap"] == 0
+    assert result.measures["angle"] < 1.15  # with virtual faces over the holes bff reached 1.17
+    assert holes_of(shape) >= 2
+
+
+def test_angle_based_flattening_converges_round_holes():
+    patches, _ = patches_of(shapes.waved(shapes.planar_holes(5, seed=4), 0.2))
+    layout = METHODS["abf"].function(patches, MethodOptions(), Monitor())
+    assert layout.stopped == ["converged"]
+    assert layout.notes == []
+
+
+@pytest.mark.parametrize("name", ["bff", "abf"])
+def test_charts_with_and_without_holes_do_not_disturb_each_other(name):
+    parts = [
+        shapes.waved(shapes.planar_holes(k, seed=k, n=300), h)
+        for k, h in ((3, 0.2), (0, 0.2), (5, 0.0))
+    ]
+    together, points = patches_of(shapes.join(*((p + 10 * k, f) for k, (p, f) in enumerate(parts))))
+    uv = METHODS[name].function(together, MethodOptions(), Monitor()).uv
+    for chart, (p, f) in enumerate(parts):
+        alone, own = patches_of((p + 10 * chart, f))
+        inside = np.flatnonzero(together.vertex_chart == chart)
+        inside = inside[np.lexsort(points[inside].T)]
+        order = np.lexsort(own.T)
+        np.testing.assert_array_equal(points[inside], own[order])
+        single = METHODS[name].function(alone, MethodOptions(), Monitor()).uv
+        assert apart(uv[inside], single[order]) < 1e-8
+
+
+@given(holes=st.integers(0, 6), seed=st.integers(0, 2**20))
+@settings(max_examples=20, deadline=None)
+def test_opened_charts_are_disks_cut_along_a_tree(holes, seed):
+    one = shapes.planar_holes(holes, seed, n=300)
+    patches, _ = patches_of(shapes.join(one, (one[0] + 5, one[1]), (one[0] - 5, one[1])))
+    loops = len(patches.loops.chart)
+    opened = open_holes(patches)
+    np.testing.assert_array_equal(opened.patches.euler(), 1)
+    np.testing.assert_array_equal(opened.patches.loops.chart, np.arange(patches.n_charts))
+    np.testing.assert_array_equal(opened.origin[opened.patches.faces], patches.faces)
+    assert opened.cut.any() == (loops > patches.n_charts)
+    # no cut edge is there for nothing: gluing any of them leaves a second border or joins its two sides
+    for k in np.flatnonzero(opened.cut)[:5]:
+        edges = np.concatenate([opened.patches.edges, patches.edges[k : k + 1]])
+        glued = patches_with(patches, edges)
+        assert glued.euler().sum() < patches.n_charts or len(glued.loops.chart) > patches.n_charts
+
+
+def patches_with(patches, edges):
+    _, corners = corner_classes(len(patches.faces), edges)
+    return Patches(corners, patches.frames, patches.chart, edges)
+
+
+def test_the_cut_of_a_ring_is_as_long_as_the_ring_is_wide():
+    patches, _ = patches_of(shapes.annulus(32, 6, 0.4))
+    cut = patches.edges[open_holes(patches).cut, 0]
+    assert len(cut) == 6
+    assert patches.edge_lengths.ravel()[cut].sum() == pytest.approx(0.6)
+
+
+def test_cuts_form_the_shortest_tree_over_the_holes():
+    # a long strip with two square holes: the way from hole to hole is shorter than any other second way out
+    p, f = shapes.grid(31, 11, 3.0, 1.0)
+    c = p[f].mean(1)
+    holed = (np.abs(c[:, 1] - 0.6) < 0.1) & (
+        (np.abs(c[:, 0] - 1.2) < 0.2) | (np.abs(c[:, 0] - 1.7) < 0.2)
+    )
+    patches, _ = patches_of(shapes.compact(p, f[~holed]))
+    assert hole_vertices(patches)[2].tolist() == [12, 12]
+    cut = patches.edges[open_holes(patches).cut, 0]
+    # 0.1 between the holes, 0.3 from one of them to the border
+    assert patches.edge_lengths.ravel()[cut].sum() == pytest.approx(0.4)
