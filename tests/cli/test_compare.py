@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 
 from circparam import samples
 from circparam.cli import cli
-from circparam.compare.compare import kim2019
+from circparam.compare import kim2019
 
 
 def run(*words: str) -> Result:

@@ -84,7 +84,7 @@ def test_the_stages_of_one_run_are_parts_of_it(monkeypatch: pytest.MonkeyPatch) 
 def test_figures_agree_with_an_unwrap(disk: Comparison) -> None:
     from circparam.pipeline.unwrap import unwrap
 
-    result = unwrap.unwrap(shapes.bumped_disk(300), cut="none", method="mean-value")
+    result = unwrap(shapes.bumped_disk(300), cut="none", method="mean-value")
     mine = row(disk, "mean-value")
     for name in ("distortion", "stretch_l2", "angle", "area"):
         assert mine[name] == pytest.approx(result.measures[name], rel=1e-5)

@@ -13,7 +13,7 @@ from circparam.errors import NoResultError, OptionError
 from circparam.packing import pack, shelf
 from circparam.packing.budget import Work
 from circparam.packing.check import Layout, faults
-from circparam.packing.nest.search import compaction
+from circparam.packing.nest import compaction
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
