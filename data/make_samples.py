@@ -107,7 +107,7 @@ def ribbon() -> Sample:
 
 
 def terrain() -> Sample:
-    """A height field with three lakes left out: a disk with inner borders, as OFF."""
+    """A height field with three lakes left out: a disk with inner boundaries, as OFF."""
     n = 56
     x, y = grid_points(np.linspace(0, 10, n), np.linspace(0, 10, n))
     z = 0 * x

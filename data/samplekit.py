@@ -190,7 +190,7 @@ def topology(points: np.ndarray, polygons: list[tuple[int, ...]]) -> dict[str, o
     genus = (2 * components - loops - euler) // 2
     return {
         "vertices": len(points), "polygons": len(polygons), "triangles": triangles, "components": components,
-        "genus": genus if manifold else "-", "borders": loops if manifold else "-",
+        "genus": genus if manifold else "-", "boundaries": loops if manifold else "-",
         "nonmanifold_edges": int((count > 2).sum()),
     }  # fmt: skip
 

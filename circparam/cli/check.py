@@ -37,7 +37,7 @@ Examples:
 def command(mesh: str, **given: Any) -> None:
     """Report topology, and with --uv judge a uv set that is there.
 
-    Vertices, faces, components, Euler characteristic, genus, borders, what is non-manifold, degenerate,
+    Vertices, faces, components, Euler characteristic, genus, boundaries, what is non-manifold, degenerate,
     duplicate or wound inconsistently; with --uv flips, overlaps, mirrored charts, distortion, seams, packing.
     """
     from circparam.errors import GateError, OptionError

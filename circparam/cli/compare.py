@@ -30,7 +30,7 @@ Examples:
 """
 
 
-@click.command(epilog=_EPILOG)
+@click.command(cls=options.Command, epilog=_EPILOG)
 @click.argument("meshes", nargs=-1, type=options.MESH)
 @click.option(
     "--methods",
@@ -48,8 +48,8 @@ Examples:
     help="auto (disks stay whole, others get charts), charts, disk or none.",
 )
 @click.option("--max-distortion", type=float, metavar="D", help="Bound of --cut charts.")
-@click.option("--border", help="Border of the convex methods.  [default: circle]")
-@click.option("--spacing", help="Spacing along that border: arc-length or uniform.")
+@click.option("--boundary", help="Boundary of the convex methods.  [default: circle]")
+@click.option("--spacing", help="Spacing along that boundary: arc-length or uniform.")
 @click.option("--timeout", type=float, metavar="SECONDS", help="Bound for each method.")
 @click.option(
     "--repeats",

@@ -57,8 +57,8 @@ def _table(rows: list[dict[str, Any]]) -> str:
         "positive": "positive",
         "reproduces-plane": "plane",
         "flip-free": "flip-free",
-        "free-border": "free",
-        "convex-border": "convex",
+        "free-boundary": "free",
+        "convex-boundary": "convex",
     }
     head = f"{'method':12}" + "".join(f"{short[tag]:>10}" for tag in TAGS)
     lines = [head]

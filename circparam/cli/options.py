@@ -10,6 +10,24 @@ import click
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
+# flags that had another name before; they keep working and stand in no help text
+OLDER_FLAGS = {"--border": "--boundary", "--bff-border": "--bff-boundary"}
+
+
+class Command(click.Command):
+    """A command that also takes the older names of its flags."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put today's name in the place of an older one, then read on as click does."""
+        return super().parse_args(ctx, [today(word) for word in args])
+
+
+def today(word: str) -> str:
+    """A word of the command line, an older flag (also ``--flag=value``) by the name it has today."""
+    flag, sign, value = word.partition("=")
+    return OLDER_FLAGS.get(flag, flag) + sign + value
+
+
 class Name(click.ParamType[str]):
     """A name out of a table of the library, loaded when it is needed: did-you-mean, and shell completion."""
 

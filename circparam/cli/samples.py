@@ -58,11 +58,11 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
 
 
 def _table(rows: tuple[Sample, ...]) -> str:
-    lines = [f"{'name':12}{'format':>6}{'vertices':>9}{'faces':>7}{'genus':>6}{'borders':>8}"]
+    lines = [f"{'name':12}{'format':>6}{'vertices':>9}{'faces':>7}{'genus':>6}{'boundaries':>11}"]
     for s in rows:
         suffix = Path(s.file).suffix[1:]
         lines.append(
-            f"{s.name:12}{suffix:>6}{s.vertices:>9}{s.triangles:>7}{s.genus:>6}{s.borders:>8}"
+            f"{s.name:12}{suffix:>6}{s.vertices:>9}{s.triangles:>7}{s.genus:>6}{s.boundaries:>11}"
         )
         lines.append(f"    {s.summary}")
     return "\n".join(lines)

@@ -74,16 +74,16 @@ def check_table(report: dict[str, Any]) -> Table:
     )
     row("edges, faces", f"{report['edges']}, {report['faces']}")
     row("Euler, genus", f"{report['euler']}, {'-' if report['genus'] is None else report['genus']}")
-    row("borders", report["borders"])
+    row("boundaries", report["boundaries"])
     for name, label in _DEFECTS.items():
         if report[name]:
             row(label, report[name])
     parts = report["component_list"]
     for number, part in enumerate(parts[:LISTED]):
-        lengths = ", ".join(f"{x:.4g}" for x in part["border_lengths"][:4])
-        more = ", ..." if len(part["border_lengths"]) > 4 else ""
-        borders = f"; borders of length {lengths}{more}" if lengths else ""
-        row(f"component {number}", f"{part['verdict']}, {part['faces']} faces{borders}")
+        lengths = ", ".join(f"{x:.4g}" for x in part["boundary_lengths"][:4])
+        more = ", ..." if len(part["boundary_lengths"]) > 4 else ""
+        boundaries = f"; boundaries of length {lengths}{more}" if lengths else ""
+        row(f"component {number}", f"{part['verdict']}, {part['faces']} faces{boundaries}")
     if len(parts) > LISTED:
         row("", f"and {len(parts) - LISTED} components more")
     row("uv sets", ", ".join(map(str, report["uv_sets"])) or "none")

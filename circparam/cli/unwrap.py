@@ -24,16 +24,16 @@ Examples:
 """
 
 
-class UnwrapCommand(click.Command):
-    """A command whose ``--border polygon FILE`` takes the file after the name."""
+class UnwrapCommand(options.Command):
+    """A command whose ``--boundary polygon FILE`` takes the file after the name."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Join ``--border polygon FILE`` to one value before click reads the rest."""
+        """Join ``--boundary polygon FILE`` to one value before click reads the rest."""
         joined: list[str] = []
         words = iter(args)
         for word in words:
             joined.append(word)
-            if word == "--border":
+            if options.today(word) == "--boundary":
                 value = next(words, "")
                 if value == "polygon":
                     value = f"polygon:{next(words, '')}"
@@ -211,13 +211,13 @@ def _keywords(given: dict[str, Any]) -> dict[str, Any]:
             out[name] = False
     if given["sharp"] is not None:
         out["sharp"] = given["sharp"] * 3.141592653589793 / 180
-    border = given["border"] or ""
-    if border.startswith("polygon:"):
-        out |= {"border": "polygon", "polygon": sidecars.read_polygon(border[8:])}
+    boundary = given["boundary"] or ""
+    if boundary.startswith("polygon:"):
+        out |= {"boundary": "polygon", "polygon": sidecars.read_polygon(boundary[8:])}
     if given["pin"]:
         out["pins"] = sidecars.read_pins(given["pin"])
-    if given["bff_border"] not in (None, "disk"):
-        out["bff_border"] = sidecars.read_lengths(given["bff_border"])
+    if given["bff_boundary"] not in (None, "disk"):
+        out["bff_boundary"] = sidecars.read_lengths(given["bff_boundary"])
     for name in ("seams", "no_seams"):
         if given[name]:
             out[name] = sidecars.read_seams(given[name])

@@ -9,12 +9,12 @@ from circparam.cli import options
 flattening = [
     click.option("--start", type=options.START, help="What isometric relaxes.  [default: circle]"),
     click.option(
-        "--border",
+        "--boundary",
         metavar="NAME",
-        help="Border of convex methods: circle, square, virtual, polygon FILE.  [default: circle]",
+        help="Boundary of convex methods: circle, square, virtual, polygon FILE.  [default: circle]",
     ),
     click.option(
-        "--spacing", help="Along the border: arc-length or uniform.  [default: arc-length]"
+        "--spacing", help="Along the boundary: arc-length or uniform.  [default: arc-length]"
     ),
     click.option("--clamp", is_flag=True, help="Lift negative weights, so that nothing can flip."),
     click.option(
@@ -29,7 +29,9 @@ flattening = [
     ),
     click.option("--linear", is_flag=True, help="abf in its one-solve form."),
     click.option(
-        "--bff-border", metavar="disk|FILE", help="Target border of bff: a disk, or edge lengths."
+        "--bff-boundary",
+        metavar="disk|FILE",
+        help="Target boundary of bff: a disk, or edge lengths.",
     ),
 ]
 

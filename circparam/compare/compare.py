@@ -1,6 +1,6 @@
 """Methods side by side: every one on the identical cut, each in a process of its own.
 
-One cut is made; each method gets the same patches, packs with the same settings, and is judged by the same
+One cut is made; each method gets the same cut mesh, packs with the same settings, and is judged by the same
 code that judges a written file. Rows that have seams of their own (the file's own uv, ``input``, and the
 baselines of ``circparam.compare.xatlas``) are judged as they are.
 """
@@ -23,9 +23,9 @@ from circparam.core.registry import unknown_name
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.formats.document import Document
 from circparam.geometry.distortion import best_chart_scales
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.mesh.repair import RepairOptions, Repairs, repair
+from circparam.mesh.repair import RepairOptions, RepairReport, repair
 from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
@@ -54,7 +54,7 @@ FIGURES = (
 class Entry:
     """One row. status: ok, invalid (flips, overlaps, missing or mirrored faces) or failed, with ``error``.
 
-    stages: seconds of each stage; seconds: of the whole method, from cut patches to uv (for a baseline, of
+    stages: seconds of each stage; seconds: of the whole method, from the cut mesh to uv (for a baseline, of
     all it does); medians over ``runs``. peak_bytes: see ``circparam.compare.process``. figures: by the names of
     FIGURES. iterations: the most that a chart took. notes: of the method.
     """
@@ -136,7 +136,7 @@ def compare(
     a mesh whose components are disks already (holes allowed) stays whole (the cut ``disk`` makes no seam
     there), any other is cut into charts.
     timeout: seconds for each method. isolate: False runs the methods in this process: quicker for small
-    meshes, but no peak memory is known. keywords: other fields of ``Options``; those of convex maps (border,
+    meshes, but no peak memory is known. keywords: other fields of ``Options``; those of convex maps (boundary,
     spacing, clamp) go to the convex methods. Row ``input`` is the uv that the file has, where it has one.
 
     Returns a Comparison; a method that fails is a row with status ``failed``. Raises OptionError for an
@@ -148,23 +148,23 @@ def compare(
     monitor = Monitor(listener)
     choices = _options(names, cut, keywords)
     document = open_source(source, next(iter(choices.values())))
-    surface, mended = repair(document.mesh, RepairOptions(keywords.get("weld") or 0.0))
+    surface, repair_report = repair(document.mesh, RepairOptions(keywords.get("weld") or 0.0))
     if cut == "auto":
         cut = "disk" if _disks(surface) else "charts"
         useless = {"max_distortion", "max_charts", "min_chart_faces"} if cut == "disk" else set()
         keywords = {k: v for k, v in keywords.items() if k not in useless}
     choices = _options(names, cut, keywords)
-    wanted = seam_options(document, surface, mended, next(iter(choices.values())))
+    wanted = seam_options(document, surface, repair_report, next(iter(choices.values())))
     start = time.perf_counter()
     seams = SEAMS[cut].function(surface, wanted, monitor)
     cut_seconds = time.perf_counter() - start
-    scene = _Scene(document, surface, mended, surface.patches(seams.cut), timeout, isolate)
+    scene = _Scene(document, surface, repair_report, surface.cut_mesh(seams.cut), timeout, isolate)
     rows = [*_input_row(scene)]
     for k, name in enumerate(names):
         monitor.update(k / len(names), name)
         rows.append(_row(scene, name, choices[name], monitor))
     mesh = document.mesh
-    notes = [*document.notes, *mended.messages, *seams.notes]
+    notes = [*document.notes, *repair_report.messages, *seams.notes]
     return Comparison(
         document.source.name, len(mesh.points), len(mesh.faces), cut, cut_seconds, rows, notes
     )
@@ -176,8 +176,8 @@ class _Scene:
 
     document: Document
     surface: Surface
-    mended: Repairs
-    patches: Patches
+    repair_report: RepairReport
+    cut_mesh: CutMesh
     timeout: float | None
     isolate: bool
 
@@ -192,7 +192,7 @@ class _Scene:
 
 def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, Options]:
     """Options of each method, those of convex maps for convex methods; OptionError where none takes one."""
-    convex = ("border", "spacing", "clamp", "polygon")
+    convex = ("boundary", "spacing", "clamp", "polygon")
     takers = [n for n in names if n not in FREE and n not in xatlas.NAMES]
     given = {k: v for k, v in keywords.items() if v is not None}
     if not takers and any(k in given for k in convex):
@@ -211,7 +211,7 @@ def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, 
 
 def _disks(surface: Surface) -> bool:
     """Whether every component is a disk, holes allowed."""
-    whole = surface.patches(np.zeros(len(surface.edges), bool))
+    whole = surface.cut_mesh(np.zeros(len(surface.edges), bool))
     loops = np.bincount(whole.loops.chart, minlength=whole.n_charts)
     return bool(((loops > 0) & (whole.euler() == 2 - loops)).all())
 
@@ -236,8 +236,13 @@ def _row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
 
 
 def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
-    p = scene.patches
-    arrays = {"faces": p.faces, "frames": p.frames, "chart": p.chart, "edges": p.edges}
+    p = scene.cut_mesh
+    arrays = {
+        "faces": p.faces,
+        "rest_triangles": p.rest_triangles,
+        "chart": p.chart,
+        "edges": p.edges,
+    }
     chosen = method_options(options)
     values = {f.name: getattr(chosen, f.name) for f in dataclasses.fields(chosen)}
     polygon = values.pop("polygon")
@@ -252,7 +257,7 @@ def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) ->
     uv = done.arrays["uv"].copy()
     uv[:, 0] *= sides(scene.surface, p, options)[p.vertex_chart]
     placed, resolution = _placed(p, uv, options, notes, monitor)
-    uvmap = complete(scene.document.mesh, scene.surface, scene.mended, placed, p.faces)
+    uvmap = complete(scene.document.mesh, scene.surface, scene.repair_report, placed, p.faces)
     status, figures = _judge(scene, uvmap, resolution)
     return Entry(
         name, status, done.info["stages"], done.info["seconds"], done.peak_bytes, figures,
@@ -261,17 +266,17 @@ def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) ->
 
 
 def _placed(
-    patches: Patches, uv: FloatArray, options: Options, notes: list[str], monitor: Monitor
+    cut_mesh: CutMesh, uv: FloatArray, options: Options, notes: list[str], monitor: Monitor
 ) -> tuple[FloatArray, int | None]:
     """uv packed on a coarse page, and the resolution to read it at; side by side and None where packing
     refuses: charts that overlap themselves may be more than it can take."""
-    uv = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
+    uv = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
     coarse = replace(options, resolution=options.resolution or RASTER, padding=options.padding or 1)
     try:
-        return place(patches, uv, coarse, notes, monitor), RASTER
+        return place(cut_mesh, uv, coarse, notes, monitor), RASTER
     except (NoResultError, OptionError) as error:
         notes.append(f"not packed: {error}")
-    return place(patches, uv, replace(options, normalize=False), notes, monitor), None
+    return place(cut_mesh, uv, replace(options, normalize=False), notes, monitor), None
 
 
 def _baseline_row(scene: _Scene, name: str) -> Entry:
@@ -308,17 +313,19 @@ def _judge(
 def flatten_task(
     arrays: dict[str, Any], settings: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """One method on patches, as a task for ``circparam.compare.process``.
+    """One method on cut mesh, as a task for ``circparam.compare.process``.
 
     Short work is done several times, and the medians are told: the first run also pays for cold caches.
     """
     options = MethodOptions(**settings["options"], polygon=arrays.get("polygon"))
     runs: list[tuple[float, dict[str, float]]] = []
     while len(runs) < REPEATS and sum(seconds for seconds, _ in runs) < ENOUGH:
-        patches = Patches(arrays["faces"], arrays["frames"], arrays["chart"], arrays["edges"])
+        cut_mesh = CutMesh(
+            arrays["faces"], arrays["rest_triangles"], arrays["chart"], arrays["edges"]
+        )
         monitor = Monitor(timeout=settings["timeout"])
         start = time.perf_counter()
-        layout = METHODS[settings["method"]].function(patches, options, monitor)
+        layout = METHODS[settings["method"]].function(cut_mesh, options, monitor)
         runs.append((time.perf_counter() - start, monitor.seconds))
     info = {
         "stages": {

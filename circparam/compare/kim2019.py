@@ -16,7 +16,7 @@ from scipy.spatial import Delaunay
 
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.methods import METHODS
@@ -70,7 +70,7 @@ def measure(
     """Time circle and floater on a bumped disk of each size, in turns, so that a drift hits both alike.
 
     sizes: numbers of vertices, from 8 on. repeats: from 1 on, after one that does not count. The time is
-    that of weights, border, assembly and solve, from cut patches to uv. Raises OptionError for other values.
+    that of weights, boundary, assembly and solve, from the cut mesh to uv. Raises OptionError for other values.
     """
     monitor = monitor or Monitor()
     if min(sizes, default=0) < 8 or repeats < 1:
@@ -82,27 +82,30 @@ def measure(
     return rows
 
 
-def bumped_disk(n: int) -> Patches:
+def bumped_disk(n: int) -> CutMesh:
     """A disk of exactly n vertices: random Delaunay triangles in a circle, lifted by smooth bumps."""
     rng = np.random.default_rng(n)
-    border = min(n - 3, round(2 * np.sqrt(np.pi * n)))
-    a = 2 * np.pi * np.arange(border) / border
-    r, b = np.sqrt(rng.random(n - border)) * (1 - 3 / border), 2 * np.pi * rng.random(n - border)
+    boundary = min(n - 3, round(2 * np.sqrt(np.pi * n)))
+    a = 2 * np.pi * np.arange(boundary) / boundary
+    r, b = (
+        np.sqrt(rng.random(n - boundary)) * (1 - 3 / boundary),
+        2 * np.pi * rng.random(n - boundary),
+    )
     p = np.r_[np.c_[np.cos(a), np.sin(a)], np.c_[r * np.cos(b), r * np.sin(b)]]
     faces = Delaunay(p).simplices.astype(np.int64)
     x, y = p.T
     z = 0.4 * np.exp(-8 * ((x - 0.3) ** 2 + y**2)) - 0.3 * np.exp(-6 * ((x + 0.4) ** 2 + y**2))
     surface, _ = repair(Mesh(np.c_[p, z], faces))
-    return surface.patches(np.zeros(len(surface.edges), bool))
+    return surface.cut_mesh(np.zeros(len(surface.edges), bool))
 
 
-def _row(n: int, patches: Patches, repeats: int, monitor: Monitor) -> Size:
+def _row(n: int, cut_mesh: CutMesh, repeats: int, monitor: Monitor) -> Size:
     whole: dict[str, list[float]] = {METHOD: [], PEER: []}
     weights: dict[str, list[float]] = {METHOD: [], PEER: []}
     for turn in range(repeats + 1):
         for name in (METHOD, PEER) if turn % 2 else (PEER, METHOD):
             monitor.check()
-            stages, seconds = _time(patches, name)
+            stages, seconds = _time(cut_mesh, name)
             if turn > 0:
                 whole[name].append(seconds)
                 weights[name].append(stages)
@@ -110,14 +113,14 @@ def _row(n: int, patches: Patches, repeats: int, monitor: Monitor) -> Size:
     circle_w, floater_w = _spread(weights[METHOD]), _spread(weights[PEER])
     paper = PAPER.get(n)
     return Size(
-        n, len(patches.faces), circle, floater, circle_w, floater_w, floater.median / circle.median,
+        n, len(cut_mesh.faces), circle, floater, circle_w, floater_w, floater.median / circle.median,
         floater_w.median / circle_w.median, None if paper is None else paper[1] / paper[0],
     )  # fmt: skip
 
 
-def _time(patches: Patches, name: str) -> tuple[float, float]:
-    """(seconds of the weight stage, of everything) of one run on patches that remember nothing."""
-    fresh = Patches(patches.faces, patches.frames, patches.chart, patches.edges)
+def _time(cut_mesh: CutMesh, name: str) -> tuple[float, float]:
+    """(seconds of the weight stage, of everything) of one run on cut mesh that remember nothing."""
+    fresh = CutMesh(cut_mesh.faces, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges)
     monitor = Monitor()
     start = time.perf_counter()
     METHODS[name].function(fresh, MethodOptions(), monitor)

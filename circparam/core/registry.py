@@ -19,9 +19,9 @@ F = TypeVar("F", bound=Callable[..., object])
 TAGS = {
     "positive": "weights are positive for every triangle mesh",
     "reproduces-plane": "a planar mesh comes back as it was, up to a similarity",
-    "flip-free": "no face is flipped (positive weights and a convex border, or a flip-free step)",
-    "free-border": "the border is part of the unknowns",
-    "convex-border": "the border lies on a convex polygon",
+    "flip-free": "no face is flipped (positive weights and a convex boundary, or a flip-free step)",
+    "free-boundary": "the boundary is part of the unknowns",
+    "convex-boundary": "the boundary lies on a convex polygon",
 }
 
 

@@ -1,7 +1,7 @@
 """A second process for work in parts that do not depend on each other, such as several starts of a search.
 
 Threads would share one interpreter lock, and a pool from the standard library would run the caller's main
-module again. So the helper is a process of its own, ``python -m circparam.core.workers MODULE``, that imports
+module again. So the worker is a process of its own, ``python -m circparam.core.workers MODULE``, that imports
 MODULE while the caller still prepares, takes pickled tasks and answers each. It changes seconds, never
 results: whatever keeps it from answering, the caller does that part of the work itself.
 """
@@ -43,7 +43,7 @@ def cores() -> int:
 def in_halves(label: IntArray) -> list[BoolArray]:
     """Faces ((m,) bool) of two sets of charts of about the same size; all in one where there are none such.
 
-    label: (m,) chart of each face. It is for the sake of a helper, and the same whether there is one or not.
+    label: (m,) chart of each face. It is for the sake of a worker, and the same whether there is one or not.
     """
     size = np.bincount(label)
     order = np.argsort(-size, kind="stable")
@@ -64,7 +64,7 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
-class Helper:
+class Worker:
     """A context within which ``map`` has a second process, where there is a core for it.
 
     module: imported by the process as soon as it starts. wanted: False for work too small to share.
@@ -84,7 +84,7 @@ class Helper:
                 stderr=subprocess.DEVNULL,
             )
 
-    def __enter__(self) -> Helper:
+    def __enter__(self) -> Worker:
         return self
 
     def __exit__(self, *_: object) -> None:

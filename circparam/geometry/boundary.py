@@ -14,11 +14,11 @@ from circparam.mesh.halfedge import corner_classes
 
 
 @dataclass(frozen=True, eq=False)
-class Border:
-    """Border segments of all charts, each with its chart on its left.
+class BoundarySegments:
+    """Boundary segments of all charts, each with its chart on its left.
 
     half_edge: (b,) number of each. chart: (b,). start, end: (b, 2) places. following, before: (b,) the next and
-    the previous segment along the border. size: (n,) root of each chart's area in the plane.
+    the previous segment along the boundary. size: (n,) root of each chart's area in the plane.
     """
 
     half_edge: IntArray
@@ -49,8 +49,10 @@ class Border:
         return loop, total - ahead[:n], total
 
 
-def border_of(faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int) -> Border:
-    """The border segments of charts; mirrored charts are walked the other way, so that their inside is left."""
+def boundary_of(
+    faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
+) -> BoundarySegments:
+    """The boundary segments of charts; mirrored charts are walked the other way, so their inside is left."""
     inner = np.zeros(faces.size, bool)
     inner[edges.ravel()] = True
     h = np.flatnonzero(~inner)
@@ -68,7 +70,7 @@ def border_of(faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray,
     own = chart[h // 3]
     start, end = uv[flat[h]], uv[flat[next_half_edge(h)]]
     back = area[own] < 0
-    return Border(
+    return BoundarySegments(
         h,
         own,
         np.where(back[:, None], end, start),
@@ -79,18 +81,18 @@ def border_of(faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray,
     )
 
 
-def turned_out(border: Border, n: int) -> BoolArray:
-    """(n,) charts with more than one border loop that runs counter-clockwise.
+def turned_out(boundary: BoundarySegments, n: int) -> BoolArray:
+    """(n,) charts with more than one boundary loop that runs counter-clockwise.
 
     A point inside a chart has as many originals as loops wind round it. Loops that do not cross leave each at
     most one exactly if a single loop is counter-clockwise: a second one is a flap at an inner hole, folded out
     over the chart without any crossing.
     """
-    loop, _, total = border.along
+    loop, _, total = boundary.along
     count = int(loop.max(initial=-1)) + 1
     first = np.unique(loop, return_index=True)[1]
-    origin = border.start[first][loop]
-    area = group_sum(cross2(border.start - origin, border.end - origin), loop, count)
+    origin = boundary.start[first][loop]
+    area = group_sum(cross2(boundary.start - origin, boundary.end - origin), loop, count)
     outward = area > 1e-13 * total[first] ** 2  # a slit in the plane has no area but for rounding
-    result: BoolArray = np.bincount(border.chart[first], outward, n) > 1
+    result: BoolArray = np.bincount(boundary.chart[first], outward, n) > 1
     return result

@@ -1,7 +1,8 @@
-"""Texels that charts cover: scan conversion from the border alone, covered share, and the gaps between charts.
+"""Texels that charts cover: scan conversion from the boundary alone, covered share, and the gaps between
+charts.
 
-A chart without flips and overlaps is the inside of its border, so the covered texels follow from the
-crossings of border segments with texel rows; the cost is that of the border, not of the faces.
+A chart without flips and overlaps is the inside of its boundary, so the covered texels follow from the
+crossings of boundary segments with texel rows; the cost is that of the boundary, not of the faces.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from circparam.core.arrays import (
     next_half_edge,
     ranges,
 )
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 
 LabelGrid: TypeAlias = npt.NDArray[np.int32]
 
@@ -30,61 +31,61 @@ class Coverage:
     """What a raster of the pages shows.
 
     share: covered share of the pages, 0..1. gap: smallest distance in texels between the centres of covered
-    texels of two charts, infinity where it is beyond what was searched. border: smallest number of empty
+    texels of two charts, infinity where it is beyond what was searched. boundary: smallest number of empty
     texels between a covered one and the edge of its page. near: charts (2,) at the smallest gap, or None.
     """
 
     share: float
     gap: float
-    border: int
+    boundary: int
     near: tuple[int, int] | None
 
 
-def cover(patches: Patches, uv: FloatArray, resolution: int, search: int) -> Coverage:
+def cover(cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int) -> Coverage:
     """Rasterise every page and measure it.
 
     uv: (nv, 2), page p of the pages shown lies at u in [p, p + 1], v in [0, 1]. resolution: texels a side.
     search: the radius in texels up to which gaps are looked for.
     """
-    page = pages_of(patches, uv)
-    shares, gap, border, near = [], np.inf, resolution, None
+    page = pages_of(cut_mesh, uv)
+    shares, gap, boundary, near = [], np.inf, resolution, None
     for p in range(int(page.max(initial=0)) + 1):
-        grid = label_grid(patches, uv - [p, 0], resolution, page == p)
+        grid = label_grid(cut_mesh, uv - [p, 0], resolution, page == p)
         covered = grid >= 0
         shares.append(float(covered.mean()))
         if not covered.any():
             continue
         rows, columns = np.flatnonzero(covered.any(1)), np.flatnonzero(covered.any(0))
         ends = (rows[0], columns[0], resolution - 1 - rows[-1], resolution - 1 - columns[-1])
-        border = min(border, *(int(e) for e in ends))
+        boundary = min(boundary, *(int(e) for e in ends))
         here, pair = smallest_gap(grid, search)
         if here < gap:
             gap, near = here, pair
-    return Coverage(float(np.mean(shares)), gap, border, near)
+    return Coverage(float(np.mean(shares)), gap, boundary, near)
 
 
-def pages_of(patches: Patches, uv: FloatArray) -> IntArray:
+def pages_of(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
     """(n_charts,) page of each chart: the unit tile in which the middle of its bounding box lies."""
-    lo = np.full(patches.n_charts, np.inf)
-    hi = np.full(patches.n_charts, -np.inf)
-    np.minimum.at(lo, patches.vertex_chart, uv[:, 0])
-    np.maximum.at(hi, patches.vertex_chart, uv[:, 0])
+    lo = np.full(cut_mesh.n_charts, np.inf)
+    hi = np.full(cut_mesh.n_charts, -np.inf)
+    np.minimum.at(lo, cut_mesh.vertex_chart, uv[:, 0])
+    np.maximum.at(hi, cut_mesh.vertex_chart, uv[:, 0])
     result: IntArray = np.maximum(np.floor((lo + hi) / 2), 0).astype(np.int64)
     return result
 
 
 def label_grid(
-    patches: Patches, uv: FloatArray, resolution: int, charts: BoolArray | None = None
+    cut_mesh: CutMesh, uv: FloatArray, resolution: int, charts: BoolArray | None = None
 ) -> LabelGrid:
     """(resolution, resolution) int32, chart whose inside holds each texel centre, −1 where there is none.
 
     Row 0 is v = 0. Where charts overlap, the one that begins first in a row is seen. charts: (n_charts,)
     bool, those to draw.
     """
-    flat = patches.faces.ravel()
-    h = patches.border
+    flat = cut_mesh.faces.ravel()
+    h = cut_mesh.boundary
     if charts is not None:
-        h = h[charts[patches.chart[h // 3]]]
+        h = h[charts[cut_mesh.chart[h // 3]]]
     a, b = (uv[flat[k]] * resolution - 0.5 for k in (h, next_half_edge(h)))
     low, high = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
     # row y is crossed where low <= y < high: a shared end point is counted once
@@ -94,7 +95,7 @@ def label_grid(
     row = first[edge] + ranges(count)
     t = (row - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
     x = a[edge, 0] + t * (b[edge, 0] - a[edge, 0])
-    chart = patches.chart[h[edge] // 3]
+    chart = cut_mesh.chart[h[edge] // 3]
     order = np.lexsort((x, row, chart))
     x, row, chart = x[order], row[order], chart[order]
     # of each chart, a row is inside from its first crossing to its second, and so on

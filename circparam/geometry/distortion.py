@@ -15,7 +15,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
 from circparam.core.registry import Row, Table
 from circparam.geometry.intrinsic import jacobians, signed_areas, singular_values
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 
 # A face whose area is below this share of its longest edge squared has no shape that could be measured.
 DEGENERATE = 1e-12
@@ -127,18 +127,18 @@ class Measures:
         return {**counts, **self.whole, **worst}
 
 
-def measure(patches: Patches, uv: FloatArray, signs: IntArray | None = None) -> Measures:
+def measure(cut_mesh: CutMesh, uv: FloatArray, signs: IntArray | None = None) -> Measures:
     """Measure a layout.
 
     uv: (n_vertices, 2), in any unit. signs: (m,) exact sign of each face's area in the layout, where known;
     else the sign in floating-point numbers. A flipped face counts with the size of its singular values, as
     one that is not flipped would. Counter-clockwise is the right way up.
     """
-    live = _live(patches)
-    sign = np.sign(signed_areas(patches.faces, uv)) if signs is None else signs
+    live = _live(cut_mesh)
+    sign = np.sign(signed_areas(cut_mesh.faces, uv)) if signs is None else signs
     flipped = live & (sign <= 0)
-    large, small, surface = _singular(patches, uv, live)
-    group = patches.chart[live]
+    large, small, surface = _singular(cut_mesh, uv, live)
+    group = cut_mesh.chart[live]
     layout = float((surface * large * small).sum())
     equal = np.sqrt(float(surface.sum()) / max(layout, 1e-300)) if live.any() else 1.0
     large, small = np.maximum(large * equal, COLLAPSED), np.maximum(small * equal, COLLAPSED)
@@ -146,60 +146,60 @@ def measure(patches: Patches, uv: FloatArray, signs: IntArray | None = None) -> 
     inverse = float((surface * (large**-2.0 + small**-2.0)).sum())
     k = (inverse / square) ** 0.25 if square > 0 else 1.0
     whole = Stretch(large, small, surface, np.zeros_like(group), 1, k)
-    charts = Stretch(large, small, surface, group, patches.n_charts, k)
+    charts = Stretch(large, small, surface, group, cut_mesh.n_charts, k)
     return Measures(
         {row.name: float(row.function(whole)[0]) for row in METRICS},
         {row.name: row.function(charts) for row in METRICS},
         int(flipped.sum()),
-        np.bincount(patches.chart[flipped], minlength=patches.n_charts),
-        len(patches.faces),
+        np.bincount(cut_mesh.chart[flipped], minlength=cut_mesh.n_charts),
+        len(cut_mesh.faces),
         int((~live).sum()),
         equal * k,
     )
 
 
-def chart_distortion(patches: Patches, uv: FloatArray) -> FloatArray:
+def chart_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale; 1 is perfect.
 
     Infinite where the numbers are not finite or the chart is a point.
     """
-    square, inverse, surface = _scale_terms(patches, uv)
+    square, inverse, surface = _scale_terms(cut_mesh, uv)
     with np.errstate(all="ignore"):
         energy = np.sqrt(square) * np.sqrt(inverse) / (2 * surface)
     return np.where(surface > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)
 
 
-def best_chart_scales(patches: Patches, uv: FloatArray) -> FloatArray:
+def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(n_charts,) factor for each chart's uv that makes its symmetric Dirichlet energy smallest.
 
     The energy at scale k is P k² + N / k², smallest at k = (N/P)^¼.
     """
-    square, inverse, _ = _scale_terms(patches, uv)
+    square, inverse, _ = _scale_terms(cut_mesh, uv)
     ok = square > 0
     return np.where(ok, (inverse / np.where(ok, square, 1.0)) ** 0.25, 1.0)
 
 
-def _scale_terms(patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _scale_terms(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(P, N, area) of each chart: its symmetric Dirichlet energy at scale k is P k² + N / k²."""
-    live = _live(patches)
-    large, small, surface = _singular(patches, uv, live)
+    live = _live(cut_mesh)
+    large, small, surface = _singular(cut_mesh, uv, live)
     large, small = np.maximum(large, COLLAPSED), np.maximum(small, COLLAPSED)
-    group, n = patches.chart[live], patches.n_charts
+    group, n = cut_mesh.chart[live], cut_mesh.n_charts
     square = group_sum(surface * (large**2 + small**2), group, n)
     inverse = group_sum(surface * (large**-2.0 + small**-2.0), group, n)
     return square, inverse, group_sum(surface, group, n)
 
 
-def _live(patches: Patches) -> BoolArray:
+def _live(cut_mesh: CutMesh) -> BoolArray:
     """(m,) the face has a shape."""
-    longest = patches.edge_lengths.max(1)
-    return np.asarray(patches.areas > DEGENERATE * longest**2)
+    longest = cut_mesh.edge_lengths.max(1)
+    return np.asarray(cut_mesh.areas > DEGENERATE * longest**2)
 
 
 def _singular(
-    patches: Patches, uv: FloatArray, live: BoolArray
+    cut_mesh: CutMesh, uv: FloatArray, live: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(σ1, |σ2|, area) of the faces that have a shape."""
     with np.errstate(all="ignore"):
-        large, small = singular_values(jacobians(patches, uv)[live])
-    return large, np.abs(small), patches.areas[live]
+        large, small = singular_values(jacobians(cut_mesh, uv)[live])
+    return large, np.abs(small), cut_mesh.areas[live]

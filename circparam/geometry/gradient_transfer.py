@@ -45,7 +45,7 @@ def face_axes(
 
 
 def targets_from(cutting: Cutting, gradients: FloatArray) -> FloatArray:
-    """(2, 2, m) Jacobians of the frames from space gradients (m, 2, 3) that lie in the planes of the faces."""
+    """(2, 2, m) Jacobians of the rest triangles from space gradients (m, 2, 3) in the planes of the faces."""
     surface = cutting.surface
     x, y = face_axes(surface.points, surface.faces, surface.normals)
     result: FloatArray = np.stack(

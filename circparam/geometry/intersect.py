@@ -5,40 +5,40 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, ranges
-from circparam.geometry.boundary import Border
+from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.predicates import orientation
 from circparam.geometry.segment_grid import Candidates
 
 CHUNK = 2_000_000  # points x segments looked at together
 SHORT, PIECE = 0.25, 0.5  # segments below so many reaches are looked at in pieces about so long
-NEIGHBOURS = 8  # parts of a border closer than 8 margins along it are not compared for nearness
+NEIGHBOURS = 8  # parts of a boundary closer than 8 margins along it are not compared for nearness
 
 
-def meeting(border: Border, between: bool) -> tuple[IntArray, IntArray, IntArray]:
+def meeting(boundary: BoundarySegments, between: bool) -> tuple[IntArray, IntArray, IntArray]:
     """Pairs of segments beside which the insides of charts meet.
 
     between: compare different charts, else parts of one chart. Returns (i, j, charts so crowded with
     segments that not every pair was looked at: empty but for degenerate layouts).
     """
-    live = np.flatnonzero((border.start != border.end).any(1))
-    group = np.zeros(len(live), np.int64) if between else border.chart[live]
-    candidates = Candidates(border.start[live], border.end[live], group, np.zeros(len(live)))
+    live = np.flatnonzero((boundary.start != boundary.end).any(1))
+    group = np.zeros(len(live), np.int64) if between else boundary.chart[live]
+    candidates = Candidates(boundary.start[live], boundary.end[live], group, np.zeros(len(live)))
     found = [np.zeros((0, 2), np.int64)]
     for i, j in candidates:
         i, j = live[i], live[j]
         if between:
-            ok = border.chart[i] != border.chart[j]
+            ok = boundary.chart[i] != boundary.chart[j]
         else:
-            ok = (border.following[i] != j) & (border.before[i] != j)
-        found.append(_meet(border, i[ok], j[ok]))
+            ok = (boundary.following[i] != j) & (boundary.before[i] != j)
+        found.append(_meet(boundary, i[ok], j[ok]))
     pairs = np.unique(np.concatenate(found), axis=0)
     crowded = np.zeros(0, np.int64) if between else candidates.crowded
     return pairs[:, 0], pairs[:, 1], crowded
 
 
-def _meet(border: Border, i: IntArray, j: IntArray) -> IntArray:
+def _meet(boundary: BoundarySegments, i: IntArray, j: IntArray) -> IntArray:
     """The pairs (k, 2) among the candidates (i, j) whose insides meet."""
-    s, e = border.start, border.end
+    s, e = boundary.start, boundary.end
     o1, o2 = orientation(s[i], e[i], s[j]), orientation(s[i], e[i], e[j])
     ok = o1 * o2 <= 0
     i, j, o1, o2 = i[ok], j[ok], o1[ok], o2[ok]
@@ -52,42 +52,44 @@ def _meet(border: Border, i: IntArray, j: IntArray) -> IntArray:
         for a, b, at_start, at_end in ((i, j, o1, o2), (j, i, o3, o4)):
             for sign, place, vertex in (
                 (at_start[touch], s[b], b),
-                (at_end[touch], e[b], border.following[b]),
+                (at_end[touch], e[b], boundary.following[b]),
             ):
                 low, high = np.minimum(s[a], e[a]), np.maximum(s[a], e[a])
                 on = (sign == 0) & (low <= place).all(1) & (place <= high).all(1)
-                found.append(_touching(border, a[on], b[on], vertex[on]))
+                found.append(_touching(boundary, a[on], b[on], vertex[on]))
     pairs = np.concatenate(found)
     return np.sort(pairs, 1)
 
 
-def _touching(border: Border, a: IntArray, b: IntArray, vertex: IntArray) -> IntArray:
+def _touching(boundary: BoundarySegments, a: IntArray, b: IntArray, vertex: IntArray) -> IntArray:
     """Pairs (a, b) whose insides meet where a vertex of b lies on segment a."""
-    place = border.start[vertex]
-    first = (place == border.start[a]).all(1)
-    last = (place == border.end[a]).all(1)
-    other = np.where(first, a, border.following[a])
+    place = boundary.start[vertex]
+    first = (place == boundary.start[a]).all(1)
+    last = (place == boundary.end[a]).all(1)
+    other = np.where(first, a, boundary.following[a])
     ends = first | last
-    # ends that follow each other (a fold of no width) are no two parts of the border
+    # ends that follow each other (a fold of no width) are no two parts of the boundary
     apart = (
-        (other != vertex) & (border.following[other] != vertex) & (border.before[other] != vertex)
+        (other != vertex)
+        & (boundary.following[other] != vertex)
+        & (boundary.before[other] != vertex)
     )
     met = np.zeros(len(a), bool)
     k = np.flatnonzero(ends & apart)
-    met[k] = wedges_meet(border, other[k], vertex[k])
-    k = np.flatnonzero(~ends & (a != vertex) & (a != border.before[vertex]))
-    met[k] = wedge_left_of(border, vertex[k], a[k])
+    met[k] = wedges_meet(boundary, other[k], vertex[k])
+    k = np.flatnonzero(~ends & (a != vertex) & (a != boundary.before[vertex]))
+    met[k] = wedge_left_of(boundary, vertex[k], a[k])
     return np.stack([a[met], b[met]], 1)
 
 
-def wedge_left_of(border: Border, vertex: IntArray, segment: IntArray) -> BoolArray:
+def wedge_left_of(boundary: BoundarySegments, vertex: IntArray, segment: IntArray) -> BoolArray:
     """Whether the inside at a vertex reaches to the left of a segment that the vertex lies on.
 
     The inside at a vertex is the wedge counter-clockwise from the segment that leaves it to the one that
     arrives.
     """
-    place, s, e = border.start[vertex], border.start[segment], border.end[segment]
-    leaves, arrives = border.end[vertex], border.start[border.before[vertex]]
+    place, s, e = boundary.start[vertex], boundary.start[segment], boundary.end[segment]
+    leaves, arrives = boundary.end[vertex], boundary.start[boundary.before[vertex]]
     side_out, side_in = orientation(s, e, leaves), orientation(s, e, arrives)
     turn = orientation(place, leaves, arrives)
     forward_out = side_out == 0
@@ -101,11 +103,11 @@ def wedge_left_of(border: Border, vertex: IntArray, segment: IntArray) -> BoolAr
     return result
 
 
-def wedges_meet(border: Border, a: IntArray, b: IntArray) -> BoolArray:
-    """Whether the insides at two border vertices in the same place share more than that point."""
-    place = border.start[a]
-    out_a, in_a = border.end[a], border.start[border.before[a]]
-    out_b, in_b = border.end[b], border.start[border.before[b]]
+def wedges_meet(boundary: BoundarySegments, a: IntArray, b: IntArray) -> BoolArray:
+    """Whether the insides at two boundary vertices in the same place share more than that point."""
+    place = boundary.start[a]
+    out_a, in_a = boundary.end[a], boundary.start[boundary.before[a]]
+    out_b, in_b = boundary.end[b], boundary.start[boundary.before[b]]
     return _within(place, out_a, in_a, out_b) | _within(place, out_b, in_b, out_a)
 
 
@@ -132,20 +134,22 @@ def _same_direction(v: FloatArray, w: FloatArray) -> BoolArray:
     return result
 
 
-def nearby(border: Border, distance: FloatArray, charts: BoolArray) -> tuple[IntArray, IntArray]:
+def nearby(
+    boundary: BoundarySegments, distance: FloatArray, charts: BoolArray
+) -> tuple[IntArray, IntArray]:
     """Pairs of segments of one chart nearer than distance (n,), for some charts (n,) bool.
 
     Parts of one loop that are less than 8 distances apart along it are neighbours and left out.
     """
-    live = np.flatnonzero(charts[border.chart] & (border.start != border.end).any(1))
+    live = np.flatnonzero(charts[boundary.chart] & (boundary.start != boundary.end).any(1))
     if len(live) == 0:
         return live, live
-    reach = distance[border.chart]
-    loop, position, total = border.along
-    first, count, member = _pieces(border, live, reach)
+    reach = distance[boundary.chart]
+    loop, position, total = boundary.along
+    first, count, member = _pieces(boundary, live, reach)
     last = member[first + count - 1]
     of = member[first]
-    start, end, chart = border.start[of], border.end[last], border.chart[of]
+    start, end, chart = boundary.start[of], boundary.end[last], boundary.chart[of]
     # no point of a piece of several segments is further from its chord than that
     sag = np.where(count > 1, (PIECE + SHORT) / 2 * reach[of], 0.0)
     found = [np.zeros((0, 2), np.int64)]
@@ -161,9 +165,11 @@ def nearby(border: Border, distance: FloatArray, charts: BoolArray) -> tuple[Int
         apart = np.abs(position[i] - position[j])
         apart = np.minimum(apart, total[i] - apart)
         far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach[i])
-        far &= (border.following[i] != j) & (border.before[i] != j)
+        far &= (boundary.following[i] != j) & (boundary.before[i] != j)
         i, j = i[far], j[far]
-        close = segment_distance(border.start[i], border.end[i], border.start[j], border.end[j])
+        close = segment_distance(
+            boundary.start[i], boundary.end[i], boundary.start[j], boundary.end[j]
+        )
         near = close < reach[i]
         i, j = i[near], j[near]
         found.append(np.stack([np.minimum(i, j), np.maximum(i, j)], 1))
@@ -172,19 +178,19 @@ def nearby(border: Border, distance: FloatArray, charts: BoolArray) -> tuple[Int
 
 
 def _pieces(
-    border: Border, live: IntArray, reach: FloatArray
+    boundary: BoundarySegments, live: IntArray, reach: FloatArray
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Consecutive short segments as pieces about PIECE reaches long; every longer segment is one by itself.
 
-    Returns (first, number) of each piece in ``member``, the segments in order along the border.
+    Returns (first, number) of each piece in ``member``, the segments in order along the boundary.
     """
-    loop, position, _ = border.along
+    loop, position, _ = boundary.along
     member = live[np.lexsort((position[live], loop[live]))]
-    length = np.linalg.norm(border.end[member] - border.start[member], axis=1)
+    length = np.linalg.norm(boundary.end[member] - boundary.start[member], axis=1)
     short = length < SHORT * reach[member]
     step = np.floor(position[member] / np.maximum(PIECE * reach[member], 1e-300))
     joined = short[1:] & short[:-1] & (step[1:] == step[:-1])
-    joined &= border.following[member[:-1]] == member[1:]
+    joined &= boundary.following[member[:-1]] == member[1:]
     first = np.flatnonzero(np.r_[True, ~joined])
     return first, np.diff(np.r_[first, len(member)]), member
 
@@ -217,26 +223,28 @@ def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray)
     return result
 
 
-def winding_pairs(border: Border, chart: IntArray, points: FloatArray) -> tuple[IntArray, IntArray]:
-    """(inside, outside) charts: a point of the first has a winding number about the border of the second.
+def winding_pairs(
+    boundary: BoundarySegments, chart: IntArray, points: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """(inside, outside) charts: a point of the first has a winding number about the boundary of the second.
 
     chart: (k,) chart of each of the points (k, 2).
     """
-    k, outside, turns = windings(border, points, chart, own=False)
+    k, outside, turns = windings(boundary, points, chart, own=False)
     keep = turns != 0
     return chart[k[keep]], outside[keep]
 
 
 def windings(
-    border: Border, points: FloatArray, chart: IntArray, own: bool
+    boundary: BoundarySegments, points: FloatArray, chart: IntArray, own: bool
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Winding numbers of chart borders about points (k, 2), where a border passes on their right.
+    """Winding numbers of chart boundaries about points (k, 2), where a boundary passes on their right.
 
-    chart: (k,) chart of each point; own: only the border of that chart counts, else only those of others.
+    chart: (k,) chart of each point; own: only the boundary of that chart counts, else only those of others.
     Returns (point, chart, turns), the turns zero where the passes cancel. A ray to the right of every point
     is crossed with the segments in its strip of y.
     """
-    s, e = border.start, border.end
+    s, e = boundary.start, boundary.end
     none = np.zeros(0, np.int64)
     if len(s) == 0 or len(points) == 0:
         return none, none, none
@@ -245,7 +253,7 @@ def windings(
     width = max(float((high - low).mean()), float(high.max() - origin) / (4 * len(s)), 1e-300)
     # the strips of each chart are its own where other charts do not count
     floors = int((high.max() - origin) / width) + 2
-    base, mine = (floors * c if own else 0 * c for c in (border.chart, chart))
+    base, mine = (floors * c if own else 0 * c for c in (boundary.chart, chart))
     first = ((low - origin) / width).astype(np.int64)
     count = ((high - origin) / width).astype(np.int64) - first + 1
     strip = np.repeat(base + first, count) + ranges(count)
@@ -256,7 +264,7 @@ def windings(
     mine = np.where((level >= 0) & (level < floors), mine + level, -1)
     begin = np.searchsorted(strip, mine)
     number = np.searchsorted(strip, mine, side="right") - begin
-    charts = len(border.size)
+    charts = len(boundary.size)
     keys, turns = [none], [none]
     for part in np.array_split(np.arange(len(points)), 1 + int(number.sum()) // CHUNK):
         k = np.repeat(part, number[part])
@@ -265,11 +273,11 @@ def windings(
         up = (s[j, 1] <= y) & (y < e[j, 1])
         down = (e[j, 1] <= y) & (y < s[j, 1])
         ok = (up | down) & (np.maximum(s[j, 0], e[j, 0]) >= points[k, 0])
-        ok &= (border.chart[j] == chart[k]) == own
+        ok &= (boundary.chart[j] == chart[k]) == own
         k, j, up = k[ok], j[ok], up[ok]
         side = orientation(s[j], e[j], points[k])
         turn = np.where(up, side > 0, 0) - np.where(~up, side < 0, 0)
-        keys.append(k * charts + border.chart[j])
+        keys.append(k * charts + boundary.chart[j])
         turns.append(turn.astype(np.int64))
     key, group = np.unique(np.concatenate(keys), return_inverse=True)
     total = group_sum(np.concatenate(turns).astype(np.float64), group.reshape(-1), len(key))

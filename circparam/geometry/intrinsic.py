@@ -1,4 +1,4 @@
-"""Angles, Jacobians and Laplacians of patches: all of them intrinsic, read from the frames alone.
+"""Angles, Jacobians and Laplacians of cut mesh: all of them intrinsic, read from the rest triangles alone.
 
 A surface bent without stretching gives the same numbers, and every function works on all charts at once.
 """
@@ -9,70 +9,70 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 
 
-def corner_products(patches: Patches) -> tuple[FloatArray, FloatArray]:
+def corner_products(cut_mesh: CutMesh) -> tuple[FloatArray, FloatArray]:
     """(dot, cross), each (m, 3): products of the two edge vectors that leave each corner (squared units).
 
     The cross product is twice the face's area at every corner; the dot product is that of corner k to
     corner k + 1 and corner k to corner k + 2.
     """
-    p = patches.frames
+    p = cut_mesh.rest_triangles
     to_next = p[:, [1, 2, 0]] - p
     to_previous = -to_next[:, [2, 0, 1]]
     dot = to_next[..., 0] * to_previous[..., 0] + to_next[..., 1] * to_previous[..., 1]
     return dot, cross2(to_next, to_previous)
 
 
-def corner_angles(patches: Patches) -> FloatArray:
+def corner_angles(cut_mesh: CutMesh) -> FloatArray:
     """(m, 3) angle at each corner, in radians, between 0 and π."""
-    dot, cross = corner_products(patches)
+    dot, cross = corner_products(cut_mesh)
     result: FloatArray = np.arctan2(cross, dot)
     return result
 
 
-def tan_half_angles(patches: Patches) -> FloatArray:
+def tan_half_angles(cut_mesh: CutMesh) -> FloatArray:
     """(m, 3) tan(θ/2) at each corner, accurate for needles (θ → 0) and caps (θ → π) alike.
 
     tan(θ/2) = |e×f| / (|e||f| + e·f) = (|e||f| − e·f) / |e×f|; each form is used where it does not cancel.
     """
-    dot, cross = corner_products(patches)
-    lengths = patches.edge_lengths
+    dot, cross = corner_products(cut_mesh)
+    lengths = cut_mesh.edge_lengths
     product = lengths * lengths[:, [2, 0, 1]]
     acute = dot >= 0
     return np.where(acute, cross, product - dot) / np.where(acute, product + dot, cross)
 
 
-def cotangents(patches: Patches) -> FloatArray:
+def cotangents(cut_mesh: CutMesh) -> FloatArray:
     """(m, 3) cotangent of the angle at each corner."""
-    dot, cross = corner_products(patches)
+    dot, cross = corner_products(cut_mesh)
     return dot / cross
 
 
-def vertex_angle_sums(patches: Patches, angles: FloatArray) -> FloatArray:
+def vertex_angle_sums(cut_mesh: CutMesh, angles: FloatArray) -> FloatArray:
     """(n_vertices,) sum of the corner values ``angles`` (m, 3) round each vertex."""
-    return group_sum(angles.ravel(), patches.faces.ravel(), patches.n_vertices)
+    return group_sum(angles.ravel(), cut_mesh.faces.ravel(), cut_mesh.n_vertices)
 
 
-def twins(patches: Patches) -> IntArray:
-    """(3m,) the half-edge that runs against each half-edge, −1 on a border."""
-    out = np.full(patches.faces.size, -1)
-    i, j = patches.edges[:, 0], patches.edges[:, 1]
+def twins(cut_mesh: CutMesh) -> IntArray:
+    """(3m,) the half-edge that runs against each half-edge, −1 on a boundary."""
+    out = np.full(cut_mesh.faces.size, -1)
+    i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
     out[i] = j
     out[j] = i
     return out
 
 
-def jacobians(patches: Patches, uv: FloatArray) -> FloatArray:
+def jacobians(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(m, 2, 2) Jacobian of the map surface → uv on each face: J[:, i, j] = ∂uv_i / ∂frame_j.
 
     uv: (n_vertices, 2). Built from differences, so that a translation of uv costs no digits.
     """
-    f = patches.faces
+    f = cut_mesh.faces
     d1 = uv[f[:, 1]] - uv[f[:, 0]]
     d2 = uv[f[:, 2]] - uv[f[:, 0]]
-    g = patches.gradients
+    g = cut_mesh.gradients
     return d1[:, :, None] * g[:, None, :, 1] + d2[:, :, None] * g[:, None, :, 2]
 
 
@@ -96,15 +96,15 @@ def signed_areas(faces: IntArray, uv: FloatArray) -> FloatArray:
     return cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) / 2
 
 
-def cotangent_laplacian(patches: Patches) -> sps.csr_matrix:
+def cotangent_laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
     """(n_vertices, n_vertices) positive semidefinite Laplacian: ½ uᵀLu is the Dirichlet energy of u.
 
     Entry ij is −(cot α + cot β)/2, rows sum to zero; block diagonal over the charts (Pinkall, Polthier 1993).
     """
-    w = cotangents(patches)[:, [2, 0, 1]].ravel() / 2  # half-edge k lies opposite corner k + 2
-    i = patches.faces.ravel()
-    j = patches.faces[:, [1, 2, 0]].ravel()
-    n = patches.n_vertices
+    w = cotangents(cut_mesh)[:, [2, 0, 1]].ravel() / 2  # half-edge k lies opposite corner k + 2
+    i = cut_mesh.faces.ravel()
+    j = cut_mesh.faces[:, [1, 2, 0]].ravel()
+    n = cut_mesh.n_vertices
     matrix = sps.coo_matrix(
         (
             np.concatenate([w, w, -w, -w]),

@@ -1,11 +1,11 @@
 """Whether a layout is one to one: exact signs of faces, charts that overlap themselves or each other.
 
 A chart whose faces are all positive is one to one exactly if every inner vertex is wound round once and no two
-parts of its border meet. (A border without self-intersection winds round every point at most once; with
+parts of its boundary meet. (A boundary without self-intersection winds round every point at most once; with
 inner vertices wound once the turning numbers of the loops sum to 2πχ, so exactly one loop runs
-counter-clockwise, and every point has at most one preimage.) So only borders are compared, never faces.
+counter-clockwise, and every point has at most one preimage.) So only boundaries are compared, never faces.
 
-Meeting is decided exactly. Two borders meet where the *insides* beside them meet: a proper crossing, or a
+Meeting is decided exactly. Two boundaries meet where the *insides* beside them meet: a proper crossing, or a
 touch (a shared point, pieces of one line) with surface on the same side. Charts that lie side by side on a
 common line or point, as the two sides of a cut through a plane do, touch and do not overlap.
 """
@@ -25,10 +25,10 @@ from circparam.core.arrays import (
     first_of_runs,
     next_half_edge,
 )
-from circparam.geometry.boundary import Border, border_of, turned_out
+from circparam.geometry.boundary import BoundarySegments, boundary_of, turned_out
 from circparam.geometry.intersect import meeting, nearby, winding_pairs
 from circparam.geometry.predicates import SignArray, orientation
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 
 
 def signs(uv: FloatArray, faces: IntArray) -> SignArray:
@@ -43,7 +43,7 @@ def signs(uv: FloatArray, faces: IntArray) -> SignArray:
 class Overlaps:
     """What overlaps in a layout.
 
-    self_overlapping: (n,) bool for each chart. crossings: (p, 2) half-edges of one chart's border that meet
+    self_overlapping: (n,) bool for each chart. crossings: (p, 2) half-edges of one chart's boundary that meet
     another one of the same chart's. pairs: (q, 2) charts a < b that overlap each other, found when first asked
     for. Exact, but for stacks of hundreds of charts: there every chart in a stack is found with some other,
     not with every other.
@@ -51,7 +51,7 @@ class Overlaps:
 
     self_overlapping: BoolArray
     crossings: IntArray
-    _border: Border
+    _boundary: BoundarySegments
     _faces: IntArray
     _uv: FloatArray
     _chart: IntArray
@@ -60,11 +60,11 @@ class Overlaps:
     def pairs(self) -> IntArray:
         """(q, 2) int64 pairs of charts that overlap each other, in ascending order."""
         n = len(self.self_overlapping)
-        border = self._border
-        i, j, _ = meeting(border, between=True)
-        a, b = border.chart[i], border.chart[j]
+        boundary = self._boundary
+        i, j, _ = meeting(boundary, between=True)
+        a, b = boundary.chart[i], boundary.chart[j]
         inside, outside = winding_pairs(
-            border, *_inner_points(self._faces, self._uv, self._chart, n)
+            boundary, *_inner_points(self._faces, self._uv, self._chart, n)
         )
         a, b = np.r_[a, inside], np.r_[b, outside]
         key = np.unique(np.minimum(a, b) * n + np.maximum(a, b))
@@ -82,45 +82,45 @@ def overlaps(
     """
     edges = shared_edges(faces) if edges is None else edges
     n = int(chart.max(initial=-1)) + 1
-    border = border_of(faces, uv, chart, edges, n)
-    i, j, undecided = meeting(border, between=False)
+    boundary = boundary_of(faces, uv, chart, edges, n)
+    i, j, undecided = meeting(boundary, between=False)
     found = _wound_twice(faces, uv, chart, edges, n)
-    found[border.chart[i]] = True
+    found[boundary.chart[i]] = True
     found[undecided] = True
-    found |= turned_out(border, len(found))
-    crossed = np.stack([border.half_edge[i], border.half_edge[j]], 1)
-    return Overlaps(found, crossed, border, faces, uv, chart)
+    found |= turned_out(boundary, len(found))
+    crossed = np.stack([boundary.half_edge[i], boundary.half_edge[j]], 1)
+    return Overlaps(found, crossed, boundary, faces, uv, chart)
 
 
-def self_overlapping(patches: Patches, uv: FloatArray, margin: float = 0.0) -> BoolArray:
-    """(n_charts,) bool, charts that overlap themselves; parts of a border that come too near count too.
+def self_overlapping(cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0) -> BoolArray:
+    """(n_charts,) bool, charts that overlap themselves; parts of a boundary that come too near count too.
 
     uv: (n_vertices, 2). margin: share of the root of the chart's area in the layout below which two parts of
-    its border are too near (parts less than 8 such distances apart along the border are neighbours).
+    its boundary are too near (parts less than 8 such distances apart along the boundary are neighbours).
     """
-    border = border_of(patches.faces, uv, patches.chart, patches.edges, patches.n_charts)
-    i, _, undecided = meeting(border, between=False)
-    found = _wound_twice(patches.faces, uv, patches.chart, patches.edges, patches.n_charts)
-    found[border.chart[i]] = True
+    boundary = boundary_of(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
+    i, _, undecided = meeting(boundary, between=False)
+    found = _wound_twice(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
+    found[boundary.chart[i]] = True
     found[undecided] = True
-    found |= turned_out(border, len(found))
+    found |= turned_out(boundary, len(found))
     if margin > 0:
-        i, _ = nearby(border, margin * border.size, ~found)
-        found[border.chart[i]] = True
+        i, _ = nearby(boundary, margin * boundary.size, ~found)
+        found[boundary.chart[i]] = True
     return found
 
 
-def crossings(uv: FloatArray, patches: Patches, margin: float = 0.0) -> IntArray:
-    """(p, 2) pairs of border half-edges of one chart that meet, or come nearer than the margin.
+def crossings(uv: FloatArray, cut_mesh: CutMesh, margin: float = 0.0) -> IntArray:
+    """(p, 2) pairs of boundary half-edges of one chart that meet, or come nearer than the margin.
 
     uv, margin: as in ``self_overlapping``. Pairs are in ascending order.
     """
-    border = border_of(patches.faces, uv, patches.chart, patches.edges, patches.n_charts)
-    i, j, _ = meeting(border, between=False)
+    boundary = boundary_of(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
+    i, j, _ = meeting(boundary, between=False)
     if margin > 0:
-        first, second = nearby(border, margin * border.size, np.ones(patches.n_charts, bool))
+        first, second = nearby(boundary, margin * boundary.size, np.ones(cut_mesh.n_charts, bool))
         i, j = np.r_[i, first], np.r_[j, second]
-    a, b = border.half_edge[i], border.half_edge[j]
+    a, b = boundary.half_edge[i], boundary.half_edge[j]
     pairs = np.stack([np.minimum(a, b), np.maximum(a, b)], 1)
     return np.unique(pairs, axis=0) if len(pairs) else pairs
 
@@ -149,10 +149,10 @@ def _wound_twice(
     """
     inner = np.zeros(faces.size, bool)
     inner[edges.ravel()] = True
-    on_border = np.zeros(len(uv), bool)
+    on_boundary = np.zeros(len(uv), bool)
     rim = np.flatnonzero(~inner)
-    on_border[faces.ravel()[rim]] = True
-    on_border[faces.ravel()[next_half_edge(rim)]] = True
+    on_boundary[faces.ravel()[rim]] = True
+    on_boundary[faces.ravel()[next_half_edge(rim)]] = True
     y = uv[:, 1][faces]
     below_next = y[:, [1, 2, 0]] < y
     below_previous = y[:, [2, 0, 1]] < y
@@ -161,7 +161,7 @@ def _wound_twice(
         sign < 0, ~below_next & below_previous, 0
     )
     turns = np.bincount(faces.ravel(), passes.ravel(), len(uv))
-    bad = (np.abs(turns) > 1) & ~on_border
+    bad = (np.abs(turns) > 1) & ~on_boundary
     out = np.zeros(n, bool)
     out[chart[bad[faces].any(1)]] = True
     return out

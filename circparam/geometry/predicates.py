@@ -74,11 +74,11 @@ def _expansion_sign(p: FloatArray) -> SignArray:
     expansion: list[FloatArray] = []
     for term in terms:  # grow-expansion: the parts never overlap, and their sum stays exact
         grown: list[FloatArray] = []
-        carry = term
+        transfer_to_fine = term
         for part in expansion:
-            carry, rest = _two_sum(carry, part)
+            transfer_to_fine, rest = _two_sum(transfer_to_fine, part)
             grown.append(rest)
-        expansion = [*grown, carry]
+        expansion = [*grown, transfer_to_fine]
     sign = np.zeros(len(p))
     for part in expansion:  # from the smallest to the largest: the largest that is not zero decides
         sign = np.where(part != 0, np.sign(part), sign)

@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
 from circparam.core.graph import components
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
 CONE = 1.2  # radians of angle defect above which a vertex ends arcs
@@ -52,26 +52,26 @@ class Cutting:
         return int(self.surface.corner_vertex.max()) + 1
 
     @cached_property
-    def on_border(self) -> BoolArray:
-        """(vertices,) bool: the vertex is on a border of the surface itself."""
+    def on_boundary(self) -> BoolArray:
+        """(vertices,) bool: the vertex is on a boundary of the surface itself."""
         flat = self.surface.corner_vertex.ravel()
         out = np.zeros(self.n_vertices, bool)
-        out[flat[self.surface.border]] = True
-        out[flat[next_half_edge(self.surface.border)]] = True
+        out[flat[self.surface.boundary]] = True
+        out[flat[next_half_edge(self.surface.boundary)]] = True
         return out
 
     @cached_property
-    def border_lengths(self) -> FloatArray:
-        """Length of every border half-edge of the surface."""
-        h = self.surface.border
-        f = self.surface.frames.reshape(-1, 2)
+    def boundary_lengths(self) -> FloatArray:
+        """Length of every boundary half-edge of the surface."""
+        h = self.surface.boundary
+        f = self.surface.rest_triangles.reshape(-1, 2)
         result: FloatArray = np.linalg.norm(f[next_half_edge(h)] - f[h], axis=1)
         return result
 
     @cached_property
     def angle_defects(self) -> FloatArray:
         """(vertices,) curvature of every vertex: 2π minus the angles of its faces."""
-        corner = self.surface.frames
+        corner = self.surface.rest_triangles
         ahead = corner[:, [1, 2, 0]] - corner
         back = corner[:, [2, 0, 1]] - corner
         angle = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
@@ -89,23 +89,23 @@ class Cutting:
         """(number of charts, (m,) chart of each face)."""
         return self.surface.charts(self.cut)
 
-    def patches(self) -> Patches:
+    def cut_mesh(self) -> CutMesh:
         """The surface cut open along the seams as they are now."""
-        return self.surface.patches(self.cut)
+        return self.surface.cut_mesh(self.cut)
 
-    def gather(self, patches: Patches, fid: IntArray | None = None) -> FloatArray:
-        """(nv, 2) layout of patches from the corners; fid: faces of the surface that the patches hold."""
+    def gather(self, cut_mesh: CutMesh, fid: IntArray | None = None) -> FloatArray:
+        """(nv, 2) layout of cut mesh from the corners; fid: faces of the surface that the cut mesh hold."""
         corners = self.corners if fid is None else self.corners[fid]
-        uv = np.zeros((patches.n_vertices, 2))
-        uv[patches.faces.ravel()] = corners.reshape(-1, 2)
+        uv = np.zeros((cut_mesh.n_vertices, 2))
+        uv[cut_mesh.faces.ravel()] = corners.reshape(-1, 2)
         return uv
 
-    def scatter(self, patches: Patches, uv: FloatArray, fid: IntArray | None = None) -> None:
-        """Keep a layout of patches in the corners."""
+    def scatter(self, cut_mesh: CutMesh, uv: FloatArray, fid: IntArray | None = None) -> None:
+        """Keep a layout of cut mesh in the corners."""
         if fid is None:
-            self.corners = uv[patches.faces]
+            self.corners = uv[cut_mesh.faces]
         else:
-            self.corners[fid] = uv[patches.faces]
+            self.corners[fid] = uv[cut_mesh.faces]
 
     def part(self, faces: BoolArray) -> Cutting:
         """The cutting of some faces ((m,) bool) alone."""
@@ -118,14 +118,14 @@ class Cutting:
         self.corners[faces] = part.corners
 
     def arcs(self, chart: IntArray, cone: float = CONE) -> Arcs:
-        """The arcs of the seams as they are now: chains between junctions, borders and cone points.
+        """The arcs of the seams as they are now: chains between junctions, boundaries and cone points.
 
         cone: radians of curvature that make a vertex one; gluing round it can be too much.
         """
         c = np.flatnonzero(self.cut)
         a, b = self.ends[0][c], self.ends[1][c]
         valence = np.bincount(np.r_[a, b], minlength=self.n_vertices)
-        through = (valence == 2) & ~self.on_border & (np.abs(self.angle_defects) <= cone)
+        through = (valence == 2) & ~self.on_boundary & (np.abs(self.angle_defects) <= cone)
         k = np.arange(len(c))
         vertex, entry = np.r_[a, b], np.r_[k, k]
         keep = through[vertex]
@@ -136,7 +136,7 @@ class Cutting:
         p, q = chart[h[:, 0] // 3], chart[h[:, 1] // 3]
         left, right = np.zeros(count, np.int64), np.zeros(count, np.int64)
         left[arc], right[arc] = np.minimum(p, q), np.maximum(p, q)
-        free = (valence == 1) & ~self.on_border
+        free = (valence == 1) & ~self.on_boundary
         tip = np.zeros(count, bool)
         tip[arc[free[a] | free[b]]] = True
         length = group_sum(self.surface.edge_lengths[c], arc, count)

@@ -24,9 +24,9 @@ from circparam.core.arrays import (
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """Border loops of patches, in order along the border (surface on the left).
+    """Boundary loops of cut mesh, in order along the boundary (surface on the left).
 
-    half_edges: (b,) int64, the border half-edges, loop after loop. start: (L + 1,) int64 offsets.
+    half_edges: (b,) int64, the boundary half-edges, loop after loop. start: (L + 1,) int64 offsets.
     chart: (L,) int64. length: (L,) float64, in the units of the mesh. outer: (L,) bool, the longest loop of
     its chart (the first where several are equally long).
     """
@@ -44,17 +44,17 @@ class Loops:
 
 
 @dataclass(frozen=True, eq=False)
-class Patches:
+class CutMesh:
     """What a method sees: charts cut open, every triangle laid isometrically in the plane.
 
-    faces: (m, 3) int64 into the vertices of the cut mesh, counter-clockwise. frames: (m, 3, 2) float64,
+    faces: (m, 3) int64 into the vertices of the cut mesh, counter-clockwise. rest triangles: (m, 3, 2) float64,
     plane coordinates of the corners of each face, in the units of the mesh, positive area.
     chart: (m,) int64, 0..n_charts−1. edges: (e, 2) int64, the two half-edges of every inner edge.
     Half-edge 3f + k runs from corner k to corner k + 1 of face f.
     """
 
     faces: IntArray
-    frames: FloatArray
+    rest_triangles: FloatArray
     chart: IntArray
     edges: IntArray
 
@@ -71,15 +71,15 @@ class Patches:
     @cached_property
     def areas(self) -> FloatArray:
         """(m,) area of each face, in squared units of the mesh."""
-        a = self.frames[:, 1] - self.frames[:, 0]
-        b = self.frames[:, 2] - self.frames[:, 0]
+        a = self.rest_triangles[:, 1] - self.rest_triangles[:, 0]
+        b = self.rest_triangles[:, 2] - self.rest_triangles[:, 0]
         return cross2(a, b) / 2
 
     @cached_property
     def gradients(self) -> FloatArray:
         """(m, 2, 3): column k is the gradient of the hat function of corner k, so that J = (gradients @ u).T
         for corner values u (3, 2)."""
-        p = self.frames
+        p = self.rest_triangles
         opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
         g = np.stack([-opposite[..., 1], opposite[..., 0]], 1)
         return g / (2 * self.areas)[:, None, None]
@@ -87,7 +87,7 @@ class Patches:
     @cached_property
     def edge_lengths(self) -> FloatArray:
         """(m, 3): length of half-edge 3f + k."""
-        d = self.frames[:, [1, 2, 0]] - self.frames
+        d = self.rest_triangles[:, [1, 2, 0]] - self.rest_triangles
         result: FloatArray = np.sqrt((d * d).sum(2))
         return result
 
@@ -104,16 +104,16 @@ class Patches:
         return out
 
     @cached_property
-    def border(self) -> IntArray:
-        """(b,) half-edges on a border, in ascending order."""
+    def boundary(self) -> IntArray:
+        """(b,) half-edges on a boundary, in ascending order."""
         inner = np.zeros(self.faces.size, bool)
         inner[self.edges.ravel()] = True
         return np.flatnonzero(~inner)
 
     @cached_property
     def loops(self) -> Loops:
-        """The border loops, ordered."""
-        return border_loops(self)
+        """The boundary loops, ordered."""
+        return boundary_loops(self)
 
     def euler(self) -> IntArray:
         """(n_charts,) Euler characteristic: a disk has 1, a disk with h holes 1 − h, a sphere 2."""
@@ -123,8 +123,8 @@ class Patches:
         vertices = np.bincount(self.vertex_chart, minlength=n)
         return vertices - (corner_edges - inner) + np.bincount(self.chart, minlength=n)
 
-    def subset(self, charts: BoolArray) -> tuple[Patches, IntArray, IntArray]:
-        """The patches of some charts; returns (patches, vertices, faces): what each new one was before."""
+    def subset(self, charts: BoolArray) -> tuple[CutMesh, IntArray, IntArray]:
+        """The cut mesh of some charts; returns (cut mesh, vertices, faces): what each new one was before."""
         fid = np.flatnonzero(charts[self.chart])
         vid = np.flatnonzero(charts[self.vertex_chart])
         new_vertex = np.full(self.n_vertices, -1)
@@ -134,9 +134,9 @@ class Patches:
         edges = self.edges[charts[self.chart[self.edges[:, 0] // 3]]]
         new_chart = np.cumsum(charts) - 1
         return (
-            Patches(
+            CutMesh(
                 new_vertex[self.faces[fid]],
-                self.frames[fid],
+                self.rest_triangles[fid],
                 new_chart[self.chart[fid]],
                 3 * new_face[edges // 3] + edges % 3,
             ),
@@ -145,7 +145,7 @@ class Patches:
         )
 
 
-def plane_frames(corners: FloatArray) -> FloatArray:
+def rest_triangles_of(corners: FloatArray) -> FloatArray:
     """Lay triangles isometrically in the plane: corners (m, 3, 3) → (m, 3, 2).
 
     Corner 0 goes to the origin, corner 1 to the positive x axis, corner 2 above it.
@@ -161,14 +161,14 @@ def plane_frames(corners: FloatArray) -> FloatArray:
     return out
 
 
-def border_loops(patches: Patches) -> Loops:
-    """Order the border half-edges of patches along their loops, by pointer doubling."""
-    h = patches.border
-    flat = patches.faces.ravel()
+def boundary_loops(cut_mesh: CutMesh) -> Loops:
+    """Order the boundary half-edges of cut mesh along their loops, by pointer doubling."""
+    h = cut_mesh.boundary
+    flat = cut_mesh.faces.ravel()
     if len(h) == 0:
         none = np.zeros(0, np.int64)
         return Loops(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0, bool))
-    at = np.full(patches.n_vertices, -1)
+    at = np.full(cut_mesh.n_vertices, -1)
     at[flat[h]] = np.arange(len(h))
     follower = at[flat[next_half_edge(h)]]
     _, components = csgraph.connected_components(
@@ -195,65 +195,65 @@ def border_loops(patches: Patches) -> Loops:
     position = np.where(is_head, 0, size[labels] - steps)
     order = np.lexsort((position, labels))
     start = np.r_[0, np.cumsum(size)].astype(np.int64)
-    chart = patches.chart[h[order][start[:-1]] // 3]
-    length = group_sum(patches.edge_lengths.ravel()[h], labels, len(size))
+    chart = cut_mesh.chart[h[order][start[:-1]] // 3]
+    length = group_sum(cut_mesh.edge_lengths.ravel()[h], labels, len(size))
     outer = np.zeros(len(size), bool)
     by_length = np.lexsort((np.arange(len(size)), -length, chart))
     outer[by_length[first_of_runs(chart[by_length])]] = True
     return Loops(h[order], start, chart.astype(np.int64), length, outer)
 
 
-def close_holes(patches: Patches) -> tuple[Patches, IntArray]:
+def close_holes(cut_mesh: CutMesh) -> tuple[CutMesh, IntArray]:
     """Close every inner hole with a fan of virtual faces round one virtual vertex, for the solve only.
 
     The virtual triangles are isosceles with the legs of a cone that would lie flat round the hole
-    (perimeter / 2π), so the closing is intrinsic. Returns (patches with the virtual faces behind the real
+    (perimeter / 2π), so the closing is intrinsic. Returns (cut mesh with the virtual faces behind the real
     ones, (holes,) vertex number of each virtual vertex).
     """
-    loops = patches.loops
+    loops = cut_mesh.loops
     entries = np.flatnonzero(~loops.outer[loops.loop_of])
     if len(entries) == 0:
-        return patches, np.zeros(0, np.int64)
+        return cut_mesh, np.zeros(0, np.int64)
     hole_of_loop = np.cumsum(~loops.outer) - 1
     h = loops.half_edges[entries]
     loop = loops.loop_of[entries]
     hole = hole_of_loop[loop]
-    flat = patches.faces.ravel()
-    centre = patches.n_vertices + hole
-    base = patches.edge_lengths.ravel()[h]
+    flat = cut_mesh.faces.ravel()
+    centre = cut_mesh.n_vertices + hole
+    base = cut_mesh.edge_lengths.ravel()[h]
     longest = np.zeros(len(loops.chart))
     np.maximum.at(longest, loop, base)
     leg = np.maximum(loops.length / (2 * np.pi), 0.6 * longest)[loop]
-    # virtual face: corner 0 = end of the border half-edge, 1 = its start, 2 = the virtual vertex
+    # virtual face: corner 0 = end of the boundary half-edge, 1 = its start, 2 = the virtual vertex
     new_faces = np.stack([flat[next_half_edge(h)], flat[h], centre], 1)
-    frames = np.zeros((len(h), 3, 2))
-    frames[:, 1, 0] = base
-    frames[:, 2, 0] = base / 2
-    frames[:, 2, 1] = np.sqrt(leg**2 - (base / 2) ** 2)
-    f = len(patches.faces) + np.arange(len(h))
+    rest_triangles = np.zeros((len(h), 3, 2))
+    rest_triangles[:, 1, 0] = base
+    rest_triangles[:, 2, 0] = base / 2
+    rest_triangles[:, 2, 1] = np.sqrt(leg**2 - (base / 2) ** 2)
+    f = len(cut_mesh.faces) + np.arange(len(h))
     count = np.diff(loops.start)[loop]
     # entries of one loop are contiguous, so the follower is the next entry, cyclically
     local = ranges(np.diff(loops.start)[~loops.outer])
     follower = np.arange(len(h)) - local + (local + 1) % count
     edges = np.concatenate(
         [
-            patches.edges,
+            cut_mesh.edges,
             np.stack([h, 3 * f], 1),
             # side 2→0 ends at the end of h; side 1→2 of the follower starts there
             np.stack([3 * f + 2, 3 * f[follower] + 1], 1),
         ]
     )
-    closed = Patches(
-        np.concatenate([patches.faces, new_faces]),
-        np.concatenate([patches.frames, frames]),
-        np.concatenate([patches.chart, loops.chart[loop]]),
+    closed = CutMesh(
+        np.concatenate([cut_mesh.faces, new_faces]),
+        np.concatenate([cut_mesh.rest_triangles, rest_triangles]),
+        np.concatenate([cut_mesh.chart, loops.chart[loop]]),
         edges,
     )
-    return closed, patches.n_vertices + np.arange(int((~loops.outer).sum()))
+    return closed, cut_mesh.n_vertices + np.arange(int((~loops.outer).sum()))
 
 
-def not_disks(patches: Patches) -> BoolArray:
+def not_disks(cut_mesh: CutMesh) -> BoolArray:
     """(n_charts,) bool: the chart is neither a disk nor a disk with holes."""
-    loops = np.bincount(patches.loops.chart, minlength=patches.n_charts)
-    result: BoolArray = (loops < 1) | (patches.euler() != 2 - loops)
+    loops = np.bincount(cut_mesh.loops.chart, minlength=cut_mesh.n_charts)
+    result: BoolArray = (loops < 1) | (cut_mesh.euler() != 2 - loops)
     return result

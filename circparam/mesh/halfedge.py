@@ -38,8 +38,8 @@ def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | No
     """Pair the half-edges of faces: an edge of two faces is one pair, a crowded edge several.
 
     At an edge of more than two faces those inside one polygon pair first, then the straightest pairs,
-    wound alike rather than against each other; an odd face keeps a border there. Two faces with the same three
-    points never pair: joined along two edges they could not lie in the plane.
+    wound alike rather than against each other; an odd face keeps a boundary there. Two faces with the same
+    three points never pair: joined along two edges they could not lie in the plane.
     """
     start = faces.ravel()
     end = faces[:, [1, 2, 0]].ravel()

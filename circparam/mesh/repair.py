@@ -12,7 +12,7 @@ from circparam.mesh.halfedge import Pairs, pair_half_edges
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.orientation import Sides, orient
 from circparam.mesh.surface import Surface
-from circparam.mesh.weld import degenerate_faces, first_twins, mesh_scale, weld_map
+from circparam.mesh.weld import degenerate_faces, first_duplicates, mesh_scale, weld_map
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class RepairOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Repairs:
+class RepairReport:
     """What was done, as counts, face lists and one-line messages. Face and vertex numbers are the file's.
 
     weld: (n,) int64, vertex → the vertex it counts as. scale: the power of two by which the points of the
@@ -77,7 +77,7 @@ class Repairs:
         }
 
 
-def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surface, Repairs]:
+def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surface, RepairReport]:
     """The oriented manifold of a mesh, and what had to be done for it.
 
     Raises InputError where no face has an area, TopologyError where something would have to be repaired and
@@ -89,7 +89,7 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
     near = int((weld != mesh.weld).sum()) if options.weld_eps > 0 else 0
     welded = weld[mesh.faces]
     bad = degenerate_faces(points, welded)
-    first = first_twins(welded, len(points))
+    first = first_duplicates(welded, len(points))
     twin = (first != np.arange(len(welded))) & ~bad
     if mesh.polygons is not None:
         twin &= ~_part_of_another_polygon(mesh.polygons, first, twin, bad)
@@ -123,7 +123,7 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
             + "; ".join(messages)
             + ". Allow it by leaving out --no-repair"
         )
-    return surface, Repairs(
+    return surface, RepairReport(
         weld=weld,
         scale=scale,
         kept=kept,

@@ -7,12 +7,12 @@ from scipy.spatial import cKDTree
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, ranges
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.mesh.repair import Repairs
+from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 
 
 def complete(
-    mesh: Mesh, surface: Surface, repairs: Repairs, uv: FloatArray, uv_faces: IntArray
+    mesh: Mesh, surface: Surface, repairs: RepairReport, uv: FloatArray, uv_faces: IntArray
 ) -> UVMap:
     """The layout of the surface's faces, carried to every face of the file.
 
@@ -36,7 +36,7 @@ def complete(
 
 
 def _degenerate_uv(
-    mesh: Mesh, surface: Surface, repairs: Repairs, uv: FloatArray, uv_faces: IntArray
+    mesh: Mesh, surface: Surface, repairs: RepairReport, uv: FloatArray, uv_faces: IntArray
 ) -> IntArray:
     """(d, 3) uv vertices for the degenerate faces."""
     bad = repairs.degenerate

@@ -10,7 +10,7 @@ import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
-from circparam.mesh.cut_mesh import Patches, plane_frames
+from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from circparam.mesh.halfedge import corner_classes
 
 
@@ -23,7 +23,7 @@ class Surface:
     source: (m,) int64, the face of the mesh each face comes from (degenerate and duplicate faces are set
     aside and missing here). turned: (m,) bool, the winding is the reverse of the file's.
     edges: (e, 2) int64, pairs of half-edges that belong together and run against each other, i < j, in
-    ascending order of i. A half-edge in no pair is on a border: a non-manifold edge keeps pairs of faces,
+    ascending order of i. A half-edge in no pair is on a boundary: a non-manifold edge keeps pairs of faces,
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
     locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
     """
@@ -48,14 +48,14 @@ class Surface:
         return out
 
     @cached_property
-    def frames(self) -> FloatArray:
+    def rest_triangles(self) -> FloatArray:
         """(m, 3, 2): every face laid isometrically in the plane."""
-        return plane_frames(self.points[self.faces])
+        return rest_triangles_of(self.points[self.faces])
 
     @cached_property
     def areas(self) -> FloatArray:
         """(m,) area of each face."""
-        return self.frames[:, 1, 0] * self.frames[:, 2, 1] / 2
+        return self.rest_triangles[:, 1, 0] * self.rest_triangles[:, 2, 1] / 2
 
     @cached_property
     def normals(self) -> FloatArray:
@@ -76,8 +76,8 @@ class Surface:
         return result
 
     @cached_property
-    def border(self) -> IntArray:
-        """Half-edges on a border of the surface itself, ascending."""
+    def boundary(self) -> IntArray:
+        """Half-edges on a boundary of the surface itself, ascending."""
         inner = np.zeros(self.faces.size, bool)
         inner[self.edges.ravel()] = True
         return np.flatnonzero(~inner)
@@ -92,19 +92,19 @@ class Surface:
         )
         return int(count), labels.astype(np.int64)
 
-    def patches(self, cut: BoolArray) -> Patches:
+    def cut_mesh(self, cut: BoolArray) -> CutMesh:
         """The whole surface cut open along ``cut`` ((e,) bool): one patch a chart, faces in order."""
         _, chart = self.charts(cut)
         edges = self.edges[~cut]
         _, corners = corner_classes(len(self.faces), edges)
-        return Patches(corners, self.frames, chart, edges)
+        return CutMesh(corners, self.rest_triangles, chart, edges)
 
-    def some_patches(
+    def part_cut_mesh(
         self, cut: BoolArray, faces: BoolArray, chart: IntArray
-    ) -> tuple[Patches, IntArray]:
-        """Patches of some faces only. chart: (m,) labels 0..n−1 on those faces (ignored elsewhere).
+    ) -> tuple[CutMesh, IntArray]:
+        """CutMesh of some faces only. chart: (m,) labels 0..n−1 on those faces (ignored elsewhere).
 
-        Returns (patches, (k,) face of the surface that each patch face is).
+        Returns (cut mesh, (k,) face of the surface that each patch face is).
         """
         fid = np.flatnonzero(faces)
         local = np.full(len(self.faces), -1)
@@ -113,10 +113,10 @@ class Surface:
         e = e[faces[e[:, 0] // 3] & faces[e[:, 1] // 3]]
         e = 3 * local[e // 3] + e % 3
         _, corners = corner_classes(len(fid), e)
-        return Patches(corners, self.frames[fid], chart[fid], e), fid
+        return CutMesh(corners, self.rest_triangles[fid], chart[fid], e), fid
 
     def part(self, faces: BoolArray) -> Surface:
-        """Some faces ((m,) bool); where they meet the others is a border."""
+        """Some faces ((m,) bool); where they meet the others is a boundary."""
         fid = np.flatnonzero(faces)
         local = np.full(len(self.faces), -1)
         local[fid] = np.arange(len(fid))

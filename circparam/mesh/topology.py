@@ -22,7 +22,7 @@ from circparam.core.arrays import (
 )
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.orientation import double_cover
-from circparam.mesh.weld import degenerate_faces, first_twins, mesh_scale, weld_map
+from circparam.mesh.weld import degenerate_faces, first_duplicates, mesh_scale, weld_map
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Component:
 
     faces, vertices: numbers. pieces: parts that hang together across edges (more than one where parts meet
     in single points only). euler, genus: with every non-manifold vertex split, genus None where it is not
-    defined. borders: number of border loops; lengths: of each, in units of the mesh, longest first.
+    defined. boundaries: number of boundary loops; lengths: of each, in units of the mesh, longest first.
     nonmanifold_edges, inconsistent_edges: edges of more than two faces; edges whose two faces are wound
     against each other. orientable: whether it has two sides. first_face: the lowest face.
     """
@@ -41,7 +41,7 @@ class Component:
     pieces: int
     euler: int
     genus: int | None
-    borders: int
+    boundaries: int
     lengths: list[float]
     nonmanifold_edges: int
     nonmanifold_vertices: int
@@ -51,7 +51,7 @@ class Component:
 
     @property
     def verdict(self) -> str:
-        """What it is, in a few words: 'disk', 'sphere', 'genus 2 with 3 borders', 'non-manifold' ..."""
+        """What it is, in a few words: 'disk', 'sphere', 'genus 2 with 3 boundaries', 'non-manifold' ..."""
         if self.nonmanifold_edges:
             return "non-manifold"
         if not self.orientable:
@@ -63,15 +63,15 @@ class Component:
 
     @property
     def is_disk(self) -> bool:
-        """Whether it is one disk: manifold, one border, no handle."""
+        """Whether it is one disk: manifold, one boundary, no handle."""
         return self.verdict == "disk"
 
     def _shape(self) -> str:
-        if self.genus == 0 and self.borders < 2:
-            return "disk" if self.borders else "sphere"
-        if self.borders == 0:
+        if self.genus == 0 and self.boundaries < 2:
+            return "disk" if self.boundaries else "sphere"
+        if self.boundaries == 0:
             return f"genus {self.genus}, closed"
-        return f"genus {self.genus} with {_count(self.borders, 'border', 'borders')}"
+        return f"genus {self.genus} with {_count(self.boundaries, 'boundary', 'boundaries')}"
 
     def as_dict(self) -> dict[str, Any]:
         """For a report."""
@@ -82,7 +82,9 @@ class Component:
             "pieces": self.pieces,
             "euler": self.euler,
             "genus": self.genus,
-            "borders": self.borders,
+            "boundaries": self.boundaries,
+            "boundary_lengths": self.lengths,
+            "borders": self.boundaries,  # the older name
             "border_lengths": self.lengths,
             "nonmanifold_edges": self.nonmanifold_edges,
             "nonmanifold_vertices": self.nonmanifold_vertices,
@@ -123,9 +125,9 @@ class TopologyReport:
         return sum(known) if len(known) == len(self.components) else None
 
     @cached_property
-    def borders(self) -> int:
-        """Number of border loops."""
-        return sum(c.borders for c in self.components)
+    def boundaries(self) -> int:
+        """Number of boundary loops."""
+        return sum(c.boundaries for c in self.components)
 
     @cached_property
     def nonmanifold_edges(self) -> int:
@@ -163,7 +165,8 @@ class TopologyReport:
             "components": len(self.components),
             "euler": self.euler,
             "genus": self.genus,
-            "borders": self.borders,
+            "boundaries": self.boundaries,
+            "borders": self.boundaries,  # the older name
             "nonmanifold_edges": self.nonmanifold_edges,
             "nonmanifold_vertices": self.nonmanifold_vertices,
             "inconsistent_edges": self.inconsistent_edges,
@@ -186,7 +189,7 @@ def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
     used = np.zeros(len(points), bool)
     used[mesh.faces] = True
     bad = degenerate_faces(points, welded)
-    twins = (first_twins(welded, len(points)) != np.arange(len(welded))) & ~bad
+    twins = (first_duplicates(welded, len(points)) != np.arange(len(welded))) & ~bad
     _, component = relabel(
         _components(len(points), welded[:, 0], welded[:, 1], welded[:, 2])[welded[:, 0]]
     )
@@ -308,7 +311,7 @@ def _component_list(
     pieces = group_count(piece_component[real], n)
     one_sided = group_count(piece_component[real & ~two_sided], n)
 
-    borders, lengths = _borders(points, faces, whole, component, edges.rim, n, unit)
+    boundaries, lengths = _boundaries(points, faces, whole, component, edges.rim, n, unit)
     crowded, against = of(edges.crowded), of(edges.pairs[edges.against, 0])
     sizes = group_count(component, n)
     used = group_count(point_component[point_component >= 0], n)
@@ -322,8 +325,8 @@ def _component_list(
                 vertices=int(used[c]),
                 pieces=int(pieces[c]),
                 euler=int(euler[c]),
-                genus=int(2 * pieces[c] - euler[c] - borders[c]) // 2 if good else None,
-                borders=int(borders[c]),
+                genus=int(2 * pieces[c] - euler[c] - boundaries[c]) // 2 if good else None,
+                boundaries=int(boundaries[c]),
                 lengths=lengths[c],
                 nonmanifold_edges=int(crowded[c]),
                 nonmanifold_vertices=int(pinched[c]),
@@ -335,7 +338,7 @@ def _component_list(
     return out
 
 
-def _borders(
+def _boundaries(
     points: FloatArray,
     faces: IntArray,
     fan: IntArray,
@@ -344,7 +347,7 @@ def _borders(
     n: int,
     unit: float,
 ) -> tuple[IntArray, list[list[float]]]:
-    """Border loops of each component: (number (n,), lengths, longest first).
+    """Boundary loops of each component: (number (n,), lengths, longest first).
 
     A loop is a chain of edges of one face; it does not jump from fan to fan at a vertex of several fans.
     """

@@ -67,7 +67,7 @@ def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
     return result
 
 
-def first_twins(faces: IntArray, n_points: int) -> IntArray:
+def first_duplicates(faces: IntArray, n_points: int) -> IntArray:
     """(m,) the first face with the same three points, in any order and winding (itself where it is that)."""
     a, b, c = np.sort(faces, 1).T
     if n_points < 2**21:

@@ -19,10 +19,10 @@ __all__ = ["METHODS", "Layout", "Method", "MethodOptions", "Pins"]
 
 
 def _convex_rows() -> list[Row[Method]]:
-    """One row for each weight scheme; positive weights on a convex border never flip a face."""
+    """One row for each weight scheme; positive weights on a convex boundary never flip a face."""
     rows: list[Row[Method]] = []
     for row in WEIGHTS:
-        tags = (row.tags - {"reproduces-plane"}) | {"convex-border"}
+        tags = (row.tags - {"reproduces-plane"}) | {"convex-boundary"}
         if "positive" in row.tags:
             tags |= {"flip-free"}
         rows.append(
@@ -38,12 +38,12 @@ def _convex_rows() -> list[Row[Method]]:
     return rows
 
 
-_FREE = frozenset({"free-border", "reproduces-plane"})
+_FREE = frozenset({"free-boundary", "reproduces-plane"})
 _CHECKED = "flips are possible; the result is checked, and mended by the foldover-free energy"
 
 
 def _relaxing_rows() -> list[Row[Method]]:
-    """The methods with a free border."""
+    """The methods with a free boundary."""
     return [
         Row(
             "isometric",
@@ -72,7 +72,7 @@ def _relaxing_rows() -> list[Row[Method]]:
         Row(
             "bff",
             bff,
-            "boundary first flattening: angles, with least area change or a border of your own",
+            "boundary first flattening: angles, with least area change or a boundary of your own",
             "Sawhney and Crane 2017",
             _FREE,
             _CHECKED,

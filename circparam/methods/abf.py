@@ -4,9 +4,9 @@ The angles of all charts are the unknowns of one Newton system; the first step f
 Linear ABF, since the wheel condition is taken in its logarithmic form. The plane map is the conformal map of
 the triangles with the new angles, which is exact where the angles fit together. Flips are possible.
 
-A hole stays a hole: its border counts as one inner vertex, whose corners add up to the turn of a closed border
-and whose wheel closes, and the walk along it must come back to its start. These four conditions a hole are all
-that a layout asks; on a plane the angles of the surface meet them as they are.
+A hole stays a hole: its boundary counts as one inner vertex, whose corners add up to the turn of a closed
+boundary and whose wheel closes, and the walk along it must come back to its start. These four conditions a
+hole are all that a layout asks; on a plane the angles of the surface meet them as they are.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
-from circparam.mesh.cut_mesh import Patches
-from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.methods.base import Layout, MethodOptions, require_boundary
 from circparam.methods.conformal import conformal_spectral, scaled, start_modes
-from circparam.methods.untangled import mend
+from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices
 
 LIMIT = 20
@@ -42,42 +42,42 @@ CG_LIMIT = 15  # conjugate gradient steps, each about a twentieth of a factorisa
 SMALLEST = 1e-8  # targets stay so far from 0 and π; angles above a twentieth of their target
 
 
-def abf(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
+def abf(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """ABF++ on all charts; a chart on which Newton does not converge takes Linear ABF, which a note says."""
-    require_border(patches)
+    require_boundary(cut_mesh)
     limit = 1 if options.linear_abf else options.max_iterations or LIMIT
     with monitor.stage("solve"):
-        angles, steps, converged = solve_angles(patches, limit, monitor)
+        angles, steps, converged = solve_angles(cut_mesh, limit, monitor)
         notes = []
         if not options.linear_abf and not converged.all():
             notes.append(
                 f"abf: ABF++ did not converge on {int((~converged).sum())} charts; "
                 "Linear ABF took its place there"
             )
-        z, _ = conformal_spectral(with_angles(patches, angles), start_modes(patches))
-        uv = scaled(patches, np.stack([z.real, z.imag], 1), np.ones(patches.n_charts, bool))
-    uv, told = mend(patches, uv, "abf", options, monitor)
+        z, _ = conformal_spectral(with_angles(cut_mesh, angles), start_modes(cut_mesh))
+        uv = scaled(cut_mesh, np.stack([z.real, z.imag], 1), np.ones(cut_mesh.n_charts, bool))
+    uv, told = untangle_layout(cut_mesh, uv, "abf", options, monitor)
     reasons = ["solved" if options.linear_abf or not c else "converged" for c in converged]
     return Layout(uv, steps, reasons, notes + told)
 
 
-def with_angles(patches: Patches, angles: FloatArray) -> Patches:
-    """The same patches, each triangle with these angles (normalised to π) and its first side kept."""
+def with_angles(cut_mesh: CutMesh, angles: FloatArray) -> CutMesh:
+    """The same cut mesh, each triangle with these angles (normalised to π) and its first side kept."""
     angles = angles * (np.pi / angles.sum(1))[:, None]
-    first = patches.edge_lengths[:, 0]
+    first = cut_mesh.edge_lengths[:, 0]
     leg = first * np.sin(angles[:, 1]) / np.sin(angles[:, 2])
-    frames = np.zeros_like(patches.frames)
-    frames[:, 1, 0] = first
-    frames[:, 2, 0] = leg * np.cos(angles[:, 0])
-    frames[:, 2, 1] = leg * np.sin(angles[:, 0])
-    return Patches(patches.faces, frames, patches.chart, patches.edges)
+    rest_triangles = np.zeros_like(cut_mesh.rest_triangles)
+    rest_triangles[:, 1, 0] = first
+    rest_triangles[:, 2, 0] = leg * np.cos(angles[:, 0])
+    rest_triangles[:, 2, 1] = leg * np.sin(angles[:, 0])
+    return CutMesh(cut_mesh.faces, rest_triangles, cut_mesh.chart, cut_mesh.edges)
 
 
 @dataclass(frozen=True, eq=False)
 class _Rims:
-    """The borders of holes, walked: vertices (k,) in order, hole after hole, size (h,) of each."""
+    """The boundaries of holes, walked: vertices (k,) in order, hole after hole, size (h,) of each."""
 
-    patches: Patches
+    cut_mesh: CutMesh
     vertices: IntArray
     size: IntArray
 
@@ -87,8 +87,8 @@ class _Rims:
         At a vertex the walk turns by π less its corners, and the edge grows by the sines of its wheel.
         """
         log = np.log(np.sin(alpha))
-        wheel = vertex_angle_sums(self.patches, log[:, [1, 2, 0]] - log[:, [2, 0, 1]])
-        turn = np.pi - vertex_angle_sums(self.patches, alpha)
+        wheel = vertex_angle_sums(self.cut_mesh, log[:, [1, 2, 0]] - log[:, [2, 0, 1]])
+        turn = np.pi - vertex_angle_sums(self.cut_mesh, alpha)
         first = np.cumsum(self.size) - self.size
         step = (1j * turn - wheel)[self.vertices]
         # what the hole still lacks is shared out, so that the first step begins near a closed walk
@@ -108,7 +108,7 @@ class _Rims:
 
     def jacobian(self, alpha: FloatArray) -> sps.csr_matrix:
         """(2h, 3m) derivatives of the gaps: what turns or grows at a vertex moves all that follows."""
-        f = self.patches.faces
+        f = self.cut_mesh.faces
         h, m = len(self.size), len(f)
         if h == 0:
             return sps.csr_matrix((0, 3 * m))
@@ -117,9 +117,9 @@ class _Rims:
         run = np.cumsum(edge)
         ahead = np.repeat(run[last], self.size) - run + edge
         ahead[last - self.size + 1] = 0.0  # the first edge stays where it is
-        moved = np.zeros(self.patches.n_vertices, np.complex128)
+        moved = np.zeros(self.cut_mesh.n_vertices, np.complex128)
         moved[self.vertices] = ahead
-        hole = np.full(self.patches.n_vertices, -1)
+        hole = np.full(self.cut_mesh.n_vertices, -1)
         hole[self.vertices] = np.repeat(np.arange(h), self.size)
         corner = np.arange(3 * m).reshape(m, 3)
         use = hole[f] >= 0
@@ -141,11 +141,11 @@ class _Rims:
 @dataclass(frozen=True, eq=False)
 class _System:
     """target β (m, 3), weight 2/β² (m, 3). row: (n_vertices,) conditions of each vertex: inner vertices one row
-    each, all vertices of a hole one row behind them, −1 on the outer border. goal: (rows,) wanted angle sums.
+    each, all vertices of a hole one row behind them, −1 on the outer boundary. goal: (rows,) wanted angle sums.
     holes: the walks that must close.
     """
 
-    patches: Patches
+    cut_mesh: CutMesh
     target: FloatArray
     weight: FloatArray
     row: IntArray
@@ -159,7 +159,7 @@ class _System:
 
     def sums(self, corners: FloatArray) -> FloatArray:
         """(rows,) sum of corner values (m, 3) over each row."""
-        row = self.row[self.patches.faces.ravel()]
+        row = self.row[self.cut_mesh.faces.ravel()]
         at = np.where(row >= 0, row, self.rows)
         return group_sum(corners.ravel(), at, self.rows + 1)[:-1]
 
@@ -171,7 +171,7 @@ class _System:
 
     def jacobian(self, alpha: FloatArray) -> sps.csr_matrix:
         """(2 rows, 3m): derivatives of the angle sums, then of the wheels."""
-        f = self.patches.faces
+        f = self.cut_mesh.faces
         m = len(f)
         corner = np.arange(3 * m).reshape(m, 3)
         row = self.row[f]
@@ -193,35 +193,35 @@ class _System:
         )
 
 
-def _system(patches: Patches) -> _System:
+def _system(cut_mesh: CutMesh) -> _System:
     """Targets: the angles on the surface, rescaled to 2π round inner vertices.
 
-    Round a hole of k border edges the corners add up to (k + 2)π in every layout: the border turns by −2π.
+    Round a hole of k boundary edges the corners add up to (k + 2)π in every layout: the boundary turns by −2π.
     """
-    angles = corner_angles(patches)
-    inner = np.ones(patches.n_vertices, bool)
-    inner[patches.faces.ravel()[patches.border]] = False
-    scale = np.ones(patches.n_vertices)
-    sums = vertex_angle_sums(patches, angles)
+    angles = corner_angles(cut_mesh)
+    inner = np.ones(cut_mesh.n_vertices, bool)
+    inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
+    scale = np.ones(cut_mesh.n_vertices)
+    sums = vertex_angle_sums(cut_mesh, angles)
     scale[inner] = 2 * np.pi / sums[inner]
-    target = np.clip(angles * scale[patches.faces], SMALLEST, np.pi - SMALLEST)
+    target = np.clip(angles * scale[cut_mesh.faces], SMALLEST, np.pi - SMALLEST)
     row = np.where(inner, np.cumsum(inner) - 1, -1)
-    vertices, hole, size = hole_vertices(patches)
+    vertices, hole, size = hole_vertices(cut_mesh)
     row[vertices] = int(inner.sum()) + hole
     goal = np.concatenate([np.full(int(inner.sum()), 2 * np.pi), (size + 2) * np.pi])
-    return _System(patches, target, 2 / target**2, row, goal, _Rims(patches, vertices, size))
+    return _System(cut_mesh, target, 2 / target**2, row, goal, _Rims(cut_mesh, vertices, size))
 
 
 def solve_angles(
-    patches: Patches, limit: int, monitor: Monitor
+    cut_mesh: CutMesh, limit: int, monitor: Monitor
 ) -> tuple[FloatArray, IntArray, BoolArray]:
     """Minimise Σ (α − β)²/β² under the planarity conditions, by Newton with the Hessian of the objective.
 
     Returns (angles (m, 3), steps (n_charts,), converged (n_charts,)). Charts that do not converge in ``limit``
     steps carry the angles of the first step, those of Linear ABF.
     """
-    system = _system(patches)
-    n, chart = patches.n_charts, patches.chart
+    system = _system(cut_mesh)
+    n, chart = cut_mesh.n_charts, cut_mesh.chart
     alpha = system.target
     linear = alpha
     lowest = 0.05 * system.target
@@ -231,8 +231,8 @@ def solve_angles(
     best, best_at = np.full(n, np.inf), np.zeros(n, np.int64)
     solver = _Solver()
     row_chart = np.zeros(system.rows, np.int64)
-    rim_chart = patches.loops.chart[~patches.loops.outer]
-    row_chart[system.row[system.row >= 0]] = patches.vertex_chart[system.row >= 0]
+    rim_chart = cut_mesh.loops.chart[~cut_mesh.loops.outer]
+    row_chart[system.row[system.row >= 0]] = cut_mesh.vertex_chart[system.row >= 0]
     for iteration in range(limit):
         try:
             delta = _newton_step(system, alpha, solver)

@@ -14,10 +14,10 @@ from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.geometry.intrinsic import cotangent_laplacian, jacobians
-from circparam.mesh.cut_mesh import Patches
-from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.methods.base import Layout, MethodOptions, require_boundary
 from circparam.methods.pins import check_pins
-from circparam.methods.untangled import mend
+from circparam.methods.untangled import untangle_layout
 from circparam.solvers.lbfgs import descend
 from circparam.solvers.tutte.graded import embed_start
 
@@ -25,21 +25,21 @@ LIMIT = 1000
 TOLERANCE = 1e-9
 
 
-def arap(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
+def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """Start from the convex map of the options and minimise the as-rigid-as-possible energy, charts together.
 
     Pins hold their places. Raises OptionError for bad pins.
     """
-    require_border(patches)
-    hold = np.zeros(patches.n_vertices, bool)
+    require_boundary(cut_mesh)
+    hold = np.zeros(cut_mesh.n_vertices, bool)
     if options.pins is not None:
-        check_pins(patches, options.pins, 1)
+        check_pins(cut_mesh, options.pins, 1)
         hold[options.pins.vertices] = True
-    uv, notes = embed_start(patches, options.start, options.tutte, monitor)
+    uv, notes = embed_start(cut_mesh, options.start, options.tutte, monitor)
     with monitor.stage("relax"):
         if options.pins is not None:
-            uv = fit_pins(patches, uv, options)
-        factor, free = stiffness(patches, hold)
+            uv = fit_pins(cut_mesh, uv, options)
+        factor, free = stiffness(cut_mesh, hold)
 
         def precondition(g: FloatArray) -> FloatArray:
             out = np.zeros_like(g)
@@ -47,28 +47,28 @@ def arap(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
             return out
 
         uv, steps, reasons = descend(
-            lambda x: rigid_energy(patches, x, hold),
+            lambda x: rigid_energy(cut_mesh, x, hold),
             uv,
-            patches.vertex_chart,
-            patches.n_charts,
+            cut_mesh.vertex_chart,
+            cut_mesh.n_charts,
             precondition,
             TOLERANCE if options.tolerance is None else options.tolerance,
             LIMIT if options.max_iterations is None else options.max_iterations,
             monitor=monitor,
         )
-    uv, told = mend(patches, uv, "arap", options, monitor, hold, conformal=False)
+    uv, told = untangle_layout(cut_mesh, uv, "arap", options, monitor, hold, conformal=False)
     return Layout(uv, steps, reasons, notes + told)
 
 
 def rigid_energy(
-    patches: Patches, uv: FloatArray, hold: BoolArray
+    cut_mesh: CutMesh, uv: FloatArray, hold: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """((n_charts,) ½ Σ A ‖J − R‖², its gradient (n_vertices, 2), zero where held).
 
     R is the rotation nearest to J, from the signed singular values: the angle of (a + d, c − b). It does not
     move to first order, so the gradient is that of a linear elastic energy.
     """
-    j = jacobians(patches, uv)
+    j = jacobians(cut_mesh, uv)
     x, y = j[:, 0, 0] + j[:, 1, 1], j[:, 1, 0] - j[:, 0, 1]
     length = np.hypot(x, y)
     ok = length > 0
@@ -78,33 +78,33 @@ def rigid_energy(
     j[:, 1, 1] -= cosine
     j[:, 1, 0] -= sine
     j[:, 0, 1] += sine
-    a = patches.areas
-    value = group_sum(a * (j * j).sum((1, 2)), patches.chart, patches.n_charts) / 2
+    a = cut_mesh.areas
+    value = group_sum(a * (j * j).sum((1, 2)), cut_mesh.chart, cut_mesh.n_charts) / 2
     # gradients (m, 2, 3): force on corner k is A (J − R) g_k
-    force = np.einsum("mij,mjk->mki", j * a[:, None, None], patches.gradients).reshape(-1, 2)
-    flat = patches.faces.ravel()
+    force = np.einsum("mij,mjk->mki", j * a[:, None, None], cut_mesh.gradients).reshape(-1, 2)
+    flat = cut_mesh.faces.ravel()
     gradient = np.stack(
-        [group_sum(np.ascontiguousarray(f), flat, patches.n_vertices) for f in force.T], 1
+        [group_sum(np.ascontiguousarray(f), flat, cut_mesh.n_vertices) for f in force.T], 1
     )
     gradient[hold] = 0.0
     return value, gradient
 
 
-def stiffness(patches: Patches, hold: BoolArray) -> tuple[Factor, BoolArray]:
+def stiffness(cut_mesh: CutMesh, hold: BoolArray) -> tuple[Factor, BoolArray]:
     """Factor of the cotangent Laplacian on the vertices that move, with a touch of ridge for translations."""
     free = ~hold
-    L = cotangent_laplacian(patches)
+    L = cotangent_laplacian(cut_mesh)
     d = L.diagonal()
     L = L + sps.diags(1e-9 * d + 1e-14 * float(d.mean()))
     return Factor(sps.csc_matrix(sps.csr_matrix(L)[free][:, free])), free
 
 
-def fit_pins(patches: Patches, uv: FloatArray, options: MethodOptions) -> FloatArray:
+def fit_pins(cut_mesh: CutMesh, uv: FloatArray, options: MethodOptions) -> FloatArray:
     """Move every pinned chart by the similarity that fits its pins best, then set the pins to their places."""
     pins = options.pins
     if pins is None:
         return uv
-    chart, n = patches.vertex_chart[pins.vertices], patches.n_charts
+    chart, n = cut_mesh.vertex_chart[pins.vertices], cut_mesh.n_charts
     here = uv[pins.vertices]
     count = np.maximum(np.bincount(chart, minlength=n), 1)[:, None]
     mean_here = np.stack([group_sum(c.copy(), chart, n) for c in here.T], 1) / count
@@ -117,7 +117,7 @@ def fit_pins(patches: Patches, uv: FloatArray, options: MethodOptions) -> FloatA
     many = (bottom > 0) & (np.abs(turn) > 0)
     turn = np.where(many, turn / np.where(many, bottom, 1.0), 1.0)
     pinned = np.bincount(chart, minlength=n) > 0
-    of = patches.vertex_chart
+    of = cut_mesh.vertex_chart
     z = ((uv - mean_here[of]) @ np.array([1, 1j])) * turn[of]
     moved = np.stack([z.real, z.imag], 1) + mean_there[of]
     out = np.where(pinned[of][:, None], moved, uv)

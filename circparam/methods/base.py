@@ -10,10 +10,10 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.pins import Pins
 from circparam.solvers.tutte.boundary import TutteOptions
-from circparam.solvers.tutte.embed import require_border
+from circparam.solvers.tutte.embed import require_boundary
 
 __all__ = [
     "Layout",
@@ -21,7 +21,7 @@ __all__ = [
     "MethodOptions",
     "Pins",
     "direct",
-    "require_border",
+    "require_boundary",
 ]
 
 
@@ -29,17 +29,17 @@ __all__ = [
 class MethodOptions:
     """Options of all methods; a method ignores those it has no use for.
 
-    start: weight scheme of the convex map that iterative methods begin with. border, spacing, polygon: see
+    start: weight scheme of the convex map that iterative methods begin with. boundary, spacing, polygon: see
     ``circparam.solvers.tutte.boundary``. clamp: lift negative weights to small positive ones.
     tolerance: stop when the energy falls by less than this share in a step; max_iterations (both None: the
     method's own). pins: fixed points, for lscm, arap and isometric. blend: 0 isometric .. 1 conformal.
     lscm: ``spectral`` or ``pinned``. linear_abf: the one-solve form of abf. bff_border: None (automatic),
-    ``disk``, or (b,) target lengths of the outer border's edges in order of their half-edge number.
+    ``disk``, or (b,) target lengths of the outer boundary's edges in order of their half-edge number.
     repair: mend flipped faces by the foldover-free energy.
     """
 
     start: str = "circle"
-    border: str = "circle"
+    boundary: str = "circle"
     spacing: str = "arc-length"
     polygon: FloatArray | None = None
     clamp: bool = False
@@ -49,13 +49,13 @@ class MethodOptions:
     blend: float = 0.0
     lscm: str = "spectral"
     linear_abf: bool = False
-    bff_border: str | FloatArray | None = None
+    bff_boundary: str | FloatArray | None = None
     repair: bool = True
 
     @property
     def tutte(self) -> TutteOptions:
         """What of these the convex map is told."""
-        return TutteOptions(self.border, self.spacing, self.polygon, self.clamp, self.repair)
+        return TutteOptions(self.boundary, self.spacing, self.polygon, self.clamp, self.repair)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +70,10 @@ class Layout:
     notes: list[str] = field(default_factory=list)
 
 
-Method: TypeAlias = Callable[[Patches, MethodOptions, Monitor], Layout]
+Method: TypeAlias = Callable[[CutMesh, MethodOptions, Monitor], Layout]
 
 
-def direct(patches: Patches, uv: FloatArray, notes: list[str]) -> Layout:
+def direct(cut_mesh: CutMesh, uv: FloatArray, notes: list[str]) -> Layout:
     """The layout of a method that solves once."""
-    n = patches.n_charts
+    n = cut_mesh.n_charts
     return Layout(uv, np.ones(n, np.int64), ["solved"] * n, notes)

@@ -1,10 +1,10 @@
-"""Boundary first flattening (Sawhney, Crane 2017): conformal maps through the curvature of their border.
+"""Boundary first flattening (Sawhney, Crane 2017): conformal maps through the curvature of their boundary.
 
-A hole stays a hole: the scale is one number round it, the one with which its border turns by −2π, and cuts from
-hole to hole open the chart to a disk, whose one border is walked as that of any disk. Both sides of a cut get
-the same lengths and opposite turns, so the Jacobians fit together across it up to what the holes do not close;
-the layout is then that of the uncut chart. Flips are possible where the mesh is far from Delaunay or a border
-crosses itself.
+A hole stays a hole: the scale is one number round it, the one with which its boundary turns by −2π, and cuts
+from hole to hole open the chart to a disk, whose one boundary is walked as that of any disk. Both sides of a
+cut get the same lengths and opposite turns, so the Jacobians fit together across it up to what the holes do not
+close; the layout is then that of the uncut chart. Flips are possible where the mesh is far from Delaunay or a
+boundary crosses itself.
 """
 
 from __future__ import annotations
@@ -31,135 +31,134 @@ from circparam.geometry.intrinsic import (
     jacobians,
     vertex_angle_sums,
 )
-from circparam.mesh.cut_mesh import Patches, close_holes
-from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.mesh.cut_mesh import CutMesh, close_holes
+from circparam.methods.base import Layout, MethodOptions, require_boundary
 from circparam.methods.conformal import scaled
-from circparam.methods.untangled import mend
+from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices, open_holes
 from circparam.solvers.poisson import from_jacobians
 from circparam.solvers.tutte.boundary import Ring, outer_ring
 
 ROUNDS = 40  # of the fixed point iteration for the disk
-SHORTEST = (
-    1e-3  # a border edge keeps at least this share of its wanted length when the border is closed
-)
+SHORTEST = 1e-3  # a boundary edge keeps at least this share of its wanted length when the boundary is closed
 
 
 @dataclass(frozen=True, eq=False)
-class _Border:
-    """ring: the outer borders; follower (b,) entry after each; length (b,) of each edge on the surface."""
+class _Boundary:
+    """ring: the outer boundaries; follower (b,) entry after each; length (b,) of each edge on the surface."""
 
     ring: Ring
     follower: IntArray
     length: FloatArray
 
     def sums(self, values: FloatArray) -> FloatArray:
-        """(n,) sum over each border."""
+        """(n,) sum over each boundary."""
         return group_sum(values, self.ring.index, len(self.ring.size))
 
     def running(self, values: FloatArray) -> FloatArray:
-        """(b,) running sum along each border, the entry's own value included."""
+        """(b,) running sum along each boundary, the entry's own value included."""
         total = np.cumsum(values)
         first = self.ring.start
         result: FloatArray = total - (total[first] - values[first])[self.ring.index]
         return result
 
 
-def bff(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
-    """Flatten with a free border: automatic (least area change at the border), onto a disk, or with the border
+def bff(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
+    """Flatten with a free boundary: automatic (least area change at the boundary), onto a disk, or with the
+    boundary
     lengths of the options. All charts in one system. Raises OptionError for lengths that do not fit.
     """
-    require_border(patches)
+    require_boundary(cut_mesh)
     with monitor.stage("solve"):
-        target = options.bff_border
+        target = options.bff_boundary
         if target is None:
-            uv = _flatten(patches, np.zeros(patches.n_vertices), conjugate=True)
+            uv = _flatten(cut_mesh, np.zeros(cut_mesh.n_vertices), conjugate=True)
         elif isinstance(target, str):
             if target != "disk":
-                raise OptionError(f"unknown border of bff {target!r}: 'disk', or lengths")
-            # a circle takes the shape of the border anyway: closed holes are good enough
-            uv = _Flattening(close_holes(patches)[0]).disk()
+                raise OptionError(f"unknown boundary of bff {target!r}: 'disk', or lengths")
+            # a circle takes the shape of the boundary anyway: closed holes are good enough
+            uv = _Flattening(close_holes(cut_mesh)[0]).disk()
         else:
-            factors = _log_factors(patches, np.asarray(target, np.float64))
-            uv = _flatten(patches, factors, conjugate=False)
-        uv = uv[: patches.n_vertices]
-        own_size = np.full(patches.n_charts, target is None or isinstance(target, str))
-        uv = scaled(patches, uv, own_size)
-    uv, notes = mend(patches, uv, "bff", options, monitor)
-    steps = np.ones(patches.n_charts, np.int64)
-    return Layout(uv, steps, ["solved"] * patches.n_charts, notes)
+            factors = _log_factors(cut_mesh, np.asarray(target, np.float64))
+            uv = _flatten(cut_mesh, factors, conjugate=False)
+        uv = uv[: cut_mesh.n_vertices]
+        own_size = np.full(cut_mesh.n_charts, target is None or isinstance(target, str))
+        uv = scaled(cut_mesh, uv, own_size)
+    uv, notes = untangle_layout(cut_mesh, uv, "bff", options, monitor)
+    steps = np.ones(cut_mesh.n_charts, np.int64)
+    return Layout(uv, steps, ["solved"] * cut_mesh.n_charts, notes)
 
 
-def _flatten(patches: Patches, u: FloatArray, conjugate: bool) -> FloatArray:
-    """(n_vertices, 2) the flattening whose log scale factor on the outer borders is u (n_vertices,)."""
-    holed = group_count(patches.loops.chart, patches.n_charts) > 1
+def _flatten(cut_mesh: CutMesh, u: FloatArray, conjugate: bool) -> FloatArray:
+    """(n_vertices, 2) the flattening whose log scale factor on the outer boundaries is u (n_vertices,)."""
+    holed = group_count(cut_mesh.loops.chart, cut_mesh.n_charts) > 1
     if not holed.any():
-        return _Flattening(patches).automatic(u, conjugate)
-    uv = np.empty((patches.n_vertices, 2))
+        return _Flattening(cut_mesh).automatic(u, conjugate)
+    uv = np.empty((cut_mesh.n_vertices, 2))
     for charts, kind in ((~holed, _Flattening), (holed, _HoledFlattening)):
         if charts.any():
-            part, vertices, _ = patches.subset(charts)
+            part, vertices, _ = cut_mesh.subset(charts)
             uv[vertices] = kind(part).automatic(u[vertices], conjugate)
     return uv
 
 
-def _border(patches: Patches) -> _Border:
-    """The outer borders of all charts."""
-    ring = outer_ring(patches)
+def _boundary(cut_mesh: CutMesh) -> _Boundary:
+    """The outer boundaries of all charts."""
+    ring = outer_ring(cut_mesh)
     index = ring.index
     local = np.arange(len(index)) - ring.start[index]
     follower = ring.start[index] + (local + 1) % ring.size[index]
-    return _Border(ring, follower, patches.edge_lengths.ravel()[ring.half_edge])
+    return _Boundary(ring, follower, cut_mesh.edge_lengths.ravel()[ring.half_edge])
 
 
-def _log_factors(patches: Patches, lengths: FloatArray) -> FloatArray:
-    """(n_vertices,) log scale factor on the outer borders for target lengths in order of half-edge number."""
-    border = _border(patches)
-    h = border.ring.half_edge
+def _log_factors(cut_mesh: CutMesh, lengths: FloatArray) -> FloatArray:
+    """(n_vertices,) log scale factor on the outer boundaries for target lengths, by half-edge number."""
+    boundary = _boundary(cut_mesh)
+    h = boundary.ring.half_edge
     if lengths.shape != h.shape:
         raise OptionError(
-            f"bff has {len(h)} outer border edges and got lengths of shape {lengths.shape}"
+            f"bff has {len(h)} outer boundary edges and got lengths of shape {lengths.shape}"
         )
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
-        raise OptionError("the border lengths for bff must be finite and above 0")
+        raise OptionError("the boundary lengths for bff must be finite and above 0")
     wanted = np.empty(len(h))
     wanted[np.argsort(h, kind="stable")] = lengths
-    ratio = np.log(wanted / border.length)
+    ratio = np.log(wanted / boundary.length)
     # each vertex takes the mean of its two edges, weighted by their lengths on the surface
-    after, total = border.length * ratio, border.length.copy()
+    after, total = boundary.length * ratio, boundary.length.copy()
     sums = after.copy()
-    sums[border.follower] += after
-    total[border.follower] += border.length
-    result = np.zeros(patches.n_vertices)
-    result[border.ring.vertices] = sums / total
+    sums[boundary.follower] += after
+    total[boundary.follower] += boundary.length
+    result = np.zeros(cut_mesh.n_vertices)
+    result[boundary.ring.vertices] = sums / total
     return result
 
 
 class _Flattening:
-    """The linear algebra that every kind of border shares."""
+    """The linear algebra that every kind of boundary shares."""
 
-    def __init__(self, patches: Patches) -> None:
-        self.patches, self.border = patches, _border(patches)
-        self.rim = self.border.ring.vertices
-        self.inner = np.ones(patches.n_vertices, bool)
-        self.inner[patches.faces.ravel()[patches.border]] = False
-        self.L = sps.csr_matrix(cotangent_laplacian(patches))
-        sums = vertex_angle_sums(patches, corner_angles(patches))
+    def __init__(self, cut_mesh: CutMesh) -> None:
+        self.cut_mesh, self.boundary = cut_mesh, _boundary(cut_mesh)
+        self.rim = self.boundary.ring.vertices
+        self.inner = np.ones(cut_mesh.n_vertices, bool)
+        self.inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
+        self.L = sps.csr_matrix(cotangent_laplacian(cut_mesh))
+        sums = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
         self.defect = 2 * np.pi - sums[self.inner]
         self.turning = np.pi - sums[self.rim]
 
     def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
-        """The flattening with log scale factor u (n_vertices,) on the border: curvature, curve, inside."""
+        """The flattening with log scale factor u (n_vertices,) on the boundary: curvature, curve, inside."""
         u = u[self.rim]
         inside = self.L[self.inner]
         factor = Factor(sps.csc_matrix(inside[:, self.inner]))
         to_rim = inside[:, self.rim]
         a = factor.solve(-self.defect - to_rim @ u)
         flux = -(to_rim.T @ a + self.L[self.rim][:, self.rim] @ u)
-        border = self.border
-        lengths = border.length * np.exp((u + u[border.follower]) / 2)
-        curve = _closed_curve(border, lengths, self.turning - flux)
-        uv = np.empty((self.patches.n_vertices, 2))
+        boundary = self.boundary
+        lengths = boundary.length * np.exp((u + u[boundary.follower]) / 2)
+        curve = _closed_curve(boundary, lengths, self.turning - flux)
+        uv = np.empty((self.cut_mesh.n_vertices, 2))
         uv[self.rim] = curve
         uv[self.inner] = factor.solve(-(to_rim @ curve))
         if conjugate:
@@ -167,32 +166,32 @@ class _Flattening:
         return uv
 
     def disk(self) -> FloatArray:
-        """The flattening onto a disk: border curvature in proportion to the lengths that come out."""
-        border = self.border
+        """The flattening onto a disk: boundary curvature in proportion to the lengths that come out."""
+        boundary = self.boundary
         pinned, keep = self._pinned()
-        b = np.zeros(self.patches.n_vertices)
+        b = np.zeros(self.cut_mesh.n_vertices)
         b[self.inner] = -self.defect
-        lengths = border.length
+        lengths = boundary.length
         for _ in range(ROUNDS):
-            share = lengths / border.sums(lengths)[border.ring.index]
+            share = lengths / boundary.sums(lengths)[boundary.ring.index]
             curvature = share.copy()
-            curvature[border.follower] += share
+            curvature[boundary.follower] += share
             b[self.rim] = np.pi * curvature - self.turning
-            v = np.zeros(self.patches.n_vertices)
+            v = np.zeros(self.cut_mesh.n_vertices)
             v[keep] = pinned.solve(b[keep])
             u = v[self.rim]
-            u = u - (border.sums(u) / border.ring.size)[border.ring.index]
-            new = border.length * np.exp((u + u[border.follower]) / 2)
+            u = u - (boundary.sums(u) / boundary.ring.size)[boundary.ring.index]
+            new = boundary.length * np.exp((u + u[boundary.follower]) / 2)
             change = np.abs(np.log(new / lengths)).max()
             lengths = np.sqrt(new * lengths) if change > 0.1 else new
             if change < 1e-10:
                 break
-        share = lengths / border.sums(lengths)[border.ring.index]
-        angle = 2 * np.pi * (border.running(share) - share)
-        radius = np.sqrt(self.patches.chart_areas / np.pi)[border.ring.chart]
+        share = lengths / boundary.sums(lengths)[boundary.ring.index]
+        angle = 2 * np.pi * (boundary.running(share) - share)
+        radius = np.sqrt(self.cut_mesh.chart_areas / np.pi)[boundary.ring.chart]
         curve = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
         inside = self.L[self.inner]
-        uv = np.empty((self.patches.n_vertices, 2))
+        uv = np.empty((self.cut_mesh.n_vertices, 2))
         uv[self.rim] = curve
         uv[self.inner] = Factor(sps.csc_matrix(inside[:, self.inner])).solve(
             -(inside[:, self.rim] @ curve)
@@ -200,16 +199,16 @@ class _Flattening:
         return uv
 
     def _pinned(self) -> tuple[Factor, BoolArray]:
-        """Factor of the Laplacian with the first border vertex of every chart held at 0."""
-        keep = np.ones(self.patches.n_vertices, bool)
-        keep[self.rim[self.border.ring.start]] = False
+        """Factor of the Laplacian with the first boundary vertex of every chart held at 0."""
+        keep = np.ones(self.cut_mesh.n_vertices, bool)
+        keep[self.rim[self.boundary.ring.start]] = False
         return Factor(sps.csc_matrix(self.L[keep][:, keep])), keep
 
     def _conjugate(self, x: FloatArray) -> FloatArray:
-        """The y with the least conformal energy for this x: L y = (x_before − x_after)/2 on the border."""
-        flat, h = self.patches.faces.ravel(), self.patches.border
+        """The y with the least conformal energy for this x: L y = (x_before − x_after)/2 on the boundary."""
+        flat, h = self.cut_mesh.faces.ravel(), self.cut_mesh.boundary
         i, j = flat[h], flat[next_half_edge(h)]
-        n = self.patches.n_vertices
+        n = self.cut_mesh.n_vertices
         b = (group_sum(x[i], j, n) - group_sum(x[j], i, n)) / 2
         factor, keep = self._pinned()
         y = np.zeros(len(x))
@@ -218,40 +217,40 @@ class _Flattening:
 
 
 class _HoledFlattening(_Flattening):
-    """Charts with holes, which are opened along cuts from border to border."""
+    """Charts with holes, which are opened along cuts from boundary to boundary."""
 
     def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
-        """The flattening whose log scale factor on the outer border is u (n_vertices,).
+        """The flattening whose log scale factor on the outer boundary is u (n_vertices,).
 
         Where the holes of a curved chart do not quite close, the Poisson layout shares that out; its conjugate,
         taken back and forth, then has the angles of a conformal map of the whole chart.
         """
-        patches, opened = self.patches, open_holes(self.patches)
+        cut_mesh, opened = self.cut_mesh, open_holes(self.cut_mesh)
         scale = self._scale(u)[opened.origin]
-        walk = _border(opened.patches)
+        walk = _boundary(opened.cut_mesh)
         at = walk.ring.vertices
-        L = sps.csr_matrix(cotangent_laplacian(opened.patches))
-        sums = vertex_angle_sums(opened.patches, corner_angles(opened.patches))
+        L = sps.csr_matrix(cotangent_laplacian(opened.cut_mesh))
+        sums = vertex_angle_sums(opened.cut_mesh, corner_angles(opened.cut_mesh))
         turning = np.pi - sums[at] + (L @ scale)[at]
         lengths = walk.length * np.exp((scale[at] + scale[at[walk.follower]]) / 2)
         disk = _extended(L, at, _closed_curve(walk, lengths, turning))
-        targets = np.ascontiguousarray(jacobians(opened.patches, disk).transpose(1, 2, 0))
+        targets = np.ascontiguousarray(jacobians(opened.cut_mesh, disk).transpose(1, 2, 0))
         if conjugate:
-            uv, _ = from_jacobians(patches, targets)
+            uv, _ = from_jacobians(cut_mesh, targets)
             uv[:, 1] = self._conjugate(uv[:, 0])
             uv[:, 0] = -self._conjugate(uv[:, 1])
             uv[:, 1] = self._conjugate(uv[:, 0])
             return uv
-        outer = np.zeros(patches.faces.size, bool)
-        outer[self.border.ring.half_edge] = True
+        outer = np.zeros(cut_mesh.faces.size, bool)
+        outer[self.boundary.ring.half_edge] = True
         held = outer[walk.ring.half_edge]
         curve = _closed_curve(walk, np.where(held, lengths, 0.0), turning)
-        return from_jacobians(patches, targets, held=(opened.origin[at[held]], curve[held]))[0]
+        return from_jacobians(cut_mesh, targets, held=(opened.origin[at[held]], curve[held]))[0]
 
     def _scale(self, u: FloatArray) -> FloatArray:
-        """(n_vertices,) log scale factor of a flat metric: u on the outer border, one number a hole."""
-        patches, n = self.patches, self.patches.n_vertices
-        vertices, hole, size = hole_vertices(patches)
+        """(n_vertices,) log scale factor of a flat metric: u on the outer boundary, one number a hole."""
+        cut_mesh, n = self.cut_mesh, self.cut_mesh.n_vertices
+        vertices, hole, size = hole_vertices(cut_mesh)
         inner = int(self.inner.sum())
         unknown = np.full(n, -1)
         unknown[self.inner] = np.arange(inner)
@@ -260,7 +259,7 @@ class _HoledFlattening(_Flattening):
         tie = sps.csr_matrix(
             (np.ones(len(used)), (used, unknown[used])), shape=(n, inner + len(size))
         )
-        sums = vertex_angle_sums(patches, corner_angles(patches))
+        sums = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
         turning = group_sum(np.pi - sums[vertices], hole, len(size))
         excess = np.concatenate([self.defect, turning + 2 * np.pi])
         given = np.zeros(n)
@@ -281,28 +280,28 @@ def _extended(L: sps.csr_matrix, rim: IntArray, curve: FloatArray) -> FloatArray
     return uv
 
 
-def _closed_curve(border: _Border, lengths: FloatArray, turning: FloatArray) -> FloatArray:
+def _closed_curve(boundary: _Boundary, lengths: FloatArray, turning: FloatArray) -> FloatArray:
     """(b, 2) the polygon with these turning angles at its vertices and edge lengths changed as little as closes
     it (Sawhney, Crane 2017, section 4.4). Edges of length 0 keep it."""
-    ring = border.ring
+    ring = boundary.ring
     index = ring.index
-    # angles that add up to 2π on every border, whatever the rounding
-    turning = turning + ((2 * np.pi - border.sums(turning)) / ring.size)[index]
-    direction = border.running(turning)
+    # angles that add up to 2π on every boundary, whatever the rounding
+    turning = turning + ((2 * np.pi - boundary.sums(turning)) / ring.size)[index]
+    direction = boundary.running(turning)
     T = np.stack([np.cos(direction), np.sin(direction)], 1)
     floor = SHORTEST * lengths
-    weight = np.where(lengths > 0, border.length, 0.0)
+    weight = np.where(lengths > 0, boundary.length, 0.0)
     for _ in range(20):
-        gap = np.stack([border.sums(lengths * t) for t in T.T], 1)
+        gap = np.stack([boundary.sums(lengths * t) for t in T.T], 1)
         G = np.empty((len(ring.size), 2, 2))
         for i in range(2):
             for j in range(2):
-                G[:, i, j] = border.sums(weight * T[:, i] * T[:, j])
+                G[:, i, j] = boundary.sums(weight * T[:, i] * T[:, j])
         pull = np.linalg.solve(G, gap[:, :, None])[:, :, 0]
         lengths = lengths - weight * (T * pull[index]).sum(1)
         if (lengths >= floor).all():
             break
         lengths = np.maximum(lengths, floor)
     step = lengths[:, None] * T
-    result: FloatArray = np.stack([border.running(s) - s for s in step.T], 1)
+    result: FloatArray = np.stack([boundary.running(s) - s for s in step.T], 1)
     return result

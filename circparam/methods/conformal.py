@@ -16,52 +16,52 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import ComplexFactor
 from circparam.geometry.intrinsic import cotangent_laplacian, signed_areas
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.tutte.boundary import outer_ring
-from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.tutte.embed import tutte_embedding
 
 MODES = 4  # vectors of the subspace of each chart: eigenvalues come close together on smooth charts
 SHIFT = 1e-11  # below the smallest eigenvalue that is not zero, above rounding
 
 
-def conformal_matrix(patches: Patches) -> sps.csc_matrix:
+def conformal_matrix(cut_mesh: CutMesh) -> sps.csc_matrix:
     """L_C = L + Q, Hermitian positive semidefinite: ½ z* L_C z is the Dirichlet energy minus the area of z.
 
-    Q holds ±i/2 on the border half-edges i → j: half the sum of u_i v_j − u_j v_i is the area inside.
+    Q holds ±i/2 on the boundary half-edges i → j: half the sum of u_i v_j − u_j v_i is the area inside.
     """
-    h = patches.border
-    flat = patches.faces.ravel()
+    h = cut_mesh.boundary
+    flat = cut_mesh.faces.ravel()
     i, j = flat[h], flat[next_half_edge(h)]
-    n = patches.n_vertices
+    n = cut_mesh.n_vertices
     half = np.full(len(h), 0.5j)
     area = sps.coo_matrix(
         (np.concatenate([half, -half]), (np.concatenate([i, j]), np.concatenate([j, i]))),
         shape=(n, n),
     )
-    return sps.csc_matrix(cotangent_laplacian(patches) + area.tocsr())
+    return sps.csc_matrix(cotangent_laplacian(cut_mesh) + area.tocsr())
 
 
-def start_modes(patches: Patches) -> ComplexArray:
+def start_modes(cut_mesh: CutMesh) -> ComplexArray:
     """(n, MODES) powers of a convex map onto the unit disk: near the first modes of a smooth chart."""
-    uv, _ = embed_convex(patches, "mean-value")
+    uv, _ = tutte_embedding(cut_mesh, "mean-value")
     z = uv[:, 0] + 1j * uv[:, 1]
-    z = z / np.sqrt(patches.chart_areas / np.pi)[patches.vertex_chart]
+    z = z / np.sqrt(cut_mesh.chart_areas / np.pi)[cut_mesh.vertex_chart]
     return np.stack([z ** (k + 1) for k in range(MODES)], 1)
 
 
 def conformal_spectral(
-    patches: Patches, modes: ComplexArray, limit: int = 60
+    cut_mesh: CutMesh, modes: ComplexArray, limit: int = 60
 ) -> tuple[ComplexArray, IntArray]:
-    """The smallest pair of L_C z = λ B z of every chart, translations taken out; B marks the border vertices.
+    """The smallest pair of L_C z = λ B z of every chart, translations taken out; B marks the boundary vertices.
 
     Subspace iteration on (L_C + shift B)⁻¹ B with a Rayleigh-Ritz step, all charts in one factorisation; on
     developable charts λ = 0 is the answer, so nothing may skip it: only constants are projected out.
     modes: (n, k) start vectors. Returns (z (n,), steps (n_charts,)).
     """
-    matrix = conformal_matrix(patches)
-    chart, n = patches.vertex_chart, patches.n_charts
-    rim = np.zeros(patches.n_vertices)
-    rim[patches.faces.ravel()[patches.border]] = 1.0
+    matrix = conformal_matrix(cut_mesh)
+    chart, n = cut_mesh.vertex_chart, cut_mesh.n_charts
+    rim = np.zeros(cut_mesh.n_vertices)
+    rim[cut_mesh.faces.ravel()[cut_mesh.boundary]] = 1.0
     shift = SHIFT * float(np.median(matrix.diagonal().real))
     factor = ComplexFactor(sps.csc_matrix(matrix + sps.diags(shift * rim)))
     rim_count = group_sum(rim, chart, n)
@@ -73,7 +73,7 @@ def conformal_spectral(
         before = x[:, 0]
         x = factor.solve_complex(rim[:, None] * x)
         x -= (_chart_sums(rim[:, None] * x, chart, n) / rim_count[:, None])[chart]
-        x = _rayleigh_ritz(patches, matrix, rim, x)
+        x = _rayleigh_ritz(cut_mesh, matrix, rim, x)
         # how far the wanted vector has turned, its free phase taken out
         phase = _chart_sums(rim * before.conj() * x[:, 0], chart, n)
         phase = phase / np.maximum(np.abs(phase), 1e-300)
@@ -100,10 +100,10 @@ def _chart_sums(values: ComplexArray, chart: IntArray, n: int) -> ComplexArray:
 
 
 def _rayleigh_ritz(
-    patches: Patches, matrix: sps.csc_matrix, rim: FloatArray, x: ComplexArray
+    cut_mesh: CutMesh, matrix: sps.csc_matrix, rim: FloatArray, x: ComplexArray
 ) -> ComplexArray:
     """Rotate the subspace of each chart to its B-normalised Ritz vectors, smallest value first."""
-    chart, n, k = patches.vertex_chart, patches.n_charts, x.shape[1]
+    chart, n, k = cut_mesh.vertex_chart, cut_mesh.n_charts, x.shape[1]
     size = np.sqrt(_chart_sums(rim[:, None] * np.abs(x) ** 2 + 0j, chart, n).real)
     x = x / np.maximum(size, 1e-300)[chart]
     bx = rim[:, None] * x
@@ -121,22 +121,22 @@ def _rayleigh_ritz(
     return result
 
 
-def scaled(patches: Patches, uv: FloatArray, charts: BoolArray) -> FloatArray:
+def scaled(cut_mesh: CutMesh, uv: FloatArray, charts: BoolArray) -> FloatArray:
     """uv with these charts centred, turned to a fixed direction, and scaled to their area on the surface.
 
-    Turned so that the outer border's first vertex lies on the positive x axis from the centre.
+    Turned so that the outer boundary's first vertex lies on the positive x axis from the centre.
     """
     z = uv[:, 0] + 1j * uv[:, 1]
-    chart, n = patches.vertex_chart, patches.n_charts
+    chart, n = cut_mesh.vertex_chart, cut_mesh.n_charts
     count = np.bincount(chart, minlength=n)
     z = z - (_chart_sums(z, chart, n) / count)[chart]
     size = np.sqrt(group_max(np.abs(z) ** 2, chart, n))
     z = z / np.maximum(size, 1e-300)[chart]
-    ring = outer_ring(patches)
+    ring = outer_ring(cut_mesh)
     towards = z[ring.vertices[ring.start]]
     far = np.abs(towards) > 1e-12
     z = z * np.where(far, np.conj(towards) / np.where(far, np.abs(towards), 1.0), 1.0)[chart]
     unit = np.stack([z.real, z.imag], 1)
-    area = group_sum(np.abs(signed_areas(patches.faces, unit)), patches.chart, n)
-    unit *= np.sqrt(patches.chart_areas / np.maximum(area, 1e-300))[chart][:, None]
+    area = group_sum(np.abs(signed_areas(cut_mesh.faces, unit)), cut_mesh.chart, n)
+    unit *= np.sqrt(cut_mesh.chart_areas / np.maximum(area, 1e-300))[chart][:, None]
     return np.where(charts[chart][:, None], unit, uv)

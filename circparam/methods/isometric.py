@@ -7,38 +7,38 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.arap import fit_pins
-from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.methods.base import Layout, MethodOptions, require_boundary
 from circparam.methods.pins import check_pins
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.tutte.graded import embed_start
-from circparam.solvers.untangle import unfold
+from circparam.solvers.untangle import untangle
 
 TOLERANCE = 1e-6
 LIMIT = 500
 
 
-def isometric(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
+def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """Relax the convex map ``options.start`` of all charts together (Smith and Schaefer 2015).
 
-    Free border; ``options.blend`` moves the energy from areas to angles; pins hold their places. A face that is
-    not flipped at the start never is: every step ends before the first collapse. Raises OptionError for bad
+    Free boundary; ``options.blend`` moves the energy from areas to angles; pins hold their places. A face that
+    is not flipped at the start never is: every step ends before the first collapse. Raises OptionError for bad
     pins or a blend outside [0, 1], NoResultError where no start without flipped faces is found.
     """
-    require_border(patches)
+    require_boundary(cut_mesh)
     if not 0 <= options.blend <= 1:
         raise OptionError(f"blend {options.blend} is outside 0 (isometric) .. 1 (conformal)")
-    uv, notes = embed_start(patches, options.start, options.tutte, monitor)
+    uv, notes = embed_start(cut_mesh, options.start, options.tutte, monitor)
     fixed: BoolArray | None = None
     if options.pins is not None:
-        check_pins(patches, options.pins, 1)
-        fixed = np.zeros(patches.n_vertices, bool)
+        check_pins(cut_mesh, options.pins, 1)
+        fixed = np.zeros(cut_mesh.n_vertices, bool)
         fixed[options.pins.vertices] = True
-        uv = _start_at_pins(patches, uv, options, fixed, monitor)
+        uv = _start_at_pins(cut_mesh, uv, options, fixed, monitor)
     with monitor.stage("relax"):
         relaxed = relax(
-            patches,
+            cut_mesh,
             uv,
             RelaxOptions(
                 tolerance=TOLERANCE if options.tolerance is None else options.tolerance,
@@ -57,13 +57,13 @@ def isometric(patches: Patches, options: MethodOptions, monitor: Monitor) -> Lay
 
 
 def _start_at_pins(
-    patches: Patches, uv: FloatArray, options: MethodOptions, fixed: BoolArray, monitor: Monitor
+    cut_mesh: CutMesh, uv: FloatArray, options: MethodOptions, fixed: BoolArray, monitor: Monitor
 ) -> FloatArray:
-    """The start with the pins in their places, unfolded round them."""
-    free = relax(patches, uv, RelaxOptions(tolerance=1e-3, max_iterations=30), monitor)
-    uv = fit_pins(patches, free.uv, options)
+    """The start with the pins in their places, untangled round them."""
+    free = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-3, max_iterations=30), monitor)
+    uv = fit_pins(cut_mesh, free.uv, options)
     with monitor.stage("unfold"):
-        uv, report = unfold(patches, uv, fixed, monitor)
+        uv, report = untangle(cut_mesh, uv, fixed, monitor)
     if report.after.any():
         chart = int(np.flatnonzero(report.after)[0])
         raise NoResultError(

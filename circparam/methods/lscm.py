@@ -1,4 +1,5 @@
-"""Least squares conformal maps with a free border (Lévy et al. 2002), spectral (Mullen et al. 2008) or pinned.
+"""Least squares conformal maps with a free boundary (Lévy et al. 2002), spectral (Mullen et al. 2008) or
+pinned.
 
 The plane is the complex numbers: the conformal energy ½ z* L_C z, Dirichlet energy minus area, has a Hermitian
 matrix of one row a vertex, block diagonal over the charts. Nothing guarantees that no face flips.
@@ -13,56 +14,56 @@ from circparam.core.arrays import BoolArray, ComplexArray, IntArray
 from circparam.core.linalg import ComplexFactor
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
-from circparam.mesh.cut_mesh import Patches
-from circparam.methods.base import Layout, MethodOptions, require_border
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.methods.base import Layout, MethodOptions, require_boundary
 from circparam.methods.conformal import conformal_matrix, conformal_spectral, scaled, start_modes
 from circparam.methods.pins import Pins, check_pins
-from circparam.methods.untangled import mend
+from circparam.methods.untangled import untangle_layout
 from circparam.solvers.tutte.boundary import outer_ring
 
 VARIANTS = ("spectral", "pinned")
 
 
-def lscm(patches: Patches, options: MethodOptions, monitor: Monitor) -> Layout:
-    """The conformal map with a free border; charts are scaled to their area on the surface.
+def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
+    """The conformal map with a free boundary; charts are scaled to their area on the surface.
 
     Spectral without pins, by the option ``lscm`` or where points are pinned the pinned form: a chart without
-    pins of the user's then holds two opposite points of its border. Raises OptionError for bad pins.
+    pins of the user's then holds two opposite points of its boundary. Raises OptionError for bad pins.
     """
     if options.lscm not in VARIANTS:
         raise OptionError(f"unknown form of lscm {options.lscm!r}: {' or '.join(VARIANTS)}")
-    require_border(patches)
+    require_boundary(cut_mesh)
     with monitor.stage("solve"):
         if options.pins is not None or options.lscm == "pinned":
-            z, held = conformal_pinned(patches, options.pins)
-            steps = np.ones(patches.n_charts, np.int64)
+            z, held = conformal_pinned(cut_mesh, options.pins)
+            steps = np.ones(cut_mesh.n_charts, np.int64)
         else:
-            z, steps = conformal_spectral(patches, start_modes(patches))
-            held = np.zeros(patches.n_charts, bool)
-        uv = scaled(patches, np.stack([z.real, z.imag], 1), ~held)
-    uv, notes = mend(patches, uv, "lscm", options, monitor)
-    return Layout(uv, steps, ["solved"] * patches.n_charts, notes)
+            z, steps = conformal_spectral(cut_mesh, start_modes(cut_mesh))
+            held = np.zeros(cut_mesh.n_charts, bool)
+        uv = scaled(cut_mesh, np.stack([z.real, z.imag], 1), ~held)
+    uv, notes = untangle_layout(cut_mesh, uv, "lscm", options, monitor)
+    return Layout(uv, steps, ["solved"] * cut_mesh.n_charts, notes)
 
 
-def conformal_pinned(patches: Patches, pins: Pins | None) -> tuple[ComplexArray, BoolArray]:
+def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray, BoolArray]:
     """Minimise ½ z* L_C z with two or more vertices of every chart held.
 
     Returns (z (n,), (n_charts,) charts held by pins of the user). Raises OptionError for bad pins.
     """
-    held = np.zeros(patches.n_charts, bool)
+    held = np.zeros(cut_mesh.n_charts, bool)
     vertices = np.zeros(0, np.int64)
     places = np.zeros(0, np.complex128)
     if pins is not None:
-        check_pins(patches, pins, 2)
+        check_pins(cut_mesh, pins, 2)
         vertices, places = pins.vertices, pins.uv[:, 0] + 1j * pins.uv[:, 1]
-        held[patches.vertex_chart[vertices]] = True
-    own, own_places = _opposite_points(patches, ~held)
+        held[cut_mesh.vertex_chart[vertices]] = True
+    own, own_places = _opposite_points(cut_mesh, ~held)
     vertices = np.concatenate([vertices, own])
     places = np.concatenate([places, own_places])
-    free = np.ones(patches.n_vertices, bool)
+    free = np.ones(cut_mesh.n_vertices, bool)
     free[vertices] = False
-    matrix = conformal_matrix(patches).tocsr()
-    z = np.zeros(patches.n_vertices, np.complex128)
+    matrix = conformal_matrix(cut_mesh).tocsr()
+    z = np.zeros(cut_mesh.n_vertices, np.complex128)
     z[vertices] = places
     rows = matrix[free]
     z[free] = ComplexFactor(sps.csc_matrix(rows[:, free])).solve_complex(
@@ -71,13 +72,13 @@ def conformal_pinned(patches: Patches, pins: Pins | None) -> tuple[ComplexArray,
     return z, held
 
 
-def _opposite_points(patches: Patches, charts: BoolArray) -> tuple[IntArray, ComplexArray]:
-    """Two border vertices of each of these charts, half a border apart, laid as far apart as a disk is wide."""
-    ring = outer_ring(patches)
+def _opposite_points(cut_mesh: CutMesh, charts: BoolArray) -> tuple[IntArray, ComplexArray]:
+    """Two boundary vertices of each of these charts, half of it apart, laid as far apart as a disk is wide."""
+    ring = outer_ring(cut_mesh)
     first = ring.start[charts]
     distance = np.abs(ring.place - 0.5)
     order = np.lexsort((distance, ring.index))
     second = order[first]
-    width = 2 * np.sqrt(patches.chart_areas / np.pi)[charts]
+    width = 2 * np.sqrt(cut_mesh.chart_areas / np.pi)[charts]
     vertices = np.concatenate([ring.vertices[first], ring.vertices[second]])
     return vertices, np.concatenate([np.zeros(len(first)), width]).astype(np.complex128)

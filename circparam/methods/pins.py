@@ -8,12 +8,12 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import OptionError
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 
 
 @dataclass(frozen=True, eq=False)
 class Pins:
-    """Points the user fixes: vertices (k,) of the patches, uv (k, 2) in units of the mesh."""
+    """Points the user fixes: vertices (k,) of the cut mesh, uv (k, 2) in units of the mesh."""
 
     vertices: IntArray
     uv: FloatArray
@@ -29,18 +29,18 @@ class Pins:
         object.__setattr__(self, "uv", uv)
 
 
-def check_pins(patches: Patches, pins: Pins, fewest: int) -> None:
-    """Raise OptionError for pins outside the patches, given twice, or fewer than ``fewest`` on a chart."""
+def check_pins(cut_mesh: CutMesh, pins: Pins, fewest: int) -> None:
+    """Raise OptionError for pins outside the cut mesh, given twice, or fewer than ``fewest`` on a chart."""
     v = pins.vertices
-    outside = (v < 0) | (v >= patches.n_vertices)
+    outside = (v < 0) | (v >= cut_mesh.n_vertices)
     if outside.any():
         raise OptionError(
-            f"pin on vertex {int(v[outside][0])}: the surface has vertices 0..{patches.n_vertices - 1}"
+            f"pin on vertex {int(v[outside][0])}: the surface has vertices 0..{cut_mesh.n_vertices - 1}"
         )
     values, count = np.unique(v, return_counts=True)
     if (count > 1).any():
         raise OptionError(f"vertex {int(values[count > 1][0])} is pinned twice: give it one place")
-    per_chart = np.bincount(patches.vertex_chart[v], minlength=patches.n_charts)
+    per_chart = np.bincount(cut_mesh.vertex_chart[v], minlength=cut_mesh.n_charts)
     few = np.flatnonzero((per_chart > 0) & (per_chart < fewest))
     if len(few) or len(v) == 0:
         chart = int(few[0]) if len(few) else 0
@@ -48,6 +48,6 @@ def check_pins(patches: Patches, pins: Pins, fewest: int) -> None:
             f"chart {chart} has {int(per_chart[chart])} pins: this method needs {fewest} or more "
             "on a chart, or none"
         )
-    place = np.column_stack([patches.vertex_chart[v], pins.uv])
+    place = np.column_stack([cut_mesh.vertex_chart[v], pins.uv])
     if len(np.unique(place, axis=0)) < len(place):
         raise OptionError("two pins of a chart have the same place: move one of them")

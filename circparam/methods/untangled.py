@@ -6,15 +6,15 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import MethodOptions
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.tutte.graded import embed_start
-from circparam.solvers.untangle import flipped, unfold
+from circparam.solvers.untangle import flipped, untangle
 
 
-def mend(
-    patches: Patches,
+def untangle_layout(
+    cut_mesh: CutMesh,
     uv: FloatArray,
     name: str,
     options: MethodOptions,
@@ -25,26 +25,26 @@ def mend(
     """Unfold what a method without a guarantee has flipped, and say so in one line.
 
     hold: (n_vertices,) vertices that keep their places. conformal: the map keeps angles. A chart that does
-    not unfold becomes the isometric map from its convex start, where no vertex of it is held. With
+    not untangle becomes the isometric map from its convex start, where no vertex of it is held. With
     ``options.repair`` off the flips stay, and are told. Returns (uv, notes).
     """
-    bad = flipped(patches.faces, uv)
+    bad = flipped(cut_mesh.faces, uv)
     if not bad.any():
         return uv, []
-    charts = len(np.unique(patches.chart[bad]))
+    charts = len(np.unique(cut_mesh.chart[bad]))
     count = f"{name}: {int(bad.sum())} flipped faces in {charts} charts"
     if not options.repair:
         return uv, [f"{count}; they stay, as asked"]
     with monitor.stage("unfold"):
-        uv, report = unfold(patches, uv, hold, monitor, conformal)
+        uv, report = untangle(cut_mesh, uv, hold, monitor, conformal)
     left = report.after > 0
     if not left.any():
         return uv, [f"{count}, mended by the foldover-free energy"]
     notes = [f"{count}, mended by the foldover-free energy but for {int(left.sum())} charts"]
     if hold is not None:
-        left[patches.vertex_chart[hold]] = False
+        left[cut_mesh.vertex_chart[hold]] = False
     if left.any():
-        part, vertices, _ = patches.subset(left)
+        part, vertices, _ = cut_mesh.subset(left)
         start, told = embed_start(part, options.start, options.tutte, monitor)
         uv = uv.copy()
         with monitor.stage("relax"):

@@ -15,11 +15,11 @@ from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import Shapes, shapes_of
 from circparam.packing.placement import Placement
 from circparam.packing.shelf import shelf_placement
-from circparam.packing.skyline import drop_placement
+from circparam.packing.skyline import skyline_placement
 
 # Up to this many charts are nested on a grid; from this many on they are also dropped one by one.
 NESTED = 250
-DROPPED_FROM = 40
+SKYLINE_FROM = 40
 
 # Below this effort only so few charts are nested: the grid of many costs seconds before any search.
 LOOSE = 0.2
@@ -82,12 +82,12 @@ def _candidates(
     found: list[Placement] = []
     many = FEW_LOOSE if options.effort < LOOSE else NESTED
     dropped = None
-    if shapes.n > DROPPED_FROM and not monitor.expired:
-        dropped = drop_placement(shapes, options, monitor)
+    if shapes.n > SKYLINE_FROM and not monitor.expired:
+        dropped = skyline_placement(shapes, options, monitor)
     if shapes.n <= many and not monitor.expired:
         found = nested(shapes, options, dropped, rows, monitor, sound)
-    if shapes.n <= DROPPED_FROM and not found and not monitor.expired:
-        dropped = drop_placement(shapes, options, monitor)
+    if shapes.n <= SKYLINE_FROM and not found and not monitor.expired:
+        dropped = skyline_placement(shapes, options, monitor)
     return found + ([dropped] if dropped is not None else [])
 
 

@@ -137,7 +137,7 @@ def _grown(
     return low, high
 
 
-def drop_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Placement | None:
+def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Placement | None:
     """Charts dropped from the tallest on; the scale at which they just fill the pages, or the fixed one."""
     n = shapes.n
     turns = {"free": 8 if n <= 3000 else 4, "90": 4, "none": 1}[options.rotate]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
 CRUSHED = 1e6  # distortion at which a chart counts as faulty whatever was promised
@@ -40,9 +40,9 @@ class Cascade:
         if len(self.laid) == 0:
             self.laid = np.zeros(len(self.surface.faces), np.int64)
 
-    def open(self) -> tuple[Patches, FloatArray]:
-        """Patches along the seams, and the uv (nv, 2) of their vertices."""
-        patches = self.surface.patches(self.cut)
-        uv = np.zeros((patches.n_vertices, 2))
-        uv[patches.faces.ravel()] = self.corners.reshape(-1, 2)
-        return patches, uv
+    def open(self) -> tuple[CutMesh, FloatArray]:
+        """CutMesh along the seams, and the uv (nv, 2) of their vertices."""
+        cut_mesh = self.surface.cut_mesh(self.cut)
+        uv = np.zeros((cut_mesh.n_vertices, 2))
+        uv[cut_mesh.faces.ravel()] = self.corners.reshape(-1, 2)
+        return cut_mesh, uv

@@ -15,7 +15,7 @@ from circparam.formats.io import format_of, read
 from circparam.formats.memory import from_arrays, from_trimesh
 from circparam.formats.table import DEFAULT_OUTPUT
 from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import Repairs
+from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
@@ -24,15 +24,15 @@ from circparam.pipeline.options import Options
 from circparam.pipeline.verify import uv_seams
 from circparam.seams import SEAMS
 from circparam.seams.options import SeamOptions
-from circparam.solvers.tutte.boundary import BORDERS
+from circparam.solvers.tutte.boundary import BOUNDARIES
 
 
 def check_names(options: Options) -> None:
-    """Raise OptionError for a method, start, border or cut that is in no table."""
+    """Raise OptionError for a method, start, boundary or cut that is in no table."""
     METHODS[options.method]
     SEAMS[options.cut]
-    if options.border is not None:
-        BORDERS[options.border]
+    if options.boundary is not None:
+        BOUNDARIES[options.boundary]
     starts = METHODS.tagged("positive")
     if options.start is not None and options.start not in starts:
         raise OptionError(unknown_name("start", options.start, starts))
@@ -67,7 +67,9 @@ def target_format(
     return DEFAULT_OUTPUT[document.format]
 
 
-def seam_options(document: Document, surface: Surface, mended: Repairs, o: Options) -> SeamOptions:
+def seam_options(
+    document: Document, surface: Surface, repair_report: RepairReport, o: Options
+) -> SeamOptions:
     """What the seams need to know, from the options and the file."""
     given: dict[str, Any] = {
         "max_distortion": o.max_distortion,
@@ -91,7 +93,7 @@ def seam_options(document: Document, surface: Surface, mended: Repairs, o: Optio
         given |= {"groups": both, "cut_groups": True}
     for name, pairs in (("cut", o.seams), ("no_cut", o.no_seams)):
         if pairs is not None:
-            given[name] = mended.weld[_vertex_pairs(pairs, len(mended.weld))]
+            given[name] = repair_report.weld[_vertex_pairs(pairs, len(repair_report.weld))]
     if o.keep_uv_seams:
         uvmap = document.uv(o.uv_set or 0) if document.uv_sets else None
         if uvmap is None:
@@ -135,7 +137,7 @@ def method_options(o: Options) -> MethodOptions:
     """What the method needs to know."""
     given: dict[str, Any] = {
         "start": o.start,
-        "border": o.border,
+        "boundary": o.boundary,
         "spacing": o.spacing,
         "polygon": o.polygon,
         "clamp": o.clamp,
@@ -143,7 +145,7 @@ def method_options(o: Options) -> MethodOptions:
         "blend": o.blend,
         "lscm": o.lscm,
         "linear_abf": o.linear,
-        "bff_border": o.bff_border,
+        "bff_boundary": o.bff_boundary,
     }
     return MethodOptions(**{k: v for k, v in given.items() if v is not None})
 

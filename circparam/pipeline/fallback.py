@@ -18,7 +18,7 @@ from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError, TopologyError
 from circparam.geometry.distortion import chart_distortion
 from circparam.geometry.overlap import overlaps, signs
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import Layout, MethodOptions
@@ -52,18 +52,18 @@ def flatten(
     if start is not None:
         atlas.corners = start
         return atlas
-    patches = surface.patches(cut)
+    cut_mesh = surface.cut_mesh(cut)
     if pins is not None:
-        options = _with_pins(surface, patches, options, pins)
-    layout = METHODS[method].function(patches, options, monitor)
-    atlas.corners = layout.uv[patches.faces]
+        options = _with_pins(surface, cut_mesh, options, pins)
+    layout = METHODS[method].function(cut_mesh, options, monitor)
+    atlas.corners = layout.uv[cut_mesh.faces]
     atlas.notes += layout.notes
     atlas.stopped, atlas.iterations = layout.stopped, layout.iterations
     return atlas
 
 
 def _with_pins(
-    surface: Surface, patches: Patches, options: MethodOptions, pins: FloatArray
+    surface: Surface, cut_mesh: CutMesh, options: MethodOptions, pins: FloatArray
 ) -> MethodOptions:
     """Pins of mesh vertices as pins of the vertices of the cut mesh (a seam makes several of one)."""
     number = pins[:, 0].astype(np.int64)
@@ -71,34 +71,34 @@ def _with_pins(
         raise OptionError("--pin fixes a vertex twice: name each vertex once")
     bad = np.flatnonzero((number < 0) | (number >= len(surface.points)))
     vertex = np.full(len(surface.points), -1)
-    vertex[surface.faces.ravel()] = patches.faces.ravel()
+    vertex[surface.faces.ravel()] = cut_mesh.faces.ravel()
     if len(bad) == 0:
         bad = np.flatnonzero(vertex[number] < 0)
     if len(bad):
         raise OptionError(
             f"--pin names vertex {int(number[bad[0]])}, which no face uses: vertices count from 0"
         )
-    copies = np.unique(np.stack([surface.faces.ravel(), patches.faces.ravel()], 1), axis=0)
+    copies = np.unique(np.stack([surface.faces.ravel(), cut_mesh.faces.ravel()], 1), axis=0)
     seam = np.bincount(copies[:, 0], minlength=len(surface.points))[number] > 1
     if seam.any():
         raise OptionError(
             f"--pin names vertex {int(number[seam][0])}, which lies on a seam: "
-            "pin a vertex inside a chart or on the border of the mesh"
+            "pin a vertex inside a chart or on the boundary of the mesh"
         )
     from dataclasses import replace
 
     return replace(options, pins=Pins(vertex[number], pins[:, 1:]))
 
 
-def faults(patches: Patches, uv: FloatArray) -> tuple[IntArray, BoolArray]:
+def faults(cut_mesh: CutMesh, uv: FloatArray) -> tuple[IntArray, BoolArray]:
     """What is wrong with each chart, (n_charts,) SOUND, FLIPPED or OVERLAPPING; and the flipped faces (m,)."""
-    finite = np.isfinite(uv[patches.faces]).all(axis=(1, 2))
-    flipped = ~finite | (signs(np.where(np.isfinite(uv), uv, 0.0), patches.faces) <= 0)
-    n = patches.n_charts
-    fault = np.where(group_count(patches.chart[flipped], n) > 0, FLIPPED, SOUND)
+    finite = np.isfinite(uv[cut_mesh.faces]).all(axis=(1, 2))
+    flipped = ~finite | (signs(np.where(np.isfinite(uv), uv, 0.0), cut_mesh.faces) <= 0)
+    n = cut_mesh.n_charts
+    fault = np.where(group_count(cut_mesh.chart[flipped], n) > 0, FLIPPED, SOUND)
     sound = fault == SOUND
     if sound.any():
-        part, vertices, _ = patches.subset(sound)
+        part, vertices, _ = cut_mesh.subset(sound)
         found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
         fault[np.flatnonzero(sound)[found.self_overlapping]] = OVERLAPPING
     return fault, flipped
@@ -124,15 +124,15 @@ def _all_faults(atlas: Cascade, may_split: bool, monitor: Monitor) -> IntArray:
 
     Faces laid down one by one are as they have to be.
     """
-    patches, uv = atlas.open()
-    fault, _ = faults(patches, uv)
+    cut_mesh, uv = atlas.open()
+    fault, _ = faults(cut_mesh, uv)
     if not may_split or monitor.expired:
         return fault
-    n = patches.n_charts
-    fixed = group_count(patches.chart[atlas.laid > 0], n) > 0
+    n = cut_mesh.n_charts
+    fixed = group_count(cut_mesh.chart[atlas.laid > 0], n) > 0
     may = (fault == SOUND) & ~fixed
     if may.any():
-        part, vertices, _ = patches.subset(may)
+        part, vertices, _ = cut_mesh.subset(may)
         high = chart_distortion(part, uv[vertices]) > atlas.bound
         fault[np.flatnonzero(may)[high]] = DISTORTED
     return fault
@@ -192,12 +192,12 @@ def _solve_again(
     _, local = np.unique(chart[faces], return_inverse=True)
     label = np.zeros(len(chart), np.int64)
     label[faces] = local
-    patches, fid = atlas.surface.some_patches(atlas.cut, faces, label)
+    cut_mesh, fid = atlas.surface.part_cut_mesh(atlas.cut, faces, label)
     try:
         layout: Layout = METHODS[method].function(
-            patches, MethodOptions(tolerance=options.tolerance, max_iterations=STEPS), monitor
+            cut_mesh, MethodOptions(tolerance=options.tolerance, max_iterations=STEPS), monitor
         )
-        atlas.corners[fid] = layout.uv[patches.faces]
+        atlas.corners[fid] = layout.uv[cut_mesh.faces]
     except (NoResultError, TopologyError, np.linalg.LinAlgError, ArithmeticError):
         atlas.corners[fid] = np.nan
 

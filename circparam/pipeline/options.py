@@ -15,8 +15,10 @@ from typing import Any
 from circparam.core.arrays import FloatArray
 from circparam.errors import OptionError
 
+# names that options had before; they keep working
+ALIASES = {"border": "boundary", "bff_border": "bff_boundary"}
 CUTS = ("charts", "disk", "none")
-FREE = ("lscm", "abf", "arap", "bff", "isometric")  # methods whose border is part of the unknowns
+FREE = ("lscm", "abf", "arap", "bff", "isometric")  # methods whose boundary is part of the unknowns
 DEFAULT_METHOD = "isometric"
 DEFAULT_CUT = "charts"
 DEFAULT_RESOLUTION = 2048
@@ -31,11 +33,11 @@ class Options:
     Raises OptionError, in one line, where a value is out of range, two options contradict each other, or an
     option has no effect beside the others.
 
-    Flattening: ``method`` a name of METHODS. ``start`` the convex map that isometric relaxes. ``border``,
-    ``spacing``, ``clamp`` for convex methods; ``polygon`` (k, 2) corners for ``border="polygon"``.
+    Flattening: ``method`` a name of METHODS. ``start`` the convex map that isometric relaxes. ``boundary``,
+    ``spacing``, ``clamp`` for convex methods; ``polygon`` (k, 2) corners for ``boundary="polygon"``.
     ``tolerance`` the relative decrease at which an iteration stops; ``blend`` 0 isometric .. 1 conformal.
     ``pins`` (p, 3): vertex of the mesh, u, v. ``lscm`` spectral|pinned; ``linear`` the one-solve form of abf;
-    ``bff_border`` "disk", or the target length of each edge of the outer border.
+    ``bff_border`` "disk", or the target length of each edge of the outer boundary.
 
     Seams: ``cut`` one of CUTS. ``max_distortion`` the area-weighted symmetric Dirichlet energy / 4 that no
     chart may exceed (1 is perfect). ``max_charts``; ``min_chart_faces``. ``sharp`` radians between normals
@@ -61,7 +63,7 @@ class Options:
     method: str = DEFAULT_METHOD
     cut: str = DEFAULT_CUT
     start: str | None = None
-    border: str | None = None
+    boundary: str | None = None
     polygon: FloatArray | None = None
     spacing: str | None = None
     clamp: bool | None = None
@@ -69,7 +71,7 @@ class Options:
     blend: float | None = None
     lscm: str | None = None
     linear: bool | None = None
-    bff_border: Any = None
+    bff_boundary: Any = None
     pins: FloatArray | None = None
     max_distortion: float | None = None
     max_charts: int | None = None
@@ -139,12 +141,15 @@ class Options:
         defaults = {f.name: f.default for f in dataclasses.fields(self)}
         values = {name: getattr(self, name) for name in defaults}
         plain = {k: v for k, v in values.items() if isinstance(v, (str, int, float, bool))}
-        return {k: v for k, v in plain.items() if v is not None and v != defaults[k]}
+        out = {k: v for k, v in plain.items() if v is not None and v != defaults[k]}
+        # readers of older reports find their names as well
+        return out | {old: out[name] for old, name in ALIASES.items() if name in out}
 
 
 def from_keywords(keywords: dict[str, Any]) -> Options:
     """Options from keyword arguments; raises OptionError with the nearest name for an unknown one."""
     names = [f.name for f in dataclasses.fields(Options)]
+    keywords = {ALIASES.get(name, name): value for name, value in keywords.items()}
     for name in keywords:
         if name not in names:
             near = difflib.get_close_matches(name, names, n=2, cutoff=0.5)
@@ -156,7 +161,7 @@ def from_keywords(keywords: dict[str, Any]) -> Options:
 def flag(name: str) -> str:
     """The spelling of an option on the command line, for messages."""
     negative = {"scale": "--no-scale", "normalize": "--no-normalize", "repair": "--no-repair"}
-    other = {"pins": "--pin", "polygon": "--border polygon"}
+    other = {"pins": "--pin", "polygon": "--boundary polygon"}
     return negative.get(name) or other.get(name) or "--" + name.replace("_", "-")
 
 
@@ -218,7 +223,7 @@ def _check_applies(o: Options) -> None:
     """Refuse an option that would have no effect."""
     free = o.method in FREE
     rules = [
-        (("border", "spacing", "clamp"), not free, f"--method {o.method} has a free border"),
+        (("boundary", "spacing", "clamp"), not free, f"--method {o.method} has a free boundary"),
         (("start",), o.method == "isometric", "only --method isometric relaxes a start"),
         (("blend",), o.method == "isometric", "only --method isometric can blend"),
         (("tolerance",), o.method in ("isometric", "arap", "abf"), f"{o.method} is one solve"),
@@ -229,8 +234,8 @@ def _check_applies(o: Options) -> None:
         ),
         (("lscm",), o.method == "lscm", "it is a form of --method lscm"),
         (("linear",), o.method == "abf", "it is a form of --method abf"),
-        (("bff_border",), o.method == "bff", "only --method bff has a target border"),
-        (("polygon",), o.border == "polygon", "it needs --border polygon"),
+        (("bff_boundary",), o.method == "bff", "only --method bff has a target boundary"),
+        (("polygon",), o.boundary == "polygon", "it needs --boundary polygon"),
         (
             ("max_distortion", "max_charts", "min_chart_faces", "keep_uv_seams", "symmetry"),
             o.cut == "charts",
@@ -268,5 +273,7 @@ def _check_applies(o: Options) -> None:
         for name in names:
             if getattr(o, name) is not None and not applies:
                 raise OptionError(f"{flag(name)} has no effect here: {why}; leave it out")
-    if o.border == "polygon" and o.polygon is None:
-        raise OptionError("--border polygon needs a file with its corners: --border polygon FILE")
+    if o.boundary == "polygon" and o.polygon is None:
+        raise OptionError(
+            "--boundary polygon needs a file with its corners: --boundary polygon FILE"
+        )

@@ -1,6 +1,6 @@
 """Splits for packing: a chart like a hub with arms wastes the page; cut where the arms begin, it may not.
 
-Candidates are shortest paths across a chart between points of its border. They are ranked by the area that
+Candidates are shortest paths across a chart between points of its boundary. They are ranked by the area that
 the bounding boxes of both parts leave free beside what the chart's leaves free, and the best are packed: a
 split stays only if the page is covered much better with it.
 """
@@ -18,18 +18,16 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group
 from circparam.core.monitor import Monitor
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import best_chart_scales, chart_distortion
-from circparam.mesh.cut_mesh import Patches, not_disks
+from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
 from circparam.pipeline.cascade import Cascade
 
-ANCHORS = 48  # points of a border between which paths are tried
+ANCHORS = 48  # points of a boundary between which paths are tried
 REFLEX = (
     np.pi * 4 / 9
-)  # a corner of a border that turns in by nearly a right angle: an arm may begin there
-SNAP = (
-    1e-9  # share of a border's length by which a point may lie before its anchor's place: rounding
-)
+)  # a corner of a boundary that turns in by nearly a right angle: an arm may begin there
+SNAP = 1e-9  # share of a boundary's length by which a point may lie before its anchor's place: rounding
 ANGLES = 16  # of the bounding boxes, in a quarter turn
 HUBS = 2  # charts that are tried for a split, those that waste most
 TRIED = 3  # paths of each that are packed
@@ -49,7 +47,7 @@ class _Candidate:
     cut: BoolArray
 
 
-def split_hubs(
+def split_for_packing(
     atlas: Cascade, most: int, options: PackOptions, bound: float, monitor: Monitor
 ) -> None:
     """Split at most so many charts where each split raises the covered share by GAIN; the atlas notes it.
@@ -97,40 +95,40 @@ def _seams(atlas: Cascade, cut: BoolArray) -> float:
 
 def _share(atlas: Cascade, cut: BoolArray, options: PackOptions, monitor: Monitor) -> float:
     """Covered share of the pages with these seams; 0 where they cannot be packed."""
-    patches, uv = _opened(atlas, cut)
-    uv = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
+    cut_mesh, uv = _opened(atlas, cut)
+    uv = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
     try:
-        packed = pack(patches.faces, uv, patches.chart, options, monitor)
+        packed = pack(cut_mesh.faces, uv, cut_mesh.chart, options, monitor)
     except CircparamError:
         return 0.0
     return float(packed.share[: int(packed.page.max()) + 1].mean())
 
 
-def _opened(atlas: Cascade, cut: BoolArray) -> tuple[Patches, FloatArray]:
+def _opened(atlas: Cascade, cut: BoolArray) -> tuple[CutMesh, FloatArray]:
     return replace(atlas, cut=cut).open()
 
 
 def _candidates(atlas: Cascade, bound: float) -> list[_Candidate]:
     """The best paths across the charts that waste most, without those that break the bound."""
-    patches, uv = atlas.open()
-    loops = patches.loops
+    cut_mesh, uv = atlas.open()
+    loops = cut_mesh.loops
     if len(loops.chart) == 0:
         return []
-    start = patches.faces.ravel()[loops.half_edges]
+    start = cut_mesh.faces.ravel()[loops.half_edges]
     along = _turned(uv[start])
     high = np.maximum.reduceat(along, loops.start[:-1])
     low = np.minimum.reduceat(along, loops.start[:-1])
     waste = np.where(loops.outer, _boxes(low, high), 0.0)
-    waste -= group_sum(_fans(uv, start, loops.half_edges, patches), loops.loop_of, len(waste))
+    waste -= group_sum(_fans(uv, start, loops.half_edges, cut_mesh), loops.loop_of, len(waste))
     found: list[_Candidate] = []
     for loop in np.argsort(-waste, kind="stable")[:HUBS].tolist():
         if loops.outer[loop] and waste[loop] > 0:
-            found += _paths(atlas, patches, uv, loop, bound)
+            found += _paths(atlas, cut_mesh, uv, loop, bound)
     return found
 
 
 def _turned(points: FloatArray) -> FloatArray:
-    """(k, ANGLES, 2) coordinates of points (k, 2) in turned frames."""
+    """(k, ANGLES, 2) coordinates of points (k, 2) in turned rest triangles."""
     t = np.arange(ANGLES) * (np.pi / 2 / ANGLES)
     x = points @ np.stack([np.cos(t), np.sin(t)])
     y = points @ np.stack([-np.sin(t), np.cos(t)])
@@ -143,20 +141,20 @@ def _boxes(low: FloatArray, high: FloatArray) -> FloatArray:
     return result
 
 
-def _fans(uv: FloatArray, start: IntArray, half_edges: IntArray, patches: Patches) -> FloatArray:
-    """(b,) signed areas between the origin and border half-edges; a loop's sum is the area inside."""
-    end = patches.faces.ravel()[next_half_edge(half_edges)]
+def _fans(uv: FloatArray, start: IntArray, half_edges: IntArray, cut_mesh: CutMesh) -> FloatArray:
+    """(b,) signed areas between the origin and boundary half-edges; a loop's sum is the area inside."""
+    end = cut_mesh.faces.ravel()[next_half_edge(half_edges)]
     return cross2(uv[start], uv[end]) / 2
 
 
 def _paths(
-    atlas: Cascade, patches: Patches, uv: FloatArray, loop: int, bound: float
+    atlas: Cascade, cut_mesh: CutMesh, uv: FloatArray, loop: int, bound: float
 ) -> list[_Candidate]:
-    """Paths across one chart between points of its outer border, the best first."""
-    loops = patches.loops
+    """Paths across one chart between points of its outer boundary, the best first."""
+    loops = cut_mesh.loops
     part = slice(int(loops.start[loop]), int(loops.start[loop + 1]))
     h = loops.half_edges[part]
-    v = patches.faces.ravel()[h]
+    v = cut_mesh.faces.ravel()[h]
     p = uv[v]
     step = np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
     at = np.cumsum(step) - step
@@ -165,7 +163,7 @@ def _paths(
     k = len(anchor)
     if k < 4:
         return []
-    i, j, score = _ranked(p, anchor, _fans(uv, v, h, patches))
+    i, j, score = _ranked(p, anchor, _fans(uv, v, h, cut_mesh))
     found: list[_Candidate] = []
     taken = np.zeros((0, 2), np.int64)
     for a, b, value in zip(i.tolist(), j.tolist(), score.tolist(), strict=True):
@@ -175,14 +173,14 @@ def _paths(
             continue
         taken = np.vstack([taken, [a, b]])
         chart = int(loops.chart[loop])
-        cut = _cut_across(atlas, patches, chart, int(v[anchor[a]]), int(v[anchor[b]]))
-        if cut is not None and _allowed(atlas, patches, chart, cut, bound):
+        cut = _cut_across(atlas, cut_mesh, chart, int(v[anchor[a]]), int(v[anchor[b]]))
+        if cut is not None and _allowed(atlas, cut_mesh, chart, cut, bound):
             found.append(_Candidate(value, cut))
     return found
 
 
 def _reflex(p: FloatArray) -> IntArray:
-    """The corners (at most ANCHORS) of a border p (b, 2) that turn in most: where arms begin."""
+    """The corners (at most ANCHORS) of a boundary p (b, 2) that turn in most: where arms begin."""
     ahead, behind = np.roll(p, -1, axis=0) - p, p - np.roll(p, 1, axis=0)
     turn = np.arctan2(cross2(behind, ahead), (behind * ahead).sum(1))
     sharp = np.flatnonzero(turn < -REFLEX)
@@ -192,12 +190,12 @@ def _reflex(p: FloatArray) -> IntArray:
 def _ranked(
     p: FloatArray, anchor: IntArray, fans: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Pairs of anchors i < j of a border p by what a cut between them saves, as a share of the area inside."""
+    """Pairs of anchors i < j of a boundary p by what a cut there saves, as a share of the area inside."""
     k = len(anchor)
     along = _turned(p)
     high = np.maximum.reduceat(along, anchor)
     low = np.minimum.reduceat(along, anchor)
-    # a piece of the border has both its ends; the first one also has what lies before the first anchor
+    # a piece of the boundary has both its ends; the first one also has what lies before the first anchor
     wrap = np.r_[np.arange(1, k), 0]
     high, low = np.maximum(high, along[anchor[wrap]]), np.minimum(low, along[anchor[wrap]])
     if anchor[0] > 0:
@@ -205,7 +203,7 @@ def _ranked(
         low[-1] = np.minimum(low[-1], along[: anchor[0]].min(0))
     total = float(fans.sum())
     inside = np.r_[0.0, np.cumsum(fans)][np.r_[anchor, len(p)]]
-    box = np.zeros((k, k))  # of the border from anchor i on over so many pieces, less one
+    box = np.zeros((k, k))  # of the boundary from anchor i on over so many pieces, less one
     top, bottom = high.copy(), low.copy()
     for length in range(k):
         box[:, length] = _boxes(bottom, top)
@@ -225,21 +223,21 @@ def _ranked(
 
 
 def _cut_across(
-    atlas: Cascade, patches: Patches, chart: int, start: int, end: int
+    atlas: Cascade, cut_mesh: CutMesh, chart: int, start: int, end: int
 ) -> BoolArray | None:
-    """The seams with the shortest path in a chart between two vertices of its border."""
+    """The seams with the shortest path in a chart between two vertices of its boundary."""
     s = atlas.surface
-    usable = ~atlas.cut & ~s.locked & (patches.chart[s.edges[:, 0] // 3] == chart)
+    usable = ~atlas.cut & ~s.locked & (cut_mesh.chart[s.edges[:, 0] // 3] == chart)
     edge = np.flatnonzero(usable)
-    flat = patches.faces.ravel()
+    flat = cut_mesh.faces.ravel()
     h = s.edges[edge, 0]
     a, b = flat[h], flat[next_half_edge(h)]
-    rim = np.zeros(patches.n_vertices, bool)
-    rim[flat[patches.border]] = True
-    # a path along the border would tear crumbs off: each vertex there costs more than any way round
+    rim = np.zeros(cut_mesh.n_vertices, bool)
+    rim[flat[cut_mesh.boundary]] = True
+    # a path along the boundary would tear fragments off: each vertex there costs more than any way round
     length = s.edge_lengths[edge]
     length = length + length.sum() * (rim[a].astype(float) + rim[b])
-    n = patches.n_vertices
+    n = cut_mesh.n_vertices
     graph = sps.csr_matrix((length, (a, b)), shape=(n, n))
     dijkstra: Any = csgraph.dijkstra
     _, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
@@ -255,10 +253,10 @@ def _cut_across(
     return cut
 
 
-def _allowed(atlas: Cascade, patches: Patches, chart: int, cut: BoolArray, bound: float) -> bool:
+def _allowed(atlas: Cascade, cut_mesh: CutMesh, chart: int, cut: BoolArray, bound: float) -> bool:
     """Whether the cut makes two disks of a chart, neither above the bound."""
     after, uv = _opened(atlas, cut)
-    parts = np.unique(after.chart[patches.chart == chart])
+    parts = np.unique(after.chart[cut_mesh.chart == chart])
     if len(parts) != 2 or not_disks(after)[parts].any():
         return False
     return bool((chart_distortion(after, uv)[parts] <= bound).all())

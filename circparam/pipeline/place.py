@@ -7,26 +7,26 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import best_chart_scales
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing import pack
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.options import Options
-from circparam.pipeline.verify import wound_against
+from circparam.pipeline.verify import reversed_charts
 
 
-def sides(surface: Surface, patches: Patches, options: Options) -> FloatArray:
+def sides(surface: Surface, cut_mesh: CutMesh, options: Options) -> FloatArray:
     """(n_charts,) −1 for charts to be mirrored, so that most of each lies as the file winds it; else 1.
 
     Nothing is mirrored where pins say where vertices lie.
     """
     if options.pins is not None:
-        return np.ones(patches.n_charts)
-    return np.where(wound_against(surface, patches), -1.0, 1.0)
+        return np.ones(cut_mesh.n_charts)
+    return np.where(reversed_charts(surface, cut_mesh), -1.0, 1.0)
 
 
 def place(
-    patches: Patches,
+    cut_mesh: CutMesh,
     uv: FloatArray,
     options: Options,
     notes: list[str],
@@ -40,42 +40,42 @@ def place(
     keep: (n_charts,) charts that keep the size they have.
     """
     if not options.packed:
-        return _side_by_side(patches, np.where(np.isfinite(uv), uv, 0.0))
-    uv = sized(patches, uv, keep)
+        return _side_by_side(cut_mesh, np.where(np.isfinite(uv), uv, 0.0))
+    uv = sized(cut_mesh, uv, keep)
     wanted = pack_options(options)
     for label in np.unique(group if group is not None else 0):
-        mine = np.full(patches.n_charts, True) if group is None else group == label
-        part, vertices, _ = patches.subset(mine)
+        mine = np.full(cut_mesh.n_charts, True) if group is None else group == label
+        part, vertices, _ = cut_mesh.subset(mine)
         packed = pack(part.faces, uv[vertices], part.chart, wanted, monitor)
         uv[vertices] = packed.uv
         notes += [note for note in packed.notes if note not in notes]
     return uv
 
 
-def sized(patches: Patches, uv: FloatArray, keep: BoolArray | None) -> FloatArray:
+def sized(cut_mesh: CutMesh, uv: FloatArray, keep: BoolArray | None) -> FloatArray:
     """uv with charts at their best scales, but for those ((n_charts,) bool) that keep the size they have."""
     uv = np.where(np.isfinite(uv), uv, 0.0)
-    scale = best_chart_scales(patches, uv)
+    scale = best_chart_scales(cut_mesh, uv)
     if keep is not None:
         scale[keep] = 1.0
-    result: FloatArray = uv * scale[patches.vertex_chart][:, None]
+    result: FloatArray = uv * scale[cut_mesh.vertex_chart][:, None]
     return result
 
 
-def chart_tiles(patches: Patches, tile: IntArray) -> IntArray:
+def chart_tiles(cut_mesh: CutMesh, tile: IntArray) -> IntArray:
     """(n_charts,) tile of each chart, from that of each face."""
-    out = np.zeros(patches.n_charts, np.int64)
-    out[patches.chart] = tile
+    out = np.zeros(cut_mesh.n_charts, np.int64)
+    out[cut_mesh.chart] = tile
     return out
 
 
-def _side_by_side(patches: Patches, uv: FloatArray) -> FloatArray:
+def _side_by_side(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """The solver's coordinates; the first chart stays where it is, the others stand to its right."""
-    n = patches.n_charts
+    n = cut_mesh.n_charts
     lo, hi = np.full(n, np.inf), np.full(n, -np.inf)
-    np.minimum.at(lo, patches.vertex_chart, uv[:, 0])
-    np.maximum.at(hi, patches.vertex_chart, uv[:, 0])
+    np.minimum.at(lo, cut_mesh.vertex_chart, uv[:, 0])
+    np.maximum.at(hi, cut_mesh.vertex_chart, uv[:, 0])
     room = 0.02 * float((hi - lo).max(initial=0.0))
     shift = np.zeros(n)
     shift[1:] = np.cumsum(hi[:-1] - lo[:-1] + room) - lo[1:] + lo[0]
-    return uv + np.stack([shift, np.zeros(n)], 1)[patches.vertex_chart]
+    return uv + np.stack([shift, np.zeros(n)], 1)[cut_mesh.vertex_chart]

@@ -10,7 +10,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import NoResultError, OutOfTimeError
 from circparam.formats.document import Document
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.mesh.repair import Repairs
+from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.options import DEFAULT_PADDING, DEFAULT_RESOLUTION, Options
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
@@ -32,7 +32,7 @@ class Result:
     options: Options
     document: Document
     surface: Surface
-    mended: Repairs
+    repair_report: RepairReport
     uv: FloatArray
     uv_faces: IntArray
     charts: IntArray

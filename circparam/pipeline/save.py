@@ -52,7 +52,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
             raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
         result.verification = verify_layout(result.surface, uvmap, o, result.tiles)
     result.uv, result.uv_faces = uvmap.uv, uvmap.uv_faces
-    result.charts[result.surface.source] = result.verification.patches.chart
+    result.charts[result.surface.source] = result.verification.cut_mesh.chart
     judge(result, monitor.expired)
 
 
@@ -73,9 +73,9 @@ def export_seams(result: Result, path: str | os.PathLike[str], overwrite: bool =
 
 def seam_pairs(result: Result) -> IntArray:
     """(s, 2) the two mesh vertices of every seam edge, each edge once, in ascending order."""
-    surface, patches = result.surface, result.verification.patches
+    surface, cut_mesh = result.surface, result.verification.cut_mesh
     glued = np.zeros(surface.faces.size, bool)
-    glued[patches.edges.ravel()] = True
+    glued[cut_mesh.edges.ravel()] = True
     h = surface.edges[~glued[surface.edges[:, 0]], 0]
     corner = np.where(surface.turned[:, None], [[0, 2, 1]], [[0, 1, 2]])
     face = result.mesh.faces[surface.source]

@@ -53,24 +53,24 @@ def _stand_in(atlas: Cascade, faces: BoolArray) -> None:
     _, label = np.unique(chart[faces], return_inverse=True)
     local = np.zeros(len(chart), np.int64)
     local[faces] = label
-    patches, fid = surface.some_patches(atlas.cut, faces, local)
-    n = patches.n_charts
-    longest = group_max(patches.edge_lengths.max(1), patches.chart, n)
+    cut_mesh, fid = surface.part_cut_mesh(atlas.cut, faces, local)
+    n = cut_mesh.n_charts
+    longest = group_max(cut_mesh.edge_lengths.max(1), cut_mesh.chart, n)
     size = max(float(np.sqrt(surface.areas.sum())), float(surface.edge_lengths.max(initial=0.0)))
     side = np.maximum(longest, STAND_IN * size)
     old = np.linalg.norm(atlas.corners[fid, 1] - atlas.corners[fid, 0], axis=1)
-    grown = group_max(np.where(atlas.laid[fid] >= 2, GROW * old, 0.0), patches.chart, n)
+    grown = group_max(np.where(atlas.laid[fid] >= 2, GROW * old, 0.0), cut_mesh.chart, n)
     side = np.maximum(side, grown)
-    # a polygon's triangles have all their corners on its border
-    loops = patches.loops
+    # a polygon's triangles have all their corners on its boundary
+    loops = cut_mesh.loops
     turn = ranges(np.diff(loops.start)) / np.diff(loops.start)[loops.loop_of]
     radius = side[loops.chart[loops.loop_of]] / np.sqrt(3)
-    uv = np.zeros((patches.n_vertices, 2))
-    uv[patches.faces.ravel()[loops.half_edges]] = radius[:, None] * np.stack(
+    uv = np.zeros((cut_mesh.n_vertices, 2))
+    uv[cut_mesh.faces.ravel()[loops.half_edges]] = radius[:, None] * np.stack(
         [np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], 1
     )
     atlas.corners = atlas.corners.copy()
-    atlas.corners[fid] = uv[patches.faces]
+    atlas.corners[fid] = uv[cut_mesh.faces]
     atlas.laid[fid] = np.maximum(atlas.laid[fid] + 1, 2)
     atlas.repairs.append(
         f"{len(fid)} face(s) too thin or small to be stored got a regular polygon instead"

@@ -11,9 +11,9 @@ from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.formats.document import Document
 from circparam.formats.io import stored
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.mesh.repair import Repairs
+from circparam.mesh.repair import RepairReport
 from circparam.mesh.restore import complete
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
@@ -32,7 +32,7 @@ ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spo
 def lay_out(
     atlas: Cascade,
     document: Document,
-    mended: Repairs,
+    repair_report: RepairReport,
     target: str,
     options: Options,
     monitor: Monitor,
@@ -50,24 +50,24 @@ def lay_out(
         if turn == 1:  # what stored numbers spoil is spoilt in a loose layout too
             options = replace(options, effort=min(RETRIED * (options.effort or 1.0), 1.0))
         fallback.settle(atlas, may_split, convex, monitor)
-        patches, uv = atlas.open()
+        cut_mesh, uv = atlas.open()
         with monitor.stage("pack"):
-            group = None if tiles is None else chart_tiles(patches, tiles[atlas.surface.source])
-            keep = np.zeros(patches.n_charts, bool)
-            keep[patches.chart[atlas.laid >= 2]] = True
-            side = sides(atlas.surface, patches, options)
-            uv[:, 0] *= side[patches.vertex_chart]
-            placed = place(patches, uv, options, atlas.notes, monitor, group, keep)
-        uvmap = complete(document.mesh, atlas.surface, mended, placed, patches.faces)
+            group = None if tiles is None else chart_tiles(cut_mesh, tiles[atlas.surface.source])
+            keep = np.zeros(cut_mesh.n_charts, bool)
+            keep[cut_mesh.chart[atlas.laid >= 2]] = True
+            side = sides(atlas.surface, cut_mesh, options)
+            uv[:, 0] *= side[cut_mesh.vertex_chart]
+            placed = place(cut_mesh, uv, options, atlas.notes, monitor, group, keep)
+        uvmap = complete(document.mesh, atlas.surface, repair_report, placed, cut_mesh.faces)
         uvmap = stored(uvmap, target, document)
         with monitor.stage("check"):
-            fault = _stored_faults(atlas, uvmap, patches, side)
+            fault = _stored_faults(atlas, uvmap, cut_mesh, side)
         if not (fault > 0).any():
             break
         if not fallback.advance(atlas, fault, may_split, convex, monitor):
             break
         if options.packed and may_split:
-            size = _length(patches, placed) / _length(patches, sized(patches, uv, keep))
+            size = _length(cut_mesh, placed) / _length(cut_mesh, sized(cut_mesh, uv, keep))
             _hold_stored(atlas, size, document, target, convex, monitor)
     if uvmap is None or not np.isfinite(uvmap.uv).all():
         raise NoResultError("no finite layout was found")
@@ -85,34 +85,34 @@ def _hold_stored(
     """Send charts down the chain that stored numbers would spoil somewhere on a page, at a given size."""
     for _ in range(ROUNDS):
         fallback.settle(atlas, True, convex, monitor)
-        patches, uv = atlas.open()
-        keep = np.zeros(patches.n_charts, bool)
-        keep[patches.chart[atlas.laid >= 2]] = True
+        cut_mesh, uv = atlas.open()
+        keep = np.zeros(cut_mesh.n_charts, bool)
+        keep[cut_mesh.chart[atlas.laid >= 2]] = True
         with monitor.stage("check"):
-            uv = sized(patches, uv, keep) * size
+            uv = sized(cut_mesh, uv, keep) * size
             turn = np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
             uv = uv @ turn  # as packing may: needles along an axis would be stored too well
-            hi = np.full((patches.n_charts, 2), -np.inf)
-            np.maximum.at(hi, patches.vertex_chart, uv)
+            hi = np.full((cut_mesh.n_charts, 2), -np.inf)
+            np.maximum.at(hi, cut_mesh.vertex_chart, uv)
             # to the far corner of the page, where stored numbers are coarsest
-            uv += (1.0 - hi)[patches.vertex_chart]
-            trial = stored(UVMap(uv, patches.faces), target, document)
-            fault, _ = fallback.faults(patches, trial.uv)
+            uv += (1.0 - hi)[cut_mesh.vertex_chart]
+            trial = stored(UVMap(uv, cut_mesh.faces), target, document)
+            fault, _ = fallback.faults(cut_mesh, trial.uv)
         if not (fault > 0).any() or not fallback.advance(atlas, fault, True, convex, monitor):
             return
 
 
-def _length(patches: Patches, uv: FloatArray) -> float:
+def _length(cut_mesh: CutMesh, uv: FloatArray) -> float:
     """Length of all edges of all faces."""
-    p = uv[patches.faces]
+    p = uv[cut_mesh.faces]
     return max(float(np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).sum()), 1e-300)
 
 
-def _stored_faults(atlas: Cascade, uvmap: UVMap, patches: Patches, side: FloatArray) -> IntArray:
+def _stored_faults(atlas: Cascade, uvmap: UVMap, cut_mesh: CutMesh, side: FloatArray) -> IntArray:
     """Faults of the charts in the numbers as the file will hold them; side: see ``sides``."""
     corners, _ = corners_of(atlas.surface, uvmap)
-    uv = np.zeros((patches.n_vertices, 2))
-    uv[patches.faces.ravel()] = corners.reshape(-1, 2)
-    uv[:, 0] *= side[patches.vertex_chart]
-    fault, _ = fallback.faults(patches, uv)
+    uv = np.zeros((cut_mesh.n_vertices, 2))
+    uv[cut_mesh.faces.ravel()] = corners.reshape(-1, 2)
+    uv[:, 0] *= side[cut_mesh.vertex_chart]
+    fault, _ = fallback.faults(cut_mesh, uv)
     return fault

@@ -40,7 +40,7 @@ def summarise(result: Result) -> dict[str, Any]:
         "faces": len(result.mesh.faces),
         **numbers,
         "repairs": result.repairs,
-        "repaired": result.mended.as_dict(),
+        "repaired": result.repair_report.as_dict(),
         "warnings": result.warnings,
         "notes": result.notes,
         "seconds": round(sum(result.seconds.values()), 4),

@@ -17,7 +17,7 @@ from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats.document import Document
 from circparam.formats.io import stored
 from circparam.mesh.mesh import UVMap
-from circparam.mesh.repair import RepairOptions, Repairs, repair
+from circparam.mesh.repair import RepairOptions, RepairReport, repair
 from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
@@ -34,7 +34,7 @@ from circparam.pipeline.configure import (
     tiles_of,
 )
 from circparam.pipeline.options import Options, from_keywords
-from circparam.pipeline.pack_splits import split_hubs
+from circparam.pipeline.pack_splits import split_for_packing
 from circparam.pipeline.result import Result, judge, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.stored_fit import lay_out
@@ -81,23 +81,27 @@ def unwrap_document(
     """All stages after reading."""
     target = target_format(document, output, options)
     with monitor.stage("repair"):
-        surface, mended = repair(document.mesh, RepairOptions(options.weld or 0.0, options.repair))
+        surface, repair_report = repair(
+            document.mesh, RepairOptions(options.weld or 0.0, options.repair)
+        )
     monitor.check()
     with monitor.stage("seams"):
-        wanted = seam_options(document, surface, mended, options)
+        wanted = seam_options(document, surface, repair_report, options)
         seams = find_seams(surface, wanted, options, monitor)
     with monitor.stage("flatten"):
         atlas = first_layout(surface, seams, options, monitor)
-    atlas.again = options.cut == "charts" or "convex-border" not in METHODS[options.method].tags
+    atlas.again = options.cut == "charts" or "convex-boundary" not in METHODS[options.method].tags
     if options.bound is not None and _reachable(options):
         atlas.bound = options.bound
     if options.pack_splits:
         with monitor.stage("pack"):
             fallback.settle(atlas, True, method_options(options), monitor)
-            split_hubs(atlas, options.pack_splits, pack_options(options), atlas.bound, monitor)
+            split_for_packing(
+                atlas, options.pack_splits, pack_options(options), atlas.bound, monitor
+            )
     atlas.notes = [*document.notes, *seams.notes, *atlas.notes]
-    uvmap = lay_out(atlas, document, mended, target, options, monitor)
-    result = _result(document, surface, mended, atlas, uvmap, target, options, monitor)
+    uvmap = lay_out(atlas, document, repair_report, target, options, monitor)
+    result = _result(document, surface, repair_report, atlas, uvmap, target, options, monitor)
     if output is not None:
         save(result, output, monitor)
     result.seconds = dict(monitor.seconds)
@@ -133,21 +137,21 @@ def repack(
         )
     target = target_format(document, output, options)
     with monitor.stage("repair"):
-        surface, mended = repair(document.mesh, RepairOptions())
+        surface, repair_report = repair(document.mesh, RepairOptions())
         corners, ok = corners_of(surface, uvmap)
         if not ok.all():
             raise InputError(
                 f"{document.source.name}: {int((~ok).sum())} faces have no uv: circparam unwrap makes some"
             )
         atlas = Cascade(surface, uv_seams(surface, uvmap), corners, np.zeros(len(ok), np.int64))
-    patches, uv = atlas.open()
+    cut_mesh, uv = atlas.open()
     with monitor.stage("pack"):
-        packed = pack(patches.faces, uv, patches.chart, pack_options(options), monitor)
+        packed = pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor)
     atlas.notes += [*document.notes, *packed.notes]
     whole = stored(
-        complete(document.mesh, surface, mended, packed.uv, patches.faces), target, document
+        complete(document.mesh, surface, repair_report, packed.uv, cut_mesh.faces), target, document
     )
-    result = _result(document, surface, mended, atlas, whole, target, options, monitor)
+    result = _result(document, surface, repair_report, atlas, whole, target, options, monitor)
     result.work = "pack"
     if output is not None:
         save(result, output, monitor)
@@ -192,7 +196,7 @@ def first_layout(surface: Surface, seams: Seams, options: Options, monitor: Moni
 def _result(
     document: Document,
     surface: Surface,
-    mended: Repairs,
+    repair_report: RepairReport,
     atlas: Cascade,
     uvmap: UVMap,
     target: str,
@@ -203,12 +207,12 @@ def _result(
         tiles = tiles_of(document, options)
         verification = verify_layout(surface, uvmap, options, tiles)
     charts = np.full(len(document.mesh.faces), -1)
-    charts[surface.source] = verification.patches.chart
+    charts[surface.source] = verification.cut_mesh.chart
     result = Result(
         options=options,
         document=document,
         surface=surface,
-        mended=mended,
+        repair_report=repair_report,
         uv=uvmap.uv,
         uv_faces=uvmap.uv_faces,
         charts=charts,
@@ -217,7 +221,7 @@ def _result(
         reasons=[],
         warnings=[],
         notes=list(atlas.notes),
-        repairs=[*mended.messages, *atlas.repairs],
+        repairs=[*repair_report.messages, *atlas.repairs],
         seconds=dict(monitor.seconds),
         iterations=atlas.iterations,
         stopped=atlas.stopped,

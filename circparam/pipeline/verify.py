@@ -15,7 +15,7 @@ from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
 from circparam.geometry.overlap import overlaps, signs
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 
@@ -28,14 +28,14 @@ EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may li
 class Verification:
     """What was found. Faces are those of the surface (degenerate and duplicate ones are set aside).
 
-    patches: the surface cut where uv differ; uv (nv, 2) of its vertices. missing: faces without uv.
+    cut_mesh: the surface cut where uv differ; uv (nv, 2) of its vertices. missing: faces without uv.
     flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
     clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
     that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that
     of all seams / √(surface area). coverage: None where the layout was not rasterised.
     """
 
-    patches: Patches
+    cut_mesh: CutMesh
     uv: FloatArray
     missing: int
     flips: int
@@ -64,7 +64,7 @@ class Verification:
         """The figures by the names of the report."""
         m, c = self.measures, self.coverage
         return {
-            "charts": self.patches.n_charts,
+            "charts": self.cut_mesh.n_charts,
             "flips": self.flips,
             "overlap": self.overlap,
             "mirrored": len(self.mirrored),
@@ -78,7 +78,7 @@ class Verification:
             "seam_length": self.seam_length,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,
-            "border_texels": None if c is None else c.border,
+            "border_texels": None if c is None else c.boundary,
         }
 
 
@@ -115,36 +115,36 @@ def verify(
     if tiles is not None:
         e = tiles[surface.source][surface.edges // 3]
         cut |= e[:, 0] != e[:, 1]
-    patches = surface.patches(cut)
-    uv = np.zeros((patches.n_vertices, 2))
-    uv[patches.faces.ravel()] = corners.reshape(-1, 2)
-    n, chart = patches.n_charts, patches.chart
-    sign = signs(uv, patches.faces)
+    cut_mesh = surface.cut_mesh(cut)
+    uv = np.zeros((cut_mesh.n_vertices, 2))
+    uv[cut_mesh.faces.ravel()] = corners.reshape(-1, 2)
+    n, chart = cut_mesh.n_charts, cut_mesh.chart
+    sign = signs(uv, cut_mesh.faces)
     positive, negative = (
         group_count(chart[ok & (sign > 0)], n),
         group_count(chart[ok & (sign < 0)], n),
     )
     mirror = negative > positive
-    wrong_side = (mirror != wound_against(surface, patches)) & (negative + positive > 0)
+    wrong_side = (mirror != reversed_charts(surface, cut_mesh)) & (negative + positive > 0)
     flipped = ok & (np.where(mirror[chart], -sign, sign) <= 0)
     used = group_count(chart[ok], n) > 0
     if tiles is not None:
-        uv = uv + np.stack([_vertex_tiles(patches, tiles[surface.source]), np.zeros(len(uv))], 1)
-    part, vertices, faces = patches.subset(used)
+        uv = uv + np.stack([_vertex_tiles(cut_mesh, tiles[surface.source]), np.zeros(len(uv))], 1)
+    part, vertices, faces = cut_mesh.subset(used)
     found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
     number = np.flatnonzero(used)
-    lo, hi = _boxes(patches, uv)
+    lo, hi = _boxes(cut_mesh, uv)
     covered, outside = None, np.zeros(0, np.int64)
     if resolution is not None:
-        page = pages_of(patches, uv)[:, None] * [1, 0]
+        page = pages_of(cut_mesh, uv)[:, None] * [1, 0]
         outside = np.flatnonzero(
             used & ((lo < page - EDGE_SLACK) | (hi > page + 1 + EDGE_SLACK)).any(1)
         )
-        covered = cover(patches, uv, resolution, padding + 2)
+        covered = cover(cut_mesh, uv, resolution, padding + 2)
     points = uv[vertices]
     alike = points if tiles is None else _at_best_scales(part, points, tiles[surface.source][faces])
     return Verification(
-        patches=patches,
+        cut_mesh=cut_mesh,
         uv=uv,
         missing=int((~ok).sum()),
         flips=int(flipped.sum()),
@@ -161,37 +161,37 @@ def verify(
     )
 
 
-def wound_against(surface: Surface, patches: Patches) -> BoolArray:
+def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     """(n_charts,) charts of which the file winds more area the other way than the surface is wound.
 
     Repair gives a whole component one winding, that of most of its area; where a file is wound at random a
     single chart may go the other way, and readers take the side that most of the chart shows for its front.
     Where both sides are as large, up to rounding, it is the side of the chart's first face.
     """
-    n = patches.n_charts
-    balance = group_sum(np.where(surface.turned, -surface.areas, surface.areas), patches.chart, n)
-    even = np.abs(balance) <= EVEN * group_sum(surface.areas, patches.chart, n)
-    charts, first = np.unique(patches.chart, return_index=True)
+    n = cut_mesh.n_charts
+    balance = group_sum(np.where(surface.turned, -surface.areas, surface.areas), cut_mesh.chart, n)
+    even = np.abs(balance) <= EVEN * group_sum(surface.areas, cut_mesh.chart, n)
+    charts, first = np.unique(cut_mesh.chart, return_index=True)
     front = np.zeros(n, bool)
     front[charts] = surface.turned[first]
     result: BoolArray = np.where(even, front, balance < 0)
     return result
 
 
-def _vertex_tiles(patches: Patches, tile: IntArray) -> IntArray:
+def _vertex_tiles(cut_mesh: CutMesh, tile: IntArray) -> IntArray:
     """(nv,) tile of each vertex, from that of each face."""
-    out = np.zeros(patches.n_vertices, np.int64)
-    out[patches.faces.ravel()] = np.repeat(tile, 3)
+    out = np.zeros(cut_mesh.n_vertices, np.int64)
+    out[cut_mesh.faces.ravel()] = np.repeat(tile, 3)
     return out
 
 
-def _at_best_scales(patches: Patches, uv: FloatArray, tile: IntArray) -> FloatArray:
+def _at_best_scales(cut_mesh: CutMesh, uv: FloatArray, tile: IntArray) -> FloatArray:
     """uv with every atlas at its own best scale: each may have a density of its own."""
-    of_chart = np.zeros(patches.n_charts, np.int64)
-    of_chart[patches.chart] = tile
+    of_chart = np.zeros(cut_mesh.n_charts, np.int64)
+    of_chart[cut_mesh.chart] = tile
     out = uv.copy()
     for t in np.unique(of_chart):
-        part, vertices, _ = patches.subset(of_chart == t)
+        part, vertices, _ = cut_mesh.subset(of_chart == t)
         out[vertices] *= measure(part, uv[vertices]).scale
     return out
 
@@ -210,12 +210,12 @@ def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
     return result
 
 
-def _boxes(patches: Patches, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _boxes(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Bounding box of each chart."""
-    lo = np.full((patches.n_charts, 2), np.inf)
-    hi = np.full((patches.n_charts, 2), -np.inf)
-    np.minimum.at(lo, patches.vertex_chart, uv)
-    np.maximum.at(hi, patches.vertex_chart, uv)
+    lo = np.full((cut_mesh.n_charts, 2), np.inf)
+    hi = np.full((cut_mesh.n_charts, 2), -np.inf)
+    np.minimum.at(lo, cut_mesh.vertex_chart, uv)
+    np.maximum.at(hi, cut_mesh.vertex_chart, uv)
     return lo, hi
 
 
@@ -233,7 +233,7 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
     if v.missing:
         out.append(f"{v.missing} faces have no finite uv")
     if v.flips:
-        where = np.unique(v.patches.chart[v.flipped])
+        where = np.unique(v.cut_mesh.chart[v.flipped])
         out.append(f"{v.flips} faces are flipped or without area in {_named(where)}")
     if len(v.mirrored):
         out.append(f"{_named(v.mirrored)} mirrored")
@@ -256,9 +256,9 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
                 f"charts {c.near[0]} and {c.near[1]} are {max(c.gap - 1, 0):.1f} texels apart: "
                 f"{promise.padding} were asked for"
             )
-        if c.border < promise.padding:
+        if c.boundary < promise.padding:
             out.append(
-                f"{c.border} texels are empty at the border: {promise.padding} were asked for"
+                f"{c.boundary} texels are empty at the boundary: {promise.padding} were asked for"
             )
     return out
 

@@ -231,8 +231,8 @@ def _table1(sizes: Sequence[Any]) -> str:
     )  # fmt: skip
     return (
         "<section><h2>Circle and Floater on the sizes of Table 1</h2>"
-        "<p>Medians from cut patches to uv. The source (Kim 2019) gives no unit; ratios can be compared, times "
-        f'cannot.</p><div class="scroll"><table><thead><tr>{heads}</tr></thead>'
+        "<p>Medians from the cut mesh to uv. The source (Kim 2019) gives no unit; ratios can be compared, "
+        f'times cannot.</p><div class="scroll"><table><thead><tr>{heads}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table></div></section>"
     )
 

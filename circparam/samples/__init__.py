@@ -31,7 +31,7 @@ class Sample:
     """One row of the manifest. Counts are of the welded surface; "-" where it is no manifold.
 
     file: name in the package. vertices, polygons, triangles, components, nonmanifold_edges: numbers.
-    genus, borders: total over all components. summary: one line. how: how it was made.
+    genus, boundaries: total over all components. summary: one line. how: how it was made.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Sample:
     triangles: int
     components: int
     genus: str
-    borders: str
+    boundaries: str
     nonmanifold_edges: int
     summary: str
     how: str

@@ -1,4 +1,4 @@
-"""Few charts under a distortion bound: grow, merge, straighten, on a coarse proxy where the mesh is large."""
+"""Few charts under a distortion bound: grow, merge, shorten, on a coarse proxy where the mesh is large."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import HALVED, Helper, in_halves
+from circparam.core.workers import HALVED, Worker, in_halves
 from circparam.mesh.atlas import Cutting
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
@@ -21,7 +21,7 @@ from circparam.seams.multires.transfer_layout import (
     nearest_coarse_face,
     separate,
 )
-from circparam.seams.multires.transfer_seams import carry_seams
+from circparam.seams.multires.transfer_seams import transfer_seams
 from circparam.seams.options import SeamOptions, Seams
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import (
@@ -31,7 +31,7 @@ from circparam.seams.segmentation.grow import (
     make_disks,
     split_charts,
 )
-from circparam.seams.segmentation.layout import Laid, judge, lay_out_fresh, straighten
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh, shorten_seams
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.small import absorb
@@ -56,7 +56,7 @@ CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compar
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
-PROXY_MARGIN = 0.01  # on the proxy, whose borders are only about those of the mesh
+PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
 HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
@@ -108,14 +108,14 @@ def mirrored_atlas(
         with monitor.stage("carry"):
             rest = surface.part(~mirror.half)
             graph = dual_graph(rest)
-            other = carry(rest, graph, *about_image_of(mirror, half, rest))
-        with Helper(__name__, len(rest.faces) > HALVED) as helper:
-            finish(other, graph, bound, options, helper, monitor, notes)
+            other = transfer_to_fine(rest, graph, *about_image_of(mirror, half, rest))
+        with Worker(__name__, len(rest.faces) > HALVED) as worker:
+            finish(other, graph, bound, options, worker, monitor, notes)
     cutting, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
         Merger(cutting, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
         cutting.cut = mirror.closed(cutting.cut)
-        if not_disks(cutting.patches()).any():
+        if not_disks(cutting.cut_mesh()).any():
             make_disks(cutting, dual_graph(surface))
     return cutting
 
@@ -124,9 +124,9 @@ def atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Cutting:
     """Decide the seams of a surface and lay its charts out."""
-    with Helper(__name__, len(surface.faces) > SHARED_FACES) as helper:
-        cutting, graph = _decided(surface, bound, options, helper, monitor)
-        finish(cutting, graph, bound, options, helper, monitor, notes)
+    with Worker(__name__, len(surface.faces) > SHARED_FACES) as worker:
+        cutting, graph = _decided(surface, bound, options, worker, monitor)
+        finish(cutting, graph, bound, options, worker, monitor, notes)
     return cutting
 
 
@@ -135,7 +135,7 @@ def finish(
     graph: DualGraph,
     bound: float,
     options: SeamOptions,
-    helper: Helper,
+    worker: Worker,
     monitor: Monitor,
     notes: list[str],
 ) -> None:
@@ -146,10 +146,10 @@ def finish(
         to_bound = bound if options.max_charts is None else None
         parts = in_halves(chart)
         tasks = [(cutting.part(faces), to_bound) for faces in parts]
-        for faces, part in zip(parts, helper.map(settle_part, tasks, monitor), strict=True):
+        for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
             cutting.put(faces, part)
         if cutting.charts()[0] > count:
-            regroup(cutting, bound, helper, monitor)
+            regroup(cutting, bound, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             notes += grow_small(cutting, bound, options.min_chart_faces, monitor)
@@ -165,13 +165,13 @@ def settle_part(cutting: Cutting, bound: float | None, monitor: Monitor) -> Cutt
 
 
 def _decided(
-    surface: Surface, bound: float, options: SeamOptions, helper: Helper, monitor: Monitor
+    surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
 ) -> tuple[Cutting, DualGraph]:
     """Seams before the last relaxation, decided on the surface or on its proxy."""
     if complexity(surface) > MANY:
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
-            cutting, _ = _decided(closed, bound, options, helper, monitor)
+            cutting, _ = _decided(closed, bound, options, worker, monitor)
             return without_fans(cutting, surface), dual_graph(surface)
     count, graph = len(surface.faces), dual_graph(surface)
     proxy = None
@@ -180,11 +180,11 @@ def _decided(
             target = proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            return decide(surface, bound, MARGIN, options.max_charts, helper, monitor), graph
+            return decide(surface, bound, MARGIN, options.max_charts, worker, monitor), graph
         inner = 1 + (bound - 1) * (1 - SLACK)
-        coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, helper, monitor)
+        coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
     with monitor.stage("carry"):
-        return carry(surface, graph, coarse, proxy), graph
+        return transfer_to_fine(surface, graph, coarse, proxy), graph
 
 
 def proxy_faces(surface: Surface) -> int:
@@ -206,11 +206,11 @@ def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> 
     ]
 
 
-def regroup(cutting: Cutting, bound: float, helper: Helper, monitor: Monitor) -> None:
+def regroup(cutting: Cutting, bound: float, worker: Worker, monitor: Monitor) -> None:
     """Merge the pieces that enforcing left with their neighbours where that is good again."""
     fixed = np.zeros(len(cutting.cut), bool)
     options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
-    Merger(cutting, options, fixed, helper).run(monitor)
+    Merger(cutting, options, fixed, worker).run(monitor)
 
 
 def decide(
@@ -218,14 +218,14 @@ def decide(
     bound: float,
     margin: float,
     max_charts: int | None,
-    helper: Helper,
+    worker: Worker,
     monitor: Monitor,
 ) -> Cutting:
     """Decide seams on the surface itself: components that are good charts as they are stay whole."""
     cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
     rest = ~whole_components(cutting, bound)
     if rest.any():
-        cutting.put(rest, best_of_starts(surface.part(rest), bound, margin, helper, monitor))
+        cutting.put(rest, best_of_starts(surface.part(rest), bound, margin, worker, monitor))
     if max_charts is not None:
         reach_count(cutting, bound, max_charts, monitor)
     return cutting
@@ -233,26 +233,26 @@ def decide(
 
 def whole_components(cutting: Cutting, bound: float) -> BoolArray:
     """(m,) bool: faces of components that are good charts without a seam. They are laid out."""
-    patches = cutting.patches()
-    able = ~not_disks(patches)
+    cut_mesh = cutting.cut_mesh()
+    able = ~not_disks(cut_mesh)
     if able.any():
         laid = lay_out_fresh(cutting, able, dataclasses.replace(ROUGH, give_up=bound))
         able &= ~laid.bad(bound)
-    return able[patches.chart]
+    return able[cut_mesh.chart]
 
 
 def best_of_starts(
-    surface: Surface, bound: float, margin: float, helper: Helper, monitor: Monitor
+    surface: Surface, bound: float, margin: float, worker: Worker, monitor: Monitor
 ) -> Cutting:
-    """Grow, merge and straighten charts: the best of a few starts where that is cheap."""
+    """Grow, merge and shorten charts: the best of a few starts where that is cheap."""
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
     # so many holes and handles cut the surface up that regions hardly matter
     if complexity(surface) > min(MANY, len(surface.faces) / CUT_UP):
         seeds = seeds[:1]
     if len(seeds) == 1:
-        return grow_and_merge(surface, bound, margin, seeds[0], helper, monitor)
+        return grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
     tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
-    starts = [Cutting(surface, *s) for s in helper.map(decide_once, tasks, monitor) if s]
+    starts = [Cutting(surface, *s) for s in worker.map(decide_once, tasks, monitor) if s]
     cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
     return starts[int(np.argmin(cost))]
 
@@ -272,12 +272,12 @@ def grow_and_merge(
     bound: float,
     margin: float,
     seeds: int,
-    helper: Helper | None,
+    worker: Worker | None,
     monitor: Monitor,
 ) -> Cutting:
-    """Grow charts round so many seeds, split what is bad, merge, straighten, merge again.
+    """Grow charts round so many seeds, split what is bad, merge, shorten, merge again.
 
-    helper: lays half of the charts out where there is nothing better for it to do.
+    worker: lays half of the charts out where there is nothing better for it to do.
     """
     graph = dual_graph(surface)
     cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
@@ -287,29 +287,29 @@ def grow_and_merge(
     cutting.cut = proposal.cut(np.ones(proposal.n, bool))
     make_disks(cutting, graph)
     crowd = cutting.charts()[0] > MANY
-    laid = lay_out_fresh(cutting, None, HASTY if crowd else ROUGH, helper, monitor)
+    laid = lay_out_fresh(cutting, None, HASTY if crowd else ROUGH, worker, monitor)
     for _ in range(12):
-        bad = laid.bad(bound) & (np.bincount(laid.patches.chart) > 1)
+        bad = laid.bad(bound) & (np.bincount(laid.cut_mesh.chart) > 1)
         if not bad.any():
             break
-        was = bad[laid.patches.chart]
-        split_charts(cutting, graph, laid.patches.chart, bad, 4 if bad.sum() > MANY else 2)
+        was = bad[laid.cut_mesh.chart]
+        split_charts(cutting, graph, laid.cut_mesh.chart, bad, 4 if bad.sum() > MANY else 2)
         make_disks(cutting, graph)
         n, chart = cutting.charts()
         again = np.zeros(n, bool)
         again[chart[was]] = True
         steps = HASTY if bad.sum() > MANY else ROUGH
-        laid = lay_out_fresh(cutting, again, steps, helper, monitor)
+        laid = lay_out_fresh(cutting, again, steps, worker, monitor)
     fixed = np.zeros(len(cutting.cut), bool)
-    merger = Merger(cutting, MergeOptions(bound, margin=margin), fixed, helper)
+    merger = Merger(cutting, MergeOptions(bound, margin=margin), fixed, worker)
     merger.run(monitor)
     _, before = cutting.charts()
     arcs = cutting.arcs(before)
     steps = HASTY if crowd else FAIR
-    straighten(cutting, graph, bound, steps, 3, margin=margin)
+    shorten_seams(cutting, graph, bound, steps, 3, margin=margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
-    straighten(cutting, graph, bound, steps, 1, margin=margin)
+    shorten_seams(cutting, graph, bound, steps, 1, margin=margin)
     return cutting
 
 
@@ -326,25 +326,25 @@ def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) ->
             pass
 
 
-def carry(surface: Surface, graph: DualGraph, coarse: Cutting, proxy: Proxy) -> Cutting:
+def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Cutting, proxy: Proxy) -> Cutting:
     """Seams and layout of the proxy on the fine surface (not relaxed yet)."""
     fine = Cutting(surface, np.zeros(len(surface.edges), bool))
-    carry_seams(coarse, proxy, fine)
+    transfer_seams(coarse, proxy, fine)
     near = nearest_coarse_face(surface, proxy)
     _, coarse_chart = coarse.charts()
     separate(fine, graph, coarse, coarse_chart, near)
-    carried = drop_slivers(fine, coarse_chart, near)
-    targets, _ = fine_targets(coarse, fine, coarse_chart, near, carried)
-    patches = fine.patches()
-    bad = not_disks(patches)
-    uv, _ = from_jacobians(patches, targets, 0 if bad.any() else 8)
-    fine.scatter(patches, uv)
+    transferred = drop_slivers(fine, coarse_chart, near)
+    targets, _ = fine_targets(coarse, fine, coarse_chart, near, transferred)
+    cut_mesh = fine.cut_mesh()
+    bad = not_disks(cut_mesh)
+    uv, _ = from_jacobians(cut_mesh, targets, 0 if bad.any() else 8)
+    fine.scatter(cut_mesh, uv)
     return fine
 
 
-def settle(cutting: Cutting, monitor: Monitor) -> Laid:
+def settle(cutting: Cutting, monitor: Monitor) -> ChartLayouts:
     """Relax the layout of all charts, after mending its flips."""
-    patches = cutting.patches()
-    uv = lay_out_sound(patches, cutting.gather(patches), FINAL, monitor)
-    cutting.scatter(patches, uv)
-    return judge(patches, uv)
+    cut_mesh = cutting.cut_mesh()
+    uv = lay_out_sound(cut_mesh, cutting.gather(cut_mesh), FINAL, monitor)
+    cutting.scatter(cut_mesh, uv)
+    return judge(cut_mesh, uv)

@@ -25,7 +25,7 @@ def match_edges(surface: Surface, pairs: IntArray) -> tuple[BoolArray, IntArray]
     low, high = np.min(pairs, 1, initial=n), np.max(pairs, 1, initial=0)
     wanted = low * n + high
     outside = (pairs < 0).any(1) | (pairs >= n).any(1)
-    rim = surface.border
+    rim = surface.boundary
     c, d = flat[rim], flat[next_half_edge(rim)]
     known = np.concatenate([key, np.minimum(c, d) * n + np.maximum(c, d)])
     return np.isin(key, wanted[~outside]), np.flatnonzero(outside | ~np.isin(wanted, known))

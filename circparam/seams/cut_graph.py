@@ -19,14 +19,14 @@ from circparam.core.arrays import (
 from circparam.core.monitor import Monitor
 from circparam.core.multigraph import Graph, spanning_forest
 from circparam.errors import TopologyError
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.options import SeamOptions, Seams
 
 LOCKED = 1e6  # a locked edge is this many times longer: taken only where there is no other way
-SLIT = 1e-9  # a border whose vector area is below this share of its length² encloses nothing
+SLIT = 1e-9  # a boundary whose vector area is below this share of its length² encloses nothing
 SLIT_EDGES = 6  # and only if it has at most so many edges: the opening of a pocket is flat as well
 SHORTEST_CUT = 3  # edges of the path that opens a closed surface
 CREEP = 0.005  # a seam that got shorter by less than this share is as good as done
@@ -36,22 +36,23 @@ WORK = 1_500_000  # faces looked at while loops are shortened
 def none(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """No seams. Raises TopologyError unless every component is a disk.
 
-    Slits that set-aside faces without area have left do not count as borders.
+    Slits that set-aside faces without area have left do not count as boundaries.
     """
     cut = np.zeros(len(surface.edges), bool)
-    patches = surface.patches(cut)
-    loops = patches.loops
-    open_loops = group_count(loops.chart[~_slits(surface, patches)], patches.n_charts)
-    genus = genus_of(patches)
+    cut_mesh = surface.cut_mesh(cut)
+    loops = cut_mesh.loops
+    open_loops = group_count(loops.chart[~_slits(surface, cut_mesh)], cut_mesh.n_charts)
+    genus = genus_of(cut_mesh)
     bad = np.flatnonzero((open_loops != 1) | (genus > 0))
     if len(bad):
         c = int(bad[0])
-        faces = int((patches.chart == c).sum())
-        borders, handles = int(open_loops[c]), int(genus[c])
+        faces = int((cut_mesh.chart == c).sum())
+        boundaries, handles = int(open_loops[c]), int(genus[c])
         raise TopologyError(
             f"component {c} ({faces} faces, the first is face "
-            f"{surface.source[int((patches.chart == c).argmax())]}) has {borders} "
-            f"border{'s' * (borders != 1)} and genus {handles}; a map without seams needs 1 and 0"
+            f"{surface.source[int((cut_mesh.chart == c).argmax())]}) has {boundaries} "
+            f"{'boundary' if boundaries == 1 else 'boundaries'} and genus {handles}; "
+            "a map without seams needs 1 and 0"
             + (f" ({len(bad)} components in all)" if len(bad) > 1 else "")
             + ". Cut it: --cut disk"
         )
@@ -62,21 +63,21 @@ def disk(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """One disk for each component, but for inner holes: Euler characteristic 1 once these are closed.
 
     Closed surfaces without handles open along the shortest path between two far ends. Handles are cut along
-    the 2g loops that a tree-cotree pair leaves (Erickson, Whittlesey 2005; Dey's and Eppstein's trees), borders
-    taken as points, and each loop is then replaced by the shortest cut that does the same. Seams that the
-    options demand are kept, and every part they leave becomes a disk of its own.
+    the 2g loops that a tree-cotree pair leaves (Erickson, Whittlesey 2005; Dey's and Eppstein's trees),
+    boundaries taken as points, and each loop is then replaced by the shortest cut that does the same. Seams
+    that the options demand are kept, and every part they leave becomes a disk of its own.
     """
     surface, cut, notes = constrain(surface, options)
     before = int(cut.sum())
-    patches = surface.patches(cut)
-    genus = genus_of(patches)
+    cut_mesh = surface.cut_mesh(cut)
+    genus = genus_of(cut_mesh)
     if genus.any():
         cut = cut | _cut_handles(surface, cut, genus > 0, monitor)
-        patches = surface.patches(cut)
-    borders = patches.loops.chart[~_slits(surface, patches)]
-    closed = group_count(borders, patches.n_charts) == 0
+        cut_mesh = surface.cut_mesh(cut)
+    boundaries = cut_mesh.loops.chart[~_slits(surface, cut_mesh)]
+    closed = group_count(boundaries, cut_mesh.n_charts) == 0
     if closed.any():
-        cut = cut | _open(surface, cut, patches, closed)
+        cut = cut | _open(surface, cut, cut_mesh, closed)
     handles = int(genus.sum())
     if handles:
         notes.append(f"{handles} handles cut along {int(cut.sum()) - before} edges")
@@ -88,15 +89,15 @@ def disk(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     return Seams(cut, None, notes)
 
 
-def genus_of(patches: Patches) -> IntArray:
-    """(n_charts,) genus of each chart: χ = 2 − 2·genus − borders."""
-    borders = group_count(patches.loops.chart, patches.n_charts)
-    return (2 - patches.euler() - borders) // 2
+def genus_of(cut_mesh: CutMesh) -> IntArray:
+    """(n_charts,) genus of each chart: χ = 2 − 2·genus − boundaries."""
+    boundaries = group_count(cut_mesh.loops.chart, cut_mesh.n_charts)
+    return (2 - cut_mesh.euler() - boundaries) // 2
 
 
-def _slits(surface: Surface, patches: Patches) -> BoolArray:
-    """(loops,) borders of a few edges that enclose no area, as a set-aside face without area leaves them."""
-    loops = patches.loops
+def _slits(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
+    """(loops,) boundaries of a few edges that enclose no area, as a set-aside face without area leaves them."""
+    loops = cut_mesh.loops
     flat = surface.faces.ravel()
     h = loops.half_edges
     first = loops.start[:-1]
@@ -111,9 +112,9 @@ def _slits(surface: Surface, patches: Patches) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """The charts being cut: patches of them, the edges of the surface in patches.edges, and their weights."""
+    """The charts being cut: cut mesh of them, the edges of the surface in cut mesh.edges, and their weights."""
 
-    patches: Patches
+    cut_mesh: CutMesh
     edge: IntArray
     weight: FloatArray
     locked: BoolArray
@@ -121,27 +122,27 @@ class _Part:
     @property
     def ends(self) -> tuple[IntArray, IntArray]:
         """The two vertices of each edge."""
-        h = self.patches.edges[:, 0]
-        flat = self.patches.faces.ravel()
+        h = self.cut_mesh.edges[:, 0]
+        flat = self.cut_mesh.faces.ravel()
         return flat[h], flat[next_half_edge(h)]
 
 
 def _part(surface: Surface, cut: BoolArray, faces: BoolArray) -> _Part:
     _, chart = surface.charts(cut)
     label = np.cumsum(np.bincount(chart[faces], minlength=int(chart.max()) + 1) > 0) - 1
-    patches, _ = surface.some_patches(cut, faces, label[chart])
+    cut_mesh, _ = surface.part_cut_mesh(cut, faces, label[chart])
     edge = np.flatnonzero(~cut & faces[surface.edges[:, 0] // 3])
     locked = surface.locked[edge]
     weight = np.maximum(surface.edge_lengths[edge], 1e-9 * surface.edge_lengths.max(initial=0.0))
-    return _Part(patches, edge, np.where(locked, LOCKED * weight, weight), locked)
+    return _Part(cut_mesh, edge, np.where(locked, LOCKED * weight, weight), locked)
 
 
-def _nodes(patches: Patches) -> tuple[int, IntArray]:
-    """Vertices with every border loop drawn together to one node: (number, (n_vertices,) node)."""
-    node = np.arange(patches.n_vertices)
-    loops = patches.loops
-    node[patches.faces.ravel()[loops.half_edges]] = patches.n_vertices + loops.loop_of
-    return patches.n_vertices + len(loops.chart), node
+def _nodes(cut_mesh: CutMesh) -> tuple[int, IntArray]:
+    """Vertices with every boundary loop drawn together to one node: (number, (n_vertices,) node)."""
+    node = np.arange(cut_mesh.n_vertices)
+    loops = cut_mesh.loops
+    node[cut_mesh.faces.ravel()[loops.half_edges]] = cut_mesh.n_vertices + loops.loop_of
+    return cut_mesh.n_vertices + len(loops.chart), node
 
 
 def _cut_handles(
@@ -159,17 +160,17 @@ def _cut_handles(
 def _tree_cotree(part: _Part) -> BoolArray:
     """(e,) edges of the part along which every chart becomes a sphere with holes: 2g loops from one point.
 
-    The tree is that of shortest paths from the longest border (else from one vertex), with borders drawn
+    The tree is that of shortest paths from the longest boundary (else from one vertex), with boundaries drawn
     together to points; the cotree joins faces across the other edges, those on the longest loops first, so the
     2g edges that are left close the shortest loops.
     """
-    patches = part.patches
-    n, node = _nodes(patches)
+    cut_mesh = part.cut_mesh
+    n, node = _nodes(cut_mesh)
     a, b = (node[end] for end in part.ends)
-    roots = np.empty(patches.n_charts, np.int64)
-    roots[patches.vertex_chart[::-1]] = node[::-1]
-    outer = np.flatnonzero(patches.loops.outer)
-    roots[patches.loops.chart[outer]] = patches.n_vertices + outer
+    roots = np.empty(cut_mesh.n_charts, np.int64)
+    roots[cut_mesh.vertex_chart[::-1]] = node[::-1]
+    outer = np.flatnonzero(cut_mesh.loops.outer)
+    roots[cut_mesh.loops.chart[outer]] = cut_mesh.n_vertices + outer
     graph = Graph(n, a, b, part.weight)
     distance, parent = graph.paths(roots)
     left = np.ones(len(a), bool)
@@ -178,8 +179,8 @@ def _tree_cotree(part: _Part) -> BoolArray:
     # locked edges join their faces first of all: no seam runs there
     length = np.where(part.locked, np.inf, distance[a] + part.weight + distance[b])
     free = np.flatnonzero(left)
-    f, g = patches.edges[free, 0] // 3, patches.edges[free, 1] // 3
-    left[free[spanning_forest(len(patches.faces), f, g, -length[free])]] = False
+    f, g = cut_mesh.edges[free, 0] // 3, cut_mesh.edges[free, 1] // 3
+    left[free[spanning_forest(len(cut_mesh.faces), f, g, -length[free])]] = False
     seam = left.copy()
     seam[graph.trace(parent, np.r_[a[left], b[left]])] = True
     return _prune(seam, a, b, n)
@@ -200,26 +201,26 @@ def _prune(seam: BoolArray, a: IntArray, b: IntArray, n: int) -> BoolArray:
 
 
 def _shorten(part: _Part, seam: BoolArray, monitor: Monitor) -> BoolArray:
-    """Replace arcs of the seam, the longest first, by the shortest cut between the two borders they join.
+    """Replace arcs of the seam, the longest first, by the shortest cut between the two boundaries they join.
 
-    With one arc glued a chart is an annulus, but for holes, and *every* path between the two borders of the
+    With one arc glued a chart is an annulus, but for holes, and *every* path between the two boundaries of the
     annulus opens it again. One arc of each chart at a time; ends when no arc gets shorter, the work is spent
     or the time is up (the seam is valid all the way).
     """
-    patches = part.patches
-    n, node = _nodes(patches)
+    cut_mesh = part.cut_mesh
+    n, node = _nodes(cut_mesh)
     a, b = (node[end] for end in part.ends)
-    chart = patches.chart[patches.edges[:, 0] // 3]
+    chart = cut_mesh.chart[cut_mesh.edges[:, 0] // 3]
     tried = np.zeros(len(seam), bool)
-    for _ in range(1 + WORK // len(patches.faces)):
-        arc = _longest_arcs(seam, tried, a, b, chart, part.weight, patches.n_vertices)
+    for _ in range(1 + WORK // len(cut_mesh.faces)):
+        arc = _longest_arcs(seam, tried, a, b, chart, part.weight, cut_mesh.n_vertices)
         if not arc.any() or monitor.expired:
             break
         tried |= arc
         path, gained = _reroute(part, seam & ~arc, arc, chart)
-        before = np.bincount(chart[seam], part.weight[seam], patches.n_charts)
+        before = np.bincount(chart[seam], part.weight[seam], cut_mesh.n_charts)
         seam = _prune(np.where(gained[chart], (seam & ~arc) | path, seam), a, b, n)
-        after = np.bincount(chart[seam], part.weight[seam], patches.n_charts)
+        after = np.bincount(chart[seam], part.weight[seam], cut_mesh.n_charts)
         # a chart that changed has new arcs to try; creeping progress is not worth the time
         tried &= seam & ~(after < (1 - CREEP) * before)[chart]
     return seam
@@ -234,7 +235,7 @@ def _longest_arcs(
     weight: FloatArray,
     n_vertices: int,
 ) -> BoolArray:
-    """(e,) for each chart the longest arc of its seam not tried yet; arcs end at branches and borders."""
+    """(e,) for each chart the longest arc of its seam not tried yet; arcs end at branches and boundaries."""
     e = np.flatnonzero(seam)
     ends = np.r_[a[e], b[e]]
     through = (np.bincount(ends, minlength=1)[ends] == 2) & (ends < n_vertices)
@@ -258,11 +259,11 @@ def _longest_arcs(
 def _reroute(
     part: _Part, seam: BoolArray, arc: BoolArray, chart: IntArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Shortest paths between the borders that the arcs join: ((e,) edges, (charts,) where one is shorter)."""
-    patches = part.patches
+    """Shortest paths between the boundaries that the arcs join: ((e,), (charts,) where one is shorter)."""
+    cut_mesh = part.cut_mesh
     kept = np.flatnonzero(~seam)
-    _, corners = corner_classes(len(patches.faces), patches.edges[kept])
-    trial = Patches(corners, patches.frames, patches.chart, patches.edges[kept])
+    _, corners = corner_classes(len(cut_mesh.faces), cut_mesh.edges[kept])
+    trial = CutMesh(corners, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges[kept])
     n, node = _nodes(trial)
     flat = trial.faces.ravel()
     h = trial.edges[:, 0]
@@ -270,7 +271,7 @@ def _reroute(
     on = arc[kept]
     owner = chart[kept]
     length = np.bincount(owner[on], part.weight[kept][on], trial.n_charts)
-    # the ends of an arc are its only vertices on a border
+    # the ends of an arc are its only vertices on a boundary
     ends = np.unique(np.stack([np.r_[owner[on], owner[on]], np.r_[a[on], b[on]]], 1), axis=0)
     ends = ends[ends[:, 1] >= trial.n_vertices]
     two = group_count(ends[:, 0], trial.n_charts)[ends[1:, 0]] == 2
@@ -288,17 +289,17 @@ def _reroute(
     return path, gained
 
 
-def _open(surface: Surface, cut: BoolArray, patches: Patches, charts: BoolArray) -> BoolArray:
+def _open(surface: Surface, cut: BoolArray, cut_mesh: CutMesh, charts: BoolArray) -> BoolArray:
     """(e,) a short path in each closed chart, between two far ends (or from a slit, where it has one)."""
-    part = _part(surface, cut, charts[patches.chart])
-    patches = part.patches
-    n, node = _nodes(patches)
+    part = _part(surface, cut, charts[cut_mesh.chart])
+    cut_mesh = part.cut_mesh
+    n, node = _nodes(cut_mesh)
     a, b = (node[end] for end in part.ends)
     graph = Graph(n, a, b, part.weight)
     chart = np.full(n, -1)
-    chart[node] = patches.vertex_chart
+    chart[node] = cut_mesh.vertex_chart
     used = np.flatnonzero(chart >= 0)
-    loops = patches.loops
+    loops = cut_mesh.loops
 
     def farthest(distance: FloatArray) -> IntArray:
         order = used[np.lexsort((used, -distance[used], chart[used]))]
@@ -306,12 +307,12 @@ def _open(surface: Surface, cut: BoolArray, patches: Patches, charts: BoolArray)
 
     start = used[np.unique(chart[used], return_index=True)[1]]
     start = farthest(graph.paths(start)[0])
-    start[loops.chart[loops.outer]] = patches.n_vertices + np.flatnonzero(loops.outer)
+    start[loops.chart[loops.outer]] = cut_mesh.n_vertices + np.flatnonzero(loops.outer)
     distance, parent = graph.paths(start)
     tip = farthest(distance)
     seam = np.zeros(len(a), bool)
     seam[graph.trace(parent, tip)] = True
-    owner = patches.chart[patches.edges[:, 0] // 3]
+    owner = cut_mesh.chart[cut_mesh.edges[:, 0] // 3]
     for _ in range(SHORTEST_CUT - 1):
         seam, tip = _lengthen(seam, tip, a, b, owner, part, n)
     out = np.zeros(len(surface.edges), bool)

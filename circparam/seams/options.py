@@ -14,8 +14,8 @@ class SeamOptions:
     max_distortion: the symmetric Dirichlet energy / 4 that no chart may exceed (1 is perfect). max_charts:
     None for no bound. min_chart_faces: charts below it join a neighbour where they can. sharp: radians
     between the normals of two faces from which their edge is always a seam, None for no edge. cut, no_cut:
-    (k, 2) pairs of points of the surface (mesh vertices through ``Repairs.weld``) whose edge must be, or may
-    not be, a seam. groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are
+    (k, 2) pairs of points of the surface (mesh vertices through ``RepairReport.weld``) whose edge must be, or
+    may not be, a seam. groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are
     seams. start: (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or
     'auto' for the first of them, across which the seams are the mirror image of each other.
     """

@@ -1,4 +1,4 @@
-"""Patches with holes, for methods that walk along one border: their loops joined to one by cuts."""
+"""CutMesh with holes, for methods that walk along one boundary: their loops joined to one by cuts."""
 
 from __future__ import annotations
 
@@ -10,59 +10,59 @@ import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, next_half_edge
 from circparam.core.graph import nearest, undirected
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 
 
-def hole_vertices(patches: Patches) -> tuple[IntArray, IntArray, IntArray]:
+def hole_vertices(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, IntArray]:
     """The vertices round holes: (vertices (k,), hole of each (k,), number of vertices of each hole (h,)).
 
-    Holes are the loops other than the outer border of a chart, in the order of ``patches.loops``.
+    Holes are the loops other than the outer boundary of a chart, in the order of ``cut mesh.loops``.
     """
-    loops = patches.loops
+    loops = cut_mesh.loops
     hole_of_loop = np.cumsum(~loops.outer) - 1
     on = np.flatnonzero(~loops.outer[loops.loop_of])
-    vertices = patches.faces.ravel()[loops.half_edges[on]]
+    vertices = cut_mesh.faces.ravel()[loops.half_edges[on]]
     return vertices, hole_of_loop[loops.loop_of[on]], np.diff(loops.start)[~loops.outer]
 
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """patches: the same faces, cut until every chart has one border. origin: (their n_vertices,) the vertex
-    each one was before. cut: (e,) the edges of the patches before that were cut."""
+    """cut mesh: the same faces, cut until every chart has one boundary. origin: (their n_vertices,) the vertex
+    each one was before. cut: (e,) the edges of the cut mesh before that were cut."""
 
-    patches: Patches
+    cut_mesh: CutMesh
     origin: IntArray
     cut: BoolArray
 
 
-def open_holes(patches: Patches) -> Opened:
-    """Cut every chart along short edge paths that join all its border loops to one, a tree over the loops.
+def open_holes(cut_mesh: CutMesh) -> Opened:
+    """Cut every chart along short edge paths that join all its boundary loops to one, a tree over the loops.
 
     The paths are those of the shortest tree whose edges each run from loop to loop along shortest paths
     (Mehlhorn 1988: found among the edges between the regions nearest to each loop). Cuts never split a chart;
-    half-edges keep their numbers. Patches without holes come back as they are.
+    half-edges keep their numbers. CutMesh without holes come back as they are.
     """
-    cut = _joining_paths(patches)
+    cut = _joining_paths(cut_mesh)
     if not cut.any():
-        return Opened(patches, np.arange(patches.n_vertices), cut)
-    kept = patches.edges[~cut]
-    n, corners = corner_classes(len(patches.faces), kept)
+        return Opened(cut_mesh, np.arange(cut_mesh.n_vertices), cut)
+    kept = cut_mesh.edges[~cut]
+    n, corners = corner_classes(len(cut_mesh.faces), kept)
     origin = np.empty(n, np.int64)
-    origin[corners.ravel()] = patches.faces.ravel()
-    return Opened(Patches(corners, patches.frames, patches.chart, kept), origin, cut)
+    origin[corners.ravel()] = cut_mesh.faces.ravel()
+    return Opened(CutMesh(corners, cut_mesh.rest_triangles, cut_mesh.chart, kept), origin, cut)
 
 
-def _joining_paths(patches: Patches) -> BoolArray:
+def _joining_paths(cut_mesh: CutMesh) -> BoolArray:
     """(e,) edges of the paths that join the loops of each chart."""
-    loops = patches.loops
-    cut = np.zeros(len(patches.edges), bool)
+    loops = cut_mesh.loops
+    cut = np.zeros(len(cut_mesh.edges), bool)
     if loops.outer.all():
         return cut
-    flat, h = patches.faces.ravel(), patches.edges[:, 0]
+    flat, h = cut_mesh.faces.ravel(), cut_mesh.edges[:, 0]
     a, b = flat[h], flat[next_half_edge(h)]
-    length = patches.edge_lengths.ravel()[h]
-    n = patches.n_vertices
+    length = cut_mesh.edge_lengths.ravel()[h]
+    n = cut_mesh.n_vertices
     rim = flat[loops.half_edges]
     loop = np.full(n, -1)
     loop[rim] = loops.loop_of

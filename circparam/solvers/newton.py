@@ -14,7 +14,7 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_min, group_sum
 from circparam.core.linalg import SparseMatrix
 from circparam.core.monitor import Monitor
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.preconditioner import (
     DIRECT_LIMIT,
@@ -70,15 +70,15 @@ class Relaxed:
 
 
 class System:
-    """The charts that still move: patches in components-first arrays, with their pattern."""
+    """The charts that still move: cut mesh in components-first arrays, with their pattern."""
 
-    def __init__(self, patches: Patches, fixed: BoolArray | None, blend: float) -> None:
-        self.patches = patches
+    def __init__(self, cut_mesh: CutMesh, fixed: BoolArray | None, blend: float) -> None:
+        self.cut_mesh = cut_mesh
         self.blend = blend
         self.fixed = fixed
-        self.gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
-        self.weight = patches.areas / patches.chart_areas[patches.chart]
-        self.corners = patches.faces.T.copy()
+        self.gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+        self.weight = cut_mesh.areas / cut_mesh.chart_areas[cut_mesh.chart]
+        self.corners = cut_mesh.faces.T.copy()
         self.pattern: BlockPattern | None = None
         self.agg: IntArray | None = None
         self.large: BoolArray | None = None  # (nv,) vertices of charts that are solved by iteration
@@ -91,14 +91,14 @@ class System:
         """(n_charts,) energy of each chart, and the Jacobians."""
         jacobian = dirichlet.jacobians(self.gradients, self.gather(uv))
         value = self.weight * dirichlet.energy(jacobian, self.blend)
-        return group_sum(value, self.patches.chart, self.patches.n_charts), jacobian
+        return group_sum(value, self.cut_mesh.chart, self.cut_mesh.n_charts), jacobian
 
     def vertex_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
         """(nv, 2) gradient of the energies."""
         p = dirichlet.gradient(jacobian, self.blend) * self.weight
         corner = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]
         flat = self.corners.ravel()
-        n = self.patches.n_vertices
+        n = self.cut_mesh.n_vertices
         return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
 
     def direction(
@@ -106,7 +106,7 @@ class System:
     ) -> FloatArray:
         """(nv, 2) the Newton direction (or the SLIM proxy's)."""
         if self.pattern is None:
-            self.pattern = BlockPattern(self.patches)
+            self.pattern = BlockPattern(self.cut_mesh)
         if proxy:
             values, directions = dirichlet.proxy_modes(jacobian)
         else:
@@ -116,11 +116,11 @@ class System:
         if self.fixed is not None:
             matrix = _hold(matrix, self.fixed)
             g = np.where(self.fixed[:, None], 0.0, g)
-        if self.patches.n_vertices <= DIRECT_LIMIT:
+        if self.cut_mesh.n_vertices <= DIRECT_LIMIT:
             return -solve_direct(matrix, g)
         if self.large is None:
-            count = group_count(self.patches.vertex_chart, self.patches.n_charts)
-            self.large = (count > SMALL_CHART)[self.patches.vertex_chart]
+            count = group_count(self.cut_mesh.vertex_chart, self.cut_mesh.n_charts)
+            self.large = (count > SMALL_CHART)[self.cut_mesh.vertex_chart]
         if self.large.all():
             return -self._iterated(matrix, g, uv, self.pattern, self.large)
         # with one tolerance for all, the charts that are worst off decide how well the small are solved
@@ -144,7 +144,7 @@ class System:
     ) -> FloatArray:
         """About matrix⁻¹ g by conjugate gradients, for the vertices of large charts."""
         if self.agg is None:
-            agg = aggregates(self.patches, pattern, uv)[large]
+            agg = aggregates(self.cut_mesh, pattern, uv)[large]
             self.agg = np.unique(agg, return_inverse=True)[1].reshape(-1)
         precondition = TwoLevel(matrix, self.agg, uv[large])
         step = conjugate_gradients(matrix, g.ravel(), precondition, 2e-2, 60)
@@ -164,7 +164,7 @@ def _hold(matrix: SparseMatrix, fixed: BoolArray) -> SparseMatrix:
 
 
 def relax(
-    patches: Patches, uv: FloatArray, options: RelaxOptions, monitor: Monitor | None = None
+    cut_mesh: CutMesh, uv: FloatArray, options: RelaxOptions, monitor: Monitor | None = None
 ) -> Relaxed:
     """Minimise the symmetric Dirichlet energy of every chart from a layout without flipped faces.
 
@@ -172,10 +172,10 @@ def relax(
     are and their energy is infinite. Source of the steps: Smith and Schaefer (2015); of the eigensystem: Smith,
     Goes and Kim (2019).
     """
-    scale = np.sqrt(patches.areas.mean())
-    work = replace(patches, frames=patches.frames / scale)
+    scale = np.sqrt(cut_mesh.areas.mean())
+    work = replace(cut_mesh, rest_triangles=cut_mesh.rest_triangles / scale)
     out = uv / scale
-    n = patches.n_charts
+    n = cut_mesh.n_charts
     iterations = np.zeros(n, np.int64)
     stopped = np.full(n, "iterations", dtype=object)
     floor = np.ones(n)
@@ -187,7 +187,7 @@ def relax(
         stopped[active & (energy <= options.bound)] = "bound"
         active &= energy > options.bound
     charts = np.arange(n)  # charts, vertices of the whole that the system holds
-    vertices = np.arange(patches.n_vertices)
+    vertices = np.arange(cut_mesh.n_vertices)
     fresh = True
     for step in range(options.max_iterations):
         if not active.any():
@@ -198,10 +198,10 @@ def relax(
         inside = active[charts]
         share = (
             work.areas.size
-            and np.bincount(system.patches.chart, minlength=len(charts))[inside].sum()
+            and np.bincount(system.cut_mesh.chart, minlength=len(charts))[inside].sum()
         )
-        if share < 0.8 * len(system.patches.faces):
-            sub, vid, _ = system.patches.subset(inside)
+        if share < 0.8 * len(system.cut_mesh.faces):
+            sub, vid, _ = system.cut_mesh.subset(inside)
             charts, vertices = charts[inside], vertices[vid]
             held = None if options.fixed is None else options.fixed[vertices]
             system = System(sub, held, options.blend)
@@ -255,7 +255,7 @@ def newton_step(
     proxy: bool,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """One damped step of every active chart: (uv, energies, Jacobians, predicted decrease, step lengths)."""
-    p = system.patches
+    p = system.cut_mesh
     n = p.n_charts
     safe = np.where(np.isfinite(e)[p.chart], jacobian, np.eye(2)[:, :, None])
     g = system.vertex_gradient(safe, u)
@@ -305,7 +305,7 @@ def _stride(
     its model promises 1/3: it only grows x by a third, and a start with such faces needs dozens of full steps.
     """
     trial, e1, j1, t = found
-    p = system.patches
+    p = system.cut_mesh
     with np.errstate(invalid="ignore"):
         far = (t == 1) & (e - e1 > -STRIDE * slope / 2)
     for length in STRIDES:

@@ -14,31 +14,31 @@ from circparam.core.arrays import (
     next_half_edge,
 )
 from circparam.core.linalg import Factor
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 
 
-def laplacian(patches: Patches) -> sps.csr_matrix:
-    """(nv, nv) cotangent Laplacian of all charts, positive semidefinite, from the frames alone."""
-    g = patches.gradients
-    weight = -(g * g[:, :, [1, 2, 0]]).sum(1) * patches.areas[:, None]  # of half-edge 3f + k
-    flat = patches.faces.ravel()
+def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
+    """(nv, nv) cotangent Laplacian of all charts, positive semidefinite, from the rest triangles alone."""
+    g = cut_mesh.gradients
+    weight = -(g * g[:, :, [1, 2, 0]]).sum(1) * cut_mesh.areas[:, None]  # of half-edge 3f + k
+    flat = cut_mesh.faces.ravel()
     h = np.arange(len(flat))
     tail, head, w = flat, flat[next_half_edge(h)], weight.ravel()
-    n = patches.n_vertices
+    n = cut_mesh.n_vertices
     off = sps.coo_matrix((np.r_[-w, -w], (np.r_[tail, head], np.r_[head, tail])), shape=(n, n))
     diagonal = group_sum(np.r_[w, w], np.r_[tail, head], n)
     return (off + sps.diags(diagonal)).tocsr()
 
 
-def first_vertices(patches: Patches) -> IntArray:
+def first_vertices(cut_mesh: CutMesh) -> IntArray:
     """(n_charts,) one vertex of every chart, to pin its translation."""
-    order = np.argsort(patches.vertex_chart, kind="stable")
-    return order[first_of_runs(patches.vertex_chart[order])]
+    order = np.argsort(cut_mesh.vertex_chart, kind="stable")
+    return order[first_of_runs(cut_mesh.vertex_chart[order])]
 
 
 def from_jacobians(
-    patches: Patches,
+    cut_mesh: CutMesh,
     targets: FloatArray,
     untangle: int = 0,
     low: float = 0.5,
@@ -52,19 +52,19 @@ def from_jacobians(
     (k, 2); None: the first vertex of every chart lies at the origin.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
-    n = patches.n_vertices
-    gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
-    corners = patches.faces.T
+    n = cut_mesh.n_vertices
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    corners = cut_mesh.faces.T
     free = np.ones(n, bool)
-    pins, places = (first_vertices(patches), None) if held is None else held
+    pins, places = (first_vertices(cut_mesh), None) if held is None else held
     free[pins] = False
     unknown = np.flatnonzero(free)
-    rows = laplacian(patches)[unknown]
+    rows = laplacian(cut_mesh)[unknown]
     factor = Factor(rows[:, unknown].tocsc())
     uv = np.zeros((n, 2))
     moving = np.ones(n, bool)
     for step in range(untangle + 1):
-        flux = targets * patches.areas
+        flux = targets * cut_mesh.areas
         right = np.stack(
             [
                 group_sum(
@@ -82,15 +82,15 @@ def from_jacobians(
             right[unknown] -= rows[:, pins] @ places
         solution[unknown] = factor.solve(right[unknown])
         uv[moving] = solution[moving]
-        jacobian = dirichlet.jacobians(gradients, uv[patches.faces].transpose(2, 1, 0))
-        flipped = np.zeros(patches.n_charts, bool)
-        flipped[patches.chart[~(dirichlet.determinants(jacobian) > 0)]] = True
+        jacobian = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
+        flipped = np.zeros(cut_mesh.n_charts, bool)
+        flipped[cut_mesh.chart[~(dirichlet.determinants(jacobian) > 0)]] = True
         if not flipped.any() or step == untangle:
             break
-        again = flipped[patches.chart]
+        again = flipped[cut_mesh.chart]
         targets = targets.copy()
         targets[:, :, again] = clamp_stretch(jacobian[:, :, again], low)
-        moving = flipped[patches.vertex_chart]
+        moving = flipped[cut_mesh.vertex_chart]
     return uv, ~flipped
 
 

@@ -8,7 +8,7 @@ import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import FloatArray, IntArray, dot, group_count, group_sum, next_half_edge
 from circparam.core.linalg import Factor, SparseMatrix
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 
 # From this many vertices on, conjugate gradients with the two-level preconditioner are faster than a
 # factorisation of the Hessian (measured on disks of 5k to 400k faces).
@@ -18,21 +18,21 @@ AGGREGATE_SIZE = 60  # vertices in one aggregate of the coarse space
 
 
 class BlockPattern:
-    """Where the blocks of the edges and vertices of patches stand in a block-sparse-row matrix."""
+    """Where the blocks of the edges and vertices of cut mesh stand in a block-sparse-row matrix."""
 
-    def __init__(self, patches: Patches) -> None:
-        flat = patches.faces.ravel()
-        i, j = patches.edges[:, 0], patches.edges[:, 1]
-        first = np.concatenate([i, patches.border])
+    def __init__(self, cut_mesh: CutMesh) -> None:
+        flat = cut_mesh.faces.ravel()
+        i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
+        first = np.concatenate([i, cut_mesh.boundary])
         tail, head = flat[first], flat[next_half_edge(first)]
-        n = patches.n_vertices
+        n = cut_mesh.n_vertices
         rows = np.concatenate([tail, head, np.arange(n)])
         columns = np.concatenate([head, tail, np.arange(n)])
         self.n = n
-        self.chart = patches.vertex_chart
-        self.count = np.maximum(group_count(self.chart, patches.n_charts), 1)
+        self.chart = cut_mesh.vertex_chart
+        self.count = np.maximum(group_count(self.chart, cut_mesh.n_charts), 1)
         self.inner = i, j
-        self.border = patches.border
+        self.boundary = cut_mesh.boundary
         self.tail, self.head = tail, head
         order = np.lexsort((columns, rows))
         self.order = order
@@ -45,7 +45,7 @@ class BlockPattern:
         flat = blocks.transpose(0, 1, 3, 2).reshape(2, 2, -1)
         i, j = self.inner
         edge = np.concatenate(
-            [flat[:, :, i] + flat[:, :, j].transpose(1, 0, 2), flat[:, :, self.border]], axis=2
+            [flat[:, :, i] + flat[:, :, j].transpose(1, 0, 2), flat[:, :, self.boundary]], axis=2
         ).transpose(2, 0, 1)
         data = np.concatenate([edge, edge.transpose(0, 2, 1), np.zeros((self.n, 2, 2))])[self.order]
         diagonal = -np.add.reduceat(data, self.indptr[:-1], axis=0)
@@ -66,12 +66,12 @@ def solve_direct(matrix: SparseMatrix, b: FloatArray) -> FloatArray:
     return Factor(columns).solve(b.ravel()).reshape(-1, 2)
 
 
-def aggregates(patches: Patches, pattern: BlockPattern, uv: FloatArray) -> IntArray:
+def aggregates(cut_mesh: CutMesh, pattern: BlockPattern, uv: FloatArray) -> IntArray:
     """(nv,) connected groups of about AGGREGATE_SIZE vertices of one chart that lie together in the layout."""
-    n = patches.n_vertices
-    chart = patches.vertex_chart
-    count = group_count(chart, patches.n_charts)
-    side = np.sqrt(patches.chart_areas / count * AGGREGATE_SIZE)[chart]
+    n = cut_mesh.n_vertices
+    chart = cut_mesh.vertex_chart
+    count = group_count(chart, cut_mesh.n_charts)
+    side = np.sqrt(cut_mesh.chart_areas / count * AGGREGATE_SIZE)[chart]
     cell = np.floor(uv / side[:, None]).astype(np.int64)
     cell -= cell.min(0)
     span = cell.max(0) + 1

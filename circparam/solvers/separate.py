@@ -1,7 +1,7 @@
-"""Push parts of one chart's border apart where they overlap or nearly touch, at the least cost in distortion.
+"""Push parts of one chart's boundary apart where they overlap or nearly touch, at the least cost in distortion.
 
-Each round finds the border vertices that lie beyond (or too near to) a part of the border that faces them and
-adds one-sided springs, w (1 − s / wanted)² while the signed distance s is below what is wanted, to the
+Each round finds the boundary vertices that lie beyond (or too near to) a part of the boundary that faces them
+and adds one-sided springs, w (1 − s / wanted)² while the signed distance s is below what is wanted, to the
 symmetric Dirichlet energy; the weights rise until nothing overlaps. A penalty rather than the barrier of Smith
 and Schaefer (2015), because the layouts that come here overlap already.
 """
@@ -25,31 +25,29 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import SparseMatrix
 from circparam.core.monitor import Monitor
-from circparam.geometry.boundary import Border, border_of
+from circparam.geometry.boundary import BoundarySegments, boundary_of
 from circparam.geometry.intersect import meeting, nearby, segment_distance, windings
 from circparam.geometry.overlap import self_overlapping
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.newton import System, newton_step
 from circparam.solvers.untangle import cut_out
 
 ROUNDS = 6
-STEPS = 2  # Newton steps between two looks at the borders
+STEPS = 2  # Newton steps between two looks at the boundaries
 LOCAL = 0.05  # share of the root of a chart's area that moves round a spring at first; twice that each round
 REACH = 0.02  # share of the root of a chart's area: parts deeper in each other are not pushed apart
 FACING = -0.2  # cosine between outward normals below which two segments face each other
 WEIGHT = 1e-5  # of a spring at first; the energy of a chart is about 1
 STIFFER = 8.0  # times a round
-ASIDE = 1e-6  # share of the root of a chart's area; a point so far outside its border tells what covers it
+ASIDE = 1e-6  # share of the root of a chart's area; a point so far outside its boundary tells what covers it
 AFFORDED = 1.5  # times the bound's excess over 1: charts above it are not pushed
-ALL_BORDER = (
-    0.5  # charts whose border is longer than this over the margin, in roots of their area, are left
-)
+ALL_BOUNDARY = 0.5  # charts whose boundary is over this over the margin, in roots of area, are left
 PATIENCE, HEADWAY = (
     3,
     0.9,
 )  # charts whose conflicts do not fall by this factor in so many rounds are left
 HOPELESS = (
-    0.13  # of 113 charts of 9 meshes that came apart, at most 0.114 of the border was in conflict
+    0.13  # of 113 charts of 9 meshes that came apart, at most 0.114 of the boundary was in conflict
 )
 WANTED = 1.5  # times the margin: what the springs pull for, so that the margin is reached
 
@@ -85,7 +83,7 @@ class _Springs:
 
 
 class _Pushed(System):
-    """The charts with springs between parts of their borders."""
+    """The charts with springs between parts of their boundaries."""
 
     springs: _Springs
 
@@ -112,64 +110,64 @@ class _Pushed(System):
 
 
 def push_apart(
-    patches: Patches, uv: FloatArray, margin: float, bound: float, monitor: Monitor | None = None
+    cut_mesh: CutMesh, uv: FloatArray, margin: float, bound: float, monitor: Monitor | None = None
 ) -> tuple[FloatArray, BoolArray]:
     """Layouts without parts of one chart on each other, where they can be had under the bound.
 
     uv: (nv, 2) without flips, about isometric. margin: share of the root of a chart's area that parts of its
-    border should keep apart. Returns (uv, (n_charts,) bool: nothing meets or comes nearer than the margin and
+    boundary should keep apart. Returns (uv, (n_charts,) bool: nothing meets or comes nearer than the margin and
     the energy is within the bound). The input is not changed.
     """
-    scale = np.sqrt(patches.areas.mean())
-    work = replace(patches, frames=patches.frames / scale)
+    scale = np.sqrt(cut_mesh.areas.mean())
+    work = replace(cut_mesh, rest_triangles=cut_mesh.rest_triangles / scale)
     u = uv / scale
-    n = patches.n_charts
+    n = cut_mesh.n_charts
     weight = np.full(n, WEIGHT)
     system = System(work, None, 0.0)
     fine = np.zeros(n, bool)
-    # what costs more than the bound allows is not worth a round, nor what is hardly more than its border
+    # what costs more than the bound allows is not worth a round, nor what is hardly more than its boundary
     limit = 1 + AFFORDED * (bound - 1)
-    rim = group_sum(patches.loops.length, patches.loops.chart, n)
-    todo = rim * margin < ALL_BORDER * np.sqrt(patches.chart_areas)
+    rim = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, n)
+    todo = rim * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
     conflicts: list[IntArray] = []
     for turn in range(ROUNDS + 1):
         energy, _ = system.energies(u)
         todo &= energy <= limit
-        border = border_of(work.faces, u, work.chart, work.edges, n)
-        i, _, _ = meeting(border, between=False)
-        near = nearby(border, WANTED * margin * border.size, todo)
-        close = segment_distance(*(x[k] for k in near for x in (border.start, border.end)))
-        tight = near[0][close < margin * border.size[border.chart[near[0]]]]
+        boundary = boundary_of(work.faces, u, work.chart, work.edges, n)
+        i, _, _ = meeting(boundary, between=False)
+        near = nearby(boundary, WANTED * margin * boundary.size, todo)
+        close = segment_distance(*(x[k] for k in near for x in (boundary.start, boundary.end)))
+        tight = near[0][close < margin * boundary.size[boundary.chart[near[0]]]]
         free = todo & (energy <= bound)
-        free[border.chart[i]] = free[border.chart[tight]] = False
+        free[boundary.chart[i]] = free[boundary.chart[tight]] = False
         fine |= free
         todo &= ~free
-        count = group_count(border.chart[np.r_[i, tight]], n)
+        count = group_count(boundary.chart[np.r_[i, tight]], n)
         conflicts.append(count)
         if turn == 0:
-            todo &= count < HOPELESS * group_count(border.chart, n)
+            todo &= count < HOPELESS * group_count(boundary.chart, n)
         if turn >= PATIENCE:
             todo &= count < HEADWAY * conflicts[turn - PATIENCE]
         if turn == ROUNDS or not todo.any() or (monitor is not None and monitor.expired):
             break
-        springs, lost = _find(border, work.faces.ravel(), near, margin, weight, todo)
+        springs, lost = _find(boundary, work.faces.ravel(), near, margin, weight, todo)
         todo &= ~lost
         if not todo.any():
             break
-        u = _moved(work, u, springs, LOCAL * 2.0**turn * border.size)
+        u = _moved(work, u, springs, LOCAL * 2.0**turn * boundary.size)
         weight[todo] *= STIFFER
-    # what is folded out of a hole, or wound twice, has no borders that meet
+    # what is folded out of a hole, or wound twice, has no boundaries that meet
     fine &= ~self_overlapping(work, u)
     return u * scale, fine
 
 
-def _moved(patches: Patches, uv: FloatArray, springs: _Springs, reach: FloatArray) -> FloatArray:
+def _moved(cut_mesh: CutMesh, uv: FloatArray, springs: _Springs, reach: FloatArray) -> FloatArray:
     """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring."""
     tree = cKDTree(np.c_[uv[springs.vertex], _layer(springs.chart, uv)])
-    middle = np.c_[uv[patches.faces].mean(1), _layer(patches.chart, uv)]
+    middle = np.c_[uv[cut_mesh.faces].mean(1), _layer(cut_mesh.chart, uv)]
     far, _ = tree.query(middle, distance_upper_bound=float(reach.max()))
-    region = far < reach[patches.chart]
-    part, source, fixed = cut_out(patches, region, np.zeros(len(uv), bool))
+    region = far < reach[cut_mesh.chart]
+    part, source, fixed = cut_out(cut_mesh, region, np.zeros(len(uv), bool))
     system = _Pushed(part, fixed if fixed.any() else None, 0.0)
     place = np.full(len(uv), -1)
     place[source] = np.arange(len(source))
@@ -180,7 +178,7 @@ def _moved(patches: Patches, uv: FloatArray, springs: _Springs, reach: FloatArra
         return uv
     of = part.vertex_chart[np.where(ok, vertex, 0)]
     whole = (
-        patches.chart_areas[springs.chart] / part.chart_areas[of]
+        cut_mesh.chart_areas[springs.chart] / part.chart_areas[of]
     )  # energies are means over charts
     system.springs = _Springs(
         vertex[ok],
@@ -209,36 +207,38 @@ def _layer(chart: IntArray, uv: FloatArray) -> FloatArray:
 
 
 def _find(
-    border: Border,
+    boundary: BoundarySegments,
     flat: IntArray,
     near: tuple[IntArray, IntArray],
     margin: float,
     weight: FloatArray,
     todo: BoolArray,
 ) -> tuple[_Springs, BoolArray]:
-    """Springs for vertices that lie beyond a part of the border that faces them, or too near to it.
+    """Springs for vertices that lie beyond a part of the boundary that faces them, or too near to it.
 
     near: pairs of segments. Returns the springs, the nearest of each vertex, and the charts ((n,) bool) where
     a vertex lies so deep in another part that no segment within reach faces it.
     """
-    live = np.flatnonzero(todo[border.chart])  # a vertex is named by the segment that begins there
-    outward, covered = _outward(border, live)
+    live = np.flatnonzero(
+        todo[boundary.chart]
+    )  # a vertex is named by the segment that begins there
+    outward, covered = _outward(boundary, live)
     beyond = live[covered]
-    a, b = _within_reach(border, beyond)
-    a = np.r_[a, near[0], border.following[near[0]], near[1], border.following[near[1]]]
+    a, b = _within_reach(boundary, beyond)
+    a = np.r_[a, near[0], boundary.following[near[0]], near[1], boundary.following[near[1]]]
     b = np.r_[b, near[1], near[1], near[0], near[0]]
-    keep = todo[border.chart[a]] & (a != b) & (a != border.following[b])
+    keep = todo[boundary.chart[a]] & (a != b) & (a != boundary.following[b])
     a, b = a[keep], b[keep]
-    along = border.end - border.start
+    along = boundary.end - boundary.start
     length = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
     normal = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
     out, over = np.zeros((len(along), 2)), np.zeros(len(along), bool)
     out[live], over[live] = outward, covered
-    offset = border.start[a] - border.start[b]
+    offset = boundary.start[a] - boundary.start[b]
     t = np.clip((offset * along[b]).sum(1) / length[b] ** 2, 0.0, 1.0)
     distance = np.linalg.norm(offset - t[:, None] * along[b], axis=1)
     side = (offset * normal[b]).sum(1)
-    size = border.size[border.chart[b]]
+    size = boundary.size[boundary.chart[b]]
     wanted = WANTED * margin * size
     keep = (normal[b] * out[a]).sum(1) < FACING
     keep &= np.where(over[a], (side < 0) & (distance < REACH * size), side >= 0)
@@ -246,16 +246,16 @@ def _find(
     order = order[np.lexsort((b[order], distance[order], a[order]))]
     k = order[first_of_runs(a[order])]
     lost = np.zeros(len(todo), bool)
-    lost[border.chart[np.setdiff1d(beyond, a[k])]] = True
+    lost[boundary.chart[np.setdiff1d(beyond, a[k])]] = True
     if lost.any():
-        k = k[~lost[border.chart[a[k]]]]
+        k = k[~lost[boundary.chart[a[k]]]]
     # the mean of both normals: at two tips that touch, that of the nearest segment alone would jump about
     away = normal[b[k]] - out[a[k]]
     away /= np.maximum(np.linalg.norm(away, axis=1), 1e-300)[:, None]
-    tail = border.half_edge[b[k]]
-    chart = border.chart[b[k]]
+    tail = boundary.half_edge[b[k]]
+    chart = boundary.chart[b[k]]
     springs = _Springs(
-        flat[border.half_edge[a[k]]],
+        flat[boundary.half_edge[a[k]]],
         flat[tail],
         flat[next_half_edge(tail)],
         t[k],
@@ -267,39 +267,39 @@ def _find(
     return springs, lost
 
 
-def _within_reach(border: Border, vertex: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs of a border vertex and a segment of the same chart whose middle is about within reach of it."""
+def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArray, IntArray]:
+    """Pairs of a boundary vertex and a segment of the same chart whose middle is about within reach of it."""
     none = np.zeros(0, np.int64)
     if len(vertex) == 0:
         return none, none
-    charts = np.zeros(len(border.size), bool)
-    charts[border.chart[vertex]] = True
-    segment = np.flatnonzero(charts[border.chart])
-    middle = (border.start[segment] + border.end[segment]) / 2
-    half = np.linalg.norm(border.end[segment] - border.start[segment], axis=1) / 2
-    radius = REACH * border.size[border.chart[vertex]] + np.median(half)
-    found = cKDTree(middle).query_ball_point(border.start[vertex], radius, return_sorted=True)
+    charts = np.zeros(len(boundary.size), bool)
+    charts[boundary.chart[vertex]] = True
+    segment = np.flatnonzero(charts[boundary.chart])
+    middle = (boundary.start[segment] + boundary.end[segment]) / 2
+    half = np.linalg.norm(boundary.end[segment] - boundary.start[segment], axis=1) / 2
+    radius = REACH * boundary.size[boundary.chart[vertex]] + np.median(half)
+    found = cKDTree(middle).query_ball_point(boundary.start[vertex], radius, return_sorted=True)
     count = np.fromiter(map(len, found), np.int64, len(found))
     a, b = np.repeat(vertex, count), segment[np.concatenate(found).astype(np.int64)]
-    same = border.chart[a] == border.chart[b]
+    same = boundary.chart[a] == boundary.chart[b]
     return a[same], b[same]
 
 
-def _outward(border: Border, vertex: IntArray) -> tuple[FloatArray, BoolArray]:
-    """((k, 2) outward normals of border vertices, (k,) bool: another part of the chart covers the vertex).
+def _outward(boundary: BoundarySegments, vertex: IntArray) -> tuple[FloatArray, BoolArray]:
+    """((k, 2) outward normals of boundary vertices, (k,) bool: another part of the chart covers the vertex).
 
-    vertex: (k,) the border segments that begin there.
+    vertex: (k,) the boundary segments that begin there.
     """
     v, inverse = np.unique(vertex, return_inverse=True)
-    place = border.start[v]
-    leaves, back = border.end[v] - place, border.start[border.before[v]] - place
+    place = boundary.start[v]
+    leaves, back = boundary.end[v] - place, boundary.start[boundary.before[v]] - place
     # the middle of the wedge outside, counter-clockwise from the way back to the way on: right at slits too
     first = np.arctan2(back[:, 1], back[:, 0])
     turn = (np.arctan2(leaves[:, 1], leaves[:, 0]) - first) % (2 * np.pi)
     middle = first + turn / 2
     outward = np.stack([np.cos(middle), np.sin(middle)], 1)
-    point = place + ASIDE * border.size[border.chart[v], None] * outward
-    k, _, turns = windings(border, point, border.chart[v], own=True)
+    point = place + ASIDE * boundary.size[boundary.chart[v], None] * outward
+    k, _, turns = windings(boundary, point, boundary.chart[v], own=True)
     covered = np.zeros(len(v), bool)
     covered[k[turns != 0]] = True
     inverse = inverse.reshape(-1)

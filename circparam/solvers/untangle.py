@@ -16,7 +16,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, gr
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.geometry.intrinsic import signed_areas
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 from circparam.solvers.lbfgs import descend
 from circparam.solvers.newton import RelaxOptions, relax
@@ -30,13 +30,13 @@ NARROW_RINGS = (2, 5, 12, 30, WHOLE)
 OUTER = 25
 FAR = 1e4  # times the root of its area: a group that spreads so wide is not followed further
 INNER = 60
-POLISH = 10  # Newton steps on what was unfolded, for its shape
+POLISH = 10  # Newton steps on what was untangled, for its shape
 AREA = 1.0  # weight of the area term against the shape term
 THINNEST = 0.02  # a reference triangle is at least so high, as a share of its longest edge
 
 
 @dataclass(frozen=True, eq=False)
-class UnfoldReport:
+class UntangleReport:
     """before, after (n_charts,): flipped faces of each chart. rings: widest region that was needed."""
 
     before: IntArray
@@ -53,131 +53,132 @@ def flipped(faces: IntArray, uv: FloatArray) -> BoolArray:
     return result
 
 
-def unfold(
-    patches: Patches,
+def untangle(
+    cut_mesh: CutMesh,
     uv: FloatArray,
     hold: BoolArray | None = None,
     monitor: Monitor | None = None,
     conformal: bool = False,
-) -> tuple[FloatArray, UnfoldReport]:
+) -> tuple[FloatArray, UntangleReport]:
     """A layout near ``uv`` without flipped faces, where the energy finds one.
 
     uv: (n_vertices, 2). hold: (n_vertices,) vertices that keep their places (none by default). Charts without
     flips are returned as they are. conformal: the map keeps angles rather than areas. Returns (uv, report);
     the input is not changed.
     """
-    hold = np.zeros(patches.n_vertices, bool) if hold is None else hold
-    n = patches.n_charts
-    first = bad = flipped(patches.faces, uv)
+    hold = np.zeros(cut_mesh.n_vertices, bool) if hold is None else hold
+    n = cut_mesh.n_charts
+    first = bad = flipped(cut_mesh.faces, uv)
     widest = 0
     uv = uv.copy()
-    touched = np.zeros(len(patches.faces), bool)
+    touched = np.zeros(len(cut_mesh.faces), bool)
     for rings in NARROW_RINGS if conformal else RINGS:
         if not bad.any() or (monitor is not None and monitor.expired):
             break
         widest = rings
-        region = _grow(patches, bad, rings)
+        region = _grow(cut_mesh, bad, rings)
         touched |= region
-        part = _region(patches, region, hold, uv)
+        part = _region(cut_mesh, region, hold, uv)
         x = _lowest(part, uv[part.source], monitor)
         # a region is kept only where it has fewer flips than before: the next one starts from the better map
         now = np.bincount(part.chart[flipped(part.faces, x)], minlength=part.n)
         old = np.bincount(part.chart[flipped(part.faces, uv[part.source])], minlength=part.n)
-        keep = (now < old)[part.patches.vertex_chart] & ~part.fixed
+        keep = (now < old)[part.cut_mesh.vertex_chart] & ~part.fixed
         uv[part.source[keep]] = x[keep]
-        bad = flipped(patches.faces, uv)
+        bad = flipped(cut_mesh.faces, uv)
     if touched.any():
-        uv = _polished(patches, uv, touched, hold, 1.0 if conformal else 0.0)
-        bad = flipped(patches.faces, uv)
-    count = [np.bincount(patches.chart[b], minlength=n) for b in (first, bad)]
-    return uv, UnfoldReport(count[0], count[1], widest)
+        uv = _polished(cut_mesh, uv, touched, hold, 1.0 if conformal else 0.0)
+        bad = flipped(cut_mesh.faces, uv)
+    count = [np.bincount(cut_mesh.chart[b], minlength=n) for b in (first, bad)]
+    return uv, UntangleReport(count[0], count[1], widest)
 
 
-def _grow(patches: Patches, seed: BoolArray, rings: int) -> BoolArray:
+def _grow(cut_mesh: CutMesh, seed: BoolArray, rings: int) -> BoolArray:
     """(m,) faces within so many vertex rings of the seed faces; whole charts for a huge number."""
     if rings >= WHOLE:
-        touched = np.zeros(patches.n_charts, bool)
-        touched[patches.chart[seed]] = True
-        return touched[patches.chart]
+        touched = np.zeros(cut_mesh.n_charts, bool)
+        touched[cut_mesh.chart[seed]] = True
+        return touched[cut_mesh.chart]
     region = seed
     for _ in range(rings):
-        near = np.zeros(patches.n_vertices, bool)
-        near[patches.faces[region]] = True
-        region = np.asarray(near[patches.faces].any(1))
+        near = np.zeros(cut_mesh.n_vertices, bool)
+        near[cut_mesh.faces[region]] = True
+        region = np.asarray(near[cut_mesh.faces].any(1))
     return region
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Faces that move together, as patches of their own: one chart for each group of moving vertices.
+    """Faces that move together, as cut mesh of their own: one chart for each group of moving vertices.
 
     source: vertex of the whole that each vertex is. fixed: it keeps its place (such a vertex may occur in
-    several groups). The frames are scaled so that a face of mean size has the area it has in the layout.
+    several groups). The rest triangles are scaled so that a face of mean size has the area it has in the
+    layout.
     """
 
-    patches: Patches
+    cut_mesh: CutMesh
     source: IntArray
     fixed: BoolArray
 
     @property
     def faces(self) -> IntArray:
         """Faces of the part."""
-        return self.patches.faces
+        return self.cut_mesh.faces
 
     @property
     def chart(self) -> IntArray:
         """Group of each face."""
-        return self.patches.chart
+        return self.cut_mesh.chart
 
     @property
     def n(self) -> int:
         """Number of groups."""
-        return self.patches.n_charts
+        return self.cut_mesh.n_charts
 
     def groups(self, keep: BoolArray) -> tuple[_Part, IntArray]:
         """Some groups only, and which vertex of this part each of theirs is."""
-        patches, vertices, _ = self.patches.subset(keep)
-        return _Part(patches, self.source[vertices], self.fixed[vertices]), vertices
+        cut_mesh, vertices, _ = self.cut_mesh.subset(keep)
+        return _Part(cut_mesh, self.source[vertices], self.fixed[vertices]), vertices
 
 
 def cut_out(
-    patches: Patches, region: BoolArray, hold: BoolArray
-) -> tuple[Patches, IntArray, BoolArray]:
-    """The faces of a region ((m,) bool) as patches, one chart for each group of vertices that move together.
+    cut_mesh: CutMesh, region: BoolArray, hold: BoolArray
+) -> tuple[CutMesh, IntArray, BoolArray]:
+    """The faces of a region ((m,) bool) as cut mesh, one chart for each group of vertices that move together.
 
     hold: (n_vertices,) vertices that keep their places; so do those of faces outside the region. Returns
-    (patches, (k,) vertex of the whole that each vertex is, (k,) bool: it keeps its place).
+    (cut mesh, (k,) vertex of the whole that each vertex is, (k,) bool: it keeps its place).
     """
     fixed = hold.copy()
-    fixed[patches.faces[~region]] = True
-    region = region & ~fixed[patches.faces].all(1)
+    fixed[cut_mesh.faces[~region]] = True
+    region = region & ~fixed[cut_mesh.faces].all(1)
     fid = np.flatnonzero(region)
-    label = _components(patches.faces[fid], fixed, patches.n_vertices)
-    chart = label[patches.faces[fid]].max(1)  # fixed vertices have label −1
+    label = _components(cut_mesh.faces[fid], fixed, cut_mesh.n_vertices)
+    chart = label[cut_mesh.faces[fid]].max(1)  # fixed vertices have label −1
     _, chart = np.unique(chart, return_inverse=True)
-    local = np.full(len(patches.faces), -1)
+    local = np.full(len(cut_mesh.faces), -1)
     local[fid] = np.arange(len(fid))
-    i, j = patches.edges[:, 0], patches.edges[:, 1]
+    i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
     both = region[i // 3] & region[j // 3]
-    edges = 3 * local[patches.edges[both] // 3] + patches.edges[both] % 3
+    edges = 3 * local[cut_mesh.edges[both] // 3] + cut_mesh.edges[both] % 3
     edges = edges[chart[edges[:, 0] // 3] == chart[edges[:, 1] // 3]]
     n, faces = corner_classes(len(fid), edges)
     source = np.empty(n, np.int64)
-    source[faces.ravel()] = patches.faces[fid].ravel()
-    return Patches(faces, patches.frames[fid], chart, edges), source, fixed[source]
+    source[faces.ravel()] = cut_mesh.faces[fid].ravel()
+    return CutMesh(faces, cut_mesh.rest_triangles[fid], chart, edges), source, fixed[source]
 
 
-def _region(patches: Patches, region: BoolArray, hold: BoolArray, uv: FloatArray) -> _Part:
+def _region(cut_mesh: CutMesh, region: BoolArray, hold: BoolArray, uv: FloatArray) -> _Part:
     """The part of a region: vertices of faces outside it and held ones are fixed."""
-    cut, source, fixed = cut_out(patches, region, hold)
-    part = replace(cut, frames=_reference(cut.frames))
+    cut, source, fixed = cut_out(cut_mesh, region, hold)
+    part = replace(cut, rest_triangles=_reference(cut.rest_triangles))
     area = signed_areas(part.faces, uv[source])
     signed = group_sum(area, part.chart, part.n_charts)
     size = group_sum(np.abs(area), part.chart, part.n_charts)
     # what the rim encloses is what the faces will share, unless the rim itself is folded
     wanted = np.where(signed > 0.05 * size, signed, size)
     scale = np.sqrt(np.maximum(wanted, 1e-300) / part.chart_areas)
-    scaled = replace(part, frames=part.frames * scale[part.chart][:, None, None])
+    scaled = replace(part, rest_triangles=part.rest_triangles * scale[part.chart][:, None, None])
     return _Part(scaled, source, fixed)
 
 
@@ -190,21 +191,21 @@ def _components(faces: IntArray, fixed: BoolArray, n: int) -> IntArray:
     return np.where(fixed, -1, labels)
 
 
-def _areas(frames: FloatArray) -> FloatArray:
+def _areas(rest_triangles: FloatArray) -> FloatArray:
     """(m,) areas of triangles in the plane."""
-    d, e = frames[:, 1] - frames[:, 0], frames[:, 2] - frames[:, 0]
+    d, e = rest_triangles[:, 1] - rest_triangles[:, 0], rest_triangles[:, 2] - rest_triangles[:, 0]
     return (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]) / 2
 
 
-def _reference(frames: FloatArray) -> FloatArray:
+def _reference(rest_triangles: FloatArray) -> FloatArray:
     """Triangles with needles and caps raised to a least height: only their sign matters here, and their
     gradients would swamp all others."""
-    sides = frames[:, [1, 2, 0]] - frames
+    sides = rest_triangles[:, [1, 2, 0]] - rest_triangles
     length = np.sqrt((sides**2).sum(2))
     longest = length.max(1)
-    height = 2 * _areas(frames) / longest
+    height = 2 * _areas(rest_triangles) / longest
     thin = height < THINNEST * longest
-    out = frames.copy()
+    out = rest_triangles.copy()
     if thin.any():
         # over its longest side, the opposite corner straight above the middle
         k = length[thin].argmax(1)
@@ -223,7 +224,7 @@ class _Problem:
     """
 
     def __init__(self, part: _Part, epsilon: FloatArray) -> None:
-        p = part.patches
+        p = part.cut_mesh
         self.part, self.epsilon = part, epsilon[p.chart]
         self.gradients = np.ascontiguousarray(p.gradients.transpose(1, 2, 0))  # (2, corner, m)
         self.weight = p.areas / p.chart_areas[p.chart]
@@ -303,7 +304,7 @@ def _lowest(part: _Part, x: FloatArray, monitor: Monitor | None) -> FloatArray:
         problem = _Problem(part, np.ones(part.n))
         worst = group_min(problem.determinants(x), part.chart, part.n)
         # a group that has flown apart is given up, before its numbers overflow
-        left = (worst <= 1e-9) & (_extent(part, x) <= FAR * np.sqrt(part.patches.chart_areas))
+        left = (worst <= 1e-9) & (_extent(part, x) <= FAR * np.sqrt(part.cut_mesh.chart_areas))
         left &= moving  # one that has found no lower step would find none again
         if not left.any() or (monitor is not None and monitor.expired):
             break
@@ -320,20 +321,20 @@ def _lowest(part: _Part, x: FloatArray, monitor: Monitor | None) -> FloatArray:
             result[move] = factor.solve(g[move])
             return result
 
-        group = part.patches.vertex_chart
+        group = part.cut_mesh.vertex_chart
         x, steps, _ = descend(problem.energy, x, group, part.n, precondition, 1e-4, INNER)
         moving = steps > 0
-        sound = _extent(part, x) <= FAR * np.sqrt(part.patches.chart_areas)
+        sound = _extent(part, x) <= FAR * np.sqrt(part.cut_mesh.chart_areas)
         keep = sound[group]
         out[all_vertices[keep]] = x[keep]
         if monitor is not None:
-            monitor.update(0.5, f"{int(left.sum())} regions to unfold")
+            monitor.update(0.5, f"{int(left.sum())} regions to untangle")
     return out
 
 
 def _extent(part: _Part, x: FloatArray) -> FloatArray:
     """(n,) width or height of the layout of each group."""
-    group = part.patches.vertex_chart
+    group = part.cut_mesh.vertex_chart
     spread = [
         group_max(x[:, d], group, part.n) - group_min(x[:, d], group, part.n) for d in range(2)
     ]
@@ -341,13 +342,13 @@ def _extent(part: _Part, x: FloatArray) -> FloatArray:
 
 
 def _polished(
-    patches: Patches, uv: FloatArray, touched: BoolArray, hold: BoolArray, blend: float
+    cut_mesh: CutMesh, uv: FloatArray, touched: BoolArray, hold: BoolArray, blend: float
 ) -> FloatArray:
-    """A few Newton steps where faces were moved: unfolding leaves them upright, and this gives them back their
+    """A few Newton steps where faces were moved: untangling leaves them upright, and this gives them back their
     shape. Groups that still hold a flipped face are left alone."""
-    part = _region(patches, touched, hold, uv)
+    part = _region(cut_mesh, touched, hold, uv)
     options = RelaxOptions(tolerance=1e-3, max_iterations=POLISH, fixed=part.fixed, blend=blend)
-    x = relax(part.patches, uv[part.source], options).uv
+    x = relax(part.cut_mesh, uv[part.source], options).uv
     out = uv.copy()
     moved = ~part.fixed
     out[part.source[moved]] = x[moved]

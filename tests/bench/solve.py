@@ -16,7 +16,7 @@ import numpy as np
 
 from circparam.compare import process
 from circparam.compare.process import Outcome
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from tests.bench import common, tasks
 from tests.bench.common import Line, say
 from tests.support import shapes
@@ -42,23 +42,25 @@ def run(task: str, arrays: dict[str, Any], **settings: Any) -> Outcome:
     return done
 
 
-def flatten(patches: Patches, method: str, repeats: int = 1, **options: Any) -> Outcome:
-    """A method on patches."""
-    return run("flatten", tasks.arrays_of(patches), method=method, repeats=repeats, options=options)
+def flatten(cut_mesh: CutMesh, method: str, repeats: int = 1, **options: Any) -> Outcome:
+    """A method on cut mesh."""
+    return run(
+        "flatten", tasks.arrays_of(cut_mesh), method=method, repeats=repeats, options=options
+    )
 
 
 def convex() -> list[Line]:
     """100k vertices: circle beside libigl's harmonic and beside floater."""
     points, faces = shapes.bumped_disk(100_000 - 1121)
-    patches = tasks.whole(points, faces)
-    circle, floater = (flatten(patches, name, REPEATS) for name in ("circle", "floater"))
+    cut_mesh = tasks.whole(points, faces)
+    circle, floater = (flatten(cut_mesh, name, REPEATS) for name in ("circle", "floater"))
     peer = run("harmonic_by_igl", {"points": points, "faces": faces}, repeats=REPEATS)
     own = statistics.median(
         w + s for w, s in zip(circle.info["weights"], circle.info["solve"], strict=True)
     )
     theirs = statistics.median(peer.info["seconds"])
     fast, slow = (statistics.median(d.info["weights"]) for d in (circle, floater))
-    size = f"{patches.n_vertices} vertices, {len(faces)} faces"
+    size = f"{cut_mesh.n_vertices} vertices, {len(faces)} faces"
     return [
         Line("circle, weights + solve, time / libigl harmonic", own / theirs, "", "<= 1",
              f"{own:.3f} s / {theirs:.3f} s; {size}"),
@@ -82,7 +84,7 @@ def million() -> list[Line]:
     ]  # fmt: skip
 
 
-def first_within(patches: Patches, enough: float, steps: int, **options: Any) -> tuple[int, float]:
+def first_within(cut_mesh: CutMesh, enough: float, steps: int, **options: Any) -> tuple[int, float]:
     """(fewest steps of isometric to an energy of ``enough``, seconds of the run that stops there).
 
     steps: a number that suffices. The energy falls with every step, so halving finds the fewest.
@@ -90,31 +92,31 @@ def first_within(patches: Patches, enough: float, steps: int, **options: Any) ->
     low, high = 1, max(steps, 1)
     while low < high:
         middle = (low + high) // 2
-        done = flatten(patches, "isometric", max_iterations=middle, **options)
-        reached = tasks.energy(patches, done.arrays["uv"]) <= enough
+        done = flatten(cut_mesh, "isometric", max_iterations=middle, **options)
+        reached = tasks.energy(cut_mesh, done.arrays["uv"]) <= enough
         low, high = (low, middle) if reached else (middle + 1, high)
-    done = flatten(patches, "isometric", max_iterations=high, **options)
+    done = flatten(cut_mesh, "isometric", max_iterations=high, **options)
     return high, done.info["seconds"][0]
 
 
 def newton() -> list[Line]:
     """Isometric: steps on a bumped disk of 39k faces, memory at 400k faces."""
-    patches = tasks.whole(*shapes.bumped_disk(19_500 - 495))
-    done = flatten(patches, "isometric", start="mean-value")
+    cut_mesh = tasks.whole(*shapes.bumped_disk(19_500 - 495))
+    done = flatten(cut_mesh, "isometric", start="mean-value")
     steps = done.info["iterations"][0]
-    best = tasks.energy(patches, done.arrays["uv"])
-    near, _ = first_within(patches, best * (1 + 1e-6), steps, start="mean-value")
+    best = tasks.energy(cut_mesh, done.arrays["uv"])
+    near, _ = first_within(cut_mesh, best * (1 + 1e-6), steps, start="mean-value")
     lines = [
         Line("39k faces, Newton steps from a mean-value start to within 1e-6 of the optimum", near, "", "<= 5",
-             f"{len(patches.faces)} faces, SD/4 {best:.6f}; it stops by itself after {steps} steps, "
+             f"{len(cut_mesh.faces)} faces, SD/4 {best:.6f}; it stops by itself after {steps} steps, "
              f"{done.info['seconds'][0]:.2f} s")
     ]  # fmt: skip
-    patches = tasks.whole(*shapes.bumped_disk(200_000 - 1585))
-    done = flatten(patches, "isometric")
+    cut_mesh = tasks.whole(*shapes.bumped_disk(200_000 - 1585))
+    done = flatten(cut_mesh, "isometric")
     return [
         *lines,
         Line("400k faces, isometric, peak memory", (done.peak_bytes or 0) / GIGABYTE, "GB", "<= 6",
-             f"{len(patches.faces)} faces, {done.info['seconds'][0]:.1f} s"),
+             f"{len(cut_mesh.faces)} faces, {done.info['seconds'][0]:.1f} s"),
     ]  # fmt: skip
 
 
@@ -142,20 +144,20 @@ def slim() -> list[Line]:
     it is given.
     """
     lines = []
-    for name, patches, points in _slim_meshes():
-        own = flatten(patches, "isometric")
-        start = flatten(patches, "circle")
-        best = tasks.energy(patches, flatten(patches, "isometric", tolerance=1e-12).arrays["uv"])
-        reached = tasks.energy(patches, own.arrays["uv"])
-        steps, seconds = first_within(patches, 1.001 * best, own.info["iterations"][0])
-        arrays = {**tasks.arrays_of(patches), "points": points, "uv": start.arrays["uv"]}
+    for name, cut_mesh, points in _slim_meshes():
+        own = flatten(cut_mesh, "isometric")
+        start = flatten(cut_mesh, "circle")
+        best = tasks.energy(cut_mesh, flatten(cut_mesh, "isometric", tolerance=1e-12).arrays["uv"])
+        reached = tasks.energy(cut_mesh, own.arrays["uv"])
+        steps, seconds = first_within(cut_mesh, 1.001 * best, own.info["iterations"][0])
+        arrays = {**tasks.arrays_of(cut_mesh), "points": points, "uv": start.arrays["uv"]}
         peer = run("slim_by_igl", arrays, iterations=300, bound=60 * seconds, enough=1.001 * best)
         theirs, count = peer.info["seconds"][-1], len(peer.info["energies"])
         sign = "" if peer.info["energies"][-1] <= 1.001 * best else "more than "
         lines.append(
             Line(f"{name}: SLIM's time / isometric's", theirs / seconds, "", ">= 2",
                  f"{sign}{theirs:.2f} s in {count} steps / {seconds:.2f} s in {steps} steps; "
-                 f"{len(patches.faces)} faces, SD/4 {best:.5f}")
+                 f"{len(cut_mesh.faces)} faces, SD/4 {best:.5f}")
         )  # fmt: skip
         lines.append(
             Line(f"{name}: SD/4 where isometric stops / minimum", reached / best, "", "<= 1.001",
@@ -164,8 +166,8 @@ def slim() -> list[Line]:
     return lines
 
 
-def _slim_meshes() -> list[tuple[str, Patches, np.ndarray]]:
-    """(name, patches, points of their vertices) of disks with 20k faces and more."""
+def _slim_meshes() -> list[tuple[str, CutMesh, np.ndarray]]:
+    """(name, cut mesh, points of their vertices) of disks with 20k faces and more."""
     made = [
         ("bumped disk", shapes.bumped_disk(19_500 - 495)),
         ("hemisphere", shapes.hemisphere(82)),
@@ -176,16 +178,16 @@ def _slim_meshes() -> list[tuple[str, Patches, np.ndarray]]:
             made.append((name, _read(CORPUS / name)))
     out = []
     for name, (p, f) in made:
-        patches = tasks.whole(p, f)
+        cut_mesh = tasks.whole(p, f)
         if (
-            patches.n_charts != 1
-            or patches.n_vertices != len(np.unique(f))
-            or len(patches.faces) != len(f)
+            cut_mesh.n_charts != 1
+            or cut_mesh.n_vertices != len(np.unique(f))
+            or len(cut_mesh.faces) != len(f)
         ):
             continue  # SLIM needs the one disk as it is, without repairs
-        points = np.zeros((patches.n_vertices, 3))
-        points[patches.faces.ravel()] = p[f.ravel()]
-        out.append((name, patches, points))
+        points = np.zeros((cut_mesh.n_vertices, 3))
+        points[cut_mesh.faces.ravel()] = p[f.ravel()]
+        out.append((name, cut_mesh, points))
     return out
 
 

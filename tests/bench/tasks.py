@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.monitor import Monitor
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.methods import METHODS
@@ -18,35 +18,40 @@ Arrays = dict[str, Any]
 Answer = tuple[Arrays, dict[str, Any]]
 
 
-def whole(points: np.ndarray, faces: np.ndarray) -> Patches:
-    """A mesh of disks as patches, nothing cut."""
+def whole(points: np.ndarray, faces: np.ndarray) -> CutMesh:
+    """A mesh of disks as cut mesh, nothing cut."""
     surface, _ = repair(Mesh(points, faces))
-    return surface.patches(np.zeros(len(surface.edges), bool))
+    return surface.cut_mesh(np.zeros(len(surface.edges), bool))
 
 
-def fresh(patches: Patches) -> Patches:
-    """The same patches, remembering nothing that was computed."""
-    return Patches(patches.faces, patches.frames, patches.chart, patches.edges)
+def fresh(cut_mesh: CutMesh) -> CutMesh:
+    """The same cut mesh, remembering nothing that was computed."""
+    return CutMesh(cut_mesh.faces, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges)
 
 
-def patches_of(arrays: Arrays) -> Patches:
-    """Patches as they were handed over."""
-    return Patches(arrays["faces"], arrays["frames"], arrays["chart"], arrays["edges"])
+def patches_of(arrays: Arrays) -> CutMesh:
+    """CutMesh as they were handed over."""
+    return CutMesh(arrays["faces"], arrays["rest_triangles"], arrays["chart"], arrays["edges"])
 
 
-def arrays_of(patches: Patches) -> Arrays:
-    """Patches as arrays, to hand over."""
-    p = patches
-    return {"faces": p.faces, "frames": p.frames, "chart": p.chart, "edges": p.edges}
+def arrays_of(cut_mesh: CutMesh) -> Arrays:
+    """CutMesh as arrays, to hand over."""
+    p = cut_mesh
+    return {
+        "faces": p.faces,
+        "rest_triangles": p.rest_triangles,
+        "chart": p.chart,
+        "edges": p.edges,
+    }
 
 
 def flatten(arrays: Arrays, settings: dict[str, Any]) -> Answer:
     """One method, ``repeats`` times: seconds of every run, stages of the last, the layout of the last."""
-    patches = patches_of(arrays)
+    cut_mesh = patches_of(arrays)
     options = MethodOptions(**settings.get("options", {}))
     seconds, weights, solve = [], [], []
     for _ in range(settings.get("repeats", 1)):
-        again, monitor = fresh(patches), Monitor()
+        again, monitor = fresh(cut_mesh), Monitor()
         start = time.perf_counter()
         layout = METHODS[settings["method"]].function(again, options, monitor)
         seconds.append(time.perf_counter() - start)
@@ -82,9 +87,9 @@ def slim_by_igl(arrays: Arrays, settings: dict[str, Any]) -> Answer:
     """
     import igl
 
-    patches = patches_of(arrays)
+    cut_mesh = patches_of(arrays)
     points = np.asfortranarray(arrays["points"])
-    faces = np.asfortranarray(patches.faces.astype(np.int32))
+    faces = np.asfortranarray(cut_mesh.faces.astype(np.int32))
     start = time.perf_counter()
     data = igl.slim_precompute(
         points, faces, np.asfortranarray(arrays["uv"]), igl.MappingEnergyType.SYMMETRIC_DIRICHLET,
@@ -96,23 +101,23 @@ def slim_by_igl(arrays: Arrays, settings: dict[str, Any]) -> Answer:
         uv = np.asarray(igl.slim_solve(data, 1))
         spent += time.perf_counter() - start
         seconds.append(spent)
-        energies.append(energy(patches, uv[:, :2]))
+        energies.append(energy(cut_mesh, uv[:, :2]))
         if energies[-1] <= settings["enough"]:
             break
     return {}, {"seconds": seconds, "energies": energies}
 
 
-def energy(patches: Patches, uv: np.ndarray) -> float:
+def energy(cut_mesh: CutMesh, uv: np.ndarray) -> float:
     """SD/4 of a layout as it is, without rescaling: area-weighted mean over faces with an area."""
     from circparam.geometry.intrinsic import jacobians
 
-    live = patches.areas > 1e-12 * patches.edge_lengths.max(1) ** 2
-    J = jacobians(patches, uv)[live]
+    live = cut_mesh.areas > 1e-12 * cut_mesh.edge_lengths.max(1) ** 2
+    J = jacobians(cut_mesh, uv)[live]
     square = (J**2).sum((1, 2))
     det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
     with np.errstate(divide="ignore"):
         each = np.where(det > 0, (square + square / det**2) / 4, np.inf)
-    return float((patches.areas[live] * each).sum() / patches.areas[live].sum())
+    return float((cut_mesh.areas[live] * each).sum() / cut_mesh.areas[live].sum())
 
 
 def unwrap(arrays: Arrays, settings: dict[str, Any]) -> Answer:

@@ -194,10 +194,10 @@ def test_modes_and_slider(seen: dict[str, Any]):
 
 def test_a_comparison_sorts_and_fits(tmp_path: Path):
     mesh, uvmap = ball()
-    squeezed = UVMap(uvmap.uv * [1.0, 0.5], uvmap.uv_faces)
+    compacted = UVMap(uvmap.uv * [1.0, 0.5], uvmap.uv_faces)
     rows = [
         Side("slow", uvmap, "ok", {"seconds": 3.0, "distortion": 1.1}, {"solve": 3.0}),
-        Side("quick", squeezed, "ok", {"seconds": 0.5, "distortion": 1.9}, {"solve": 0.5}),
+        Side("quick", compacted, "ok", {"seconds": 0.5, "distortion": 1.9}, {"solve": 0.5}),
         Side("lost", None, "failed", {}, {}, "no result"),
     ]
     save_report(tmp_path / "c.html", [Sides("ball", mesh, rows, "cut charts")])

@@ -30,16 +30,17 @@ KNOWN = {
     "sphere": (shapes.icosphere(1), "sphere", 2, 0, 0),
     "torus": (shapes.torus(10, 8), "genus 1, closed", 0, 1, 0),
     "two handles": (shapes.handles(2), "genus 2, closed", -2, 2, 0),
-    "annulus": (shapes.annulus(), "genus 0 with 2 borders", 0, 0, 2),
+    "annulus": (shapes.annulus(), "genus 0 with 2 boundaries", 0, 0, 2),
 }
 
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_known_topology(name: str, tmp_path: Path) -> None:
-    shape, verdict, euler, genus, borders = KNOWN[name]
+    shape, verdict, euler, genus, boundaries = KNOWN[name]
     got = report(obj(tmp_path / "m.obj", shape))
     assert got["schema"] == "circparam/check/1"
-    assert (got["euler"], got["genus"], got["borders"]) == (euler, genus, borders)
+    assert (got["euler"], got["genus"], got["boundaries"]) == (euler, genus, boundaries)
+    assert got["borders"] == got["boundaries"]  # the older name
     assert [c["verdict"] for c in got["component_list"]] == [verdict]
     assert got["faces"] == len(shape[1])
     assert got["uv"] is None

@@ -68,7 +68,7 @@ def test_csv_is_not_overwritten(tmp_path: Path) -> None:
         (("--methods", ""), 2, "names no method"),
         (("--methods", "circle,circle"), 2, "twice"),
         (("--cut", "disks"), 2, "did you mean disk"),
-        (("--border", "squar"), 2, "square"),
+        (("--boundary", "squar"), 2, "square"),
     ],
 )
 def test_refusals(words: tuple[str, ...], code: int, text: str) -> None:

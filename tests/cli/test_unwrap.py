@@ -173,8 +173,8 @@ def test_seams_go_out_and_come_in_again(tmp_path: Path) -> None:
 def test_polygon_border_takes_its_file_after_the_name(disk: Path, tmp_path: Path) -> None:
     corners = tmp_path / "triangle.txt"
     corners.write_text("0 0\n4 0\n0 3\n")
-    got = report(disk, *CONVEX, "--border", "polygon", corners, "-o", tmp_path / "t.obj")
-    assert (got["flips"], got["options"]["border"]) == (0, "polygon")
+    got = report(disk, *CONVEX, "--boundary", "polygon", corners, "-o", tmp_path / "t.obj")
+    assert (got["flips"], got["options"]["boundary"]) == (0, "polygon")
 
 
 # gates, standard streams, failures --------------------------------------------------------------------
@@ -269,8 +269,8 @@ USAGE = {
     "method": (["--method", "meanvalue"], "did you mean mean-value"),
     "option": (["--mehtod", "circle"], "--method"),
     "cut": (["--cut", "disc"], "disk"),
-    "border": (["--method", "circle", "--border", "circel"], "did you mean circle"),
-    "border of a free method": (["--border", "square"], "free border"),
+    "border": (["--method", "circle", "--boundary", "circel"], "did you mean circle"),
+    "border of a free method": (["--boundary", "square"], "free boundary"),
     "start of a convex method": (["--method", "circle", "--start", "uniform"], "isometric"),
     "bound without charts": (["--cut", "disk", "--max-distortion", "1.1"], "--cut charts"),
     "gate": (["--fail-if", "flipps>0"], "did you mean flips"),

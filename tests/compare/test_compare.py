@@ -57,7 +57,7 @@ def test_convex_rows_do_not_flip_and_differ(disk: Comparison) -> None:
         assert row(disk, name)["status"] == "ok"
     # both reproduce the plane, circle does not: on a bumped disk mean-value keeps angles better
     assert row(disk, "mean-value")["angle"] < row(disk, "circle")["angle"]
-    # conformal, with a free border
+    # conformal, with a free boundary
     assert row(disk, "lscm")["angle"] < row(disk, "circle")["angle"]
 
 
@@ -73,8 +73,10 @@ def test_stages_and_memory_are_measured(disk: Comparison) -> None:
 
 def test_the_stages_of_one_run_are_parts_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("circparam.compare.compare.REPEATS", 1)
-    patches, _ = patches_of(shapes.bumped_disk(300))
-    arrays = {name: getattr(patches, name) for name in ("faces", "frames", "chart", "edges")}
+    cut_mesh, _ = patches_of(shapes.bumped_disk(300))
+    arrays = {
+        name: getattr(cut_mesh, name) for name in ("faces", "rest_triangles", "chart", "edges")
+    }
     settings = {"method": "circle", "options": {}, "timeout": None}
     _, info = flatten_task(arrays, settings)
     assert info["runs"] == 1
@@ -184,12 +186,12 @@ def test_names_are_checked() -> None:
 
 
 def test_options_go_where_they_apply() -> None:
-    square = quick(shapes.bumped_disk(100), "circle,lscm", border="square")
+    square = quick(shapes.bumped_disk(100), "circle,lscm", boundary="square")
     round_ = quick(shapes.bumped_disk(100), "circle,lscm")
     assert row(square, "circle")["distortion"] != row(round_, "circle")["distortion"]
     assert row(square, "lscm")["distortion"] == row(round_, "lscm")["distortion"]
     with pytest.raises(errors.OptionError, match="no effect"):
-        quick(shapes.bumped_disk(100), "lscm", border="square")
+        quick(shapes.bumped_disk(100), "lscm", boundary="square")
 
 
 def test_bad_requests() -> None:

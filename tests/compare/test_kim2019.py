@@ -14,17 +14,17 @@ from circparam.methods.base import MethodOptions
 
 @pytest.mark.parametrize("n", [8, *kim2019.PAPER])
 def test_disks_have_exactly_so_many_vertices(n: int) -> None:
-    patches = kim2019.bumped_disk(n)
-    assert patches.n_vertices == n
-    assert patches.n_charts == 1
-    assert patches.euler().tolist() == [1]
-    assert (patches.areas > 0).all()
+    cut_mesh = kim2019.bumped_disk(n)
+    assert cut_mesh.n_vertices == n
+    assert cut_mesh.n_charts == 1
+    assert cut_mesh.euler().tolist() == [1]
+    assert (cut_mesh.areas > 0).all()
 
 
 def test_both_methods_map_the_disks_without_a_flip() -> None:
-    patches = kim2019.bumped_disk(120)
+    cut_mesh = kim2019.bumped_disk(120)
     for name in (kim2019.METHOD, kim2019.PEER):
-        uv = METHODS[name].function(patches, MethodOptions(), Monitor()).uv[patches.faces]
+        uv = METHODS[name].function(cut_mesh, MethodOptions(), Monitor()).uv[cut_mesh.faces]
         e1, e2 = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
         assert (e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0] > 0).all()
 

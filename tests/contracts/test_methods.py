@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import measure
 from circparam.geometry.intrinsic import signed_areas
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.methods import METHODS
@@ -25,8 +25,8 @@ ITERATIVE = {"isometric", "arap"}
 TIGHT = MethodOptions(tolerance=1e-14, max_iterations=2000)
 
 
-def run(name, patches, options=TIGHT):
-    return METHODS[name].function(patches, options, Monitor())
+def run(name, cut_mesh, options=TIGHT):
+    return METHODS[name].function(cut_mesh, options, Monitor())
 
 
 def mild():
@@ -38,38 +38,38 @@ def mild():
     "shape", [shapes.delaunay_square(200), shapes.half_cylinder(), shapes.cone(slit=True)]
 )
 def test_a_developable_surface_comes_back(name, shape):
-    patches, _ = patches_of(shape)
-    layout = run(name, patches)
-    measured = measure(patches, layout.uv)
+    cut_mesh, _ = patches_of(shape)
+    layout = run(name, cut_mesh)
+    measured = measure(cut_mesh, layout.uv)
     assert measured.flips == 0
     assert measured.sd <= 1 + 1e-6
 
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - set(METHODS.tagged("reproduces-plane"))))
 def test_rows_without_the_tag_do_not_reproduce_a_plane(name):
-    patches, _ = patches_of(shapes.delaunay_square(200))
-    assert measure(patches, run(name, patches).uv).sd > 1 + 1e-6
+    cut_mesh, _ = patches_of(shapes.delaunay_square(200))
+    assert measure(cut_mesh, run(name, cut_mesh).uv).sd > 1 + 1e-6
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_layout_fits_the_patches_and_is_upright(name):
-    patches, _ = patches_of(mild())
-    layout = run(name, patches, MethodOptions())
-    assert layout.uv.shape == (patches.n_vertices, 2)
+    cut_mesh, _ = patches_of(mild())
+    layout = run(name, cut_mesh, MethodOptions())
+    assert layout.uv.shape == (cut_mesh.n_vertices, 2)
     assert np.isfinite(layout.uv).all()
-    assert len(layout.iterations) == len(layout.stopped) == patches.n_charts
-    assert (signed_areas(patches.faces, layout.uv) > 0).all()
+    assert len(layout.iterations) == len(layout.stopped) == cut_mesh.n_charts
+    assert (signed_areas(cut_mesh.faces, layout.uv) > 0).all()
     # in units of the mesh: about the area of the surface
-    ratio = signed_areas(patches.faces, layout.uv).sum() / patches.areas.sum()
+    ratio = signed_areas(cut_mesh.faces, layout.uv).sum() / cut_mesh.areas.sum()
     assert 0.5 < ratio < 2
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_input_is_not_touched(name):
-    patches, _ = patches_of(mild())
-    arrays = ("faces", "frames", "chart", "edges")
-    before = [getattr(patches, a).copy() for a in arrays]
-    locked = Patches(*(a.copy() for a in before))
+    cut_mesh, _ = patches_of(mild())
+    arrays = ("faces", "rest_triangles", "chart", "edges")
+    before = [getattr(cut_mesh, a).copy() for a in arrays]
+    locked = CutMesh(*(a.copy() for a in before))
     for a in arrays:
         getattr(locked, a).setflags(write=False)
     run(name, locked, MethodOptions())
@@ -126,9 +126,9 @@ def test_a_chart_alone_is_the_same_as_among_others(name):
 @given(shape=strategies.disks(60))
 @settings(max_examples=12)
 def test_flip_free_rows_flip_nothing(name, shape):
-    patches, _ = patches_of(shape)
-    uv = run(name, patches, MethodOptions()).uv
-    assert (signed_areas(patches.faces, uv) > 0).all()
+    cut_mesh, _ = patches_of(shape)
+    uv = run(name, cut_mesh, MethodOptions()).uv
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
 
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - set(METHODS.tagged("flip-free"))))
@@ -136,14 +136,14 @@ def test_flip_free_rows_flip_nothing(name, shape):
 @settings(max_examples=12)
 def test_the_other_rows_mend_or_tell_their_flips(name, shape):
     """On disks so rough and so stretched that every such method flips faces of nearly all of them."""
-    patches, _ = patches_of(shape)
-    raw = run(name, patches, MethodOptions(repair=False))
-    before = int((signed_areas(patches.faces, raw.uv) <= 0).sum())
+    cut_mesh, _ = patches_of(shape)
+    raw = run(name, cut_mesh, MethodOptions(repair=False))
+    before = int((signed_areas(cut_mesh.faces, raw.uv) <= 0).sum())
     assume(before > 0)
     assert any(name in note for note in raw.notes), "flips that stay are told"
-    layout = run(name, patches, MethodOptions())
+    layout = run(name, cut_mesh, MethodOptions())
     assert np.isfinite(layout.uv).all()
-    left = int((signed_areas(patches.faces, layout.uv) <= 0).sum())
+    left = int((signed_areas(cut_mesh.faces, layout.uv) <= 0).sum())
     assert left < before
     told = [note for note in layout.notes if note.startswith(name)]
     assert told, "what was done is told"
@@ -152,10 +152,10 @@ def test_the_other_rows_mend_or_tell_their_flips(name, shape):
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - set(METHODS.tagged("flip-free"))))
 def test_spikes_flip_faces_of_the_other_rows_and_all_are_mended(name):
-    patches, _ = patches_of(shapes.spiked_disk(200))
-    raw, mended = (run(name, patches, MethodOptions(repair=on)).uv for on in (False, True))
-    assert (signed_areas(patches.faces, raw) <= 0).any(), "or nothing is tested here"
-    assert (signed_areas(patches.faces, mended) > 0).all()
+    cut_mesh, _ = patches_of(shapes.spiked_disk(200))
+    raw, repair_report = (run(name, cut_mesh, MethodOptions(repair=on)).uv for on in (False, True))
+    assert (signed_areas(cut_mesh.faces, raw) <= 0).any(), "or nothing is tested here"
+    assert (signed_areas(cut_mesh.faces, repair_report) > 0).all()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -163,13 +163,13 @@ def test_every_method_refuses_what_is_no_disk(name):
     from circparam.errors import TopologyError
 
     surface, _ = repair(Mesh(*shapes.torus(8, 6)), RepairOptions())
-    patches = surface.patches(np.zeros(len(surface.edges), bool))
-    with pytest.raises(TopologyError, match="chart 0 has 0 borders"):
-        run(name, patches)
+    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    with pytest.raises(TopologyError, match="chart 0 has 0 boundaries"):
+        run(name, cut_mesh)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_one_triangle_is_a_map(name):
-    patches, _ = patches_of(shapes.triangle())
-    uv = run(name, patches, MethodOptions()).uv
-    assert (signed_areas(patches.faces, uv) > 0).all()
+    cut_mesh, _ = patches_of(shapes.triangle())
+    uv = run(name, cut_mesh, MethodOptions()).uv
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()

@@ -1,4 +1,4 @@
-"""The helper process changes seconds, never results, and is gone when the work is over."""
+"""The worker process changes seconds, never results, and is gone when the work is over."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 from circparam.core import workers
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Helper
+from circparam.core.workers import Worker
 
 
 def square(x: int, where: str, monitor: Monitor) -> tuple[int, int]:
@@ -34,7 +34,7 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_every_second_task_is_done_beside() -> None:
-    with Helper("tests.core.test_workers") as beside:
+    with Worker("tests.core.test_workers") as beside:
         got = beside.map(square, [(k, "") for k in range(5)], Monitor())
     assert [value for value, _ in got] == [0, 1, 4, 9, 16]
     own = [pid == os.getpid() for _, pid in got]
@@ -42,7 +42,7 @@ def test_every_second_task_is_done_beside() -> None:
 
 
 def test_what_a_dead_helper_leaves_is_done_here() -> None:
-    with Helper("tests.core.test_workers") as beside:
+    with Worker("tests.core.test_workers") as beside:
         got = beside.map(square, [(k, str(os.getpid())) for k in range(4)], Monitor())
     assert got == [(k * k, os.getpid()) for k in range(4)]
 
@@ -52,20 +52,20 @@ def test_without_a_helper_all_is_done_here(why: str, monkeypatch: pytest.MonkeyP
     if why == "one core":
         monkeypatch.setattr(workers, "cores", lambda: 1)
     module = "no.such.module" if why == "no such module" else "tests.core.test_workers"
-    with Helper(module, why != "small work") as beside:
+    with Worker(module, why != "small work") as beside:
         got = beside.map(square, [(k, "") for k in range(3)], Monitor())
     assert got == [(k * k, os.getpid()) for k in range(3)]
 
 
 def test_the_helper_has_the_same_deadline() -> None:
     for seconds in (None, 100.0):
-        with Helper("tests.core.test_workers") as beside:
+        with Worker("tests.core.test_workers") as beside:
             got = beside.map(deadline, [(), ()], Monitor(None, seconds))
         assert got == [seconds is not None] * 2
 
 
 def test_the_process_ends_with_the_context() -> None:
-    with Helper("tests.core.test_workers") as beside:
+    with Worker("tests.core.test_workers") as beside:
         process = beside._process
         assert process is not None
         assert process.poll() is None
@@ -86,7 +86,7 @@ from circparam.core import workers
 workers.cores = lambda: 2
 from circparam.core.monitor import Monitor
 from tests.core.test_workers import wait
-beside = workers.Helper("tests.core.test_workers")
+beside = workers.Worker("tests.core.test_workers")
 print(beside._process.pid, flush=True)
 beside.map(wait, [(60.0,), (60.0,)], Monitor())
 """
@@ -108,7 +108,7 @@ def test_no_helper_outlives_a_killed_caller() -> None:
         caller.wait()
     end = time.monotonic() + 30
     while _runs(pid):
-        assert time.monotonic() < end, "the helper goes on without its caller"
+        assert time.monotonic() < end, "the worker goes on without its caller"
         np.random.default_rng(0).random(100_000).sort()
 
 
@@ -122,7 +122,7 @@ def _runs(pid: int) -> bool:
 
 
 def test_a_helper_answers_again_and_again() -> None:
-    with Helper("tests.core.test_workers") as beside:
+    with Worker("tests.core.test_workers") as beside:
         for x in range(3):
             (first, own), (second, other) = beside.map(square, [(x, ""), (x + 1, "")], Monitor())
             assert (first, second) == (x * x, (x + 1) ** 2)

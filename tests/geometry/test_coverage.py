@@ -1,4 +1,4 @@
-"""Rasters from the border alone, against brute force."""
+"""Rasters from the boundary alone, against brute force."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.geometry.coverage import cover, label_grid, pages_of, smallest_gap
-from circparam.mesh.cut_mesh import Patches, plane_frames
+from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from tests.support import shapes
 
 
-def flat_patches(p: np.ndarray, f: np.ndarray, chart: np.ndarray) -> tuple[Patches, np.ndarray]:
+def flat_patches(p: np.ndarray, f: np.ndarray, chart: np.ndarray) -> tuple[CutMesh, np.ndarray]:
     from circparam.geometry.overlap import shared_edges
 
     uv = p[:, :2].copy()
-    return Patches(f, plane_frames(p[f]), chart, shared_edges(f)), uv
+    return CutMesh(f, rest_triangles_of(p[f]), chart, shared_edges(f)), uv
 
 
-def squares(corners: list[tuple[float, float]], size: float) -> tuple[Patches, np.ndarray]:
+def squares(corners: list[tuple[float, float]], size: float) -> tuple[CutMesh, np.ndarray]:
     """Axis-aligned squares of one size in the unit square, one chart each."""
     base, f = shapes.grid(3, 3)
     parts = [(base * size + [x, y, 0], f) for x, y in corners]
@@ -43,20 +43,20 @@ def inside(uv: np.ndarray, faces: np.ndarray, resolution: int) -> np.ndarray:
 
 @settings(max_examples=25)
 @given(st.integers(0, 10**6), st.integers(8, 60))
-def test_the_border_alone_tells_what_faces_cover(seed: int, resolution: int) -> None:
+def test_the_boundary_alone_tells_what_faces_cover(seed: int, resolution: int) -> None:
     p, f = shapes.delaunay_disk(40, seed % 1000)
     rng = np.random.default_rng(seed)
     p = p * 0.3 + [0.5, 0.5, 0] + [*rng.uniform(-0.1, 0.1, 2), 0]
-    patches, uv = flat_patches(p, f, np.zeros(len(f), np.int64))
-    got = label_grid(patches, uv, resolution) >= 0
-    # centres that lie on a border to the last digit may fall on either side
+    cut_mesh, uv = flat_patches(p, f, np.zeros(len(f), np.int64))
+    got = label_grid(cut_mesh, uv, resolution) >= 0
+    # centres that lie on a boundary to the last digit may fall on either side
     assert (got != inside(uv, f, resolution)).sum() <= 2
 
 
 def test_a_hole_is_not_covered() -> None:
     p, f = shapes.annulus(48, 4, 0.5)
-    patches, uv = flat_patches(p * 0.4 + [0.5, 0.5, 0], f, np.zeros(len(f), np.int64))
-    grid = label_grid(patches, uv, 64)
+    cut_mesh, uv = flat_patches(p * 0.4 + [0.5, 0.5, 0], f, np.zeros(len(f), np.int64))
+    grid = label_grid(cut_mesh, uv, 64)
     assert grid[32, 32] == -1
     ring = np.pi * 0.4**2 * (1 - 0.5**2)
     assert (grid >= 0).mean() == pytest.approx(ring, rel=0.03)
@@ -66,17 +66,17 @@ def test_a_hole_is_not_covered() -> None:
 def test_gap_between_two_squares(texels: int, gap: float) -> None:
     n = 100
     # the first covers columns 10..29; the second begins so many columns further on
-    patches, uv = squares([(0.10, 0.1), (0.10 + 0.2 + (texels - 1) / n, 0.1)], 0.2)
-    found = cover(patches, uv, n, 8)
+    cut_mesh, uv = squares([(0.10, 0.1), (0.10 + 0.2 + (texels - 1) / n, 0.1)], 0.2)
+    found = cover(cut_mesh, uv, n, 8)
     assert found.gap == gap
     assert found.near == (0, 1)
-    assert found.border == 10
+    assert found.boundary == 10
     assert found.share == pytest.approx(0.08, abs=0.002)
 
 
 def test_far_charts_have_no_gap_within_the_search() -> None:
-    patches, uv = squares([(0.1, 0.1), (0.6, 0.6)], 0.2)
-    assert cover(patches, uv, 100, 6).gap == np.inf
+    cut_mesh, uv = squares([(0.1, 0.1), (0.6, 0.6)], 0.2)
+    assert cover(cut_mesh, uv, 100, 6).gap == np.inf
 
 
 @settings(max_examples=30)
@@ -99,8 +99,8 @@ def test_smallest_gap_is_that_of_all_pairs(seed: int) -> None:
 
 
 def test_pages_are_tiles() -> None:
-    patches, uv = squares([(0.1, 0.1), (1.1, 0.1), (2.5, 0.5)], 0.2)
-    assert pages_of(patches, uv).tolist() == [0, 1, 2]
-    found = cover(patches, uv, 50, 4)
+    cut_mesh, uv = squares([(0.1, 0.1), (1.1, 0.1), (2.5, 0.5)], 0.2)
+    assert pages_of(cut_mesh, uv).tolist() == [0, 1, 2]
+    found = cover(cut_mesh, uv, 50, 4)
     assert found.share == pytest.approx(0.04, abs=0.005)
-    assert found.border == 5
+    assert found.boundary == 5

@@ -11,21 +11,21 @@ from hypothesis import strategies as st
 
 from circparam.geometry.distortion import METRICS, best_chart_scales, measure
 from circparam.geometry.intrinsic import jacobians, singular_values
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from tests.support import shapes
 from tests.support.charts import patches_of
 
 
 def flat(copies=1):
-    patches, points = patches_of(shapes.row_of(shapes.delaunay_square(80), copies))
-    return patches, points[:, :2]
+    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_square(80), copies))
+    return cut_mesh, points[:, :2]
 
 
 @pytest.mark.parametrize("metric", METRICS.names())
 def test_a_similarity_is_perfect(metric):
-    patches, uv = flat()
+    cut_mesh, uv = flat()
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    m = measure(patches, 5 * uv @ turn.T + [100, -3])
+    m = measure(cut_mesh, 5 * uv @ turn.T + [100, -3])
     assert m.whole[metric] == pytest.approx(1, abs=1e-9)
     assert m.charts[metric][0] == pytest.approx(1, abs=1e-9)
     assert m.flips == 0
@@ -33,8 +33,8 @@ def test_a_similarity_is_perfect(metric):
 
 
 def test_an_affine_map_has_the_values_of_its_singular_values():
-    patches, uv = flat()
-    m = measure(patches, uv * [2.0, 0.5] + 7)
+    cut_mesh, uv = flat()
+    m = measure(cut_mesh, uv * [2.0, 0.5] + 7)
     assert m.sd == pytest.approx((4 + 0.25 + 0.25 + 4) / 4)
     assert m.whole["stretch_l2"] == pytest.approx(np.sqrt((4 + 0.25) / 2))
     assert m.whole["stretch_linf"] == pytest.approx(2)
@@ -43,18 +43,18 @@ def test_an_affine_map_has_the_values_of_its_singular_values():
 
 
 def test_two_charts_of_different_density_pay_for_it():
-    patches, uv = flat(2)
-    grown = uv * np.where(patches.vertex_chart == 1, 4.0, 1.0)[:, None]
-    m = measure(patches, grown)
+    cut_mesh, uv = flat(2)
+    grown = uv * np.where(cut_mesh.vertex_chart == 1, 4.0, 1.0)[:, None]
+    m = measure(cut_mesh, grown)
     # P k² + N/k² with P = (1 + 16)/2 · 2 and N = (1 + 1/16)/2 · 2 at its best scale, over 4
     assert m.sd == pytest.approx(2 * np.sqrt(17 * (1 + 1 / 16)) / 4)
     k = ((1 + 1 / 16) / 17) ** 0.25
     each = [(s**2 * k**2 + 1 / (s * k) ** 2) / 2 for s in (1, 4)]
     np.testing.assert_allclose(m.charts["sd"], each)
     assert m.sd_max_chart == pytest.approx(max(each))
-    scales = best_chart_scales(patches, grown)
+    scales = best_chart_scales(cut_mesh, grown)
     np.testing.assert_allclose(scales, [1, 0.25])
-    assert measure(patches, grown * scales[patches.vertex_chart][:, None]).sd == pytest.approx(1)
+    assert measure(cut_mesh, grown * scales[cut_mesh.vertex_chart][:, None]).sd == pytest.approx(1)
 
 
 @given(st.floats(0.3, 3), st.floats(-2, 2), st.floats(-3, 3), st.floats(-3, 3))
@@ -69,65 +69,65 @@ def test_singular_values_agree_with_a_decomposition(a, b, c, d):
 
 
 def test_jacobians_of_a_linear_map_lose_no_digits_far_away():
-    patches, uv = flat()
-    frame_map = jacobians(patches, uv)
+    cut_mesh, uv = flat()
+    frame_map = jacobians(cut_mesh, uv)
     matrix = np.array([[2.0, 1.0], [0.0, 3.0]])
-    moved = jacobians(patches, uv @ matrix.T + 2**20)
+    moved = jacobians(cut_mesh, uv @ matrix.T + 2**20)
     np.testing.assert_allclose(moved, matrix @ frame_map, atol=1e-7)
 
 
 def test_flips_and_collapsed_faces_are_counted_per_chart():
-    patches, uv = flat(2)
+    cut_mesh, uv = flat(2)
     bad = uv.copy()
-    mirrored = patches.vertex_chart == 1
+    mirrored = cut_mesh.vertex_chart == 1
     bad[mirrored, 0] *= -1
-    m = measure(patches, bad)
-    assert m.chart_flips.tolist() == [0, int((patches.chart == 1).sum())]
+    m = measure(cut_mesh, bad)
+    assert m.chart_flips.tolist() == [0, int((cut_mesh.chart == 1).sum())]
     assert m.flips == m.chart_flips.sum()
     assert m.sd == pytest.approx(1)  # a mirrored face has the singular values of its twin
     collapsed = uv.copy()
-    collapsed[patches.faces[0]] = uv[patches.faces[0, 0]]
-    m = measure(patches, collapsed)
+    collapsed[cut_mesh.faces[0]] = uv[cut_mesh.faces[0, 0]]
+    m = measure(cut_mesh, collapsed)
     assert m.flips >= 1
     assert np.isfinite(list(m.whole.values())).all()
     assert m.sd > 1e6
 
 
 def test_exact_signs_may_be_given():
-    patches, uv = flat()
-    signs = np.ones(len(patches.faces), np.int64)
+    cut_mesh, uv = flat()
+    signs = np.ones(len(cut_mesh.faces), np.int64)
     signs[3] = 0
-    assert measure(patches, uv, signs).flips == 1
+    assert measure(cut_mesh, uv, signs).flips == 1
 
 
 def test_a_face_without_a_shape_is_left_out():
-    frames = np.array([[[0, 0], [1, 0], [0, 1]], [[0, 0], [1, 0], [0.5, 1e-14]]], float)
-    patches = Patches(
-        np.array([[0, 1, 2], [1, 0, 3]]), frames, np.array([0, 0]), np.array([[0, 3]])
+    rest_triangles = np.array([[[0, 0], [1, 0], [0, 1]], [[0, 0], [1, 0], [0.5, 1e-14]]], float)
+    cut_mesh = CutMesh(
+        np.array([[0, 1, 2], [1, 0, 3]]), rest_triangles, np.array([0, 0]), np.array([[0, 3]])
     )
-    m = measure(patches, np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5]], float))
+    m = measure(cut_mesh, np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5]], float))
     assert m.degenerate == 1
     assert m.flips == 0
     assert m.sd == pytest.approx(1)
 
 
 def test_best_scales_are_minima():
-    patches, points = patches_of(shapes.row_of(shapes.bumped_disk(200), 3))
+    cut_mesh, points = patches_of(shapes.row_of(shapes.bumped_disk(200), 3))
     uv = points[:, :2] * [1.3, 0.8]
-    k = best_chart_scales(patches, uv)
+    k = best_chart_scales(cut_mesh, uv)
 
     def energy(factor):
-        j = jacobians(patches, uv * (k * factor)[patches.vertex_chart][:, None])
+        j = jacobians(cut_mesh, uv * (k * factor)[cut_mesh.vertex_chart][:, None])
         large, small = singular_values(j)
-        each = patches.areas * (large**2 + small**2 + large**-2.0 + small**-2.0)
-        return np.bincount(patches.chart, each)
+        each = cut_mesh.areas * (large**2 + small**2 + large**-2.0 + small**-2.0)
+        return np.bincount(cut_mesh.chart, each)
 
     assert (energy(1.0) < energy(1.01)).all()
     assert (energy(1.0) < energy(0.99)).all()
 
 
 def test_the_report_is_plain_numbers():
-    patches, uv = flat()
-    d = measure(patches, uv).as_dict()
+    cut_mesh, uv = flat()
+    d = measure(cut_mesh, uv).as_dict()
     assert json.loads(json.dumps(d)) == d
     assert set(METRICS.names()) < set(d)

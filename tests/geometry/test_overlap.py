@@ -10,7 +10,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import next_half_edge
-from circparam.geometry.boundary import Border
+from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.intersect import (
     NEIGHBOURS,
     nearby,
@@ -21,7 +21,7 @@ from circparam.geometry.intersect import (
 from circparam.geometry.overlap import crossings, overlaps, self_overlapping, shared_edges, signs
 from circparam.geometry.predicates import orientation
 from circparam.geometry.segment_grid import Candidates
-from circparam.mesh.cut_mesh import Patches, plane_frames
+from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from circparam.mesh.halfedge import corner_classes
 from tests.support import shapes
 
@@ -104,21 +104,21 @@ def grow(steps):
     """A chart grown face by face on the integer grid: new apex, closed ear, or an apex joined on."""
     uv = [(2, 2), (3, 2), (2, 3)]
     faces = [(0, 1, 2)]
-    border = [(0, 1), (1, 2), (2, 0)]  # counter-clockwise, each follows the one before
+    boundary = [(0, 1), (1, 2), (2, 0)]  # counter-clockwise, each follows the one before
 
     def positive(a, b, c):
         return exact_sign(uv[a], uv[b], uv[c]) > 0
 
     for pick, x, y, kind in steps:
-        k = pick % len(border)
-        a, b = border[k]
-        if kind == 1 and len(border) > 3:  # close the ear at b: it becomes an inner vertex
-            after = (k + 1) % len(border)
-            c = border[after][1]
-            if c != a and positive(a, c, b) and (a, c) not in border and (c, a) not in border:
+        k = pick % len(boundary)
+        a, b = boundary[k]
+        if kind == 1 and len(boundary) > 3:  # close the ear at b: it becomes an inner vertex
+            after = (k + 1) % len(boundary)
+            c = boundary[after][1]
+            if c != a and positive(a, c, b) and (a, c) not in boundary and (c, a) not in boundary:
                 faces.append((a, c, b))
-                border[k] = (a, c)
-                border.pop(after)
+                boundary[k] = (a, c)
+                boundary.pop(after)
             continue
         uv.append((x, y))
         c = len(uv) - 1
@@ -126,7 +126,7 @@ def grow(steps):
             uv.pop()
             continue
         faces.append((b, a, c))
-        border[k : k + 1] = [(a, c), (c, b)]
+        boundary[k : k + 1] = [(a, c), (c, b)]
     return np.array(uv, float), np.array(faces, np.int64)
 
 
@@ -222,7 +222,7 @@ def test_a_fan_wound_twice_overlaps(mirror):
 
 
 def coil(turns, n=12):
-    """A fan wound so often, in a ring of faces that unwinds it: the border is a circle, run through once."""
+    """A fan wound so often, in a ring of faces that unwinds it: the boundary is a circle, run through once."""
     uv, fans = fan(turns, n)
     t = 2 * np.pi * np.arange(n) / n
     k = np.arange(n)
@@ -234,7 +234,7 @@ def coil(turns, n=12):
 @pytest.mark.parametrize("mirror", [1.0, -1.0])
 @pytest.mark.parametrize("turns", [1, 2, 3])
 def test_only_the_angles_round_a_vertex_tell_that_it_is_wound_twice(turns, mirror):
-    """4π are too much already; the border knows nothing of it."""
+    """4π are too much already; the boundary knows nothing of it."""
     uv, faces = coil(turns)
     found = overlaps(faces, uv * [mirror, 1.0], np.zeros(len(faces), np.int64))
     assert len(found.crossings) == 0
@@ -243,7 +243,7 @@ def test_only_the_angles_round_a_vertex_tell_that_it_is_wound_twice(turns, mirro
 
 def two_sheets(crossed):
     """A large square and a small one in its middle, of one surface when ``crossed``: joined crosswise along a
-    slit, so that both ends of the slit are wound twice while the two borders are plain nested squares."""
+    slit, so that both ends of the slit are wound twice while the two boundaries are plain nested squares."""
     big, small = shapes.grid(9, 9, 8.0, 8.0), shapes.grid(5, 5, 4.0, 4.0)
     uv = np.concatenate([big[0][:, :2] - 4, small[0][:, :2] - 2])
     faces = np.concatenate([big[1], small[1] + len(big[0])])
@@ -268,7 +268,7 @@ def two_sheets(crossed):
     return corners, place, chart, edges
 
 
-def test_a_surface_wound_twice_overlaps_though_its_borders_never_meet():
+def test_a_surface_wound_twice_overlaps_though_its_boundaries_never_meet():
     faces, uv, chart, edges = two_sheets(crossed=True)
     found = overlaps(faces, uv, chart, edges)
     assert found.self_overlapping.tolist() == [True]
@@ -282,15 +282,15 @@ def test_a_surface_wound_twice_overlaps_though_its_borders_never_meet():
 direction = st.tuples(st.integers(-2, 2), st.integers(-2, 2)).filter(any)
 
 
-def corner_border(*wedges):
-    """Borders that pass through the origin: (out, back) directions of each; segment 2k leaves wedge k."""
+def corner_boundary(*wedges):
+    """Boundaries that pass through the origin: (out, back) directions of each; segment 2k leaves wedge k."""
     start, end = [], []
     for out, back in wedges:
         start += [(0, 0), back]
         end += [out, (0, 0)]
     n = len(start)
     other = np.arange(n) ^ 1
-    return Border(
+    return BoundarySegments(
         np.arange(n),
         np.arange(n) // 2,
         np.array(start, float),
@@ -320,8 +320,8 @@ MANY = np.arange(3600) * 2 * np.pi / 3600 + 1e-5
 @example((1, 0), (1, 0), (0, 1), (0, 2))
 @example((1, 0), (0, -1), (1, -1), (1, 0))
 def test_wedges_meet_where_they_share_a_direction(out_a, back_a, out_b, back_b):
-    border = corner_border((out_a, back_a), (out_b, back_b))
-    got = wedges_meet(border, np.array([0]), np.array([2]))[0]
+    boundary = corner_boundary((out_a, back_a), (out_b, back_b))
+    got = wedges_meet(boundary, np.array([0]), np.array([2]))[0]
     expected = in_arc(MANY, angle_of(out_a), angle_of(back_a))
     expected &= in_arc(MANY, angle_of(out_b), angle_of(back_b))
     assert got == expected.any()
@@ -333,10 +333,10 @@ def test_wedges_meet_where_they_share_a_direction(out_a, back_a, out_b, back_b):
 @example((1, 0), (1, -1), (-1, 0))
 @example((1, 0), (1, -1), (-1, -1))
 def test_a_wedge_reaches_to_the_left_of_a_line(line, out, back):
-    border = corner_border((out, back), (line, line))
+    boundary = corner_boundary((out, back), (line, line))
     d = np.array(line, float)
-    border.start[2], border.end[2] = -2 * d, 3 * d
-    got = wedge_left_of(border, np.array([0]), np.array([2]))[0]
+    boundary.start[2], boundary.end[2] = -2 * d, 3 * d
+    got = wedge_left_of(boundary, np.array([0]), np.array([2]))[0]
     left = angle_of(line)
     expected = in_arc(MANY, angle_of(out), angle_of(back)) & in_arc(MANY, left, left + np.pi)
     assert got == expected.any()
@@ -347,8 +347,8 @@ def patches_of(uv, faces):
     _, corners = corner_classes(len(faces), edges)
     place = np.zeros((corners.max() + 1, 2))
     place[corners.ravel()] = uv[faces.ravel()]
-    frames = plane_frames(np.pad(uv, ((0, 0), (0, 1)))[faces])
-    return Patches(corners, frames, np.zeros(len(faces), np.int64), edges), place
+    rest_triangles = rest_triangles_of(np.pad(uv, ((0, 0), (0, 1)))[faces])
+    return CutMesh(corners, rest_triangles, np.zeros(len(faces), np.int64), edges), place
 
 
 def strip(centre_line, width=0.3):
@@ -375,23 +375,23 @@ def horseshoe(gap):
 
 
 def test_margin_finds_parts_that_come_near():
-    patches, uv = patches_of(*horseshoe(0.05))
-    assert not self_overlapping(patches, uv)[0]
-    assert self_overlapping(patches, uv, margin=0.06 / np.sqrt(patches.areas.sum()))[0]
-    assert not self_overlapping(patches, uv, margin=0.03 / np.sqrt(patches.areas.sum()))[0]
-    pairs = crossings(uv, patches, margin=0.06 / np.sqrt(patches.areas.sum()))
+    cut_mesh, uv = patches_of(*horseshoe(0.05))
+    assert not self_overlapping(cut_mesh, uv)[0]
+    assert self_overlapping(cut_mesh, uv, margin=0.06 / np.sqrt(cut_mesh.areas.sum()))[0]
+    assert not self_overlapping(cut_mesh, uv, margin=0.03 / np.sqrt(cut_mesh.areas.sum()))[0]
+    pairs = crossings(uv, cut_mesh, margin=0.06 / np.sqrt(cut_mesh.areas.sum()))
     assert len(pairs)
-    assert np.isin(pairs, patches.border).all()
-    assert len(crossings(uv, patches)) == 0
+    assert np.isin(pairs, cut_mesh.boundary).all()
+    assert len(crossings(uv, cut_mesh)) == 0
 
 
 def test_a_spiral_that_meets_itself_is_found_with_the_half_edges_that_cross():
     t = np.linspace(0, 2 * np.pi * 1.2, 200)
-    patches, uv = patches_of(*strip(np.stack([np.cos(t), np.sin(t)], 1)))
-    pairs = crossings(uv, patches)
-    assert self_overlapping(patches, uv)[0]
+    cut_mesh, uv = patches_of(*strip(np.stack([np.cos(t), np.sin(t)], 1)))
+    pairs = crossings(uv, cut_mesh)
+    assert self_overlapping(cut_mesh, uv)[0]
     assert len(pairs)
-    assert np.isin(pairs, patches.border).all()
+    assert np.isin(pairs, cut_mesh.boundary).all()
 
 
 @settings(max_examples=40)
@@ -465,8 +465,8 @@ def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
 
     monkeypatch.setattr(nearby, "LIMIT", 10)
     monkeypatch.setattr(nearby, "FEW", 0)
-    patches, uv = patches_of(*strip(np.stack([np.linspace(0, 1, 50), np.zeros(50)], 1)))
-    assert self_overlapping(patches, uv)[0]
+    cut_mesh, uv = patches_of(*strip(np.stack([np.linspace(0, 1, 50), np.zeros(50)], 1)))
+    assert self_overlapping(cut_mesh, uv)[0]
 
 
 def _ring_with_flap(folded: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -500,7 +500,7 @@ def test_a_flap_folded_out_of_a_hole_overlaps_without_any_crossing(folded):
     assert found.self_overlapping.tolist() == [folded]
 
 
-def random_border(seed: int, dense: int) -> Border:
+def random_boundary(seed: int, dense: int) -> BoundarySegments:
     """Two charts: wavy closed loops whose parts come near each other, short segments and long."""
     rng = np.random.default_rng(seed)
     starts, ends, chart, following = [], [], [], []
@@ -519,7 +519,7 @@ def random_border(seed: int, dense: int) -> Border:
     before = np.empty_like(follow)
     before[follow] = np.arange(len(follow))
     order = np.arange(len(follow))
-    return Border(
+    return BoundarySegments(
         3 * order, np.array(chart), np.concatenate(starts), np.concatenate(ends), follow, before,
         np.ones(2),
     )  # fmt: skip
@@ -527,21 +527,21 @@ def random_border(seed: int, dense: int) -> Border:
 
 @settings(max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from([20, 150, 500]), st.floats(0.005, 0.3))
-def test_near_parts_of_a_border_against_brute_force(seed, dense, reach):
-    border = random_border(seed, dense)
-    i, j = np.triu_indices(len(border.chart), 1)
-    same = border.chart[i] == border.chart[j]
+def test_near_parts_of_a_boundary_against_brute_force(seed, dense, reach):
+    boundary = random_boundary(seed, dense)
+    i, j = np.triu_indices(len(boundary.chart), 1)
+    same = boundary.chart[i] == boundary.chart[j]
     i, j = i[same], j[same]
-    loop, position, total = border.along
+    loop, position, total = boundary.along
     apart = np.abs(position[i] - position[j])
     apart = np.minimum(apart, total[i] - apart)
     far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach)
-    far &= (border.following[i] != j) & (border.before[i] != j)
+    far &= (boundary.following[i] != j) & (boundary.before[i] != j)
     i, j = i[far], j[far]
-    close = segment_distance(border.start[i], border.end[i], border.start[j], border.end[j])
+    close = segment_distance(boundary.start[i], boundary.end[i], boundary.start[j], boundary.end[j])
     for charts in ([True, True], [False, True]):
-        got = nearby(border, np.full(2, reach), np.array(charts))
-        keep = (close < reach) & np.array(charts)[border.chart[i]]
+        got = nearby(boundary, np.full(2, reach), np.array(charts))
+        keep = (close < reach) & np.array(charts)[boundary.chart[i]]
         assert set(zip(*(g.tolist() for g in got), strict=True)) == set(
             zip(i[keep].tolist(), j[keep].tolist(), strict=True)
         )

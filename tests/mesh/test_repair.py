@@ -16,7 +16,7 @@ from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.restore import complete
 from circparam.seams import SEAMS
 from circparam.seams.options import SeamOptions
-from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support import shapes
 
 
@@ -31,7 +31,7 @@ def check_surface(mesh, surface, repairs):
     assert (e[:, 0] < e[:, 1]).all()
     assert (np.diff(e[:, 0]) > 0).all()
     assert (surface.areas > 0).all()
-    assert np.isfinite(surface.frames).all()
+    assert np.isfinite(surface.rest_triangles).all()
     points = np.sort(surface.faces, 1)
     same = (points[e[:, 0] // 3] == points[e[:, 1] // 3]).all(1)
     assert not same.any(), "two faces with the same points, joined, could not lie in the plane"
@@ -54,9 +54,9 @@ def doubled_edges(surface):
 def layout(surface, cut=None):
     """Any uv over the surface, one uv vertex for each vertex of the cut mesh."""
     cut = np.zeros(len(surface.edges), bool) if cut is None else cut
-    patches = surface.patches(cut)
+    cut_mesh = surface.cut_mesh(cut)
     rng = np.random.default_rng(0)
-    return rng.random((patches.n_vertices, 2)), patches.faces
+    return rng.random((cut_mesh.n_vertices, 2)), cut_mesh.faces
 
 
 def check_complete(mesh, surface, repairs):
@@ -86,7 +86,7 @@ def test_a_clean_mesh_is_taken_as_it_is():
     assert repairs.messages == []
     assert np.array_equal(surface.faces, mesh.faces)
     assert len(surface.edges) * 2 == mesh.faces.size
-    assert len(surface.border) == 0
+    assert len(surface.boundary) == 0
     check_surface(mesh, surface, repairs)
     got = check_complete(mesh, surface, repairs)
     assert np.array_equal(got.uv_faces, layout(surface)[1])
@@ -97,8 +97,8 @@ def test_coincident_vertices_are_one_by_a_map():
     soup = Mesh(p[f].reshape(-1, 3), np.arange(f.size).reshape(-1, 3))
     surface, repairs = repair(soup)
     assert repairs.clean
-    assert len(surface.border) == 0
-    assert surface.patches(np.zeros(len(surface.edges), bool)).euler().tolist() == [2]
+    assert len(surface.boundary) == 0
+    assert surface.cut_mesh(np.zeros(len(surface.edges), bool)).euler().tolist() == [2]
     assert surface.points is soup.points
 
 
@@ -109,7 +109,7 @@ def test_tolerance_closes_a_crack_and_refuses_to_swallow_the_mesh():
     surface, _ = repair(mesh)
     assert len(surface.edges) == 0
     surface, repairs = repair(mesh, RepairOptions(weld_eps=1e-5))
-    assert len(surface.border) == 0
+    assert len(surface.boundary) == 0
     assert repairs.near_vertices > 0
     assert "tolerance" in repairs.messages[0]
     check_complete(mesh, surface, repairs)
@@ -263,7 +263,7 @@ def test_one_sided_surfaces_are_cut_open_between_polygons(shape, polygons):
     assert repairs.mobius_edges > 0
     assert repairs.nonmanifold_vertices == 0
     check_surface(mesh, surface, repairs)
-    assert surface.patches(np.zeros(len(surface.edges), bool)).n_charts == 1
+    assert surface.cut_mesh(np.zeros(len(surface.edges), bool)).n_charts == 1
     if polygons:
         inside = quads[surface.source[surface.edges // 3]]
         assert int((inside[:, 0] == inside[:, 1]).sum()) == len(f) // 2, "no polygon is cut"
@@ -277,8 +277,8 @@ def test_crowded_edges_keep_the_straightest_pairs(sheets):
     surface, repairs = repair(mesh)
     assert repairs.nonmanifold_edges == n - 1
     check_surface(mesh, surface, repairs)
-    p = surface.patches(np.zeros(len(surface.edges), bool))
-    assert p.n_charts == (sheets + 1) // 2, "sheets go on in pairs, an odd one ends"
+    p = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    assert p.n_charts == (sheets + 1) // 2, "layers go on in pairs, an odd one ends"
     if sheets % 2 == 0:  # every sheet has one straight ahead: no edge is bent
         a, b = surface.normals[surface.edges.T // 3]
         assert np.allclose(np.abs((a * b).sum(1)), 1)
@@ -297,14 +297,14 @@ def test_a_wall_through_a_sheet_hangs_on_no_single_edge(seed):
     assert repairs.nonmanifold_edges == 6
     check_surface(mesh, surface, repairs)
     assert doubled_edges(surface) == 0
-    uv, _ = embed_convex(*disks_of(surface))
+    uv, _ = tutte_embedding(*disks_of(surface))
     assert (signs(uv, disks_of(surface)[0].faces) > 0).all()
 
 
 def disks_of(surface):
-    """The patches of a surface cut to disks, as the arguments of ``embed_convex``."""
+    """The cut mesh of a surface cut to disks, as the arguments of ``tutte_embedding``."""
     seams = SEAMS["disk"].function(surface, SeamOptions(), Monitor())
-    return surface.patches(seams.cut), "circle"
+    return surface.cut_mesh(seams.cut), "circle"
 
 
 def test_two_cubes_that_share_an_edge_stay_wound_alike():
@@ -322,7 +322,7 @@ def test_a_pinched_vertex_becomes_one_for_each_fan():
     mesh = Mesh(*shapes.pinched())
     surface, repairs = repair(mesh)
     assert repairs.nonmanifold_vertices == 1
-    assert surface.patches(np.zeros(len(surface.edges), bool)).n_charts == 2
+    assert surface.cut_mesh(np.zeros(len(surface.edges), bool)).n_charts == 2
     check_complete(mesh, surface, repairs)
 
 
@@ -357,8 +357,8 @@ def test_any_soup_becomes_a_surface_and_comes_back(case, paired):
     check_complete(mesh, surface, repairs)
     if not paired:
         assert doubled_edges(surface) == 0
-    patches = surface.patches(np.zeros(len(surface.edges), bool))
-    genus = 2 - patches.euler() - np.bincount(patches.loops.chart, minlength=patches.n_charts)
+    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    genus = 2 - cut_mesh.euler() - np.bincount(cut_mesh.loops.chart, minlength=cut_mesh.n_charts)
     assert (genus % 2 == 0).all(), "every component is orientable"
     assert (genus >= 0).all()
 
@@ -382,7 +382,7 @@ def test_double_cover_finds_signs_where_there_are_any(n, edges):
 
 @pytest.mark.parametrize("n", [40])
 def test_a_mesh_with_many_crowded_edges(n):
-    """Three sheets through every line of a grid, as in a soup of walls."""
+    """Three layers through every line of a grid, as in a soup of walls."""
     p, f = shapes.grid(n, n)
     up = p.copy()
     up[:, 2] += 0.01

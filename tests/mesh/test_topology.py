@@ -15,13 +15,13 @@ from tests.support import shapes
 from tests.support.corpus import CORPUS
 
 KNOWN = [
-    # shape, verdict, Euler characteristic, genus, borders
+    # shape, verdict, Euler characteristic, genus, boundaries
     (shapes.triangle(), "disk", 1, 0, 1),
     (shapes.grid(), "disk", 1, 0, 1),
     (shapes.hemisphere(), "disk", 1, 0, 1),
-    (shapes.annulus(), "genus 0 with 2 borders", 0, 0, 2),
-    (shapes.cylinder(), "genus 0 with 2 borders", 0, 0, 2),
-    (shapes.holed_sheet(9), "genus 0 with 10 borders", -8, 0, 10),
+    (shapes.annulus(), "genus 0 with 2 boundaries", 0, 0, 2),
+    (shapes.cylinder(), "genus 0 with 2 boundaries", 0, 0, 2),
+    (shapes.holed_sheet(9), "genus 0 with 10 boundaries", -8, 0, 10),
     (shapes.icosphere(), "sphere", 2, 0, 0),
     (shapes.cube(), "sphere", 2, 0, 0),
     (shapes.cylinder(caps=True), "sphere", 2, 0, 0),
@@ -33,46 +33,46 @@ KNOWN = [
 ]
 
 
-@pytest.mark.parametrize(("shape", "verdict", "euler", "genus", "borders"), KNOWN)
-def test_known_shapes(shape, verdict, euler, genus, borders):
+@pytest.mark.parametrize(("shape", "verdict", "euler", "genus", "boundaries"), KNOWN)
+def test_known_shapes(shape, verdict, euler, genus, boundaries):
     report = describe(Mesh(*shape))
     assert len(report.components) == 1
     assert report.components[0].verdict == verdict
-    assert (report.euler, report.genus, report.borders) == (euler, genus, borders)
+    assert (report.euler, report.genus, report.boundaries) == (euler, genus, boundaries)
     assert report.euler == report.vertices - report.edges + report.faces
     assert report.is_disks == (verdict == "disk")
     assert report.nonmanifold_edges == report.nonmanifold_vertices == 0
 
 
-@pytest.mark.parametrize(("shape", "verdict", "euler", "genus", "borders"), KNOWN[:12])
-def test_neither_labels_nor_winding_nor_welding_matter(shape, verdict, euler, genus, borders):
+@pytest.mark.parametrize(("shape", "verdict", "euler", "genus", "boundaries"), KNOWN[:12])
+def test_neither_labels_nor_winding_nor_welding_matter(shape, verdict, euler, genus, boundaries):
     p, f, _, _ = shapes.shuffled(*shape, seed=3)
     rng = np.random.default_rng(5)
     f = np.where((rng.random(len(f)) < 0.5)[:, None], f[:, [0, 2, 1]], f)
     report = describe(Mesh(p[f].reshape(-1, 3), np.arange(f.size).reshape(-1, 3)))
     assert report.components[0].verdict == verdict
-    assert (report.euler, report.genus, report.borders) == (euler, genus, borders)
+    assert (report.euler, report.genus, report.boundaries) == (euler, genus, boundaries)
     assert report.vertices == len(p)
     assert report.vertices_in_file == f.size
     assert len(f) == 1 or report.inconsistent_edges > 0
 
 
-def test_faces_removed_from_a_handlebody_make_borders():
+def test_faces_removed_from_a_handlebody_make_boundaries():
     p, f = shapes.handles(2, 3)
     centres = p[f].mean(1)
     far = [int(np.argmax(centres @ d)) for d in ([1, 0, 0], [-1, 0.3, 0], [0.2, 1, 0.1])]
     report = describe(Mesh(p, np.delete(f, far, 0)))
-    assert report.components[0].verdict == "genus 2 with 3 borders"
+    assert report.components[0].verdict == "genus 2 with 3 boundaries"
     assert not report.is_disks
     assert report.not_disks == [0]
 
 
-def test_border_lengths_are_in_units_of_the_mesh_longest_first():
+def test_boundary_lengths_are_in_units_of_the_mesh_longest_first():
     for unit in (1e-40, 1.0, 1e40):
         p, f = shapes.grid(5, 3, width=4.0, height=2.0)
         q, g = shapes.grid(3, 3, width=1.0, height=1.0)
         report = describe(Mesh(*shapes.join((p * unit, f), ((q + np.array([9, 0, 0])) * unit, g))))
-        assert [c.borders for c in report.components] == [1, 1]
+        assert [c.boundaries for c in report.components] == [1, 1]
         assert np.allclose(report.components[0].lengths, [12 * unit], rtol=1e-12)
         assert np.allclose(report.components[1].lengths, [4 * unit], rtol=1e-12)
     ring = describe(Mesh(*shapes.annulus(64, 4, inner=0.25))).components[0]
@@ -99,7 +99,7 @@ def test_non_manifold_edges_and_points():
     report = describe(Mesh(*shapes.pinched()))
     assert report.nonmanifold_vertices == 1
     assert report.components[0].verdict == "2 pieces that meet in points"
-    assert report.borders == 2
+    assert report.boundaries == 2
     p, f = shapes.icosphere(2)
     p = p.copy()
     south, north = p[:, 2].argmin(), p[:, 2].argmax()
@@ -149,10 +149,10 @@ def test_any_soup_is_described_and_genus_is_whole(faces):
     assert sum(c.vertices for c in report.components) == report.vertices
     for c in report.components:
         assert c.verdict
-        assert len(c.lengths) == c.borders
+        assert len(c.lengths) == c.boundaries
         if c.genus is not None:
             assert c.genus >= 0
-            assert 2 * c.pieces - 2 * c.genus - c.borders == c.euler
+            assert 2 * c.pieces - 2 * c.genus - c.boundaries == c.euler
     # by hand: edges of three faces or more, among faces without a repeated vertex
     solid = [f for f in faces.tolist() if len(set(f)) == 3]
     edges = [tuple(sorted((f[k], f[k - 1]))) for f in solid for k in range(3)]
@@ -185,7 +185,7 @@ def test_real_meshes_agree_with_the_manifest(row):
     if row["file"] not in INSTANCES:
         wanted += ["vertices", "faces", "components"]
     if row["file"] not in FOLDED_FANS:
-        wanted += ["borders", "genus", "nonmanifold_edges"]
-    names = {"borders": "boundary_loops"}
+        wanted += ["boundaries", "genus", "nonmanifold_edges"]
+    names = {"boundaries": "boundary_loops"}
     expected = {k: int(row[names.get(k, k)]) for k in wanted if row[names.get(k, k)] != "-"}
     assert {k: report[k] for k in expected} == expected

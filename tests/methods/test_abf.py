@@ -14,53 +14,53 @@ from tests.support import shapes
 from tests.support.charts import patches_of, rim
 
 
-def laid_angles(patches, uv):
-    p = uv[patches.faces]
+def laid_angles(cut_mesh, uv):
+    p = uv[cut_mesh.faces]
     d, e = np.roll(p, -1, 1) - p, np.roll(p, 1, 1) - p
     cross = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
     return np.arctan2(cross, (d * e).sum(2))
 
 
-def angle_cost(patches, uv):
+def angle_cost(cut_mesh, uv):
     """Mean of ((α − β)/β)², β the angles rescaled to 2π round inner vertices."""
-    target = _system(patches).target
-    return float((((laid_angles(patches, uv) - target) / target) ** 2).mean())
+    target = _system(cut_mesh).target
+    return float((((laid_angles(cut_mesh, uv) - target) / target) ** 2).mean())
 
 
 def test_the_conditions_hold_at_the_end():
-    patches, _ = patches_of(shapes.bumped_disk(500))
-    angles, steps, converged = solve_angles(patches, 20, Monitor())
+    cut_mesh, _ = patches_of(shapes.bumped_disk(500))
+    angles, steps, converged = solve_angles(cut_mesh, 20, Monitor())
     assert converged.all()
     assert 2 <= steps[0] <= 10
     np.testing.assert_allclose(angles.sum(1), np.pi, atol=1e-9)
-    inner = ~rim(patches)
-    np.testing.assert_allclose(vertex_angle_sums(patches, angles)[inner], 2 * np.pi, atol=1e-9)
+    inner = ~rim(cut_mesh)
+    np.testing.assert_allclose(vertex_angle_sums(cut_mesh, angles)[inner], 2 * np.pi, atol=1e-9)
     log = np.log(np.sin(angles))
-    wheel = np.bincount(patches.faces.ravel(), (log[:, [1, 2, 0]] - log[:, [2, 0, 1]]).ravel())
+    wheel = np.bincount(cut_mesh.faces.ravel(), (log[:, [1, 2, 0]] - log[:, [2, 0, 1]]).ravel())
     np.testing.assert_allclose(wheel[inner], 0, atol=1e-8)
 
 
 def test_the_layout_has_the_angles_that_were_solved_for():
-    patches, _ = patches_of(shapes.bumped_disk(500))
-    angles, _, _ = solve_angles(patches, 20, Monitor())
-    layout = abf(patches, MethodOptions(), Monitor())
-    np.testing.assert_allclose(laid_angles(patches, layout.uv), angles, atol=1e-6)
+    cut_mesh, _ = patches_of(shapes.bumped_disk(500))
+    angles, _, _ = solve_angles(cut_mesh, 20, Monitor())
+    layout = abf(cut_mesh, MethodOptions(), Monitor())
+    np.testing.assert_allclose(laid_angles(cut_mesh, layout.uv), angles, atol=1e-6)
 
 
 def test_frames_take_the_angles_they_are_given():
-    patches, _ = patches_of(shapes.bumped_disk(200))
-    angles = corner_angles(patches) ** 1.1
+    cut_mesh, _ = patches_of(shapes.bumped_disk(200))
+    angles = corner_angles(cut_mesh) ** 1.1
     angles *= (np.pi / angles.sum(1))[:, None]
-    np.testing.assert_allclose(corner_angles(with_angles(patches, angles)), angles, atol=1e-12)
+    np.testing.assert_allclose(corner_angles(with_angles(cut_mesh, angles)), angles, atol=1e-12)
 
 
 @pytest.mark.parametrize("height", [0.3, 0.8])
 def test_angles_are_nearer_to_their_targets_than_those_of_lscm(height):
-    patches, _ = patches_of(shapes.bumped_disk(500, height))
-    full = angle_cost(patches, abf(patches, MethodOptions(), Monitor()).uv)
-    linear = angle_cost(patches, abf(patches, MethodOptions(linear_abf=True), Monitor()).uv)
+    cut_mesh, _ = patches_of(shapes.bumped_disk(500, height))
+    full = angle_cost(cut_mesh, abf(cut_mesh, MethodOptions(), Monitor()).uv)
+    linear = angle_cost(cut_mesh, abf(cut_mesh, MethodOptions(linear_abf=True), Monitor()).uv)
     conformal = angle_cost(
-        patches, METHODS["lscm"].function(patches, MethodOptions(), Monitor()).uv
+        cut_mesh, METHODS["lscm"].function(cut_mesh, MethodOptions(), Monitor()).uv
     )
     assert full < conformal
     assert full <= linear * 1.0001
@@ -68,38 +68,38 @@ def test_angles_are_nearer_to_their_targets_than_those_of_lscm(height):
 
 
 def test_a_chart_that_does_not_converge_takes_the_linear_form_and_is_told():
-    patches, _ = patches_of(shapes.row_of(shapes.bumped_disk(200), 2))
-    layout = abf(patches, MethodOptions(max_iterations=2), Monitor())
-    linear = abf(patches, MethodOptions(linear_abf=True), Monitor())
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(200), 2))
+    layout = abf(cut_mesh, MethodOptions(max_iterations=2), Monitor())
+    linear = abf(cut_mesh, MethodOptions(linear_abf=True), Monitor())
     assert any("did not converge on 2 charts" in note for note in layout.notes)
     np.testing.assert_allclose(layout.uv, linear.uv, atol=1e-9)
     assert linear.notes == []
 
 
 @pytest.mark.parametrize("amount", [0.0, 0.05])
-def test_the_border_of_a_hole_counts_as_an_inner_vertex(amount):
-    patches, _ = patches_of(shapes.noisy(*shapes.holed_sheet(4), amount=amount, seed=1))
-    angles, _, converged = solve_angles(patches, 20, Monitor())
+def test_the_boundary_of_a_hole_counts_as_an_inner_vertex(amount):
+    cut_mesh, _ = patches_of(shapes.noisy(*shapes.holed_sheet(4), amount=amount, seed=1))
+    angles, _, converged = solve_angles(cut_mesh, 20, Monitor())
     assert converged.all()
-    assert angles.shape == patches.faces.shape
-    loops, log = patches.loops, np.log(np.sin(angles))
-    sums = vertex_angle_sums(patches, angles)
-    wheels = vertex_angle_sums(patches, log[:, [1, 2, 0]] - log[:, [2, 0, 1]])
+    assert angles.shape == cut_mesh.faces.shape
+    loops, log = cut_mesh.loops, np.log(np.sin(angles))
+    sums = vertex_angle_sums(cut_mesh, angles)
+    wheels = vertex_angle_sums(cut_mesh, log[:, [1, 2, 0]] - log[:, [2, 0, 1]])
     for k in np.flatnonzero(~loops.outer):
         half_edges = loops.half_edges[loops.start[k] : loops.start[k + 1]]
-        v = patches.faces.ravel()[half_edges]
-        # the border of a hole turns by −2π, and the wheels along it lead back to the first edge
+        v = cut_mesh.faces.ravel()[half_edges]
+        # the boundary of a hole turns by −2π, and the wheels along it lead back to the first edge
         assert sums[v].sum() == pytest.approx((len(v) + 2) * np.pi, abs=1e-8)
         assert wheels[v].sum() == pytest.approx(0, abs=1e-8)
     if amount == 0:
-        np.testing.assert_allclose(angles, corner_angles(patches), atol=1e-9)
+        np.testing.assert_allclose(angles, corner_angles(cut_mesh), atol=1e-9)
 
 
 @pytest.mark.parametrize("height", [0.1, 0.3])
 def test_angles_round_holes_fit_together(height):
-    patches, _ = patches_of(shapes.waved(shapes.planar_holes(4, seed=4), height))
-    angles, _, converged = solve_angles(patches, 20, Monitor())
+    cut_mesh, _ = patches_of(shapes.waved(shapes.planar_holes(4, seed=4), height))
+    angles, _, converged = solve_angles(cut_mesh, 20, Monitor())
     assert converged.all()
     # a plane map with exactly these angles exists: nothing is left for the reconstruction to share out
-    layout = abf(patches, MethodOptions(), Monitor())
-    np.testing.assert_allclose(laid_angles(patches, layout.uv), angles, atol=1e-6)
+    layout = abf(cut_mesh, MethodOptions(), Monitor())
+    np.testing.assert_allclose(laid_angles(cut_mesh, layout.uv), angles, atol=1e-6)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import circparam
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import measure
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
@@ -48,8 +48,8 @@ def conical(shape, half_angle=0.6, angle=2.0):
 
 
 def holes_of(shape):
-    patches, _ = patches_of(shape)
-    return len(patches.loops.chart) - patches.n_charts
+    cut_mesh, _ = patches_of(shape)
+    return len(cut_mesh.loops.chart) - cut_mesh.n_charts
 
 
 def test_the_figures_have_the_holes_they_are_asked_for():
@@ -97,18 +97,18 @@ def test_a_developable_surface_with_holes_comes_back(method, keywords, holes, be
 @pytest.mark.parametrize("holes", [1, 2, 4, 6])
 def test_curved_charts_with_holes_keep_angles_about_as_well_as_lscm(holes, height, linear):
     """With virtual faces over its holes bff lost three times as many angles as lscm, abf twice as many."""
-    patches, _ = patches_of(shapes.waved(shapes.planar_holes(holes, seed=holes), height))
-    least = run("lscm", patches)
+    cut_mesh, _ = patches_of(shapes.waved(shapes.planar_holes(holes, seed=holes), height))
+    least = run("lscm", cut_mesh)
     for name in ("abf",) if linear else ("abf", "bff"):
-        m = run(name, patches, MethodOptions(linear_abf=linear))
+        m = run(name, cut_mesh, MethodOptions(linear_abf=linear))
         assert m.flips == 0
         assert m.whole["angle"] - 1 < 1.3 * (least.whole["angle"] - 1) + 1e-3
 
 
-def run(name, patches, options=None):
-    layout = METHODS[name].function(patches, options or MethodOptions(), Monitor())
+def run(name, cut_mesh, options=None):
+    layout = METHODS[name].function(cut_mesh, options or MethodOptions(), Monitor())
     assert layout.notes == []
-    return measure(patches, layout.uv)
+    return measure(cut_mesh, layout.uv)
 
 
 @pytest.mark.parametrize(("method", "keywords"), [FREE[0], FREE[1], FREE[2]], ids=NAMES[:3])
@@ -126,8 +126,8 @@ def test_a_sphere_with_wide_holes_is_one_valid_chart(method, keywords, seed):
 
 
 def test_angle_based_flattening_converges_round_holes():
-    patches, _ = patches_of(shapes.waved(shapes.planar_holes(5, seed=4), 0.2))
-    layout = METHODS["abf"].function(patches, MethodOptions(), Monitor())
+    cut_mesh, _ = patches_of(shapes.waved(shapes.planar_holes(5, seed=4), 0.2))
+    layout = METHODS["abf"].function(cut_mesh, MethodOptions(), Monitor())
     assert layout.stopped == ["converged"]
     assert layout.notes == []
 
@@ -154,30 +154,30 @@ def test_charts_with_and_without_holes_do_not_disturb_each_other(name):
 @settings(max_examples=20, deadline=None)
 def test_opened_charts_are_disks_cut_along_a_tree(holes, seed):
     one = shapes.planar_holes(holes, seed, n=300)
-    patches, _ = patches_of(shapes.join(one, (one[0] + 5, one[1]), (one[0] - 5, one[1])))
-    loops = len(patches.loops.chart)
-    opened = open_holes(patches)
-    np.testing.assert_array_equal(opened.patches.euler(), 1)
-    np.testing.assert_array_equal(opened.patches.loops.chart, np.arange(patches.n_charts))
-    np.testing.assert_array_equal(opened.origin[opened.patches.faces], patches.faces)
-    assert opened.cut.any() == (loops > patches.n_charts)
-    # no cut edge is there for nothing: gluing any of them leaves a second border or joins its two sides
+    cut_mesh, _ = patches_of(shapes.join(one, (one[0] + 5, one[1]), (one[0] - 5, one[1])))
+    loops = len(cut_mesh.loops.chart)
+    opened = open_holes(cut_mesh)
+    np.testing.assert_array_equal(opened.cut_mesh.euler(), 1)
+    np.testing.assert_array_equal(opened.cut_mesh.loops.chart, np.arange(cut_mesh.n_charts))
+    np.testing.assert_array_equal(opened.origin[opened.cut_mesh.faces], cut_mesh.faces)
+    assert opened.cut.any() == (loops > cut_mesh.n_charts)
+    # no cut edge is there for nothing: gluing any of them leaves a second boundary or joins its two sides
     for k in np.flatnonzero(opened.cut)[:5]:
-        edges = np.concatenate([opened.patches.edges, patches.edges[k : k + 1]])
-        glued = patches_with(patches, edges)
-        assert glued.euler().sum() < patches.n_charts or len(glued.loops.chart) > patches.n_charts
+        edges = np.concatenate([opened.cut_mesh.edges, cut_mesh.edges[k : k + 1]])
+        glued = patches_with(cut_mesh, edges)
+        assert glued.euler().sum() < cut_mesh.n_charts or len(glued.loops.chart) > cut_mesh.n_charts
 
 
-def patches_with(patches, edges):
-    _, corners = corner_classes(len(patches.faces), edges)
-    return Patches(corners, patches.frames, patches.chart, edges)
+def patches_with(cut_mesh, edges):
+    _, corners = corner_classes(len(cut_mesh.faces), edges)
+    return CutMesh(corners, cut_mesh.rest_triangles, cut_mesh.chart, edges)
 
 
 def test_the_cut_of_a_ring_is_as_long_as_the_ring_is_wide():
-    patches, _ = patches_of(shapes.annulus(32, 6, 0.4))
-    cut = patches.edges[open_holes(patches).cut, 0]
+    cut_mesh, _ = patches_of(shapes.annulus(32, 6, 0.4))
+    cut = cut_mesh.edges[open_holes(cut_mesh).cut, 0]
     assert len(cut) == 6
-    assert patches.edge_lengths.ravel()[cut].sum() == pytest.approx(0.6)
+    assert cut_mesh.edge_lengths.ravel()[cut].sum() == pytest.approx(0.6)
 
 
 def test_cuts_form_the_shortest_tree_over_the_holes():
@@ -187,8 +187,8 @@ def test_cuts_form_the_shortest_tree_over_the_holes():
     holed = (np.abs(c[:, 1] - 0.6) < 0.1) & (
         (np.abs(c[:, 0] - 1.2) < 0.2) | (np.abs(c[:, 0] - 1.7) < 0.2)
     )
-    patches, _ = patches_of(shapes.compact(p, f[~holed]))
-    assert hole_vertices(patches)[2].tolist() == [12, 12]
-    cut = patches.edges[open_holes(patches).cut, 0]
-    # 0.1 between the holes, 0.3 from one of them to the border
-    assert patches.edge_lengths.ravel()[cut].sum() == pytest.approx(0.4)
+    cut_mesh, _ = patches_of(shapes.compact(p, f[~holed]))
+    assert hole_vertices(cut_mesh)[2].tolist() == [12, 12]
+    cut = cut_mesh.edges[open_holes(cut_mesh).cut, 0]
+    # 0.1 between the holes, 0.3 from one of them to the boundary
+    assert cut_mesh.edge_lengths.ravel()[cut].sum() == pytest.approx(0.4)

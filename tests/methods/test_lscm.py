@@ -18,18 +18,18 @@ from tests.support.charts import apart, complex_of, patches_of
 
 
 def run(shape, **options):
-    patches, points = patches_of(shape)
-    return patches, points, lscm(patches, MethodOptions(**options), Monitor())
+    cut_mesh, points = patches_of(shape)
+    return cut_mesh, points, lscm(cut_mesh, MethodOptions(**options), Monitor())
 
 
 def test_the_matrix_is_dirichlet_energy_minus_area():
-    patches, _ = patches_of(shapes.holed_sheet(4))
-    z = np.random.default_rng(0).normal(size=(patches.n_vertices, 2))
+    cut_mesh, _ = patches_of(shapes.holed_sheet(4))
+    z = np.random.default_rng(0).normal(size=(cut_mesh.n_vertices, 2))
     w = complex_of(z)
-    conformal = np.vdot(w, conformal_matrix(patches) @ w)
-    laplacian = cotangent_laplacian(patches)
+    conformal = np.vdot(w, conformal_matrix(cut_mesh) @ w)
+    laplacian = cotangent_laplacian(cut_mesh)
     dirichlet = sum(c @ (laplacian @ c) for c in z.T)
-    area = signed_areas(patches.faces, z).sum()
+    area = signed_areas(cut_mesh.faces, z).sum()
     assert conformal.imag == pytest.approx(0, abs=1e-9)
     assert conformal.real / 2 == pytest.approx(dirichlet / 2 - area)
 
@@ -39,38 +39,38 @@ def test_the_matrix_is_dirichlet_energy_minus_area():
     "shape", [shapes.half_cylinder(), shapes.annulus(), shapes.grid(12, 3, 9.0)]
 )
 def test_developable_charts_are_isometric(form, shape):
-    patches, _, layout = run(shape, lscm=form)
-    assert measure(patches, layout.uv).sd == pytest.approx(1, abs=1e-8)
+    cut_mesh, _, layout = run(shape, lscm=form)
+    assert measure(cut_mesh, layout.uv).sd == pytest.approx(1, abs=1e-8)
 
 
 def test_angles_converge_on_a_hemisphere():
     errors = []
     for n in (6, 12, 24):
-        patches, _, layout = run(shapes.hemisphere(n))
-        errors.append(measure(patches, layout.uv).whole["angle"] - 1)
+        cut_mesh, _, layout = run(shapes.hemisphere(n))
+        errors.append(measure(cut_mesh, layout.uv).whole["angle"] - 1)
     assert (np.log2(np.array(errors[:-1]) / errors[1:]) > 0.8).all(), errors
 
 
-def test_the_spectral_map_has_less_energy_at_its_border_norm_than_any_pinned_map():
-    patches, _, spectral = run(shapes.bumped_disk(600), repair=False)
+def test_the_spectral_map_has_less_energy_at_its_boundary_norm_than_any_pinned_map():
+    cut_mesh, _, spectral = run(shapes.bumped_disk(600), repair=False)
     _, _, pinned = run(shapes.bumped_disk(600), lscm="pinned", repair=False)
-    border = np.unique(patches.faces.ravel()[patches.border])
-    matrix = conformal_matrix(patches)
+    boundary = np.unique(cut_mesh.faces.ravel()[cut_mesh.boundary])
+    matrix = conformal_matrix(cut_mesh)
 
     def quotient(layout):
         z = complex_of(layout.uv)
-        z = z - z[border].mean()
-        return np.vdot(z, matrix @ z).real / np.vdot(z[border], z[border]).real
+        z = z - z[boundary].mean()
+        return np.vdot(z, matrix @ z).real / np.vdot(z[boundary], z[boundary]).real
 
     assert quotient(spectral) < quotient(pinned)
 
 
 def test_pins_keep_their_places_and_the_rest_follows():
-    patches, points = patches_of(shapes.half_cylinder())
-    flat = lscm(patches, MethodOptions(), Monitor()).uv
+    cut_mesh, points = patches_of(shapes.half_cylinder())
+    flat = lscm(cut_mesh, MethodOptions(), Monitor()).uv
     chosen = np.array([0, len(points) - 1, 7])
     target = 2 * flat[chosen] @ np.array([[0, 1], [-1, 0]]) + [3, 4]
-    layout = lscm(patches, MethodOptions(pins=Pins(chosen, target)), Monitor())
+    layout = lscm(cut_mesh, MethodOptions(pins=Pins(chosen, target)), Monitor())
     np.testing.assert_array_equal(layout.uv[chosen], target)
     # three pins of one similarity: the whole map is that similarity
     np.testing.assert_allclose(
@@ -79,15 +79,15 @@ def test_pins_keep_their_places_and_the_rest_follows():
 
 
 def test_charts_without_pins_are_still_laid():
-    patches, _ = patches_of(shapes.row_of(shapes.half_cylinder(), 2))
-    vertices = np.flatnonzero(patches.vertex_chart == 0)[[0, -1]]
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.half_cylinder(), 2))
+    vertices = np.flatnonzero(cut_mesh.vertex_chart == 0)[[0, -1]]
     layout = lscm(
-        patches, MethodOptions(pins=Pins(vertices, np.array([[0.0, 0], [1, 1]]))), Monitor()
+        cut_mesh, MethodOptions(pins=Pins(vertices, np.array([[0.0, 0], [1, 1]]))), Monitor()
     )
     np.testing.assert_array_equal(layout.uv[vertices], [[0, 0], [1, 1]])
-    free = patches.chart == 1
-    assert signed_areas(patches.faces, layout.uv)[free].sum() == pytest.approx(
-        patches.areas[free].sum()
+    free = cut_mesh.chart == 1
+    assert signed_areas(cut_mesh.faces, layout.uv)[free].sum() == pytest.approx(
+        cut_mesh.areas[free].sum()
     )
 
 
@@ -120,9 +120,9 @@ def test_an_unknown_form_is_refused():
 
 
 def test_spectral_and_pinned_agree_on_angles():
-    patches, _, a = run(shapes.bumped_disk(600, 0.3))
+    cut_mesh, _, a = run(shapes.bumped_disk(600, 0.3))
     _, _, b = run(shapes.bumped_disk(600, 0.3), lscm="pinned")
-    assert measure(patches, a.uv).whole["angle"] == pytest.approx(
-        measure(patches, b.uv).whole["angle"], rel=0.02
+    assert measure(cut_mesh, a.uv).whole["angle"] == pytest.approx(
+        measure(cut_mesh, b.uv).whole["angle"], rel=0.02
     )
     assert apart(a.uv, b.uv) < 0.2

@@ -11,15 +11,15 @@ from circparam.geometry.intrinsic import signed_areas
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.solvers.tutte.boundary import TutteOptions
-from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support import shapes
 from tests.support.charts import apart, complex_of, patches_of
 
 
 def stereographic_error(n, weights) -> float:
     """Distance of the map of a hemisphere of n rings from the stereographic projection, size 1."""
-    patches, points = patches_of(shapes.hemisphere(n))
-    uv, _ = embed_convex(patches, weights)
+    cut_mesh, points = patches_of(shapes.hemisphere(n))
+    uv, _ = tutte_embedding(cut_mesh, weights)
     z = complex_of(points[:, :2]) / (1 + points[:, 2])
     return apart(uv, np.stack([z.real, z.imag], 1))
 
@@ -38,50 +38,50 @@ def test_other_weights_do_not_converge_to_it(weights):
 
 @pytest.mark.parametrize("weights", ["circle", "mean-value", "floater", "uniform"])
 def test_holes_are_closed_for_the_solve_only(weights):
-    patches, _ = patches_of(shapes.holed_sheet(25))
-    uv, report = embed_convex(patches, weights)
-    assert len(uv) == patches.n_vertices < report.system.patches.n_vertices
-    assert report.system.patches.euler().tolist() == [1]
-    assert (signed_areas(patches.faces, uv) > 0).all()
+    cut_mesh, _ = patches_of(shapes.holed_sheet(25))
+    uv, report = tutte_embedding(cut_mesh, weights)
+    assert len(uv) == cut_mesh.n_vertices < report.system.cut_mesh.n_vertices
+    assert report.system.cut_mesh.euler().tolist() == [1]
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
 
 
 def test_a_thousand_charts_are_one_system():
-    patches, _ = patches_of(shapes.row_of(shapes.bumped_disk(40), 300))
-    uv, report = embed_convex(patches)
-    assert patches.n_charts == 300
-    assert (signed_areas(patches.faces, uv) > 0).all()
-    area = np.bincount(patches.chart, signed_areas(patches.faces, uv))
-    assert (area <= patches.chart_areas).all()
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(40), 300))
+    uv, report = tutte_embedding(cut_mesh)
+    assert cut_mesh.n_charts == 300
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
+    area = np.bincount(cut_mesh.chart, signed_areas(cut_mesh.faces, uv))
+    assert (area <= cut_mesh.chart_areas).all()
     assert report.system.matrix.shape[0] == report.system.free.sum()
 
 
 def test_the_rows_of_the_system_are_means():
-    patches, _ = patches_of(shapes.bumped_disk(200))
-    _, report = embed_convex(patches, "mean-value")
+    cut_mesh, _ = patches_of(shapes.bumped_disk(200))
+    _, report = tutte_embedding(cut_mesh, "mean-value")
     total = np.asarray(report.system.matrix.sum(1)).ravel()
     np.testing.assert_allclose(total, np.asarray(report.system.to_fixed.sum(1)).ravel(), atol=1e-12)
 
 
 def test_what_is_no_disk_is_refused_with_its_cure():
-    patches, _ = patches_of(shapes.icosphere(1))
-    with pytest.raises(TopologyError, match=r"chart 0 has 0 borders and genus 0.*--cut disk"):
-        embed_convex(patches)
+    cut_mesh, _ = patches_of(shapes.icosphere(1))
+    with pytest.raises(TopologyError, match=r"chart 0 has 0 boundaries and genus 0.*--cut disk"):
+        tutte_embedding(cut_mesh)
 
 
 def test_unknown_names_are_met_with_the_nearest():
-    patches, _ = patches_of(shapes.grid())
+    cut_mesh, _ = patches_of(shapes.grid())
     with pytest.raises(OptionError, match="did you mean mean-value"):
-        embed_convex(patches, "meanvalue")
+        tutte_embedding(cut_mesh, "meanvalue")
     with pytest.raises(OptionError, match="did you mean circle"):
-        embed_convex(patches, options=TutteOptions("cirle"))
+        tutte_embedding(cut_mesh, options=TutteOptions("cirle"))
 
 
 def test_negative_weights_are_told_and_clamping_is_too():
-    patches, _ = patches_of(shapes.noisy(*shapes.bumped_disk(400), amount=0.5))
-    layout = METHODS["harmonic"].function(patches, MethodOptions(), Monitor())
+    cut_mesh, _ = patches_of(shapes.noisy(*shapes.bumped_disk(400), amount=0.5))
+    layout = METHODS["harmonic"].function(cut_mesh, MethodOptions(), Monitor())
     assert any("negative weights" in note and "--clamp" in note for note in layout.notes)
-    layout = METHODS["harmonic"].function(patches, MethodOptions(clamp=True), Monitor())
+    layout = METHODS["harmonic"].function(cut_mesh, MethodOptions(clamp=True), Monitor())
     assert any("lifted by --clamp" in note for note in layout.notes)
-    assert (signed_areas(patches.faces, layout.uv) > 0).all()
-    calm = METHODS["mean-value"].function(patches, MethodOptions(), Monitor())
+    assert (signed_areas(cut_mesh.faces, layout.uv) > 0).all()
+    calm = METHODS["mean-value"].function(cut_mesh, MethodOptions(), Monitor())
     assert calm.notes == []

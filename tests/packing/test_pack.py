@@ -17,7 +17,7 @@ from circparam.packing.nest import compaction
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
-from circparam.packing.skyline import drop_placement
+from circparam.packing.skyline import skyline_placement
 
 QUICK = 0.02  # effort: the guarantees hold after any amount of search
 
@@ -402,7 +402,7 @@ def test_squeezing_takes_back_steps_that_are_too_long(seed: int) -> None:
     uv[2::3] = along / 2 + 0.02 * np.stack([-along[:, 1], along[:, 0]], 1)
     shapes = shapes_of(np.arange(3 * n).reshape(n, 3), uv, np.arange(n))
     options = PackOptions(resolution=1024, padding=4)
-    start = drop_placement(shapes, options, Monitor())
+    start = skyline_placement(shapes, options, Monitor())
     assert start is not None
     after = compaction.compact(shapes, start, options, 12, Work(1e9, lambda: False), 256.0)
     assert finish(shapes, after, options)[1] is None

@@ -95,8 +95,8 @@ def test_a_chart_that_overlaps_itself_is_split() -> None:
 
 def test_a_chart_beyond_its_bound_is_split_until_its_parts_are_below() -> None:
     s = surface_of(*shapes.bumped_disk(400, height=1.5))
-    top = METHODS["mean-value"].function(s.patches(s.edges[:, 0] < 0), MethodOptions(), Monitor())
-    start = top.uv[s.patches(s.edges[:, 0] < 0).faces]
+    top = METHODS["mean-value"].function(s.cut_mesh(s.edges[:, 0] < 0), MethodOptions(), Monitor())
+    start = top.uv[s.cut_mesh(s.edges[:, 0] < 0).faces]
     for bound in (cascade.CRUSHED, 1.1):
         atlas = atlas_of(s, start.copy())
         atlas.bound = bound
@@ -150,9 +150,9 @@ def test_any_mesh_with_any_layout_ends_sound(
         assume(False)  # nothing but degenerate faces
     rng = np.random.default_rng(seed)
     cut = rng.random(len(s.edges)) < rng.choice([0.0, 0.3])
-    patches = s.patches(cut)
-    uv = rng.normal(size=(patches.n_vertices, 2))
-    atlas = atlas_of(s, uv[patches.faces], cut)
+    cut_mesh = s.cut_mesh(cut)
+    uv = rng.normal(size=(cut_mesh.n_vertices, 2))
+    atlas = atlas_of(s, uv[cut_mesh.faces], cut)
     assert not fallback.settle(atlas, True, MethodOptions(), Monitor()).any()
     assert sound(atlas)
 
@@ -175,17 +175,17 @@ def test_a_method_that_fails_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
     atlas = atlas_of(s, np.zeros((len(s.faces), 3, 2)))
     fallback.settle(atlas, True, MethodOptions(), Monitor())
     assert sound(atlas)
-    patches, uv = atlas.open()
-    assert patches.n_charts == len(s.faces)
+    cut_mesh, uv = atlas.open()
+    assert cut_mesh.n_charts == len(s.faces)
     # laid down as they are: every face isometric
-    side = np.linalg.norm(uv[patches.faces][:, 1] - uv[patches.faces][:, 0], axis=1)
-    np.testing.assert_allclose(side, patches.edge_lengths[:, 0], rtol=1e-12)
+    side = np.linalg.norm(uv[cut_mesh.faces][:, 1] - uv[cut_mesh.faces][:, 0], axis=1)
+    np.testing.assert_allclose(side, cut_mesh.edge_lengths[:, 0], rtol=1e-12)
 
 
 def test_a_polygon_stays_in_one_piece(monkeypatch: pytest.MonkeyPatch) -> None:
     """Quads are halved and taken to pieces as quads: no seam runs inside one."""
 
-    def useless(patches: object, *rest: object) -> None:
+    def useless(cut_mesh: object, *rest: object) -> None:
         raise NoResultError("planted")
 
     p, f = shapes.grid(7, 7)
@@ -264,13 +264,13 @@ def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() ->
             atlas, np.array([fallback.FLIPPED]), True, MethodOptions(), Monitor()
         ):
             break
-        patches, uv = atlas.open()
+        cut_mesh, uv = atlas.open()
         seen.append((np.ptp(uv, axis=0).max(), int(atlas.laid[0])))
     assert len(seen) < 40, "it ends"
     assert atlas.laid.max() == fallback.LARGEST
-    patches, uv = atlas.open()
-    assert fallback.faults(patches, uv)[0].tolist() == [fallback.SOUND]
-    side = np.linalg.norm(uv[patches.faces[:, 1]] - uv[patches.faces[:, 0]], axis=1)
+    cut_mesh, uv = atlas.open()
+    assert fallback.faults(cut_mesh, uv)[0].tolist() == [fallback.SOUND]
+    side = np.linalg.norm(uv[cut_mesh.faces[:, 1]] - uv[cut_mesh.faces[:, 0]], axis=1)
     assert side.min() > 1e-3 * np.ptp(uv, axis=0).max(), "no side is thin any more"
     sizes = [size for size, laid in seen if laid >= 2]
     assert (np.diff(np.log(sizes)) > np.log(2)).all()

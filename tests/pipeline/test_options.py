@@ -21,8 +21,8 @@ BAD = {
     "no pages": ({"pages": 0}, "pages"),
     "no time": ({"timeout": 0}, "timeout"),
     "negative weld": ({"weld": -0.1}, "weld"),
-    "border of a free method": ({"method": "isometric", "border": "circle"}, "free border"),
-    "clamp of a free method": ({"method": "lscm", "clamp": True}, "free border"),
+    "boundary of a free method": ({"method": "isometric", "boundary": "circle"}, "free boundary"),
+    "clamp of a free method": ({"method": "lscm", "clamp": True}, "free boundary"),
     "start of a convex method": (
         {"method": "circle", "start": "uniform"},
         "only --method isometric",
@@ -34,8 +34,8 @@ BAD = {
     "seams where none are": ({"cut": "none", "sharp": 1.0}, "makes no seams"),
     "padding without packing": ({"normalize": False, "padding": 2}, "--no-normalize"),
     "overwrite of no set": ({"overwrite_uv": True}, "--uv-set"),
-    "polygon of no border": ({"method": "circle", "polygon": np.eye(3, 2)}, "--border polygon"),
-    "border without polygon": ({"method": "circle", "border": "polygon"}, "polygon FILE"),
+    "polygon of no boundary": ({"method": "circle", "polygon": np.eye(3, 2)}, "--boundary polygon"),
+    "boundary without polygon": ({"method": "circle", "boundary": "polygon"}, "polygon FILE"),
 }
 
 
@@ -51,9 +51,14 @@ def test_defaults_and_given() -> None:
     o = Options()
     assert (o.method, o.cut, o.bound) == ("isometric", "charts", 1.05)
     assert o.given() == {}
-    o = Options(method="circle", cut="disk", border="square")
+    o = Options(method="circle", cut="disk", boundary="square")
     assert o.bound is None
-    assert o.given() == {"method": "circle", "cut": "disk", "border": "square"}
+    assert o.given() == {
+        "method": "circle",
+        "cut": "disk",
+        "boundary": "square",
+        "border": "square",
+    }
 
 
 def test_options_are_frozen() -> None:
@@ -64,3 +69,9 @@ def test_options_are_frozen() -> None:
 def test_unknown_keyword() -> None:
     with pytest.raises(OptionError, match="did you mean method"):
         from_keywords({"mehtod": "circle"})
+
+
+def test_older_names_keep_working() -> None:
+    old = from_keywords({"method": "circle", "cut": "disk", "border": "square"})
+    assert old.given() == Options(method="circle", cut="disk", boundary="square").given()
+    assert from_keywords({"method": "bff", "bff_border": "disk"}).bff_boundary == "disk"

@@ -25,7 +25,7 @@ def star(arms: int = 4, length: int = 24, width: int = 4) -> shapes.Shape:
 @pytest.mark.parametrize("most", [1, 2, 4])
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_arms_come_off_a_hub(most: int, seed: int | None, tmp_path: Path) -> None:
-    """Whatever the order of its faces, and so wherever its border begins: the corners of the hub are tried."""
+    """Whatever the order of its faces, so wherever its boundary begins: the corners of the hub are tried."""
     shape = star() if seed is None else shapes.shuffled(*star(), seed)[:2]
     whole = circparam.unwrap(shape, resolution=512)
     split = circparam.unwrap(shape, tmp_path / "o.obj", resolution=512, pack_splits=most)

@@ -89,9 +89,9 @@ def test_charts_of_known_shapes_keep_the_bound(name: str) -> None:
     assert result.verification.valid
     sd = result.verification.measures.charts["sd"]
     assert sd.max() <= 1.05 * (1 + 1e-4)
-    patches = result.verification.patches
-    loops = np.bincount(patches.loops.chart, minlength=patches.n_charts)
-    np.testing.assert_array_equal(patches.euler(), 2 - loops)
+    cut_mesh = result.verification.cut_mesh
+    loops = np.bincount(cut_mesh.loops.chart, minlength=cut_mesh.n_charts)
+    np.testing.assert_array_equal(cut_mesh.euler(), 2 - loops)
 
 
 def test_texel_density_is_one() -> None:
@@ -258,7 +258,7 @@ def test_a_chart_lies_as_the_file_winds_most_of_it() -> None:
     q = result.uv[result.uv_faces]
     ahead, back = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
     assert side.any()
-    assert result.mended.turned == side.sum()
+    assert result.repair_report.turned == side.sum()
     assert (ahead[:, 0] * back[:, 1] > ahead[:, 1] * back[:, 0]).all()
     assert result.measures["mirrored"] == 0
 

@@ -165,8 +165,8 @@ def test_stretch_of_known_maps():
         scene = make_scene(points, QUAD, SQUARE * scale, QUAD)
         assert np.allclose(scene.stretch, 1.0)
         assert scene.scale == pytest.approx(scale)
-    squeezed = make_scene(points, QUAD, SQUARE * [1.0, 0.25], QUAD)
-    assert np.allclose(squeezed.stretch, (2.0**2 + 2.0**-2) * 2 / 4)
+    compacted = make_scene(points, QUAD, SQUARE * [1.0, 0.25], QUAD)
+    assert np.allclose(compacted.stretch, (2.0**2 + 2.0**-2) * 2 / 4)
 
 
 def test_flips_are_against_the_chart():

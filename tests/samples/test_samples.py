@@ -52,11 +52,11 @@ def test_counts_of_the_manifest(name: str) -> None:
 def test_topology_of_the_manifest(name: str) -> None:
     row = samples.info(name)
     surface, repairs = repair(samples.load(name).mesh, RepairOptions())
-    whole = surface.patches(np.zeros(len(surface.edges), bool))
+    whole = surface.cut_mesh(np.zeros(len(surface.edges), bool))
     assert len(surface.faces) == row.triangles, repairs
     assert whole.n_charts == row.components
-    assert len(whole.loops.chart) == int(row.borders)
-    genus = (2 * row.components - int(row.borders) - int(whole.euler().sum())) // 2
+    assert len(whole.loops.chart) == int(row.boundaries)
+    genus = (2 * row.components - int(row.boundaries) - int(whole.euler().sum())) // 2
     assert genus == int(row.genus)
 
 

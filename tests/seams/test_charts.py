@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from circparam import samples
 from circparam.core.graph import matching
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Helper
+from circparam.core.workers import Worker
 from circparam.formats.io import read
 from circparam.geometry.distortion import best_chart_scales, measure
 from circparam.geometry.overlap import overlaps, signs
@@ -49,18 +49,18 @@ def atlas(shape, **options) -> tuple[Surface, Cutting]:
     wanted = SeamOptions(**options)
     seams = SEAMS["charts"].function(surface, wanted, Monitor())
     cutting = Cutting(surface, seams.cut, seams.uv)
-    patches = cutting.patches()
-    uv = cutting.gather(patches)
+    cut_mesh = cutting.cut_mesh()
+    uv = cutting.gather(cut_mesh)
     # one uv a vertex of the cut mesh: the corners agree wherever there is no seam
-    assert np.array_equal(uv[patches.faces], seams.uv)
-    assert not not_disks(patches).any()
-    assert len(patches.chart) == len(surface.faces)
-    assert (signs(uv, patches.faces) > 0).all()
-    found = overlaps(patches.faces, uv, patches.chart, patches.edges)
+    assert np.array_equal(uv[cut_mesh.faces], seams.uv)
+    assert not not_disks(cut_mesh).any()
+    assert len(cut_mesh.chart) == len(surface.faces)
+    assert (signs(uv, cut_mesh.faces) > 0).all()
+    found = overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges)
     assert not found.self_overlapping.any()
     if wanted.max_charts is None:
-        scaled = uv * best_chart_scales(patches, uv)[patches.vertex_chart][:, None]
-        assert measure(patches, scaled).sd_max_chart <= wanted.max_distortion
+        scaled = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
+        assert measure(cut_mesh, scaled).sd_max_chart <= wanted.max_distortion
     return surface, cutting
 
 
@@ -71,9 +71,9 @@ def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -
     lay_out_fresh(start, None, module.ROUGH)
     monkeypatch.setattr("circparam.core.workers.HALVED", 100)
     merged = []
-    for helper in (None, Helper(module.__name__, wanted=False)):
+    for worker in (None, Worker(module.__name__, wanted=False)):
         cutting = Cutting(surface, start.cut, start.corners)
-        merger = Merger(cutting, MergeOptions(1.05), np.zeros(len(cutting.cut), bool), helper)
+        merger = Merger(cutting, MergeOptions(1.05), np.zeros(len(cutting.cut), bool), worker)
         assert merger.round(Monitor())
         merged.append((cutting, merger.tally))
     (once, tally), (halves, other) = merged
@@ -140,14 +140,14 @@ def test_the_bound_of_charts_is_kept_to_half_a_percent_of_its_excess(shape, shar
 @pytest.mark.parametrize("shape", [shapes.hemisphere(8), shapes.bumped_disk(300)])
 def test_enforcing_holds_the_bound_to_half_a_percent_of_its_excess(shape, share: float) -> None:
     cutting, energy = least(shape)
-    patches = cutting.patches()
-    laid = judge(patches, cutting.gather(patches))
+    cut_mesh = cutting.cut_mesh()
+    laid = judge(cut_mesh, cutting.gather(cut_mesh))
     bound = 1 + (energy - 1) * share
     graph = grow.dual_graph(cutting.surface)
     enforce(cutting, graph, laid, bound, module.FINAL, Monitor())
     assert cutting.cut.any() == (share < 1)
-    patches = cutting.patches()
-    assert judge(patches, cutting.gather(patches)).energy.max() <= bound
+    cut_mesh = cutting.cut_mesh()
+    assert judge(cut_mesh, cutting.gather(cut_mesh)).energy.max() <= bound
 
 
 def test_a_lower_bound_gives_more_seam_and_less_distortion() -> None:
@@ -219,7 +219,7 @@ def test_the_proxy_keeps_the_genus_and_maps_every_vertex() -> None:
     surface = surface_of(shapes.torus(60, 30))
     proxy = decimate(surface, 600)
     none = np.zeros(len(proxy.surface.edges), bool)
-    assert proxy.surface.patches(none).euler().tolist() == [0]
+    assert proxy.surface.cut_mesh(none).euler().tolist() == [0]
     assert len(proxy.surface.faces) < 700
     assert proxy.cell.min() >= 0
     assert set(proxy.cell.tolist()) == set(range(len(proxy.surface.points)))
@@ -358,8 +358,8 @@ def test_small_charts_join_their_neighbours_face_by_face() -> None:
     assert absorb(cutting, MergeOptions(1.6), few + 1, Monitor()) == 0
     n, chart = cutting.charts()
     assert np.bincount(chart).min() > few
-    patches = cutting.patches()
-    laid = judge(patches, cutting.gather(patches))
+    cut_mesh = cutting.cut_mesh()
+    laid = judge(cut_mesh, cutting.gather(cut_mesh))
     assert n == 2
     assert not laid.bad(1.6).any()
 

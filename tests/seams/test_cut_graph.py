@@ -30,16 +30,16 @@ def surface_of(shape, polygons=None):
 
 
 def check_disks(surface, cut, components=None):
-    """Every chart is a disk once its holes are closed, and its outer border is a polygon."""
-    patches = surface.patches(cut)
-    closed, _ = close_holes(patches)
+    """Every chart is a disk once its holes are closed, and its outer boundary is a polygon."""
+    cut_mesh = surface.cut_mesh(cut)
+    closed, _ = close_holes(cut_mesh)
     assert (closed.euler() == 1).all()
     assert (np.bincount(closed.loops.chart, minlength=closed.n_charts) == 1).all()
-    loops = patches.loops
+    loops = cut_mesh.loops
     assert (np.diff(loops.start)[loops.outer] >= 3).all()
     if components is not None:
-        assert patches.n_charts == components
-    return patches
+        assert cut_mesh.n_charts == components
+    return cut_mesh
 
 
 CLOSED = {
@@ -81,7 +81,7 @@ def test_disks_and_inner_holes_are_not_cut():
 
 @pytest.mark.parametrize("holes", [1, 3, 8])
 def test_handles_with_holes(holes):
-    """A cut through a hole may join it to the outer border; the chart stays in one piece."""
+    """A cut through a hole may join it to the outer boundary; the chart stays in one piece."""
     p, f = shapes.torus(40, 20)
     keep = np.ones(len(f), bool)
     keep[np.linspace(0, len(f) - 1, holes).astype(int)] = False
@@ -192,14 +192,14 @@ def test_demanded_seams_are_kept_and_each_part_becomes_a_disk():
     groups = (surface.points[surface.faces].mean(1)[:, 2] > 0).astype(np.int64)
     seams = cut_disk(surface, SeamOptions(groups=groups, cut_groups=True))
     across = groups[surface.edges[:, 0] // 3] != groups[surface.edges[:, 1] // 3]
-    assert np.array_equal(seams.cut, across), "two halves with one border each need no more"
+    assert np.array_equal(seams.cut, across), "two halves with one boundary each need no more"
 
 
 def test_named_edges():
     surface = surface_of(shapes.grid(4, 4))
     edges, missing = match_edges(surface, np.array([[5, 6], [6, 5], [0, 1], [0, 15], [3, 99]]))
     assert edges.sum() == 1
-    assert missing.tolist() == [3, 4], "a border edge is an edge, though there is nothing to cut"
+    assert missing.tolist() == [3, 4], "a boundary edge is an edge, though there is nothing to cut"
     seams = cut_disk(surface, SeamOptions(cut=np.array([[5, 6], [0, 15]])))
     assert np.array_equal(seams.cut, edges)
     assert any("[0, 15]" in note for note in seams.notes)
@@ -213,9 +213,9 @@ def test_none_takes_disks_and_names_what_is_no_disk():
     none = SEAMS["none"].function
     assert not none(surface_of(shapes.grid()), SeamOptions(), Monitor()).cut.any()
     cases = {
-        "0 borders and genus 1": shapes.torus(),
-        "2 borders and genus 0": shapes.annulus(),
-        "0 borders and genus 0": shapes.icosphere(),
+        "0 boundaries and genus 1": shapes.torus(),
+        "2 boundaries and genus 0": shapes.annulus(),
+        "0 boundaries and genus 0": shapes.icosphere(),
     }
     for message, shape in cases.items():
         with pytest.raises(TopologyError, match=f"component 0 .*{message}.*--cut disk"):
@@ -224,13 +224,13 @@ def test_none_takes_disks_and_names_what_is_no_disk():
         none(surface_of(shapes.join(shapes.grid(), shapes.torus())), SeamOptions(), Monitor())
 
 
-def test_a_slit_of_a_face_without_area_is_no_border():
+def test_a_slit_of_a_face_without_area_is_no_boundary():
     p = np.array([[0.0, 0, 0], [2, 0, 0], [1, -1, 0], [1, 0, 0], [1, 1, 0]])
     p = np.concatenate([p, [[3, -1, 0], [3, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, 3, 0], [1, -3, 0]]])
     f = [[0, 2, 1], [0, 3, 4], [3, 1, 4], [0, 1, 3]]
     f += [[1, 2, 5], [1, 5, 6], [1, 6, 4], [0, 4, 7], [0, 7, 8], [0, 8, 2]]
     surface = surface_of((p, np.array(f)))
-    assert len(surface.patches(np.zeros(len(surface.edges), bool)).loops.chart) == 2
+    assert len(surface.cut_mesh(np.zeros(len(surface.edges), bool)).loops.chart) == 2
     assert not SEAMS["none"].function(surface, SeamOptions(), Monitor()).cut.any()
     q, g = shapes.icosphere(2)
     middle = (q[g[0, 0]] + q[g[0, 1]]) / 2
@@ -239,8 +239,8 @@ def test_a_slit_of_a_face_without_area_is_no_border():
     g = np.concatenate([g[1:], [[a, n, c], [n, b, c], [a, b, n]]])
     surface = surface_of((np.concatenate([q, [middle]]), g))
     assert len(surface.source) == len(g) - 1
-    patches = check_disks(surface, cut_disk(surface).cut, 1)
-    assert patches.loops.length.max() > 2, (
+    cut_mesh = check_disks(surface, cut_disk(surface).cut, 1)
+    assert cut_mesh.loops.length.max() > 2, (
         "a closed surface with a slit is opened like a closed one"
     )
 
@@ -268,10 +268,10 @@ def test_any_soup_opens_into_disks(case, paired):
     except InputError:
         assume(False)  # nothing but degenerate faces
     seams = cut_disk(surface)
-    patches = surface.patches(seams.cut)
-    closed, _ = close_holes(patches)
+    cut_mesh = surface.cut_mesh(seams.cut)
+    closed, _ = close_holes(cut_mesh)
     assert (closed.euler() == 1).all()
-    assert patches.n_charts == surface.charts(np.zeros(len(surface.edges), bool))[0]
+    assert cut_mesh.n_charts == surface.charts(np.zeros(len(surface.edges), bool))[0]
 
 
 def test_shortest_paths_take_the_lightest_of_parallel_edges():

@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import FloatArray, cross2
-from circparam.mesh.cut_mesh import Patches, plane_frames
+from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from circparam.solvers import dirichlet
 from circparam.solvers.newton import RelaxOptions, System, newton_step, relax
 from circparam.solvers.poisson import clamp_stretch, from_jacobians
 from circparam.solvers.preconditioner import BlockPattern
-from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support.charts import patches_of
 
 
@@ -115,7 +115,7 @@ def test_the_largest_step_on_degenerate_quadratics(
     assert t[0] == pytest.approx(expected) if np.isfinite(expected) else t[0] == np.inf
 
 
-def _developable(kind: str) -> Patches:
+def _developable(kind: str) -> CutMesh:
     """A strip that can be unrolled: from a cylinder, a cone or a bent sheet."""
     u, v = np.meshgrid(np.linspace(0, 1.2, 25), np.linspace(0, 1, 13))
     if kind == "cylinder":
@@ -135,36 +135,36 @@ def _developable(kind: str) -> Patches:
 
 @pytest.mark.parametrize("kind", ["cylinder", "cone", "sheet"])
 def test_developable_strips_unroll_without_distortion(kind: str) -> None:
-    patches = _developable(kind)
-    start, _ = embed_convex(patches, "circle")
-    relaxed = relax(patches, start, RelaxOptions(tolerance=1e-12, max_iterations=200))
+    cut_mesh = _developable(kind)
+    start, _ = tutte_embedding(cut_mesh, "circle")
+    relaxed = relax(cut_mesh, start, RelaxOptions(tolerance=1e-12, max_iterations=200))
     # the triangles of a cone or cylinder are chords: exactly developable between straight rulings
     assert relaxed.energy.max() <= 1 + 1e-6
 
 
 def test_no_face_is_ever_flipped_from_a_start_with_a_nearly_flat_triangle() -> None:
-    patches = _developable("cylinder")
-    plain, _ = embed_convex(patches, "mean-value")
-    on_border = np.zeros(patches.n_vertices, bool)
-    on_border[patches.faces.ravel()[patches.border]] = True
+    cut_mesh = _developable("cylinder")
+    plain, _ = tutte_embedding(cut_mesh, "mean-value")
+    on_boundary = np.zeros(cut_mesh.n_vertices, bool)
+    on_boundary[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
 
     def areas(uv: FloatArray) -> FloatArray:
-        q = uv[patches.faces]
+        q = uv[cut_mesh.faces]
         return cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
 
-    def squeezed(face: int, corner: int) -> FloatArray:
+    def compacted(face: int, corner: int) -> FloatArray:
         """The layout with a corner drawn onto the side of its face across from it, all but 1e-9."""
-        v, a, b = np.roll(patches.faces[face], -corner)
+        v, a, b = np.roll(cut_mesh.faces[face], -corner)
         middle = (plain[a] + plain[b]) / 2
         uv = plain.copy()
         uv[v] = middle + 1e-9 * (plain[v] - middle)
         return uv
 
-    trials = (squeezed(f, k) for f in range(100, 200) for k in range(3)
-              if not on_border[patches.faces[f, k]])  # fmt: skip
+    trials = (compacted(f, k) for f in range(100, 200) for k in range(3)
+              if not on_boundary[cut_mesh.faces[f, k]])  # fmt: skip
     uv = next(trial for trial in trials if (areas(trial) > 0).all())
     assert areas(uv).min() < 1e-7 * areas(plain).min()
-    relaxed = relax(patches, uv, RelaxOptions(max_iterations=100))
+    relaxed = relax(cut_mesh, uv, RelaxOptions(max_iterations=100))
     assert (areas(relaxed.uv) > 0).all()
     assert relaxed.energy[0] < 1.001
 
@@ -177,11 +177,11 @@ def test_fixed_vertices_stay_and_the_energy_falls(
     if not direct:
         monkeypatch.setattr("circparam.solvers.newton.DIRECT_LIMIT", 0)
         monkeypatch.setattr("circparam.solvers.newton.SMALL_CHART", 0)
-    patches = _developable("cone")
-    uv, _ = embed_convex(patches, "circle")
-    fixed = np.zeros(patches.n_vertices, bool)
+    cut_mesh = _developable("cone")
+    uv, _ = tutte_embedding(cut_mesh, "circle")
+    fixed = np.zeros(cut_mesh.n_vertices, bool)
     fixed[[5, 40]] = True
-    before = relax(patches, uv, RelaxOptions(max_iterations=0)).energy
+    before = relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
     moved = []
 
     def watched(system: System, u: FloatArray, *more: Any) -> tuple[FloatArray, ...]:
@@ -190,7 +190,7 @@ def test_fixed_vertices_stay_and_the_energy_falls(
         return found
 
     monkeypatch.setattr("circparam.solvers.newton.newton_step", watched)
-    relaxed = relax(patches, uv, RelaxOptions(fixed=fixed, max_iterations=50))
+    relaxed = relax(cut_mesh, uv, RelaxOptions(fixed=fixed, max_iterations=50))
     assert np.array_equal(relaxed.uv[fixed], uv[fixed])
     assert max(moved) == 0, "not put back at the end, which may flip faces, but held in every step"
     assert relaxed.energy[0] < 1.01 < before[0]
@@ -199,33 +199,33 @@ def test_fixed_vertices_stay_and_the_energy_falls(
 def test_the_direct_and_the_iterative_solver_reach_the_same_minimum(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    patches = _developable("cylinder")
-    start, _ = embed_convex(patches, "circle")
+    cut_mesh = _developable("cylinder")
+    start, _ = tutte_embedding(cut_mesh, "circle")
     options = RelaxOptions(tolerance=1e-10, max_iterations=200, blend=0.2)
-    direct = relax(patches, start, options)
+    direct = relax(cut_mesh, start, options)
     monkeypatch.setattr("circparam.solvers.newton.DIRECT_LIMIT", 0)
-    iterative = relax(patches, start, options)
+    iterative = relax(cut_mesh, start, options)
     assert iterative.energy[0] == pytest.approx(direct.energy[0], rel=1e-7)
 
 
 def test_the_assembled_matrix_is_symmetric_and_blind_to_translations() -> None:
-    patches = _developable("cone")
-    uv, _ = embed_convex(patches, "mean-value")
-    gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
-    jac = dirichlet.jacobians(gradients, uv[patches.faces].transpose(2, 1, 0))
+    cut_mesh = _developable("cone")
+    uv, _ = tutte_embedding(cut_mesh, "mean-value")
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
     blocks = dirichlet.edge_blocks(*dirichlet.newton_modes(jac), gradients)
-    matrix = BlockPattern(patches).assemble(blocks).toarray()
+    matrix = BlockPattern(cut_mesh).assemble(blocks).toarray()
     assert np.allclose(matrix, matrix.T, atol=1e-9 * np.abs(matrix).max())
-    shift = np.tile([1.0, 0.0], patches.n_vertices)
+    shift = np.tile([1.0, 0.0], cut_mesh.n_vertices)
     assert np.abs(matrix @ shift).max() <= 1e-7 * np.abs(matrix).max()
 
 
 def test_a_poisson_layout_returns_the_layout_its_jacobians_came_from() -> None:
-    patches = _developable("cone")
-    uv, _ = embed_convex(patches, "mean-value")
-    gradients = np.ascontiguousarray(patches.gradients.transpose(1, 2, 0))
-    jac = dirichlet.jacobians(gradients, uv[patches.faces].transpose(2, 1, 0))
-    again, fine = from_jacobians(patches, jac)
+    cut_mesh = _developable("cone")
+    uv, _ = tutte_embedding(cut_mesh, "mean-value")
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
+    again, fine = from_jacobians(cut_mesh, jac)
     assert fine.all()
     assert np.allclose(again - again[0], uv - uv[0], atol=1e-9)
 
@@ -243,7 +243,7 @@ def test_clamped_jacobians_are_never_flipped(seed: int, low: float) -> None:
 
 def test_frames_keep_the_lengths() -> None:
     p = np.random.default_rng(0).normal(size=(50, 3, 3))
-    f = plane_frames(p)
+    f = rest_triangles_of(p)
     for i, j in ((0, 1), (1, 2), (2, 0)):
         flat = np.linalg.norm(f[:, i] - f[:, j], axis=1)
         assert np.allclose(flat, np.linalg.norm(p[:, i] - p[:, j], axis=1))
@@ -254,12 +254,12 @@ import hashlib
 import numpy as np
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
-from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.newton import RelaxOptions, relax
 from tests.support import shapes
 surface = repair(Mesh(*shapes.bumped_disk(9000)))[0]
-patches = surface.patches(np.zeros(len(surface.edges), bool))
-uv = relax(patches, embed_convex(patches, "circle")[0], RelaxOptions()).uv
+cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+uv = relax(cut_mesh, tutte_embedding(cut_mesh, "circle")[0], RelaxOptions()).uv
 print(hashlib.sha256(uv.tobytes()).hexdigest())
 """
 

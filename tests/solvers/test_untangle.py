@@ -9,61 +9,61 @@ from circparam.core.monitor import Monitor
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.solvers.lbfgs import descend
-from circparam.solvers.tutte.embed import embed_convex
-from circparam.solvers.untangle import _Problem, _region, flipped, unfold
+from circparam.solvers.tutte.embed import tutte_embedding
+from circparam.solvers.untangle import _Problem, _region, flipped, untangle
 from tests.support import shapes
 from tests.support.charts import patches_of, rim
 
 
 def tangled(n=400, seed=0, share=0.05):
     """A flat disk with some inner vertices thrown about."""
-    patches, points = patches_of(shapes.delaunay_disk(n, seed))
+    cut_mesh, points = patches_of(shapes.delaunay_disk(n, seed))
     uv = points[:, :2].copy()
     generator = np.random.default_rng(seed)
-    inner = np.flatnonzero(~rim(patches))
+    inner = np.flatnonzero(~rim(cut_mesh))
     chosen = generator.choice(inner, max(1, int(share * len(inner))), replace=False)
     uv[chosen] += generator.normal(0, 0.15, (len(chosen), 2))
-    return patches, uv
+    return cut_mesh, uv
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_planted_flips_are_turned_back(seed):
-    patches, uv = tangled(seed=seed)
-    assert flipped(patches.faces, uv).any()
-    new, report = unfold(patches, uv)
-    assert not flipped(patches.faces, new).any()
-    assert report.before[0] == flipped(patches.faces, uv).sum()
+    cut_mesh, uv = tangled(seed=seed)
+    assert flipped(cut_mesh.faces, uv).any()
+    new, report = untangle(cut_mesh, uv)
+    assert not flipped(cut_mesh.faces, new).any()
+    assert report.before[0] == flipped(cut_mesh.faces, uv).sum()
     assert report.after[0] == 0
 
 
 def test_what_is_far_from_a_flip_stays_where_it_is():
-    patches, points = patches_of(shapes.grid(60, 60))
+    cut_mesh, points = patches_of(shapes.grid(60, 60))
     uv = points[:, :2].copy()
     middle = np.argmin(((uv - 0.5) ** 2).sum(1))
     uv[middle] += 0.05
-    new, _ = unfold(patches, uv)
-    assert not flipped(patches.faces, new).any()
+    new, _ = untangle(cut_mesh, uv)
+    assert not flipped(cut_mesh.faces, new).any()
     far = np.abs(uv - 0.5).max(1) > 0.25
     assert far.any()
     np.testing.assert_array_equal(new[far], uv[far])
 
 
 def test_held_vertices_stay():
-    patches, uv = tangled()
-    new, _ = unfold(patches, uv, rim(patches))
-    np.testing.assert_array_equal(new[rim(patches)], uv[rim(patches)])
-    assert not flipped(patches.faces, new).any()
+    cut_mesh, uv = tangled()
+    new, _ = untangle(cut_mesh, uv, rim(cut_mesh))
+    np.testing.assert_array_equal(new[rim(cut_mesh)], uv[rim(cut_mesh)])
+    assert not flipped(cut_mesh.faces, new).any()
 
 
 def test_a_chart_without_flips_is_returned_as_it_is():
-    patches, points = patches_of(shapes.row_of(shapes.delaunay_disk(100), 2))
+    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(100), 2))
     uv = points[:, :2].copy()
-    inner = np.flatnonzero(~rim(patches) & (patches.vertex_chart == 1))
+    inner = np.flatnonzero(~rim(cut_mesh) & (cut_mesh.vertex_chart == 1))
     uv[inner[0]] += 5
     before = uv.copy()
-    new, report = unfold(patches, uv)
+    new, report = untangle(cut_mesh, uv)
     np.testing.assert_array_equal(uv, before)
-    own = patches.vertex_chart == 0
+    own = cut_mesh.vertex_chart == 0
     np.testing.assert_array_equal(new[own], uv[own])
     assert report.after.tolist() == [0, 0]
     assert report.before[0] == 0
@@ -71,8 +71,8 @@ def test_a_chart_without_flips_is_returned_as_it_is():
 
 @pytest.mark.parametrize("epsilon", [1.0, 1e-3])
 def test_the_gradient_is_that_of_the_energy(epsilon):
-    patches, uv = tangled(60)
-    part = _region(patches, np.ones(len(patches.faces), bool), np.zeros(len(uv), bool), uv)
+    cut_mesh, uv = tangled(60)
+    part = _region(cut_mesh, np.ones(len(cut_mesh.faces), bool), np.zeros(len(uv), bool), uv)
     problem = _Problem(part, np.full(part.n, epsilon))
     x = uv[part.source]
     _, gradient = problem.energy(x)
@@ -101,18 +101,18 @@ def test_descent_finds_the_minimum_of_quadratics_of_different_size_together():
 
 
 def test_flips_that_stay_on_request_are_told():
-    patches, _ = patches_of(shapes.spiked_disk(150, 6.0))
-    layout = METHODS["arap"].function(patches, MethodOptions(repair=False), Monitor())
-    assert flipped(patches.faces, layout.uv).any()  # arap folds a spike: else this shows nothing
+    cut_mesh, _ = patches_of(shapes.spiked_disk(150, 6.0))
+    layout = METHODS["arap"].function(cut_mesh, MethodOptions(repair=False), Monitor())
+    assert flipped(cut_mesh.faces, layout.uv).any()  # arap folds a spike: else this shows nothing
     assert any("they stay" in note for note in layout.notes)
-    mended = METHODS["arap"].function(patches, MethodOptions(), Monitor())
-    assert not flipped(patches.faces, mended.uv).any()
-    assert any("arap" in note and "flipped" in note for note in mended.notes)
+    repair_report = METHODS["arap"].function(cut_mesh, MethodOptions(), Monitor())
+    assert not flipped(cut_mesh.faces, repair_report.uv).any()
+    assert any("arap" in note and "flipped" in note for note in repair_report.notes)
 
 
 def test_a_sliver_counts_as_flipped_only_where_its_sign_is_not_certain():
     uv = np.array([[0, 0], [1, 0], [0.5, 1e-12], [0.5, -1e-12], [0.5, 0.0]])
     faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 0, 1]])
     assert flipped(faces, uv).tolist() == [False, True, True, True]
-    plain, _ = embed_convex(patches_of(shapes.grid())[0])
+    plain, _ = tutte_embedding(patches_of(shapes.grid())[0])
     assert np.isfinite(plain).all()

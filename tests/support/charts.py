@@ -1,21 +1,21 @@
-"""Shapes as patches, and comparisons up to a similarity, for the tests of weights, borders and methods."""
+"""Shapes as cut mesh, and comparisons up to a similarity, for the tests of weights, borders and methods."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
 
 
-def patches_of(shape) -> tuple[Patches, np.ndarray]:
-    """(patches, (n_vertices, 3) position of each vertex) of an uncut shape."""
+def patches_of(shape) -> tuple[CutMesh, np.ndarray]:
+    """(cut mesh, (n_vertices, 3) position of each vertex) of an uncut shape."""
     surface, _ = repair(Mesh(*shape), RepairOptions())
-    patches = surface.patches(np.zeros(len(surface.edges), bool))
-    points = np.empty((patches.n_vertices, 3))
-    points[patches.faces.ravel()] = surface.points[surface.faces.ravel()]
-    return patches, points
+    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    points = np.empty((cut_mesh.n_vertices, 3))
+    points[cut_mesh.faces.ravel()] = surface.points[surface.faces.ravel()]
+    return cut_mesh, points
 
 
 def complex_of(uv) -> np.ndarray:
@@ -35,8 +35,8 @@ def apart(uv, target) -> float:
     return float(np.abs(fitted(uv, target) - target).max() / np.abs(target - target.mean(0)).max())
 
 
-def rim(patches) -> np.ndarray:
+def rim(cut_mesh) -> np.ndarray:
     """(n_vertices,) bool: on a border."""
-    out = np.zeros(patches.n_vertices, bool)
-    out[patches.faces.ravel()[patches.border]] = True
+    out = np.zeros(cut_mesh.n_vertices, bool)
+    out[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
     return out

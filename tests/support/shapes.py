@@ -381,7 +381,7 @@ def klein(nu: int = 24, nv: int = 12) -> Shape:
 
 
 def fins(sheets: int = 3, n: int = 5) -> Shape:
-    """``sheets`` rectangles that share one edge line: non-manifold edges where sheets > 2."""
+    """``layers`` rectangles that share one edge line: non-manifold edges where layers > 2."""
     parts = []
     for k in range(sheets):
         p, f = grid(n, n)

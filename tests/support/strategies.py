@@ -105,7 +105,7 @@ def glued_triangles(draw: st.DrawFn, largest: int = 30) -> Shape:
 
 @st.composite
 def sheets(draw: st.DrawFn) -> Shape:
-    """Coincident and nearly coincident sheets, some turned over, welded or not."""
+    """Coincident and nearly coincident layers, some turned over, welded or not."""
     p, f = shapes.grid(4, 4)
     lift = draw(st.sampled_from([0.0, 1e-17, 1e-9]))
     parts = [(p, f)]

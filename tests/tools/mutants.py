@@ -115,7 +115,7 @@ def _pytest(
         try:
             code: int | None = process.wait(bound)
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)  # its own group: helpers of the tests too
+            os.killpg(process.pid, signal.SIGKILL)  # its own group: workers of the tests too
             process.wait()
             code = None
         out.seek(0)

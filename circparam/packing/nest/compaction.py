@@ -1,4 +1,4 @@
-"""Squeeze a layout: grow all charts at once until they lock, by linear programs.
+"""Compact a layout: grow all charts at once until they lock, by linear programs.
 
 Near a layout that is free of overlap the distance between two outlines is, to first order, linear in the
 moves, the turns and the common growth of the charts. The largest growth that keeps all distances is then a
@@ -109,7 +109,7 @@ def _thinned(found: Contacts, side: float) -> Contacts:
     return Contacts(found.i[keep], found.j[keep], found.p[keep], found.q[keep])
 
 
-def squeeze(
+def compaction_step(
     placement: Placement,
     outlines: list[Outline],
     found: Contacts,
@@ -194,7 +194,7 @@ def compact(
         found = near(outlines)
         after = None
         if earlier is None or not _crossed(found, options):
-            after = squeeze(
+            after = compaction_step(
                 placement, outlines, found, shapes.radius, options, trust * unit, turn, strict, work
             )
         if after is None:
@@ -217,7 +217,7 @@ def compact(
             if earlier is not None and _crossed(found, options):
                 placement, earlier = earlier, None
                 found = near(outlines)
-            after = squeeze(
+            after = compaction_step(
                 placement, outlines, found, shapes.radius, options, trust * unit, turn, strict, work
             )
             placement = placement if after is None else after

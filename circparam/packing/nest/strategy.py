@@ -1,4 +1,4 @@
-"""Nesting from end to end: a search on a coarse grid, then the best layouts squeezed until they lock."""
+"""Nesting from end to end: a search on a coarse grid, then the best layouts compacted until they lock."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _HOPE = 0.68
 _COARSE_BUDGET = 0.3e8
 _BUDGET = 0.75e8
 
-# Linear programs of the squeezing: first for every candidate, then for the best.
+# Linear programs of the compaction: first for every candidate, then for the best.
 _ROUGH = 5
 _FINE = 12
 
-# Side of the grid in cells: coarse for few charts, whose layouts are squeezed anyway (on 13 files 64 cells
+# Side of the grid in cells: coarse for few charts, whose layouts are compacted anyway (on 13 files 64 cells
 # cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice the cells transformed).
 _FEW = 60
 _COARSE = 64
@@ -42,14 +42,14 @@ _CELLS = 192
 # Rows of the linear programs altogether: beyond, the steps end.
 _ROWS = 250_000
 
-# Layouts that are squeezed, of so many charts; one of more.
+# Layouts that are compacted, of so many charts; one of more.
 _VERY_FEW = 30
 _KEPT = 3
 
 # Rounds of the search for the angle of a single chart: each is four times finer.
 _ALONE = 8
 
-# Many charts in plain rows are squeezed only where that much more than their scale was not reached.
+# Many charts in plain rows are compacted only where that much more than their scale was not reached.
 _ROWS_BELOW = 1.03
 
 # Charts up to which linear programs are solved in a second or so.
@@ -66,8 +66,8 @@ def nested(
 ) -> list[Placement]:
     """Placements by nesting, best first; empty where the search found none.
 
-    dropped: charts dropped one by one, squeezed instead of the layout found, or beside it, where there are
-    few charts. rows: a plain layout, squeezed too where that leads nowhere: for charts like boxes it can be
+    dropped: charts dropped one by one, compacted instead of the layout found, or beside it, where there are
+    few charts. rows: a plain layout, compacted too where that leads nowhere: for charts like boxes it can be
     the best start.
     sound: the check on the raster. A long first step may push a thin tip through a neighbour, which no later
     step undoes; then the next layout is taken.

@@ -8,11 +8,11 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
 from circparam.core.graph import components, nearest, undirected
-from circparam.mesh.cut_mesh import plane_frames
+from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.surface import Surface
 
 SMALL_COMPONENT = 300  # faces; smaller components are taken over as they are
-CRUMB = 16  # faces; smaller torn-off parts of a component are left out of the proxy
+FRAGMENT = 16  # faces; smaller torn-off parts of a component are left out of the proxy
 LEAST_AREA = 1e-10  # coarse faces below this share of their longest edge squared are left out
 
 
@@ -22,7 +22,7 @@ class Proxy:
 
     surface: the decimated surface. cell: (fine vertices,) vertex of the coarse surface's *points*; each cell
     is connected. apart: (k, 2) points of coarse edges that are no inner edges of the coarse surface although
-    several faces meet there: seams, not borders.
+    several faces meet there: seams, not boundaries.
     """
 
     surface: Surface
@@ -97,10 +97,10 @@ def decimate(surface: Surface, target: int) -> Proxy:
         & (coarse[:, 1] != coarse[:, 2])
         & (coarse[:, 0] != coarse[:, 2])
     )
-    frames = plane_frames(position[coarse])
-    longest = np.maximum(frames[:, 1, 0] ** 2, (frames[:, 2] ** 2).sum(1))
+    rest_triangles = rest_triangles_of(position[coarse])
+    longest = np.maximum(rest_triangles[:, 1, 0] ** 2, (rest_triangles[:, 2] ** 2).sum(1))
     with np.errstate(invalid="ignore"):
-        alive &= frames[:, 1, 0] * frames[:, 2, 1] > LEAST_AREA * longest
+        alive &= rest_triangles[:, 1, 0] * rest_triangles[:, 2, 1] > LEAST_AREA * longest
     keep = np.flatnonzero(alive)
     keep = keep[_main_parts(position, coarse[keep], component[keep])]
     coarse = coarse[keep]
@@ -112,13 +112,13 @@ def decimate(surface: Surface, target: int) -> Proxy:
 
 
 def _main_parts(points: FloatArray, faces: IntArray, component: IntArray) -> BoolArray:
-    """(m,) bool: the face is not in a crumb that the collapses tore off its component."""
+    """(m,) bool: the face is not in a fragment that the collapses tore off its component."""
     surface, _ = pair_edges(points, faces)
     count, part = components(len(faces), surface.edges[:, 0] // 3, surface.edges[:, 1] // 3)
     size = np.bincount(part, minlength=count)
     largest = np.zeros(int(component.max()) + 1, np.int64)
     np.maximum.at(largest, component, size[part])
-    result: BoolArray = size[part] >= np.minimum(CRUMB, largest[component])
+    result: BoolArray = size[part] >= np.minimum(FRAGMENT, largest[component])
     return result
 
 

@@ -15,9 +15,9 @@ THIN = 0.01  # a hole stays open where a face over it is thinner than this share
 
 
 def complexity(surface: Surface) -> int:
-    """Two for each handle and one for each border: 2 − χ, summed over the components."""
+    """Two for each handle and one for each boundary: 2 − χ, summed over the components."""
     parts, _ = surface.charts(np.zeros(len(surface.edges), bool))
-    edges = len(surface.edges) + len(surface.border)
+    edges = len(surface.edges) + len(surface.boundary)
     vertices = int(surface.corner_vertex.max()) + 1
     return 2 * parts - (vertices - edges + len(surface.faces))
 
@@ -25,10 +25,10 @@ def complexity(surface: Surface) -> int:
 def close_small_holes(surface: Surface) -> Surface:
     """The surface with a fan of faces over every small hole, behind its own faces; no new points.
 
-    The longest border of each component stays open, and so does a hole that a fan does not cover without
+    The longest boundary of each component stays open, and so does a hole that a fan does not cover without
     folds.
     """
-    loops = surface.patches(np.zeros(len(surface.edges), bool)).loops
+    loops = surface.cut_mesh(np.zeros(len(surface.edges), bool)).loops
     size = np.diff(loops.start)
     wanted = ~loops.outer & (size >= 3) & (size <= LARGEST)
     m, h, loop = len(surface.faces), loops.half_edges, loops.loop_of

@@ -92,7 +92,7 @@ def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
+class TransferredCharts:
     """Fine charts matched to coarse ones. main: (n,) coarse chart of each fine chart; real: (n,) bool, it is
     the largest of its coarse chart (the others are slivers between paths)."""
 
@@ -101,7 +101,7 @@ class Carried:
     real: BoolArray
 
 
-def match_charts(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Carried:
+def match_charts(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> TransferredCharts:
     """Which coarse chart each fine chart stands for, by the area they share."""
     n, chart = fine.charts()
     label = np.where(near >= 0, coarse_chart[near], -1)
@@ -115,10 +115,10 @@ def match_charts(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Carri
     real[order[first_of_runs(main[order])]] = True
     # a chart without any coarse face (a component too small for the proxy) stands for itself
     real |= area == 0
-    return Carried(chart, main, real)
+    return TransferredCharts(chart, main, real)
 
 
-def drop_slivers(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Carried:
+def drop_slivers(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> TransferredCharts:
     """Glue charts that stand for no coarse chart to the neighbour with the longest common seam."""
     for _ in range(6):
         found = match_charts(fine, coarse_chart, near)
@@ -140,13 +140,17 @@ def drop_slivers(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Carri
 
 
 def fine_targets(
-    coarse: Cutting, fine: Cutting, coarse_chart: IntArray, near: IntArray, carried: Carried
+    coarse: Cutting,
+    fine: Cutting,
+    coarse_chart: IntArray,
+    near: IntArray,
+    transferred: TransferredCharts,
 ) -> tuple[FloatArray, BoolArray]:
     """(2, 2, m) Jacobians that the coarse layout asks of the fine faces, and which charts have any."""
     gradients = space_gradients(coarse)
-    surface, chart = fine.surface, carried.chart
+    surface, chart = fine.surface, transferred.chart
     clear = _clear_of_seams(coarse)
-    own = (near >= 0) & (np.where(near >= 0, coarse_chart[near], -1) == carried.main[chart])
+    own = (near >= 0) & (np.where(near >= 0, coarse_chart[near], -1) == transferred.main[chart])
     known = own & clear[near]
     # small charts may have no face clear of seams: there every face of its own counts
     none_clear = np.bincount(chart, known, int(chart.max()) + 1) == 0

@@ -15,7 +15,7 @@ RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by
 HALVINGS = 4  # of a chain that found no path
 
 
-def carry_seams(coarse: Cutting, proxy: Proxy, fine: Cutting) -> int:
+def transfer_seams(coarse: Cutting, proxy: Proxy, fine: Cutting) -> int:
     """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found."""
     surface = coarse.surface
     n = len(surface.points)
@@ -26,11 +26,11 @@ def carry_seams(coarse: Cutting, proxy: Proxy, fine: Cutting) -> int:
     fine.cut = np.zeros(len(fine.cut), bool)
     if len(a) == 0:
         return 0
-    border = np.zeros(n, bool)
-    border[flat[surface.border]] = border[along[surface.border]] = True
-    border[proxy.apart.ravel()] = False
-    chains = chains_of(a, b, n, border)
-    router = _Router(fine, proxy, (flat, along), border, chains)
+    boundary = np.zeros(n, bool)
+    boundary[flat[surface.boundary]] = boundary[along[surface.boundary]] = True
+    boundary[proxy.apart.ravel()] = False
+    chains = chains_of(a, b, n, boundary)
+    router = _Router(fine, proxy, (flat, along), boundary, chains)
     left = chains
     for rings in RINGS:
         left = router.cut(left, rings)
@@ -52,16 +52,16 @@ class _Router:
         fine: Cutting,
         proxy: Proxy,
         coarse_ends: tuple[IntArray, IntArray],
-        border: BoolArray,
+        boundary: BoolArray,
         chains: Chains,
     ) -> None:
-        self.fine, self.proxy, self.coarse_ends, self.border = fine, proxy, coarse_ends, border
+        self.fine, self.proxy, self.coarse_ends, self.boundary = fine, proxy, coarse_ends, boundary
         self.cost = edge_costs(fine)
         self.usable = np.flatnonzero(np.isfinite(self.cost))
         self.ends = fine.ends[0][self.usable], fine.ends[1][self.usable]
         owner, _ = self._bands(chains, RINGS[0])
         # (coarse points,) fine vertex that stands for each
-        self.stand = _representatives(fine, proxy, proxy.surface.points, border, chains, owner)
+        self.stand = _representatives(fine, proxy, proxy.surface.points, boundary, chains, owner)
         self.junctions = np.r_[chains.start, chains.end]
 
     def cut(self, chains: Chains, rings: int) -> Chains:
@@ -82,7 +82,7 @@ class _Router:
         """Let coarse points that became ends stand for fine vertices that no seam uses yet."""
         fine, cell = self.fine, self.proxy.cell
         new = np.setdiff1d(np.r_[start, end], self.junctions)
-        taken = fine.on_border.copy()
+        taken = fine.on_boundary.copy()
         taken[fine.ends[0][fine.cut]] = taken[fine.ends[1][fine.cut]] = True
         member = np.flatnonzero(np.isin(cell, new) & ~taken)
         points = self.proxy.surface.points
@@ -98,7 +98,7 @@ class _Router:
         return _find_way(self.fine, self.usable, self.cost, *(int(self.stand[k]) for k in ends))
 
     def _bands(self, chains: Chains, rings: int) -> tuple[IntArray, FloatArray]:
-        owner, value = bands(self.coarse_ends, len(self.border), chains, self.border, rings)
+        owner, value = bands(self.coarse_ends, len(self.boundary), chains, self.boundary, rings)
         return _fine_bands(self.fine, self.proxy, chains, self.ends, owner, value)
 
 
@@ -133,7 +133,7 @@ def _find_way(fine: Cutting, usable: IntArray, cost: FloatArray, start: int, end
         return False
     a, b = fine.ends
     n = fine.n_vertices
-    free = ~fine.on_border
+    free = ~fine.on_boundary
     free[a[fine.cut]] = free[b[fine.cut]] = False
     free[[start, end]] = True
     use = usable[free[a[usable]] & free[b[usable]] & ~fine.cut[usable]]
@@ -197,7 +197,7 @@ def _fine_bands(
             vertex, chain = side[hit], short[order[at[hit]]]
             free = fine_owner[vertex] < 0
             fine_owner[vertex[free]] = chain[free]
-    closed = fine.on_border.copy()
+    closed = fine.on_boundary.copy()
     closed[fine.ends[0][fine.cut]] = closed[fine.ends[1][fine.cut]] = True
     at_end = np.zeros(n, bool)
     at_end[chains.start] = at_end[chains.end] = True
@@ -208,13 +208,13 @@ def _representatives(
     fine: Cutting,
     proxy: Proxy,
     points: FloatArray,
-    border: BoolArray,
+    boundary: BoolArray,
     chains: Chains,
     owner: IntArray,
 ) -> IntArray:
     """(coarse points,) fine vertex that stands for each.
 
-    At a junction the vertex beside which the most chains begin; then one on the border where the coarse point
+    At a junction the vertex beside which the most chains begin; then one on the boundary where the coarse point
     is on it; then the nearest.
     """
     cell = proxy.cell
@@ -229,7 +229,7 @@ def _representatives(
     member = np.flatnonzero(cell >= 0)
     c = cell[member]
     distance = np.linalg.norm(fine.surface.vertex_points[member] - points[c], axis=1)
-    inside = border[c] & ~fine.on_border[member]
+    inside = boundary[c] & ~fine.on_boundary[member]
     order = np.lexsort((distance, -beside[member], inside, c))
     first = first_of_runs(c[order])
     out = np.full(len(points), -1)
@@ -245,7 +245,7 @@ def _share_out(
     junction: BoolArray,
     closed: BoolArray,
 ) -> tuple[IntArray, FloatArray]:
-    """Give the vertices of junction cells to the nearest chain; borders and ends of chains to none."""
+    """Give the vertices of junction cells to the nearest chain; boundaries and ends of chains to none."""
     n = len(owner)
     owner = np.where(closed, -1, owner)
     fill = junction & ~closed & (owner < 0)

@@ -18,21 +18,21 @@ from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Cutting
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
-from circparam.seams.segmentation.layout import Laid, judge
-from circparam.seams.segmentation.overlap_cut import split_sheets
+from circparam.seams.segmentation.layout import ChartLayouts, judge
+from circparam.seams.segmentation.overlap_cut import split_layers
 from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.separate import push_apart
-from circparam.solvers.tutte.embed import embed_convex
-from circparam.solvers.untangle import unfold
+from circparam.solvers.tutte.embed import tutte_embedding
+from circparam.solvers.untangle import untangle
 
 SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
-SHEET_FACES = 100  # smaller charts that overlap are halved
-CRUMB = 4  # cells up to which a chart that is bad is taken apart at once
+LAYER_FACES = 100  # smaller charts that overlap are halved
+FRAGMENT = 4  # cells up to which a chart that is bad is taken apart at once
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
@@ -41,7 +41,7 @@ GAP = 0.0005  # share of the root of a chart's area by which parts that touched 
 def enforce(
     cutting: Cutting,
     graph: DualGraph,
-    laid: Laid,
+    laid: ChartLayouts,
     bound: float,
     options: RelaxOptions,
     monitor: Monitor,
@@ -49,30 +49,30 @@ def enforce(
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
     laid: what ``cutting`` has; afterwards the layout is in its corners. A chart that misses the bound by
-    little is slit from its border to where it is distorted most; others are split in two. Single cells cannot
+    little is slit from its boundary to where it is distorted most; others are split in two. Single cells cannot
     be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
     the faces, the work goes on with the others alone.
     """
-    cutting.scatter(laid.patches, laid.uv)
+    cutting.scatter(laid.cut_mesh, laid.uv)
     slits = np.zeros(len(cutting.surface.faces), np.int64)  # of the chart of each face
     whole, faces = cutting, np.ones(len(slits), bool)
     for turn in range(ROUNDS):
-        small = np.bincount(laid.patches.chart) <= UNSTICK_FACES
-        small &= np.bincount(laid.patches.chart) >= SHEET_FACES
+        small = np.bincount(laid.cut_mesh.chart) <= UNSTICK_FACES
+        small &= np.bincount(laid.cut_mesh.chart) >= LAYER_FACES
         pushed = small | (turn == 0)
         laid = unstick(cutting, laid, bound, monitor, pushed)
-        bad = laid.bad(bound) & (_cells(graph, laid.patches.chart) > 1)
+        bad = laid.bad(bound) & (_cells(graph, laid.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
             break
-        inside = bad[laid.patches.chart]
+        inside = bad[laid.cut_mesh.chart]
         if inside.mean() < NARROW:
             whole.put(faces, cutting)
             faces[faces] = inside
             cutting, slits = whole.part(faces), slits[inside]
             graph = dual_graph(cutting.surface)
-            patches = cutting.patches()
-            laid = judge(patches, cutting.gather(patches))
-            bad, pushed = np.ones(patches.n_charts, bool), pushed[bad]
+            cut_mesh = cutting.cut_mesh()
+            laid = judge(cut_mesh, cutting.gather(cut_mesh))
+            bad, pushed = np.ones(cut_mesh.n_charts, bool), pushed[bad]
         before = cutting.cut.copy()
         cut = _cut_open(cutting, graph, laid, bad, pushed, slits, bound, monitor)
         if np.array_equal(before, cutting.cut) and not cut.any():
@@ -85,7 +85,7 @@ def enforce(
 def _cut_open(
     cutting: Cutting,
     graph: DualGraph,
-    laid: Laid,
+    laid: ChartLayouts,
     bad: BoolArray,
     pushed: BoolArray,
     slits: IntArray,
@@ -98,7 +98,7 @@ def _cut_open(
     face was slit, counted on.
     Returns (n,) bool: charts whose pieces may keep their layout.
     """
-    chart = laid.patches.chart
+    chart = laid.cut_mesh.chart
     near = laid.energy <= 1 + (bound - 1) * SLIT_REACH
     first = np.zeros(len(bad), np.int64)
     np.maximum.at(first, chart, slits)
@@ -114,18 +114,20 @@ def _cut_open(
     return cut
 
 
-def unstick(cutting: Cutting, laid: Laid, bound: float, monitor: Monitor, which: BoolArray) -> Laid:
+def unstick(
+    cutting: Cutting, laid: ChartLayouts, bound: float, monitor: Monitor, which: BoolArray
+) -> ChartLayouts:
     """Push parts of charts ((n,) bool) that lie on each other apart, where the bound leaves room for it."""
     folded = which & laid.overlapping & (laid.energy <= bound)
     if not folded.any():
         return laid
-    sub, vid, fid = laid.patches.subset(folded)
+    sub, vid, fid = laid.cut_mesh.subset(folded)
     part, fine = push_apart(sub, laid.uv[vid], GAP, bound, monitor)
     uv = laid.uv.copy()
     kept = fine[sub.vertex_chart]
     uv[vid[kept]] = part[kept]
     cutting.corners[fid] = uv[vid][sub.faces]
-    return judge(laid.patches, uv)
+    return judge(laid.cut_mesh, uv)
 
 
 def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
@@ -137,7 +139,7 @@ def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
 def _split(
     cutting: Cutting,
     graph: DualGraph,
-    laid: Laid,
+    laid: ChartLayouts,
     which: BoolArray,
     pushed: BoolArray,
     bound: float,
@@ -148,13 +150,13 @@ def _split(
     Returns (n,) bool: charts that were only cut, or pushed apart, so that their pieces may keep their layout.
     """
     before = cutting.cut.copy()
-    chart = laid.patches.chart
+    chart = laid.cut_mesh.chart
     apart = sound = np.zeros(len(which), bool)
     folded = which & laid.overlapping & np.isfinite(laid.energy)
     if folded.any():
-        large = folded & (np.bincount(chart) >= SHEET_FACES)
+        large = folded & (np.bincount(chart) >= LAYER_FACES)
         if large.any():
-            sound = split_sheets(cutting, graph, laid, large, edge_costs(cutting))
+            sound = split_layers(cutting, graph, laid, large, edge_costs(cutting))
         left = large & ~sound & ~pushed
         if left.any():
             # what overlaps by less than a face is not worth a seam where it can be pushed apart
@@ -163,7 +165,7 @@ def _split(
         if (folded & ~sound).any():
             apart |= _split_overlaps(cutting, graph, laid, folded & ~sound)
     rest = which & ~apart
-    crumbs = rest & (_cells(graph, chart) <= CRUMB)
+    crumbs = rest & (_cells(graph, chart) <= FRAGMENT)
     cutting.cut |= crumbs[chart[cutting.surface.edges[:, 0] // 3]] & (graph.tail != graph.head)
     rest &= ~crumbs
     if rest.any():
@@ -173,10 +175,12 @@ def _split(
     return sound
 
 
-def _split_overlaps(cutting: Cutting, graph: DualGraph, laid: Laid, which: BoolArray) -> BoolArray:
+def _split_overlaps(
+    cutting: Cutting, graph: DualGraph, laid: ChartLayouts, which: BoolArray
+) -> BoolArray:
     """Split charts half way between two faces that overlap; returns the charts that were split."""
-    pairs = crossings(laid.uv, laid.patches)
-    chart = laid.patches.chart
+    pairs = crossings(laid.uv, laid.cut_mesh)
+    chart = laid.cut_mesh.chart
     pairs = pairs[which[chart[pairs[:, 0] // 3]]]
     done = np.zeros(len(which), bool)
     if len(pairs) == 0:
@@ -207,66 +211,66 @@ def _split_overlaps(cutting: Cutting, graph: DualGraph, laid: Laid, which: BoolA
 
 def _map_again(
     cutting: Cutting,
-    laid: Laid,
+    laid: ChartLayouts,
     changed: BoolArray,
     cut: BoolArray,
     bound: float,
     options: RelaxOptions,
     monitor: Monitor,
-) -> Laid:
+) -> ChartLayouts:
     """Lay out the pieces of changed charts: from the layout they had, or anew where that has flips.
 
     cut: charts whose pieces keep their layout as it is, where that is within the bound.
     """
-    patches = cutting.patches()
-    uv = cutting.gather(patches)
-    todo = np.zeros(patches.n_charts, bool)
-    todo[patches.chart[(changed & ~cut)[laid.patches.chart]]] = True
-    energy = relax(patches, uv, RelaxOptions(max_iterations=0)).energy
+    cut_mesh = cutting.cut_mesh()
+    uv = cutting.gather(cut_mesh)
+    todo = np.zeros(cut_mesh.n_charts, bool)
+    todo[cut_mesh.chart[(changed & ~cut)[laid.cut_mesh.chart]]] = True
+    energy = relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
     over = ~(energy <= bound)
-    todo[patches.chart[over[patches.chart] & changed[laid.patches.chart]]] = True
+    todo[cut_mesh.chart[over[cut_mesh.chart] & changed[laid.cut_mesh.chart]]] = True
     if todo.any():
-        sub, vid, fid = patches.subset(todo)
+        sub, vid, fid = cut_mesh.subset(todo)
         part = lay_out_sound(sub, uv[vid], options, monitor)
         uv[vid] = part
         cutting.corners[fid] = part[sub.faces]
-    return judge(patches, uv)
+    return judge(cut_mesh, uv)
 
 
 def lay_out_sound(
-    patches: Patches, uv: FloatArray, options: RelaxOptions, monitor: Monitor
+    cut_mesh: CutMesh, uv: FloatArray, options: RelaxOptions, monitor: Monitor
 ) -> FloatArray:
-    """Relax a layout; charts with flipped faces are unfolded, or else embedded anew, first."""
-    alone = np.flatnonzero((np.bincount(patches.chart) == 1)[patches.chart])
+    """Relax a layout; charts with flipped faces are untangled, or else embedded anew, first."""
+    alone = np.flatnonzero((np.bincount(cut_mesh.chart) == 1)[cut_mesh.chart])
     if len(alone):  # a single face lies as it is
         uv = uv.copy()
-        uv[patches.faces[alone]] = patches.frames[alone]
-    bad = ~np.isfinite(relax(patches, uv, RelaxOptions(max_iterations=0)).energy)
-    wild = bad & _wild(patches, uv)
+        uv[cut_mesh.faces[alone]] = cut_mesh.rest_triangles[alone]
+    bad = ~np.isfinite(relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy)
+    wild = bad & _wild(cut_mesh, uv)
     bad &= ~wild
     if wild.any():
         uv = uv.copy()
-        sub, vid, _ = patches.subset(wild)
-        uv[vid] = embed_convex(sub, "mean-value")[0]
+        sub, vid, _ = cut_mesh.subset(wild)
+        uv[vid] = tutte_embedding(sub, "mean-value")[0]
     if bad.any():
         uv = uv.copy()
-        sub, vid, _ = patches.subset(bad)
-        part, report = unfold(sub, uv[vid], monitor=monitor)
+        sub, vid, _ = cut_mesh.subset(bad)
+        part, report = untangle(sub, uv[vid], monitor=monitor)
         uv[vid] = part
         left = report.after > 0
         if left.any():
             rest, inner, _ = sub.subset(left)
-            uv[vid[inner]] = embed_convex(rest, "mean-value")[0]
-    return relax(patches, uv, options, monitor).uv
+            uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
+    return relax(cut_mesh, uv, options, monitor).uv
 
 
-def _wild(patches: Patches, uv: FloatArray) -> BoolArray:
+def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     """(n,) bool: the layout of the chart is far too large for it, or no numbers at all."""
-    n = patches.n_charts
-    low = np.stack([group_min(uv[:, d], patches.vertex_chart, n) for d in range(2)], 1)
-    high = np.stack([group_max(uv[:, d], patches.vertex_chart, n) for d in range(2)], 1)
+    n = cut_mesh.n_charts
+    low = np.stack([group_min(uv[:, d], cut_mesh.vertex_chart, n) for d in range(2)], 1)
+    high = np.stack([group_max(uv[:, d], cut_mesh.vertex_chart, n) for d in range(2)], 1)
     with np.errstate(invalid="ignore"):
         size = (high - low).max(1)
-    rim = group_sum(patches.edge_lengths.sum(1), patches.chart, n)
+    rim = group_sum(cut_mesh.edge_lengths.sum(1), cut_mesh.chart, n)
     result: BoolArray = ~(size <= 10 * rim)
     return result

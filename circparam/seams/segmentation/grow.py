@@ -158,12 +158,12 @@ def make_disks(cutting: Cutting, graph: DualGraph, limit: int = 40) -> int:
     A chart that a few halvings do not help is cut into ever more pieces; single cells are disks, so this ends.
     """
     for attempt in range(limit):
-        patches = cutting.patches()
-        bad = not_disks(patches)
+        cut_mesh = cutting.cut_mesh()
+        bad = not_disks(cut_mesh)
         if not bad.any():
             return attempt
         pieces = 2 if attempt < 4 else 2 ** min(attempt - 2, 12)
-        new = split_charts(cutting, graph, patches.chart, bad, pieces, 1)
+        new = split_charts(cutting, graph, cut_mesh.chart, bad, pieces, 1)
         if not new.any():
             # nothing left to split between cells: leave the chart to the caller's checks
             return attempt

@@ -10,27 +10,27 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.graph import matching
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Helper, in_halves
+from circparam.core.workers import Worker, in_halves
 from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Cutting
-from circparam.mesh.cut_mesh import Patches, not_disks
+from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.segmentation.grow import DualGraph, make_disks
 from circparam.seams.segmentation.shorten import Proposal, propose
 from circparam.seams.segmentation.state import main_parts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.poisson import from_jacobians
-from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.tutte.embed import tutte_embedding
 
 UNTANGLE = 12
-ROUNDS = 8  # of single chains that are straightened where all at once spoil a chart
+ROUNDS = 8  # of single chains that are shortened where all at once spoil a chart
 
 
 @dataclass(frozen=True, eq=False)
-class Laid:
+class ChartLayouts:
     """A layout of all charts. energy: (n,); overlapping: (n,) bool."""
 
-    patches: Patches
+    cut_mesh: CutMesh
     uv: FloatArray
     energy: FloatArray
     overlapping: BoolArray
@@ -44,77 +44,79 @@ def lay_out_fresh(
     cutting: Cutting,
     which: BoolArray | None,
     options: RelaxOptions,
-    helper: Helper | None = None,
+    worker: Worker | None = None,
     monitor: Monitor | None = None,
-) -> Laid:
+) -> ChartLayouts:
     """Embed charts on circles and relax them; ``which`` ((n,) bool): the others keep their layout.
 
-    helper: does one half of many charts.
+    worker: does one half of many charts.
     """
-    patches = cutting.patches()
-    uv = cutting.gather(patches)
-    chosen = np.ones(patches.n_charts, bool) if which is None else which
+    cut_mesh = cutting.cut_mesh()
+    uv = cutting.gather(cut_mesh)
+    chosen = np.ones(cut_mesh.n_charts, bool) if which is None else which
     if chosen.any():
-        sub, vid, fid = patches.subset(chosen)
-        if helper is None:
+        sub, vid, fid = cut_mesh.subset(chosen)
+        if worker is None:
             part = embed_and_relax(sub, options, None)
         else:
             part = np.zeros((sub.n_vertices, 2))
             halves = chart_halves(sub)
             tasks = [(half, options) for _, half, _, _ in halves]
-            done = helper.map(embed_and_relax, tasks, monitor or Monitor())
+            done = worker.map(embed_and_relax, tasks, monitor or Monitor())
             for (_, _, of_half, _), result in zip(halves, done, strict=True):
                 part[of_half] = result
         uv[vid] = part
         cutting.corners[fid] = part[sub.faces]
-    return judge(patches, uv)
+    return judge(cut_mesh, uv)
 
 
-def chart_halves(patches: Patches) -> list[tuple[BoolArray, Patches, IntArray, IntArray]]:
-    """Patches as ``in_halves`` has them: [((n,) charts, patches of those, vertices, faces)]."""
-    charts = [np.zeros(patches.n_charts, bool) for _ in range(2)]
-    for part, faces in zip(charts, in_halves(patches.chart), strict=False):
-        part[patches.chart[faces]] = True
-    return [(part, *patches.subset(part)) for part in charts if part.any()]
+def chart_halves(cut_mesh: CutMesh) -> list[tuple[BoolArray, CutMesh, IntArray, IntArray]]:
+    """CutMesh as ``in_halves`` has them: [((n,) charts, cut mesh of those, vertices, faces)]."""
+    charts = [np.zeros(cut_mesh.n_charts, bool) for _ in range(2)]
+    for part, faces in zip(charts, in_halves(cut_mesh.chart), strict=False):
+        part[cut_mesh.chart[faces]] = True
+    return [(part, *cut_mesh.subset(part)) for part in charts if part.any()]
 
 
-def embed_and_relax(patches: Patches, options: RelaxOptions, monitor: Monitor | None) -> FloatArray:
+def embed_and_relax(
+    cut_mesh: CutMesh, options: RelaxOptions, monitor: Monitor | None
+) -> FloatArray:
     """(nv, 2) mean-value map of every chart onto a circle, relaxed."""
-    start, _ = embed_convex(patches, "mean-value")
-    return relax(patches, start, options).uv
+    start, _ = tutte_embedding(cut_mesh, "mean-value")
+    return relax(cut_mesh, start, options).uv
 
 
-def judge(patches: Patches, uv: FloatArray, margin: float = 0.0) -> Laid:
+def judge(cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0) -> ChartLayouts:
     """Energies and overlaps of a layout."""
-    energy = relax(patches, uv, RelaxOptions(max_iterations=0)).energy
+    energy = relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
     overlapping = ~np.isfinite(energy)
     fine = ~overlapping
     if fine.any():
-        sub, vid, _ = patches.subset(fine)
+        sub, vid, _ = cut_mesh.subset(fine)
         overlapping[fine] = self_overlapping(sub, uv[vid], margin=margin)
-    return Laid(patches, uv, energy, overlapping)
+    return ChartLayouts(cut_mesh, uv, energy, overlapping)
 
 
 def lay_out_again(
     cutting: Cutting, before: IntArray, options: RelaxOptions, margin: float = 0.0
-) -> Laid:
+) -> ChartLayouts:
     """Lay all charts out from the Jacobians they had. before: (m,) charts for which ``corners`` is the layout.
 
     Faces that came from another chart take the Jacobian of their nearest neighbour, turned to their plane.
     """
-    patches = cutting.patches()
-    known = main_parts(patches.chart, before, patches.areas)
+    cut_mesh = cutting.cut_mesh()
+    known = main_parts(cut_mesh.chart, before, cut_mesh.areas)
     gradients, _ = spread(cutting, space_gradients(cutting), known)
-    uv, fine = from_jacobians(patches, targets_from(cutting, gradients), UNTANGLE)
+    uv, fine = from_jacobians(cut_mesh, targets_from(cutting, gradients), UNTANGLE)
     if not fine.all():
-        sub, vid, _ = patches.subset(~fine)
-        uv[vid] = embed_convex(sub, "mean-value")[0]
-    relaxed = relax(patches, uv, options)
-    cutting.scatter(patches, relaxed.uv)
-    return judge(patches, relaxed.uv, margin)
+        sub, vid, _ = cut_mesh.subset(~fine)
+        uv[vid] = tutte_embedding(sub, "mean-value")[0]
+    relaxed = relax(cut_mesh, uv, options)
+    cutting.scatter(cut_mesh, relaxed.uv)
+    return judge(cut_mesh, relaxed.uv, margin)
 
 
-def straighten(
+def shorten_seams(
     cutting: Cutting,
     graph: DualGraph,
     bound: float,
@@ -122,7 +124,7 @@ def straighten(
     rings: int = 3,
     pinned: BoolArray | None = None,
     margin: float = 0.0,
-) -> Laid:
+) -> ChartLayouts:
     """Shorten the seams as far as every chart stays good; chains that would spoil one keep their old path.
 
     All chains are tried at once first. Where that spoils a chart, they are tried again in rounds of the largest
@@ -133,10 +135,10 @@ def straighten(
     _, before = cutting.charts()
     proposal = propose(cutting, rings, pinned)
 
-    def attempt(take: BoolArray) -> Laid:
+    def attempt(take: BoolArray) -> ChartLayouts:
         cutting.cut = proposal.cut(take)
         cutting.corners = start_corners.copy()
-        if not_disks(cutting.patches()).any():
+        if not_disks(cutting.cut_mesh()).any():
             make_disks(cutting, graph)
         return lay_out_again(cutting, before, options, margin)
 
@@ -156,15 +158,15 @@ def straighten(
         trial = take.copy()
         trial[chosen] = True
         laid = attempt(trial)
-        spoilt = _chains_beside(cutting, proposal, laid.patches.chart, laid.bad(bound), trial)
+        spoilt = _chains_beside(cutting, proposal, laid.cut_mesh.chart, laid.bad(bound), trial)
         take[chosen[~spoilt[chosen]]] = True
         open_chains = np.setdiff1d(open_chains, chosen)
     laid = attempt(take)
     if not laid.bad(bound).any():
         return laid
     cutting.cut, cutting.corners = start_cut, start_corners
-    patches = cutting.patches()
-    return judge(patches, cutting.gather(patches))
+    cut_mesh = cutting.cut_mesh()
+    return judge(cut_mesh, cutting.gather(cut_mesh))
 
 
 def _chain_sides(

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
 from circparam.core.graph import matching
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Helper
+from circparam.core.workers import Worker
 from circparam.mesh.atlas import Arcs, Cutting
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.segmentation.layout import chart_halves
@@ -60,14 +60,14 @@ class Merger:
         cutting: Cutting,
         options: MergeOptions,
         fixed: BoolArray,
-        helper: Helper | None = None,
+        worker: Worker | None = None,
     ) -> None:
         self.cutting = cutting
-        self.helper = helper  # lays half of the unions out
+        self.worker = worker  # lays half of the unions out
         self.options = options
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
-        self.toll = np.zeros(len(cutting.cut))  # (e,) see _charge
+        self.lower_bound = np.zeros(len(cutting.cut))  # (e,) see _charge
         self.tally = {"trials": 0, "topology": 0, "distortion": 0, "overlap": 0, "merged": 0}
 
     def run(self, monitor: Monitor) -> None:
@@ -146,23 +146,23 @@ class Merger:
         """
         area = group_sum(self.cutting.surface.areas, chart, len(np.bincount(chart)))
         union = np.where(left == right, area[left], area[left] + area[right])
-        toll = group_max(self.toll[arcs.edge], arcs.arc, len(arcs.left))
-        toll = np.r_[toll, group_max(toll, pair, len(left) - len(toll))]
-        result: BoolArray = 1 + toll / union > self.options.bound
+        lower_bound = group_max(self.lower_bound[arcs.edge], arcs.arc, len(arcs.left))
+        lower_bound = np.r_[lower_bound, group_max(lower_bound, pair, len(left) - len(lower_bound))]
+        result: BoolArray = 1 + lower_bound / union > self.options.bound
         return result
 
-    def _charge(self, arcs: Arcs, chosen: IntArray, toll: FloatArray) -> None:
+    def _charge(self, arcs: Arcs, chosen: IntArray, lower_bound: FloatArray) -> None:
         """Keep (energy − 1) · area of the unions that failed, on the edges of their arcs.
 
         Where all arcs of a pair were glued nothing is known of each alone.
         """
         alone = chosen < len(arcs.left)
         of_arc = np.zeros(len(arcs.left))
-        of_arc[chosen[alone]] = toll[alone]
-        self.toll[arcs.edge] = np.maximum(self.toll[arcs.edge], of_arc[arcs.arc])
+        of_arc[chosen[alone]] = lower_bound[alone]
+        self.lower_bound[arcs.edge] = np.maximum(self.lower_bound[arcs.edge], of_arc[arcs.arc])
 
     def seams_moved(self, before: IntArray, arcs: Arcs) -> None:
-        """Carry what was learnt over to seams that were shortened.
+        """Transfer what was learnt over to seams that were shortened.
 
         before: (m,) charts when ``arcs`` were taken. What is known of all arcs of a pair of charts holds,
         less SLACK, for the arcs that the same pair has now.
@@ -170,9 +170,9 @@ class Merger:
         c = self.cutting
         n, chart = c.charts()
         width = int(before.max()) + 1
-        toll = group_max(self.toll[arcs.edge], arcs.arc, len(arcs.left))
+        lower_bound = group_max(self.lower_bound[arcs.edge], arcs.arc, len(arcs.left))
         pairs, pair = np.unique(arcs.left * width + arcs.right, return_inverse=True)
-        least = group_min(toll, pair.reshape(-1), len(pairs))
+        least = group_min(lower_bound, pair.reshape(-1), len(pairs))
         main = main_parts(chart, before, c.surface.areas)
         was = np.zeros(n, np.int64)
         was[chart[main]] = before[main]
@@ -181,14 +181,14 @@ class Merger:
         key = np.minimum(left, right) * width + np.maximum(left, right)
         at = np.minimum(np.searchsorted(pairs, key), len(pairs) - 1)
         known = np.where(pairs[at] == key, least[at], 0.0)
-        self.toll[:] = 0
-        self.toll[now.edge] = (1 - SLACK) * known[now.arc]
+        self.lower_bound[:] = 0
+        self.lower_bound[now.edge] = (1 - SLACK) * known[now.arc]
 
     def _perimeters(self, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
-        """(n,) length of the border of every chart."""
+        """(n,) length of the boundary of every chart."""
         c = self.cutting
         rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
-        return rim + group_sum(c.border_lengths, chart[c.surface.border // 3], n)
+        return rim + group_sum(c.boundary_lengths, chart[c.surface.boundary // 3], n)
 
     def _try(
         self,
@@ -206,8 +206,8 @@ class Merger:
             union = np.full(n, -1)
             union[glues.left[chosen]] = union[glues.right[chosen]] = np.arange(len(chosen))
             label = union[chart]
-            patches, fid = c.surface.some_patches(cut, label >= 0, label)
-            bad = not_disks(patches)
+            cut_mesh, fid = c.surface.part_cut_mesh(cut, label >= 0, label)
+            bad = not_disks(cut_mesh)
             if not bad.any():
                 break
             self.tally["topology"] += int(bad.sum())
@@ -215,34 +215,34 @@ class Merger:
             if len(chosen) == 0:
                 return
         self.tally["trials"] += len(chosen)
-        right = glues.right[chosen][patches.chart]
+        right = glues.right[chosen][cut_mesh.chart]
         in_right = (chart[fid] == right) & (glues.left[chosen] != glues.right[chosen])[
-            patches.chart
+            cut_mesh.chart
         ]
-        unions = Unions(patches, c.corners[fid], in_right)
+        unions = Unions(cut_mesh, c.corners[fid], in_right)
         tried = self._lay_out(unions, monitor)
-        self._charge(arcs, chosen, (tried.floor - 1) * patches.chart_areas)
+        self._charge(arcs, chosen, (tried.floor - 1) * cut_mesh.chart_areas)
         self.tally["distortion"] += int(tried.distorted.sum())
         self.tally["overlap"] += int(tried.overlapping.sum())
         good = ~tried.distorted & ~tried.overlapping
         self.tally["merged"] += int(good.sum())
-        kept = good[patches.chart]
-        c.corners[fid[kept]] = tried.uv[patches.faces[kept]]
+        kept = good[cut_mesh.chart]
+        c.corners[fid[kept]] = tried.uv[cut_mesh.faces[kept]]
         c.cut &= ~glues.glued(arcs, chosen[good], len(c.cut))
 
     def _lay_out(self, unions: Unions, monitor: Monitor) -> Tried:
-        """Lay unions out; many faces in two halves, one of them by the helper where there is one."""
-        patches = unions.patches
-        crowd = patches.n_charts > MANY
-        if self.helper is None:
+        """Lay unions out; many faces in two halves, one of them by the worker where there is one."""
+        cut_mesh = unions.cut_mesh
+        crowd = cut_mesh.n_charts > MANY
+        if self.worker is None:
             return lay_out(unions, self.options, crowd, monitor)
-        tried = Tried.nothing(patches)
-        halves = chart_halves(patches)
+        tried = Tried.nothing(cut_mesh)
+        halves = chart_halves(cut_mesh)
         tasks = [
             (Unions(sub, unions.corners[fid], unions.in_right[fid]), self.options, crowd)
             for _, sub, _, fid in halves
         ]
-        done = self.helper.map(lay_out, tasks, monitor)
+        done = self.worker.map(lay_out, tasks, monitor)
         for (part, _, vid, _), of_part in zip(halves, done, strict=True):
             tried.put(part, vid, of_part)
         return tried

@@ -1,4 +1,4 @@
-"""Split charts that overlap themselves: a shortest cut between the two sheets that lie on each other."""
+"""Split charts that overlap themselves: a shortest cut between the two layers that lie on each other."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from circparam.core.arrays import (
     ranges,
 )
 from circparam.core.graph import components, distances, matching, nearest, undirected
-from circparam.geometry.boundary import border_of
+from circparam.geometry.boundary import boundary_of
 from circparam.geometry.intersect import windings
 from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Cutting
 from circparam.seams.segmentation.grow import DualGraph
-from circparam.seams.segmentation.layout import Laid
+from circparam.seams.segmentation.layout import ChartLayouts
 
 SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
 CHUNK = 2_000_000  # points x faces looked at together
@@ -32,8 +32,8 @@ WALL = 2.0**26  # capacity of an edge that must not be cut
 CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
 
 
-def split_sheets(
-    cutting: Cutting, graph: DualGraph, laid: Laid, which: BoolArray, cost: FloatArray
+def split_layers(
+    cutting: Cutting, graph: DualGraph, laid: ChartLayouts, which: BoolArray, cost: FloatArray
 ) -> BoolArray:
     """Cut charts along the cheapest seam between their largest doubled part and what lies on it.
 
@@ -41,7 +41,7 @@ def split_sheets(
     have no two parts that lie on each other without touching.
     """
     done = np.zeros(len(which), bool)
-    chart = laid.patches.chart
+    chart = laid.cut_mesh.chart
     edges = cutting.surface.edges
     inner = ~cutting.cut & which[chart[edges[:, 0] // 3]]
     faces = np.flatnonzero(which[chart])
@@ -67,13 +67,13 @@ def split_sheets(
 
 
 def _touching(
-    graph: DualGraph, inner: BoolArray, laid: Laid, which: BoolArray
+    graph: DualGraph, inner: BoolArray, laid: ChartLayouts, which: BoolArray
 ) -> list[tuple[IntArray, IntArray]]:
-    """Cells beside borders that cross, in charts whose overlap is too small to cover any sample point."""
+    """Cells beside boundaries that cross, in charts whose overlap is too small to cover any sample point."""
     if not which.any():
         return []
-    met = crossings(laid.uv, laid.patches) // 3
-    met = met[which[laid.patches.chart[met[:, 0]]]]
+    met = crossings(laid.uv, laid.cut_mesh) // 3
+    met = met[which[laid.cut_mesh.chart[met[:, 0]]]]
     ends = graph.cell[met]
     ends = ends[ends[:, 0] != ends[:, 1]]
     pairs = []
@@ -85,20 +85,20 @@ def _touching(
     return pairs
 
 
-def _cell_areas(graph: DualGraph, laid: Laid) -> FloatArray:
-    return group_sum(laid.patches.areas, graph.cell, graph.n)
+def _cell_areas(graph: DualGraph, laid: ChartLayouts) -> FloatArray:
+    return group_sum(laid.cut_mesh.areas, graph.cell, graph.n)
 
 
-def _doubled(laid: Laid, faces: IntArray) -> tuple[FloatArray, BoolArray]:
+def _doubled(laid: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolArray]:
     """((k, 2) a point of each face, (k,) bool: its chart covers that point more than once)."""
-    p = laid.patches
-    border = border_of(p.faces, laid.uv, p.chart, p.edges, p.n_charts)
+    p = laid.cut_mesh
+    boundary = boundary_of(p.faces, laid.uv, p.chart, p.edges, p.n_charts)
     corners = laid.uv[p.faces[faces]]
     middle = corners.mean(1)
     points = np.concatenate(
         [middle[:, None], middle[:, None] + 0.95 * (corners - middle[:, None])], 1
     )
-    k, _, turns = windings(border, points.reshape(-1, 2), np.repeat(p.chart[faces], 4), own=True)
+    k, _, turns = windings(boundary, points.reshape(-1, 2), np.repeat(p.chart[faces], 4), own=True)
     counts = np.zeros(4 * len(faces), np.int64)
     counts[k] = turns
     layers = counts.reshape(-1, 4)
@@ -108,14 +108,14 @@ def _doubled(laid: Laid, faces: IntArray) -> tuple[FloatArray, BoolArray]:
 
 
 def _sides(
-    graph: DualGraph, inner: BoolArray, laid: Laid, faces: IntArray, point: FloatArray
+    graph: DualGraph, inner: BoolArray, laid: ChartLayouts, faces: IntArray, point: FloatArray
 ) -> list[tuple[IntArray, IntArray]]:
     """Cells of doubled parts of charts, and cells of what lies on them: a few disjoint pairs a chart.
 
     inner: (e,) bool edges inside charts. faces, point: doubled faces and a doubled point of each. Where both
     are one part (a sheet that comes back on itself), those near either end of it.
     """
-    p = laid.patches
+    p = laid.cut_mesh
     if len(faces) == 0:
         return []
     inside = np.zeros(graph.n, bool)

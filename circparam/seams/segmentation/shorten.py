@@ -1,4 +1,4 @@
-"""Straighten seams: every chain between two junctions becomes a shortest path inside a band round it."""
+"""Shorten seams: every chain between two junctions becomes a shortest path inside a band round it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def bands(
 ) -> tuple[IntArray, FloatArray]:
     """Vertices within ``rings`` edges of a chain, each given to the nearest: (owner (n,), value (n,)).
 
-    closed: (n,) bool, vertices that no band may hold (borders and junctions).
+    closed: (n,) bool, vertices that no band may hold (boundaries and junctions).
     """
     blocked = closed.copy()
     blocked[chains.start] = blocked[chains.end] = True
@@ -68,7 +68,7 @@ class Proposal:
 
 
 def propose(cutting: Cutting, rings: int = 2, pinned: BoolArray | None = None) -> Proposal:
-    """Shorten all seams inside bands of ``rings`` edges; junctions and ends on borders stay.
+    """Shorten all seams inside bands of ``rings`` edges; junctions and ends on boundaries stay.
 
     pinned: (e,) bool, seams that stay as they are (sharp edges, seams the user asked for). The bands are
     disjoint, so any choice of moved and unmoved chains is free of crossings.
@@ -81,7 +81,7 @@ def propose(cutting: Cutting, rings: int = 2, pinned: BoolArray | None = None) -
         return Proposal(old, new, kept, 0)
     a, b = cutting.ends
     n = cutting.n_vertices
-    stop = cutting.on_border.copy()
+    stop = cutting.on_boundary.copy()
     stop[a[kept]] = stop[b[kept]] = True
     chains = chains_of(a[move], b[move], n, stop)
     owner, value = bands(cutting.ends, n, chains, stop, rings)

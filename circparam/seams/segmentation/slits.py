@@ -14,38 +14,38 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Cutting
-from circparam.mesh.cut_mesh import Patches
-from circparam.seams.segmentation.layout import Laid
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.segmentation.layout import ChartLayouts
 from circparam.seams.segmentation.shorten import edge_costs
 from circparam.solvers import dirichlet
 
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
 
 
-def slit_charts(cutting: Cutting, laid: Laid, which: BoolArray) -> BoolArray:
-    """Cut charts open along a shortest path from where they are distorted most to their border.
+def slit_charts(cutting: Cutting, laid: ChartLayouts, which: BoolArray) -> BoolArray:
+    """Cut charts open along a shortest path from where they are distorted most to their boundary.
 
-    Returns the charts that were cut: a chart whose worst vertex is on the border, or one with no way there,
+    Returns the charts that were cut: a chart whose worst vertex is on the boundary, or one with no way there,
     is not.
     """
-    patches = laid.patches
-    n = patches.n_vertices
-    on_border = np.zeros(n, bool)
-    flat = patches.faces.ravel()
-    on_border[flat[patches.border]] = True
-    peak = _peaks(patches, laid.uv, which & np.isfinite(laid.energy), on_border)
+    cut_mesh = laid.cut_mesh
+    n = cut_mesh.n_vertices
+    on_boundary = np.zeros(n, bool)
+    flat = cut_mesh.faces.ravel()
+    on_boundary[flat[cut_mesh.boundary]] = True
+    peak = _peaks(cut_mesh, laid.uv, which & np.isfinite(laid.energy), on_boundary)
     done = np.zeros(len(which), bool)
     if len(peak) == 0:
         return done
     cost = edge_costs(cutting)
     inner = (
-        ~cutting.cut & np.isfinite(cost) & which[patches.chart[cutting.surface.edges[:, 0] // 3]]
+        ~cutting.cut & np.isfinite(cost) & which[cut_mesh.chart[cutting.surface.edges[:, 0] // 3]]
     )
     h = cutting.surface.edges[inner, 0]
     a, b = flat[h], flat[next_half_edge(h)]
     _, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
     distance, _, _ = nearest(undirected(n, a, b, cost[inner]), peak)
-    rim = np.flatnonzero(on_border & np.isfinite(distance) & (source >= 0))
+    rim = np.flatnonzero(on_boundary & np.isfinite(distance) & (source >= 0))
     if len(rim) == 0:
         return done
     order = np.lexsort((rim, distance[rim], source[rim]))
@@ -54,7 +54,7 @@ def slit_charts(cutting: Cutting, laid: Laid, which: BoolArray) -> BoolArray:
     key = np.minimum(a, b) * n + np.maximum(a, b)
     by_key = np.lexsort((cost[inner], key))
     here = ends
-    done[patches.vertex_chart[ends]] = True
+    done[cut_mesh.vertex_chart[ends]] = True
     while len(here):
         previous = before[here]
         going = previous >= 0
@@ -65,22 +65,22 @@ def slit_charts(cutting: Cutting, laid: Laid, which: BoolArray) -> BoolArray:
     return done
 
 
-def _peaks(patches: Patches, uv: FloatArray, which: BoolArray, on_border: BoolArray) -> IntArray:
+def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, on_boundary: BoolArray) -> IntArray:
     """The inner vertex of each chosen chart with the largest smoothed distortion of area."""
-    n = patches.n_vertices
+    n = cut_mesh.n_vertices
     jacobian = dirichlet.jacobians(
-        np.ascontiguousarray(patches.gradients.transpose(1, 2, 0)),
-        uv[patches.faces].transpose(2, 1, 0),
+        np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0)),
+        uv[cut_mesh.faces].transpose(2, 1, 0),
     )
     value = np.abs(np.log(np.maximum(dirichlet.determinants(jacobian), 1e-30)))
-    weight = patches.areas
-    flat = patches.faces.ravel()
+    weight = cut_mesh.areas
+    flat = cut_mesh.faces.ravel()
     total = np.maximum(group_sum(np.repeat(weight, 3), flat, n), 1e-300)
     field = group_sum(np.repeat(weight * value, 3), flat, n) / total
     for _ in range(4):
-        face = field[patches.faces].mean(1)
+        face = field[cut_mesh.faces].mean(1)
         field = group_sum(np.repeat(weight * face, 3), flat, n) / total
-    vertices = np.flatnonzero(which[patches.vertex_chart] & ~on_border)
-    order = np.lexsort((vertices, -field[vertices], patches.vertex_chart[vertices]))
-    first = first_of_runs(patches.vertex_chart[vertices][order])
+    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~on_boundary)
+    order = np.lexsort((vertices, -field[vertices], cut_mesh.vertex_chart[vertices]))
+    first = first_of_runs(cut_mesh.vertex_chart[vertices][order])
     return vertices[order[first]]

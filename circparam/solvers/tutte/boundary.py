@@ -1,8 +1,8 @@
-"""Convex borders: where the outer border of every chart is laid before the inside is solved.
+"""Convex boundaries: where the outer boundary of every chart is laid before the inside is solved.
 
-A border is one function of patches and options. It returns the patches to solve, the vertices it fixes and
-their places, all charts at once; every chart's border is centred on the origin (charts overlap: packing is a
-later stage) and encloses the area of the chart. Only ``virtual`` adds faces to the patches.
+A boundary is one function of cut mesh and options. It returns the cut mesh to solve, the vertices it fixes and
+their places, all charts at once; every chart's boundary is centred on the origin (charts overlap: packing is a
+later stage) and encloses the area of the chart. Only ``virtual`` adds faces to the cut mesh.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group
 from circparam.core.registry import Row, Table
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import corner_angles
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 
 SPACINGS = ("arc-length", "uniform")
 
-# Border edges shorter than this share of their mean are spaced as if they were so long: on a circle the
+# Boundary edges shorter than this share of their mean are spaced as if they were so long: on a circle the
 # triangle of an arc δ has area δ³/16, which must stay far above the rounding of the coordinates.
 SHORTEST = 1e-3
 
@@ -33,12 +33,12 @@ BULGE = 0.2
 class TutteOptions:
     """How a chart is embedded: its boundary, and what is done where weights or numbers fail.
 
-    border: row of BORDERS. spacing: ``arc-length`` (as far apart as on the surface) or ``uniform``. polygon:
-    (k, 2) corners of a convex polygon, either way round, for the border ``polygon``; None otherwise. clamp:
+    boundary: row of BORDERS. spacing: ``arc-length`` (as far apart as on the surface) or ``uniform``. polygon:
+    (k, 2) corners of a convex polygon, either way round, for the boundary ``polygon``; None otherwise. clamp:
     lift negative weights to small positive ones. repair: untangle what double precision flips (see ``embed``).
     """
 
-    border: str = "circle"
+    boundary: str = "circle"
     spacing: str = "arc-length"
     polygon: FloatArray | None = None
     clamp: bool = False
@@ -47,8 +47,8 @@ class TutteOptions:
 
 @dataclass(frozen=True, eq=False)
 class Ring:
-    """Outer borders of all charts, in order: vertices (b,), their chart (b,), the half-edge (b,) that leaves
-    each, and place (b,): its parameter along the border, from 0 at the start of the loop to below 1.
+    """Outer boundaries of all charts, in order: vertices (b,), their chart (b,), the half-edge (b,) that leaves
+    each, and place (b,): its parameter along the boundary, from 0 at the start of the loop to below 1.
     """
 
     vertices: IntArray
@@ -69,27 +69,27 @@ class Ring:
 
 
 @dataclass(frozen=True, eq=False)
-class Border:
-    """patches: those to solve, real faces and vertices first. vertices (b,): the fixed ones, in order along
-    each chart's border. uv (b, 2): their places, in units of the mesh.
+class BoundarySegments:
+    """cut mesh: those to solve, real faces and vertices first. vertices (b,): the fixed ones, in order along
+    each chart's boundary. uv (b, 2): their places, in units of the mesh.
     """
 
-    patches: Patches
+    cut_mesh: CutMesh
     vertices: IntArray
     uv: FloatArray
 
 
-BorderFunction: TypeAlias = Callable[[Patches, TutteOptions], Border]
+BoundaryFunction: TypeAlias = Callable[[CutMesh, TutteOptions], BoundarySegments]
 
 
-def outer_ring(patches: Patches, spacing: str = "arc-length") -> Ring:
-    """The outer border of every chart, charts in ascending order, begun at its sharpest corner.
+def outer_ring(cut_mesh: CutMesh, spacing: str = "arc-length") -> Ring:
+    """The outer boundary of every chart, charts in ascending order, begun at its sharpest corner.
 
-    Raises OptionError for an unknown spacing. Every chart must have a border.
+    Raises OptionError for an unknown spacing. Every chart must have a boundary.
     """
     if spacing not in SPACINGS:
         raise OptionError(f"unknown spacing {spacing!r}: choose one of {', '.join(SPACINGS)}")
-    loops = patches.loops
+    loops = cut_mesh.loops
     outer = np.flatnonzero(loops.outer)
     outer = outer[np.argsort(loops.chart[outer], kind="stable")]
     size = np.diff(loops.start)[outer]
@@ -98,13 +98,13 @@ def outer_ring(patches: Patches, spacing: str = "arc-length") -> Ring:
     local = np.arange(len(chart)) - first[chart]
     h = loops.half_edges[loops.start[outer][chart] + local]
     # begin where the surface's corner is sharpest: a choice that no renumbering changes
-    sharp = _angles_at(patches, patches.faces.ravel()[h])
+    sharp = _angles_at(cut_mesh, cut_mesh.faces.ravel()[h])
     order = np.lexsort((local, np.round(sharp, 9), chart))
     begin = local[order[first]]
     h = h[first[chart] + (local + begin[chart]) % size[chart]]
     length = np.ones(len(h))
     if spacing == "arc-length":
-        length = patches.edge_lengths.ravel()[h]
+        length = cut_mesh.edge_lengths.ravel()[h]
         mean = group_sum(length, chart, len(size)) / size
         length = np.maximum(length, SHORTEST * mean[chart])
     total = group_sum(length, chart, len(size))
@@ -112,45 +112,48 @@ def outer_ring(patches: Patches, spacing: str = "arc-length") -> Ring:
     run = np.cumsum(share) - share
     place = np.clip(run - run[first[chart]], 0, 1)
     labels = loops.chart[outer][chart]
-    return Ring(patches.faces.ravel()[h], labels, h, place, size)
+    return Ring(cut_mesh.faces.ravel()[h], labels, h, place, size)
 
 
-def _angles_at(patches: Patches, vertices: IntArray) -> FloatArray:
+def _angles_at(cut_mesh: CutMesh, vertices: IntArray) -> FloatArray:
     """(k,) sum of the corner angles at these vertices, from the faces that touch them only."""
-    wanted = np.zeros(patches.n_vertices, bool)
+    wanted = np.zeros(cut_mesh.n_vertices, bool)
     wanted[vertices] = True
-    near = np.flatnonzero(wanted[patches.faces].any(1))
-    part = Patches(
-        patches.faces[near], patches.frames[near], patches.chart[near], patches.edges[:0]
+    near = np.flatnonzero(wanted[cut_mesh.faces].any(1))
+    part = CutMesh(
+        cut_mesh.faces[near],
+        cut_mesh.rest_triangles[near],
+        cut_mesh.chart[near],
+        cut_mesh.edges[:0],
     )
-    sums = group_sum(corner_angles(part).ravel(), part.faces.ravel(), patches.n_vertices)
+    sums = group_sum(corner_angles(part).ravel(), part.faces.ravel(), cut_mesh.n_vertices)
     return sums[vertices]
 
 
-def circle(patches: Patches, options: TutteOptions) -> Border:
+def circle(cut_mesh: CutMesh, options: TutteOptions) -> BoundarySegments:
     """A circle with the area of the chart: strictly convex everywhere."""
-    ring = outer_ring(patches, options.spacing)
+    ring = outer_ring(cut_mesh, options.spacing)
     angle = 2 * np.pi * ring.place
-    radius = np.sqrt(patches.chart_areas / np.pi)[ring.chart]
+    radius = np.sqrt(cut_mesh.chart_areas / np.pi)[ring.chart]
     uv = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
-    return Border(patches, ring.vertices, uv)
+    return BoundarySegments(cut_mesh, ring.vertices, uv)
 
 
-def square(patches: Patches, options: TutteOptions) -> Border:
-    """A square with the area of the chart, a border vertex at each corner where there are four."""
+def square(cut_mesh: CutMesh, options: TutteOptions) -> BoundarySegments:
+    """A square with the area of the chart, a boundary vertex at each corner where there are four."""
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    return _on_polygon(patches, outer_ring(patches, options.spacing), corners)
+    return _on_polygon(cut_mesh, outer_ring(cut_mesh, options.spacing), corners)
 
 
-def polygon(patches: Patches, options: TutteOptions) -> Border:
+def polygon(cut_mesh: CutMesh, options: TutteOptions) -> BoundarySegments:
     """The convex polygon of the options, scaled to the area of the chart.
 
     Raises OptionError where there is none, or it is not convex.
     """
     if options.polygon is None:
-        raise OptionError("the border 'polygon' needs its corners: --border polygon FILE")
+        raise OptionError("the boundary 'polygon' needs its corners: --boundary polygon FILE")
     corners = check_polygon(options.polygon)
-    return _on_polygon(patches, outer_ring(patches, options.spacing), corners)
+    return _on_polygon(cut_mesh, outer_ring(cut_mesh, options.spacing), corners)
 
 
 def check_polygon(corners: FloatArray) -> FloatArray:
@@ -176,7 +179,7 @@ def check_polygon(corners: FloatArray) -> FloatArray:
     return corners
 
 
-def _on_polygon(patches: Patches, ring: Ring, corners: FloatArray) -> Border:
+def _on_polygon(cut_mesh: CutMesh, ring: Ring, corners: FloatArray) -> BoundarySegments:
     """Lay rings on a polygon, a vertex at each corner; bend the sides whose faces would collapse."""
     k = len(corners)
     side = np.roll(corners, -1, 0) - corners
@@ -197,7 +200,7 @@ def _on_polygon(patches: Patches, ring: Ring, corners: FloatArray) -> Border:
     after_place = ring.place[start[ring.index] + np.where(last, 0, after)]
     end = np.where(free, target[of + 1], np.where(last, 1.0, after_place))
     t = np.clip((ring.place - begin) / np.maximum(end - begin, 1e-300), 0, 1)
-    bent = _sides_with_chords(patches, ring, of, t, k)
+    bent = _sides_with_chords(cut_mesh, ring, of, t, k)
     exterior = np.arctan2(cross2(np.roll(side, 1, 0), side), (np.roll(side, 1, 0) * side).sum(1))
     turn = np.minimum(BULGE, np.minimum(exterior, np.roll(exterior, -1)) / 3)[of]
     turn = np.where(bent[ring.index, of], turn, 0.0)
@@ -205,8 +208,8 @@ def _on_polygon(patches: Patches, ring: Ring, corners: FloatArray) -> Border:
     normal = np.stack([side[:, 1], -side[:, 0]], 1)
     uv = corners[of] + along[:, None] * side[of] + out[:, None] * normal[of]
     area = cross2(corners, np.roll(corners, -1, 0)).sum() / 2
-    uv *= np.sqrt(patches.chart_areas / area)[ring.chart][:, None]
-    return Border(patches, ring.vertices, uv)
+    uv *= np.sqrt(cut_mesh.chart_areas / area)[ring.chart][:, None]
+    return BoundarySegments(cut_mesh, ring.vertices, uv)
 
 
 def _arc(t: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -237,22 +240,22 @@ def _corner_entries(ring: Ring, target: FloatArray) -> IntArray:
 
 
 def _sides_with_chords(
-    patches: Patches, ring: Ring, of: IntArray, t: FloatArray, k: int
+    cut_mesh: CutMesh, ring: Ring, of: IntArray, t: FloatArray, k: int
 ) -> BoolArray:
-    """(n, k): an inner edge joins two border vertices on this side (its corners included)."""
+    """(n, k): an inner edge joins two boundary vertices on this side (its corners included)."""
     n = len(ring.size)
-    side = np.full(patches.n_vertices, -1)
+    side = np.full(cut_mesh.n_vertices, -1)
     side[ring.vertices] = of
-    corner = np.zeros(patches.n_vertices, bool)
+    corner = np.zeros(cut_mesh.n_vertices, bool)
     corner[ring.vertices] = t == 0
-    h = patches.edges[:, 0]
-    flat = patches.faces.ravel()
+    h = cut_mesh.edges[:, 0]
+    flat = cut_mesh.faces.ravel()
     i, j = flat[h], flat[next_half_edge(h)]
     on = (side[i] >= 0) & (side[j] >= 0)
     i, j = i[on], j[on]
-    index = np.full(patches.n_charts, -1)
+    index = np.full(cut_mesh.n_charts, -1)
     index[ring.chart[ring.start]] = np.arange(n)
-    chart = index[patches.vertex_chart[i]]
+    chart = index[cut_mesh.vertex_chart[i]]
     out = np.zeros((n, k), bool)
     # a corner vertex (t = 0) belongs to its own side and to the one before it
     for a, b in ((0, 0), (1, 0), (0, 1), (1, 1)):
@@ -263,38 +266,40 @@ def _sides_with_chords(
     return out
 
 
-def virtual(patches: Patches, options: TutteOptions) -> Border:
-    """A ring of virtual faces round the border, of which only the outer rim is fixed on a circle, so that the
-    real border is free to move (Lee, Kim, Lee 2002). The whole is still a convex map: nothing flips.
+def virtual(cut_mesh: CutMesh, options: TutteOptions) -> BoundarySegments:
+    """A ring of virtual faces round the boundary, of which only the outer rim is fixed on a circle, so that the
+    real boundary is free to move (Lee, Kim, Lee 2002). The whole is still a convex map: nothing flips.
     """
-    ring = outer_ring(patches, options.spacing)
-    extended, rim = _virtual_faces(patches, ring)
+    ring = outer_ring(cut_mesh, options.spacing)
+    extended, rim = _virtual_faces(cut_mesh, ring)
     angle = 2 * np.pi * ring.place
-    area = patches.chart_areas * (1 + WIDTH) ** 2
+    area = cut_mesh.chart_areas * (1 + WIDTH) ** 2
     radius = np.sqrt(area / np.pi)[ring.chart]
-    return Border(extended, rim, np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1))
+    return BoundarySegments(
+        extended, rim, np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
+    )
 
 
 # Width of the virtual ring, as a share of the radius of a circle with the perimeter of the chart.
 WIDTH = 0.5
 
 
-def _virtual_faces(patches: Patches, ring: Ring) -> tuple[Patches, IntArray]:
-    """Patches with two virtual faces outside every border edge, behind the real ones, and the rim's vertices.
+def _virtual_faces(cut_mesh: CutMesh, ring: Ring) -> tuple[CutMesh, IntArray]:
+    """CutMesh with two virtual faces outside every boundary edge, behind the real ones, and the rim's vertices.
 
-    Each edge carries an isosceles trapezoid, as if the border were a circle and the ring lay flat round it.
+    Each edge carries an isosceles trapezoid, as if the boundary were a circle and the ring lay flat round it.
     """
     b = len(ring.vertices)
     start, index = ring.start, ring.index
     local = np.arange(b) - start[index]
     follower = start[index] + (local + 1) % ring.size[index]
     preceding = start[index] + (local - 1) % ring.size[index]
-    base = patches.edge_lengths.ravel()[ring.half_edge]
+    base = cut_mesh.edge_lengths.ravel()[ring.half_edge]
     radius = group_sum(base, index, len(ring.size)) / (2 * np.pi)
     height = WIDTH * radius[index]
     top = base * (1 + WIDTH)
     i, j = ring.vertices, ring.vertices[follower]
-    rim = patches.n_vertices + np.arange(b)
+    rim = cut_mesh.n_vertices + np.arange(b)
     # lower face: j, i, rim of i; upper face: j, rim of i, rim of j
     p = np.zeros((b, 4, 2))  # j, i, rim of i, rim of j, seen with the surface below
     p[:, 1, 0] = base
@@ -302,28 +307,28 @@ def _virtual_faces(patches: Patches, ring: Ring) -> tuple[Patches, IntArray]:
     p[:, 3, 0] = (base - top) / 2
     p[:, 2:, 1] = height[:, None]
     faces = np.concatenate([np.stack([j, i, rim], 1), np.stack([j, rim, rim[follower]], 1)])
-    lower = 3 * (len(patches.faces) + np.arange(b))
+    lower = 3 * (len(cut_mesh.faces) + np.arange(b))
     upper = lower + 3 * b
     edges = np.concatenate(
         [
-            patches.edges,
+            cut_mesh.edges,
             np.stack([ring.half_edge, lower], 1),
             np.stack([lower + 2, upper], 1),
             # the side i → rim of i of an edge meets the side rim of j → j of the edge before it
             np.stack([lower + 1, upper[preceding] + 2], 1),
         ]
     )
-    extended = Patches(
-        np.concatenate([patches.faces, faces]),
-        np.concatenate([patches.frames, p[:, :3], p[:, [0, 2, 3]]]),
-        np.concatenate([patches.chart, ring.chart, ring.chart]),
+    extended = CutMesh(
+        np.concatenate([cut_mesh.faces, faces]),
+        np.concatenate([cut_mesh.rest_triangles, p[:, :3], p[:, [0, 2, 3]]]),
+        np.concatenate([cut_mesh.chart, ring.chart, ring.chart]),
         edges,
     )
     return extended, rim
 
 
-_CONVEX = frozenset({"convex-border"})
-BORDERS: Table[BorderFunction] = Table(
+_CONVEX = frozenset({"convex-boundary"})
+BOUNDARIES: Table[BoundaryFunction] = Table(
     "border",
     Row("circle", circle, "a circle with the area of the chart", "Tutte 1963", _CONVEX),
     Row("square", square, "a square with the area of the chart", "Tutte 1963", _CONVEX),
@@ -331,8 +336,8 @@ BORDERS: Table[BorderFunction] = Table(
     Row(
         "virtual",
         virtual,
-        "a circle round a ring of virtual faces: the real border moves freely",
+        "a circle round a ring of virtual faces: the real boundary moves freely",
         "Lee, Kim and Lee 2002",
-        frozenset({"free-border"}),
+        frozenset({"free-boundary"}),
     ),
 )

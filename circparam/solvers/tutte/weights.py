@@ -1,9 +1,9 @@
 """Convex-combination weights: what each inner vertex takes of each of its neighbours.
 
-A scheme is one function of patches. It returns a pair (forward, backward) of (m, 3) arrays: what the face
+A scheme is one function of cut mesh. It returns a pair (forward, backward) of (m, 3) arrays: what the face
 adds to the weight w_ij of its half-edge i → j, and to w_ji of the same edge read backwards. The function
-``half_edge_weights`` adds the two faces of every edge up. All schemes are intrinsic (they read the frames
-only) and work on all charts at once; none needs a loop over vertices.
+``half_edge_weights`` adds the two faces of every edge up. All schemes are intrinsic (they read the rest
+triangles only) and work on all charts at once; none needs a loop over vertices.
 """
 
 from __future__ import annotations
@@ -17,51 +17,51 @@ from circparam.core.arrays import FloatArray, IntArray, group_sum
 from circparam.core.registry import Row, Table
 from circparam.geometry.intrinsic import corner_angles as angles_of
 from circparam.geometry.intrinsic import cotangents, tan_half_angles, twins, vertex_angle_sums
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 
 WeightPair: TypeAlias = tuple[FloatArray, FloatArray]
 
-WeightFunction: TypeAlias = Callable[[Patches], WeightPair]
+WeightFunction: TypeAlias = Callable[[CutMesh], WeightPair]
 
 
-def uniform(patches: Patches) -> WeightPair:
+def uniform(cut_mesh: CutMesh) -> WeightPair:
     """w_ij = 1 (Tutte 1963): half from each face of the edge."""
-    half = np.full(patches.faces.shape, 0.5)
+    half = np.full(cut_mesh.faces.shape, 0.5)
     return half, half
 
 
-def circle(patches: Patches) -> WeightPair:
+def circle(cut_mesh: CutMesh) -> WeightPair:
     """w_ij = tan(θ_l/2) + tan(θ_r/2), the angles at i on both sides of ij (Kim 2019, eq. 4, as printed)."""
-    t = tan_half_angles(patches)
+    t = tan_half_angles(cut_mesh)
     return t, t[:, [1, 2, 0]]
 
 
-def mean_value(patches: Patches) -> WeightPair:
+def mean_value(cut_mesh: CutMesh) -> WeightPair:
     """w_ij = (tan(θ_l/2) + tan(θ_r/2)) / r_ij, the angles at i on both sides of ij (Floater 2003)."""
-    t = tan_half_angles(patches)
-    r = patches.edge_lengths
+    t = tan_half_angles(cut_mesh)
+    r = cut_mesh.edge_lengths
     return t / r, t[:, [1, 2, 0]] / r
 
 
-def harmonic(patches: Patches) -> WeightPair:
+def harmonic(cut_mesh: CutMesh) -> WeightPair:
     """w_ij = (cot α + cot β)/2, the angles opposite to ij (Pinkall, Polthier 1993)."""
-    w = cotangents(patches)[:, [2, 0, 1]] / 2
+    w = cotangents(cut_mesh)[:, [2, 0, 1]] / 2
     return w, w
 
 
-def authalic(patches: Patches) -> WeightPair:
+def authalic(cut_mesh: CutMesh) -> WeightPair:
     """w_ij = (cot γ + cot δ) / r_ij², the angles at j beside ij (Desbrun, Meyer, Alliez 2002)."""
-    c = cotangents(patches)
-    square = patches.edge_lengths**2
+    c = cotangents(cut_mesh)
+    square = cut_mesh.edge_lengths**2
     return c[:, [1, 2, 0]] / square, c / square
 
 
-def floater(patches: Patches) -> WeightPair:
+def floater(cut_mesh: CutMesh) -> WeightPair:
     """Mean over l of the barycentric coordinates of i in the ring triangle hit by the ray opposite to
-    neighbour l, the ring laid flat by eq. 3 (Floater 1997, shape preserving). Zero on border vertices.
+    neighbour l, the ring laid flat by eq. 3 (Floater 1997, shape preserving). Zero on boundary vertices.
     """
-    ring, h, angle = flat_rings(patches)
-    r = patches.edge_lengths.ravel()[h]
+    ring, h, angle = flat_rings(cut_mesh)
+    r = cut_mesh.edge_lengths.ravel()[h]
     p = np.stack([r * np.cos(angle), r * np.sin(angle)], 1)
     size = np.bincount(ring)
     start = np.cumsum(size) - size
@@ -71,9 +71,9 @@ def floater(patches: Patches) -> WeightPair:
     t = start[ring] + (s + 1 - start[ring]) % size[ring]
     w = _barycentric(p, p[s], p[t]) / size[ring][:, None]
     total = np.bincount(np.concatenate([np.arange(len(h)), s, t]), w.T.ravel(), len(h))
-    out = np.zeros(patches.faces.size)
+    out = np.zeros(cut_mesh.faces.size)
     out[h] = total
-    return out.reshape(-1, 3), np.zeros(patches.faces.shape)
+    return out.reshape(-1, 3), np.zeros(cut_mesh.faces.shape)
 
 
 def _barycentric(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
@@ -90,17 +90,17 @@ def _barycentric(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     return result
 
 
-def flat_rings(patches: Patches) -> tuple[IntArray, IntArray, FloatArray]:
+def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
     """The rings of all inner vertices, each counter-clockwise from angle 0, laid flat by Floater's eq. 3.
 
     Returns (ring (k,) 0.. in ascending order of vertex, half-edge (k,) that leaves the centre, angle (k,) in
     [0, 2π)). A corner that would take π or more of the plane is held below π, else the centre would lie
     outside its own ring and the weights would lose their sign; on a plane this never happens.
     """
-    twin = twins(patches)
-    flat = patches.faces.ravel()
-    inner = np.ones(patches.n_vertices, bool)
-    inner[flat[patches.border]] = False
+    twin = twins(cut_mesh)
+    flat = cut_mesh.faces.ravel()
+    inner = np.ones(cut_mesh.n_vertices, bool)
+    inner[flat[cut_mesh.boundary]] = False
     h = np.flatnonzero(inner[flat])
     entry = np.full(len(flat), -1)
     entry[h] = np.arange(len(h))
@@ -112,9 +112,9 @@ def flat_rings(patches: Patches) -> tuple[IntArray, IntArray, FloatArray]:
     by_ring = np.empty_like(h)
     by_ring[order] = h
     ring = np.repeat(np.arange(len(size)), size)
-    angles = angles_of(patches)
+    angles = angles_of(cut_mesh)
     raw = angles.ravel()[by_ring]
-    theta = raw * (2 * np.pi / vertex_angle_sums(patches, angles)[inner])[ring]
+    theta = raw * (2 * np.pi / vertex_angle_sums(cut_mesh, angles)[inner])[ring]
     wide = theta >= np.pi  # at most one corner of a ring
     if wide.any():
         held = np.maximum(raw[wide], 0.95 * np.pi)
@@ -145,25 +145,25 @@ def _ring_positions(follower: IntArray, ring: IntArray, size: IntArray) -> IntAr
     return np.where(is_head, 0, size[ring] - steps)
 
 
-def half_edge_weights(patches: Patches, scheme: WeightFunction) -> FloatArray:
-    """(3m,) weight w_ij of every half-edge i → j, summed over both faces of its edge (one on a border)."""
-    forward, backward = scheme(patches)
+def half_edge_weights(cut_mesh: CutMesh, scheme: WeightFunction) -> FloatArray:
+    """(3m,) weight w_ij of every half-edge i → j, summed over both faces of its edge (one on a boundary)."""
+    forward, backward = scheme(cut_mesh)
     w = forward.ravel().copy()
     other = backward.ravel()
-    i, j = patches.edges[:, 0], patches.edges[:, 1]
+    i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
     w[i] += other[j]
     w[j] += other[i]
     return w
 
 
-def clamp_negative(patches: Patches, weights: FloatArray) -> FloatArray:
+def clamp_negative(cut_mesh: CutMesh, weights: FloatArray) -> FloatArray:
     """Weights with everything below a thousandth of its row's mean size lifted to that: all positive.
 
     weights: (3m,) as from ``half_edge_weights``. A zero would be enough for the sign, but could cut a vertex
     off from one side of its ring, which Tutte's theorem does not allow.
     """
-    source = patches.faces.ravel()
-    n = patches.n_vertices
+    source = cut_mesh.faces.ravel()
+    n = cut_mesh.n_vertices
     count = np.maximum(np.bincount(source, minlength=n), 1)
     floor = 1e-3 * group_sum(np.abs(weights), source, n) / count
     return np.maximum(weights, floor[source])

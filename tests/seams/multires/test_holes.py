@@ -56,7 +56,7 @@ def test_every_small_hole_is_closed_by_faces_without_folds(per_hole: int) -> Non
 
 
 def test_what_no_fan_covers_stays_open() -> None:
-    # the border of a saddle-shaped hole whose fan would look back at itself, and one that is long
+    # the boundary of a saddle-shaped hole whose fan would look back at itself, and one that is long
     surface = surface_of(shapes.annulus(80, 3))
     assert len(close_small_holes(surface).faces) == len(surface.faces)
     assert close_small_holes(surface_of(shapes.icosphere(1))).faces.shape == (80, 3)
@@ -97,7 +97,7 @@ def test_components_that_are_good_charts_stay_whole() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.1])
-def test_one_chart_alone_fills_its_page_between_the_borders(angle: float) -> None:
+def test_one_chart_alone_fills_its_page_between_the_boundaries(angle: float) -> None:
     p, f = shapes.grid(5, 5)
     c, s = np.cos(angle), np.sin(angle)
     uv = p[:, :2] @ np.array([[c, s], [-s, c]])

@@ -1,4 +1,4 @@
-"""Charts that lie on themselves: pushed apart where little is needed, else cut between the two sheets."""
+"""Charts that lie on themselves: pushed apart where little is needed, else cut between the two layers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from circparam.seams.charts import FINAL
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
-from circparam.seams.segmentation.overlap_cut import split_sheets
+from circparam.seams.segmentation.overlap_cut import split_layers
 from circparam.seams.segmentation.shorten import edge_costs
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.separate import push_apart
@@ -40,27 +40,27 @@ def winding_ring(turn: float, inner: float = 0.7, around: int = 96, along: int =
 @pytest.mark.parametrize("beyond", [0.005, 0.012])
 def test_ends_that_overlap_a_little_are_pushed_apart(beyond: float) -> None:
     cutting = winding_ring(2 * np.pi + beyond)
-    patches = cutting.patches()
-    uv = cutting.gather(patches)
+    cut_mesh = cutting.cut_mesh()
+    uv = cutting.gather(cut_mesh)
     margin = 0.002
-    assert self_overlapping(patches, uv).all()
-    pushed, fine = push_apart(patches, uv, margin, 1.05)
+    assert self_overlapping(cut_mesh, uv).all()
+    pushed, fine = push_apart(cut_mesh, uv, margin, 1.05)
     assert fine.all()
-    assert not self_overlapping(patches, pushed, margin=margin).any()
-    energy = relax(patches, pushed, RelaxOptions(max_iterations=0)).energy
+    assert not self_overlapping(cut_mesh, pushed, margin=margin).any()
+    energy = relax(cut_mesh, pushed, RelaxOptions(max_iterations=0)).energy
     assert energy.max() <= 1.05
     # what there is no room for under the bound is told, and what lies deep is left alone
-    assert not push_apart(patches, uv, margin, 1 + 1e-9)[1].any()
+    assert not push_apart(cut_mesh, uv, margin, 1 + 1e-9)[1].any()
     deep = winding_ring(2 * np.pi + 1.5)
-    deep_patches = deep.patches()
+    deep_patches = deep.cut_mesh()
     assert not push_apart(deep_patches, deep.gather(deep_patches), margin, 1.05)[1].any()
 
 
 def test_charts_that_are_sound_keep_their_layout() -> None:
     cutting = winding_ring(5.0)
-    patches = cutting.patches()
-    uv = cutting.gather(patches)
-    pushed, fine = push_apart(patches, uv, 0.002, 1.05)
+    cut_mesh = cutting.cut_mesh()
+    uv = cutting.gather(cut_mesh)
+    pushed, fine = push_apart(cut_mesh, uv, 0.002, 1.05)
     assert fine.all()
     assert np.allclose(pushed, uv, atol=1e-12)
 
@@ -69,29 +69,29 @@ def test_charts_that_are_sound_keep_their_layout() -> None:
 def test_sheets_are_cut_apart_across_the_ring(turn: float) -> None:
     cutting = winding_ring(turn)
     graph = dual_graph(cutting.surface)
-    patches = cutting.patches()
-    laid = judge(patches, cutting.gather(patches))
+    cut_mesh = cutting.cut_mesh()
+    laid = judge(cut_mesh, cutting.gather(cut_mesh))
     assert laid.overlapping.all()
-    done = split_sheets(cutting, graph, laid, np.ones(1, bool), edge_costs(cutting))
+    done = split_layers(cutting, graph, laid, np.ones(1, bool), edge_costs(cutting))
     assert done.all()
     length = cutting.surface.edge_lengths[cutting.cut].sum()
     assert 0.3 <= length <= 0.3 * 1.5 * cutting.cut.any(), "one cut across, which is 0.3 wide"
-    patches = cutting.patches()
-    assert patches.n_charts == 2
-    assert not judge(patches, cutting.gather(patches)).overlapping.any()
+    cut_mesh = cutting.cut_mesh()
+    assert cut_mesh.n_charts == 2
+    assert not judge(cut_mesh, cutting.gather(cut_mesh)).overlapping.any()
 
 
 def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
     cutting = winding_ring(16.0)
     graph = dual_graph(cutting.surface)
-    patches = cutting.patches()
-    laid = judge(patches, cutting.gather(patches))
+    cut_mesh = cutting.cut_mesh()
+    laid = judge(cut_mesh, cutting.gather(cut_mesh))
     enforce(cutting, graph, laid, 1.01, FINAL, Monitor())
-    patches = cutting.patches()
-    laid = judge(patches, cutting.gather(patches))
+    cut_mesh = cutting.cut_mesh()
+    laid = judge(cut_mesh, cutting.gather(cut_mesh))
     assert not laid.bad(1.01).any()
     # 16 radians need at least three charts of a turn each
-    assert 3 <= laid.patches.n_charts <= 6
+    assert 3 <= laid.cut_mesh.n_charts <= 6
 
 
 def test_enforcing_leaves_good_charts_as_they_are() -> None:
@@ -104,12 +104,12 @@ def test_enforcing_leaves_good_charts_as_they_are() -> None:
         repair(Mesh(points, faces))[0], np.zeros(len(ring.cut) + len(sheet.cut), bool)
     )
     cutting.corners = np.concatenate([ring.corners, sheet.corners])
-    patches = cutting.patches()
-    laid = judge(patches, cutting.gather(patches))
+    cut_mesh = cutting.cut_mesh()
+    laid = judge(cut_mesh, cutting.gather(cut_mesh))
     assert laid.overlapping.tolist() == [True, False]
     enforce(cutting, dual_graph(cutting.surface), laid, 1.01, FINAL, Monitor())
-    patches = cutting.patches()
-    assert not judge(patches, cutting.gather(patches)).bad(1.01).any()
+    cut_mesh = cutting.cut_mesh()
+    assert not judge(cut_mesh, cutting.gather(cut_mesh)).bad(1.01).any()
     assert np.array_equal(cutting.corners[k:], sheet.corners)
     assert not cutting.cut[cutting.surface.edges[:, 0] // 3 >= k].any()
 

@@ -1,4 +1,4 @@
-"""Borders: where the fixed vertices lie, and that nothing collapses on them."""
+"""Boundaries: where the fixed vertices lie, and that nothing collapses on them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import pytest
 from circparam.core.arrays import cross2
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import signed_areas
-from circparam.solvers.tutte.boundary import BORDERS, TutteOptions, check_polygon, outer_ring
-from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.tutte.boundary import BOUNDARIES, TutteOptions, check_polygon, outer_ring
+from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support import shapes
 from tests.support.charts import patches_of
 
@@ -17,8 +17,8 @@ TRIANGLE = np.array([[0.0, 0.0], [3.0, 0.0], [1.0, 2.0]])
 
 
 def lay(name, shape, **options):
-    patches, _ = patches_of(shape)
-    return patches, BORDERS[name].function(patches, TutteOptions(**options))
+    cut_mesh, _ = patches_of(shape)
+    return cut_mesh, BOUNDARIES[name].function(cut_mesh, TutteOptions(**options))
 
 
 def enclosed(uv) -> float:
@@ -27,33 +27,33 @@ def enclosed(uv) -> float:
 
 @pytest.mark.parametrize("spacing", ["arc-length", "uniform"])
 def test_a_circle_has_the_area_of_the_chart_and_the_spacing_asked_for(spacing):
-    patches, border = lay("circle", shapes.bumped_disk(500), spacing=spacing)
-    radius = np.hypot(*border.uv.T)
-    np.testing.assert_allclose(np.pi * radius**2, patches.chart_areas[0])
-    steps = np.mod(np.diff(np.arctan2(border.uv[:, 1], border.uv[:, 0])), 2 * np.pi)
-    ring = outer_ring(patches, spacing)
-    length = patches.edge_lengths.ravel()[ring.half_edge]
+    cut_mesh, boundary = lay("circle", shapes.bumped_disk(500), spacing=spacing)
+    radius = np.hypot(*boundary.uv.T)
+    np.testing.assert_allclose(np.pi * radius**2, cut_mesh.chart_areas[0])
+    steps = np.mod(np.diff(np.arctan2(boundary.uv[:, 1], boundary.uv[:, 0])), 2 * np.pi)
+    ring = outer_ring(cut_mesh, spacing)
+    length = cut_mesh.edge_lengths.ravel()[ring.half_edge]
     wanted = np.ones_like(length) if spacing == "uniform" else length
     np.testing.assert_allclose(steps, (2 * np.pi * wanted / wanted.sum())[:-1], rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["square", "polygon"])
 def test_every_corner_is_taken_and_the_area_kept(name):
-    patches, border = lay(name, shapes.bumped_disk(500), polygon=TRIANGLE)
-    assert enclosed(border.uv) == pytest.approx(patches.chart_areas[0])
+    cut_mesh, boundary = lay(name, shapes.bumped_disk(500), polygon=TRIANGLE)
+    assert enclosed(boundary.uv) == pytest.approx(cut_mesh.chart_areas[0])
     hull = TRIANGLE if name == "polygon" else np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
     hull = hull - hull.mean(0)
-    hull = hull * np.sqrt(patches.chart_areas[0] / enclosed(hull))
-    nearest = np.abs(border.uv[:, None] - hull[None]).sum(2).min(0)
-    assert nearest.max() < 1e-9 * np.sqrt(patches.chart_areas[0])
+    hull = hull * np.sqrt(cut_mesh.chart_areas[0] / enclosed(hull))
+    nearest = np.abs(boundary.uv[:, None] - hull[None]).sum(2).min(0)
+    assert nearest.max() < 1e-9 * np.sqrt(cut_mesh.chart_areas[0])
 
 
 def test_the_corners_of_a_rectangle_go_to_the_corners_of_the_square():
-    patches, points = patches_of(shapes.grid(9, 7))
-    border = BORDERS["square"].function(patches, TutteOptions())
-    corner = np.abs(np.abs(border.uv) - np.abs(border.uv).max()).max(1) < 1e-12
+    cut_mesh, points = patches_of(shapes.grid(9, 7))
+    boundary = BOUNDARIES["square"].function(cut_mesh, TutteOptions())
+    corner = np.abs(np.abs(boundary.uv) - np.abs(boundary.uv).max()).max(1) < 1e-12
     assert corner.sum() == 4
-    at = points[border.vertices[corner]]
+    at = points[boundary.vertices[corner]]
     assert {(x, y) for x, y, _ in at} == {(0, 0), (1, 0), (0, 1), (1, 1)}
 
 
@@ -64,52 +64,52 @@ def test_chords_on_one_side_collapse_nothing(name, n):
     t = 2 * np.pi * np.arange(n) / n
     points = np.c_[np.cos(t), np.sin(t), 0 * t]
     faces = np.array([[0, k, k + 1] for k in range(1, n - 1)])
-    patches, _ = patches_of((points, faces))
-    uv, _ = embed_convex(patches, options=TutteOptions(name, polygon=TRIANGLE))
-    assert (signed_areas(patches.faces, uv) > 1e-9).all()
+    cut_mesh, _ = patches_of((points, faces))
+    uv, _ = tutte_embedding(cut_mesh, options=TutteOptions(name, polygon=TRIANGLE))
+    assert (signed_areas(cut_mesh.faces, uv) > 1e-9).all()
 
 
 def test_a_side_without_chords_stays_straight():
-    _, border = lay("square", shapes.bumped_disk(500))
-    assert np.abs(np.abs(border.uv).max(1) - np.abs(border.uv).max()).max() < 1e-12
+    _, boundary = lay("square", shapes.bumped_disk(500))
+    assert np.abs(np.abs(boundary.uv).max(1) - np.abs(boundary.uv).max()).max() < 1e-12
 
 
-def test_very_short_border_edges_stay_apart():
+def test_very_short_boundary_edges_stay_apart():
     points, faces = shapes.delaunay_disk(100)
-    patches, _ = patches_of((points, faces))
-    v = patches.faces.ravel()[patches.border[:1]]
+    cut_mesh, _ = patches_of((points, faces))
+    v = cut_mesh.faces.ravel()[cut_mesh.boundary[:1]]
     near = np.flatnonzero((np.abs(points - points[v]) < 1e-12).all(1))
     assert len(near) == 1
-    end = patches.faces[:, [1, 2, 0]].ravel()[patches.border[0]]
+    end = cut_mesh.faces[:, [1, 2, 0]].ravel()[cut_mesh.boundary[0]]
     other = points[end]
     points = points.copy()
     points[near[0]] = other + 1e-11 * (points[near[0]] - other)
-    patches, _ = patches_of((points, faces))
-    uv, _ = embed_convex(patches)
-    assert (signed_areas(patches.faces, uv) > 0).all()
+    cut_mesh, _ = patches_of((points, faces))
+    uv, _ = tutte_embedding(cut_mesh)
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
 
 
-def test_many_charts_have_borders_of_their_own():
+def test_many_charts_have_boundaries_of_their_own():
     points, faces = shapes.triangle()
     shape = shapes.join(shapes.bumped_disk(200), shapes.grid(4, 5, 3.0, 2.0), (points + 9, faces))
-    for name in BORDERS.names():
-        patches, border = lay(name, shape, polygon=TRIANGLE)
+    for name in BOUNDARIES.names():
+        cut_mesh, boundary = lay(name, shape, polygon=TRIANGLE)
         for c in range(3):
-            own = border.patches.vertex_chart[border.vertices] == c
-            assert enclosed(border.uv[own]) > 0
+            own = boundary.cut_mesh.vertex_chart[boundary.vertices] == c
+            assert enclosed(boundary.uv[own]) > 0
             if name in ("square", "polygon"):
-                assert enclosed(border.uv[own]) <= patches.chart_areas[c] * 1.3
+                assert enclosed(boundary.uv[own]) <= cut_mesh.chart_areas[c] * 1.3
 
 
-def test_the_virtual_ring_is_a_wider_disk_and_frees_the_border():
-    patches, border = lay("virtual", shapes.bumped_disk(400))
-    np.testing.assert_array_equal(border.patches.euler(), [1])
-    assert (border.patches.areas > 0).all()
-    assert len(border.patches.border) == len(patches.border)
-    assert border.vertices.min() >= patches.n_vertices
-    uv, _ = embed_convex(patches, "mean-value", TutteOptions("virtual"))
-    assert (signed_areas(patches.faces, uv) > 0).all()
-    real = patches.faces.ravel()[patches.border]
+def test_the_virtual_ring_is_a_wider_disk_and_frees_the_boundary():
+    cut_mesh, boundary = lay("virtual", shapes.bumped_disk(400))
+    np.testing.assert_array_equal(boundary.cut_mesh.euler(), [1])
+    assert (boundary.cut_mesh.areas > 0).all()
+    assert len(boundary.cut_mesh.boundary) == len(cut_mesh.boundary)
+    assert boundary.vertices.min() >= cut_mesh.n_vertices
+    uv, _ = tutte_embedding(cut_mesh, "mean-value", TutteOptions("virtual"))
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
+    real = cut_mesh.faces.ravel()[cut_mesh.boundary]
     assert np.ptp(np.hypot(*uv[real].T)) > 1e-3 * np.hypot(*uv[real].T).mean()
 
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 
 from circparam.core.arrays import group_sum
 from circparam.geometry.intrinsic import corner_angles, signed_areas, tan_half_angles
-from circparam.mesh.cut_mesh import Patches
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.tutte.boundary import TutteOptions
-from circparam.solvers.tutte.embed import embed_convex
+from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.weights import WEIGHTS, clamp_negative, flat_rings, half_edge_weights
 from tests.support import shapes, strategies
 from tests.support.charts import patches_of, rim
@@ -20,15 +20,15 @@ POSITIVE = [r.name for r in WEIGHTS if "positive" in r.tags]
 
 
 def plane_error(shape, scheme) -> float:
-    """How far the inner vertices of a flat shape move when its border keeps its place."""
-    patches, points = patches_of(shape)
-    _, report = embed_convex(patches, scheme)
+    """How far the inner vertices of a flat shape move when its boundary keeps its place."""
+    cut_mesh, points = patches_of(shape)
+    _, report = tutte_embedding(cut_mesh, scheme)
     uv = report.system.solve(points[~report.system.free][:, :2])
     return float(np.abs(uv - points[:, :2]).max())
 
 
-def weights_of(patches, scheme):
-    return half_edge_weights(patches, WEIGHTS[scheme].function)
+def weights_of(cut_mesh, scheme):
+    return half_edge_weights(cut_mesh, WEIGHTS[scheme].function)
 
 
 def test_the_tags_say_which_schemes_reproduce_the_plane():
@@ -55,15 +55,15 @@ def test_circle_reproduces_the_plane_on_equidistant_rings():
 @given(shape=strategies.disks())
 @settings(max_examples=25)
 def test_positive_weights_are_positive_and_flip_nothing(scheme, shape):
-    patches, _ = patches_of(shape)
-    inner = ~rim(patches)[patches.faces.ravel()]
-    assert (weights_of(patches, scheme)[inner] > -1e-12).all()
-    uv, report = embed_convex(patches, scheme)
+    cut_mesh, _ = patches_of(shape)
+    inner = ~rim(cut_mesh)[cut_mesh.faces.ravel()]
+    assert (weights_of(cut_mesh, scheme)[inner] > -1e-12).all()
+    uv, report = tutte_embedding(cut_mesh, scheme)
     assert report.negative.sum() == 0
-    assert (signed_areas(patches.faces, uv) > 0).all()
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
 
 
-def fan(directions, lengths) -> Patches:
+def fan(directions, lengths) -> CutMesh:
     """A vertex at the origin with neighbours at these angles and distances."""
     points = np.c_[lengths * np.cos(directions), lengths * np.sin(directions), 0 * lengths]
     k = len(directions)
@@ -71,23 +71,23 @@ def fan(directions, lengths) -> Patches:
     return patches_of((np.vstack([[0, 0, 0], points]), faces))[0]
 
 
-def outgoing(patches, scheme):
+def outgoing(cut_mesh, scheme):
     """(neighbour, weight) of the fan's centre, in order of the neighbours."""
-    w = weights_of(patches, scheme)
-    h = np.flatnonzero(patches.faces.ravel() == patches.faces[0, 0])
-    to = patches.faces[:, [1, 2, 0]].ravel()[h]
+    w = weights_of(cut_mesh, scheme)
+    h = np.flatnonzero(cut_mesh.faces.ravel() == cut_mesh.faces[0, 0])
+    to = cut_mesh.faces[:, [1, 2, 0]].ravel()[h]
     return w[h][np.argsort(to)]
 
 
 def test_the_formulas_written_out_for_one_vertex():
     directions = np.array([0.1, 1.0, 2.4, 3.3, 5.0])
     r = np.array([1.0, 2.0, 0.7, 1.5, 1.1])
-    patches = fan(directions, r)
+    cut_mesh = fan(directions, r)
     after = np.diff(np.append(directions, directions[0] + 2 * np.pi))
     tangent = np.tan(after / 2) + np.tan(np.roll(after, 1) / 2)
-    np.testing.assert_allclose(outgoing(patches, "circle"), tangent, rtol=1e-12)
-    np.testing.assert_allclose(outgoing(patches, "mean-value"), tangent / r, rtol=1e-12)
-    np.testing.assert_allclose(outgoing(patches, "uniform"), 1.0)
+    np.testing.assert_allclose(outgoing(cut_mesh, "circle"), tangent, rtol=1e-12)
+    np.testing.assert_allclose(outgoing(cut_mesh, "mean-value"), tangent / r, rtol=1e-12)
+    np.testing.assert_allclose(outgoing(cut_mesh, "uniform"), 1.0)
 
 
 def floater_by_hand(directions, r):
@@ -121,35 +121,37 @@ def test_floater_agrees_with_the_loop_over_the_neighbours():
 def test_a_corner_wider_than_half_the_plane_keeps_floater_positive():
     # three faces round a sharp spike: one corner would take more than π once the ring is laid flat
     points = np.array([[0, 0, 0], [1, 0, 0.2], [-1, 0, 0.2], [0, 0.05, 0.3]], float)
-    patches, _ = patches_of((points, np.array([[0, 1, 3], [0, 3, 2], [0, 2, 1]])))
-    w = outgoing(patches, "floater")
+    cut_mesh, _ = patches_of((points, np.array([[0, 1, 3], [0, 3, 2], [0, 2, 1]])))
+    w = outgoing(cut_mesh, "floater")
     assert np.isfinite(w).all()
     assert (w >= 0).all()
     assert w.sum() == pytest.approx(1)
-    _, _, angle = flat_rings(patches)
+    _, _, angle = flat_rings(cut_mesh)
     assert np.diff(np.append(angle, 2 * np.pi)).max() < np.pi
 
 
 def test_half_angles_keep_their_digits_at_needles_and_caps():
-    frames = np.array([[[0, 0], [1, 0], [1, 1e-9]], [[0, 0], [1, 0], [-1, 1e-9]]], float)
-    patches = Patches(np.arange(6).reshape(2, 3), frames, np.array([0, 1]), np.zeros((0, 2), int))
-    t = tan_half_angles(patches)[:, 0]
+    rest_triangles = np.array([[[0, 0], [1, 0], [1, 1e-9]], [[0, 0], [1, 0], [-1, 1e-9]]], float)
+    cut_mesh = CutMesh(
+        np.arange(6).reshape(2, 3), rest_triangles, np.array([0, 1]), np.zeros((0, 2), int)
+    )
+    t = tan_half_angles(cut_mesh)[:, 0]
     assert t[0] == pytest.approx(5e-10, rel=1e-12)
     assert t[1] == pytest.approx(2e9, rel=1e-6)
-    np.testing.assert_allclose(corner_angles(patches).sum(1), np.pi)
+    np.testing.assert_allclose(corner_angles(cut_mesh).sum(1), np.pi)
 
 
 def test_negative_weights_are_counted_and_clamped():
-    patches, _ = patches_of(shapes.noisy(*shapes.bumped_disk(600), amount=0.5))
-    w = weights_of(patches, "harmonic")
-    inner = ~rim(patches)[patches.faces.ravel()]
-    _, report = embed_convex(patches, "harmonic")
+    cut_mesh, _ = patches_of(shapes.noisy(*shapes.bumped_disk(600), amount=0.5))
+    w = weights_of(cut_mesh, "harmonic")
+    inner = ~rim(cut_mesh)[cut_mesh.faces.ravel()]
+    _, report = tutte_embedding(cut_mesh, "harmonic")
     assert report.negative.sum() == (w[inner] < 0).sum() > 0
-    safe = clamp_negative(patches, w)
+    safe = clamp_negative(cut_mesh, w)
     assert (safe[inner] > 0).all()
     np.testing.assert_array_equal(safe[w > 0.1], w[w > 0.1])
-    uv, _ = embed_convex(patches, "harmonic", TutteOptions(clamp=True))
-    assert (signed_areas(patches.faces, uv) > 0).all()
+    uv, _ = tutte_embedding(cut_mesh, "harmonic", TutteOptions(clamp=True))
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
 
 
 @pytest.mark.parametrize("scheme", WEIGHTS.names())
