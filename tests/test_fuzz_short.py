@@ -28,15 +28,15 @@ def test_whatever_comes_in_ends_as_documented(case: Case) -> None:
 @needs_alarm
 def test_the_judge_finds_a_lying_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The fuzzer's own check must be able to fail: a pipeline whose verification is blind is found out."""
-    from circparam.pipeline import stored_fit
+    from circparam.pipeline import job
 
     def crushed(*given: object) -> object:
         uvmap = original(*given)
         uvmap.uv[:] = np.abs(uvmap.uv - 0.5)  # the layout folded twice
         return uvmap
 
-    original = stored_fit.complete
-    monkeypatch.setattr(stored_fit, "complete", crushed)
+    original = job.complete
+    monkeypatch.setattr(job, "complete", crushed)
     monkeypatch.setattr("circparam.pipeline.fallback.faults", _sound)
     monkeypatch.setattr("circparam.pipeline.result.reasons", lambda *_: [])
     p, f = shapes.bumped_disk(60)

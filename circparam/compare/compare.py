@@ -32,7 +32,7 @@ from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline.configure import check_names, method_options, open_source, seam_options
 from circparam.pipeline.options import FREE, Options
-from circparam.pipeline.place import place, sides
+from circparam.pipeline.place import Placed, chart_signs, place
 from circparam.pipeline.verify import verify
 from circparam.seams import SEAMS
 
@@ -253,30 +253,29 @@ def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) ->
     done = scene.run("circparam.compare.compare:flatten_task", arrays, settings)
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
-    notes = list(done.info["notes"])
     uv = done.arrays["uv"].copy()
-    uv[:, 0] *= sides(scene.surface, p, options)[p.vertex_chart]
-    placed, resolution = _placed(p, uv, options, notes, monitor)
-    uvmap = complete(scene.document.mesh, scene.surface, scene.repair_report, placed, p.faces)
+    uv[:, 0] *= chart_signs(scene.surface, p, options)[p.vertex_chart]
+    placed, resolution = _placed(p, uv, options, monitor)
+    uvmap = complete(scene.document.mesh, scene.surface, scene.repair_report, placed.uv, p.faces)
     status, figures = _judge(scene, uvmap, resolution)
     return Entry(
         name, status, done.info["stages"], done.info["seconds"], done.peak_bytes, figures,
-        done.info["iterations"], done.info["runs"], notes, uvmap=uvmap,
+        done.info["iterations"], done.info["runs"], [*done.info["notes"], *placed.notes], uvmap=uvmap,
     )  # fmt: skip
 
 
 def _placed(
-    cut_mesh: CutMesh, uv: FloatArray, options: Options, notes: list[str], monitor: Monitor
-) -> tuple[FloatArray, int | None]:
+    cut_mesh: CutMesh, uv: FloatArray, options: Options, monitor: Monitor
+) -> tuple[Placed, int | None]:
     """uv packed on a coarse page, and the resolution to read it at; side by side and None where packing
     refuses: charts that overlap themselves may be more than it can take."""
     uv = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
     coarse = replace(options, resolution=options.resolution or RASTER, padding=options.padding or 1)
     try:
-        return place(cut_mesh, uv, coarse, notes, monitor), RASTER
+        return place(cut_mesh, uv, coarse, monitor), RASTER
     except (NoResultError, OptionError) as error:
-        notes.append(f"not packed: {error}")
-    return place(cut_mesh, uv, replace(options, normalize=False), notes, monitor), None
+        loose = place(cut_mesh, uv, replace(options, normalize=False), monitor)
+        return replace(loose, notes=[f"not packed: {error}", *loose.notes]), None
 
 
 def _baseline_row(scene: _Scene, name: str) -> Entry:

@@ -6,17 +6,17 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.graph import nearest, undirected
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 
 
-def space_gradients(cutting: Cutting) -> FloatArray:
+def space_gradients(atlas: Atlas) -> FloatArray:
     """(m, 2, 3): gradients of u and v of the current layout as vectors in space."""
-    surface = cutting.surface
+    surface = atlas.surface
     p = surface.points[surface.faces]
     normal = surface.normals
     opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
     hat = np.cross(normal[:, None], opposite) / (2 * surface.areas)[:, None, None]
-    d = cutting.corners - cutting.corners[:, :1]
+    d = atlas.corners - atlas.corners[:, :1]
     result: FloatArray = np.einsum("fkd,fkx->fdx", d, hat)
     return result
 
@@ -44,9 +44,9 @@ def face_axes(
     return x, np.cross(normals, x)
 
 
-def targets_from(cutting: Cutting, gradients: FloatArray) -> FloatArray:
+def targets_from(atlas: Atlas, gradients: FloatArray) -> FloatArray:
     """(2, 2, m) Jacobians of the rest triangles from space gradients (m, 2, 3) in the planes of the faces."""
-    surface = cutting.surface
+    surface = atlas.surface
     x, y = face_axes(surface.points, surface.faces, surface.normals)
     result: FloatArray = np.stack(
         [np.einsum("fdx,fx->df", gradients, x), np.einsum("fdx,fx->df", gradients, y)], 1
@@ -54,15 +54,13 @@ def targets_from(cutting: Cutting, gradients: FloatArray) -> FloatArray:
     return result
 
 
-def spread(
-    cutting: Cutting, gradients: FloatArray, known: BoolArray
-) -> tuple[FloatArray, BoolArray]:
+def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
     """Give faces without a gradient that of the nearest known face of their chart, turned to their plane.
 
     Returns (gradients, (m,) bool: the face has one now).
     """
-    surface = cutting.surface
-    inner = ~cutting.cut
+    surface = atlas.surface
+    inner = ~atlas.cut
     fi, fj = surface.edges[inner, 0] // 3, surface.edges[inner, 1] // 3
     touch = ~known[fi] | ~known[fj]
     fi, fj, w = fi[touch], fj[touch], surface.edge_lengths[inner][touch]

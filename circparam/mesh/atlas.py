@@ -1,38 +1,22 @@
-"""The state of an atlas while seams are decided: which edges are cut, and the layout so far."""
+"""An atlas: a surface, the edges that are cut, and the uv of every corner."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
-from circparam.core.graph import components
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
-CONE = 1.2  # radians of angle defect above which a vertex ends arcs
 
+class Atlas:
+    """One surface with its seams and its layout, from the first seam to packing.
 
-@dataclass(frozen=True, eq=False)
-class Arcs:
-    """Chains of cut edges between junctions: the pieces of seam that are glued or kept as a whole.
-
-    edge: (c,) edge of the surface, arc: (c,) arc of that edge. left, right: (a,) charts on both sides, in
-    ascending order. length: (a,). tip: (a,) bool, one end is free, so the arc can be zipped.
+    cut: (e,) bool over ``surface.edges``. corners: (m, 3, 2) uv of each corner, zeros where none is given. Both
+    are copied. The segmentation moves them as it goes; the stages of the pipeline make a new atlas instead.
     """
-
-    edge: IntArray
-    arc: IntArray
-    left: IntArray
-    right: IntArray
-    length: FloatArray
-    tip: BoolArray
-
-
-class Cutting:
-    """Cut edges ``cut`` (e,) and layout ``corners`` (m, 3, 2) of one surface; both change with the seams."""
 
     def __init__(self, surface: Surface, cut: BoolArray, corners: FloatArray | None = None) -> None:
         self.surface = surface
@@ -93,51 +77,31 @@ class Cutting:
         """The surface cut open along the seams as they are now."""
         return self.surface.cut_mesh(self.cut)
 
+    def open(self) -> tuple[CutMesh, FloatArray]:
+        """The cut mesh, and the uv (nv, 2) of its vertices."""
+        cut_mesh = self.cut_mesh()
+        return cut_mesh, self.gather(cut_mesh)
+
     def gather(self, cut_mesh: CutMesh, fid: IntArray | None = None) -> FloatArray:
-        """(nv, 2) layout of cut mesh from the corners; fid: faces of the surface that the cut mesh hold."""
+        """(nv, 2) uv of the vertices of a cut mesh; fid: faces of the surface that it holds (None: all)."""
         corners = self.corners if fid is None else self.corners[fid]
         uv = np.zeros((cut_mesh.n_vertices, 2))
         uv[cut_mesh.faces.ravel()] = corners.reshape(-1, 2)
         return uv
 
     def scatter(self, cut_mesh: CutMesh, uv: FloatArray, fid: IntArray | None = None) -> None:
-        """Keep a layout of cut mesh in the corners."""
+        """Keep the uv (nv, 2) of a cut mesh in the corners."""
         if fid is None:
             self.corners = uv[cut_mesh.faces]
         else:
             self.corners[fid] = uv[cut_mesh.faces]
 
-    def part(self, faces: BoolArray) -> Cutting:
-        """The cutting of some faces ((m,) bool) alone."""
+    def part(self, faces: BoolArray) -> Atlas:
+        """The atlas of some faces ((m,) bool) alone."""
         inside = faces[self.surface.edges // 3].all(1)
-        return Cutting(self.surface.part(faces), self.cut[inside], self.corners[faces])
+        return Atlas(self.surface.part(faces), self.cut[inside], self.corners[faces])
 
-    def put(self, faces: BoolArray, part: Cutting) -> None:
+    def put(self, faces: BoolArray, part: Atlas) -> None:
         """Take over what became of ``part(faces)``."""
         self.cut[faces[self.surface.edges // 3].all(1)] = part.cut
         self.corners[faces] = part.corners
-
-    def arcs(self, chart: IntArray, cone: float = CONE) -> Arcs:
-        """The arcs of the seams as they are now: chains between junctions, boundaries and cone points.
-
-        cone: radians of curvature that make a vertex one; gluing round it can be too much.
-        """
-        c = np.flatnonzero(self.cut)
-        a, b = self.ends[0][c], self.ends[1][c]
-        valence = np.bincount(np.r_[a, b], minlength=self.n_vertices)
-        through = (valence == 2) & ~self.on_boundary & (np.abs(self.angle_defects) <= cone)
-        k = np.arange(len(c))
-        vertex, entry = np.r_[a, b], np.r_[k, k]
-        keep = through[vertex]
-        vertex, entry = vertex[keep], entry[keep]
-        entry = entry[np.argsort(vertex, kind="stable")]
-        count, arc = components(len(c), entry[::2], entry[1::2])
-        h = self.surface.edges[c]
-        p, q = chart[h[:, 0] // 3], chart[h[:, 1] // 3]
-        left, right = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        left[arc], right[arc] = np.minimum(p, q), np.maximum(p, q)
-        free = (valence == 1) & ~self.on_boundary
-        tip = np.zeros(count, bool)
-        tip[arc[free[a] | free[b]]] = True
-        length = group_sum(self.surface.edge_lengths[c], arc, count)
-        return Arcs(c, arc, left, right, length, tip)

@@ -2,47 +2,76 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.mesh.surface import Surface
+from circparam.methods.base import MethodOptions
 
 CRUSHED = 1e6  # distortion at which a chart counts as faulty whatever was promised
 
 
-@dataclass(eq=False)
-class Cascade:
-    """Seams and a layout over them: cut (e,) bool over surface.edges, corners (m, 3, 2) uv of each corner.
+@dataclass(frozen=True)
+class CascadeRules:
+    """What the cascade may do.
 
-    tries: (m,) int64, how many links the chart of each face has been through. again: a flipped chart may be
-    mapped by another method (not where the user asked for a convex map of a disk). laid: (m,), 1 for faces
-    laid down one by one, 2 and more for those with a regular polygon in their place. bound: distortion above
-    which a chart is split where it may be. notes: of methods and seams. repairs: what the
-    chain had to do, one line each.
+    may_split: seams may be added. remap: a flipped chart may be mapped by another method (not where the user
+    asked for a convex map of a disk). bound: distortion above which a chart is split where it may be. method:
+    options of the methods that map again.
     """
 
-    surface: Surface
-    cut: BoolArray
-    corners: FloatArray
-    tries: IntArray
-    again: bool = True
+    may_split: bool = True
+    remap: bool = True
     bound: float = CRUSHED
-    laid: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    method: MethodOptions = field(default_factory=MethodOptions)
+
+
+def _nothing() -> IntArray:
+    return np.zeros(0, np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Cascade:
+    """A layout, and how far each chart has come; every step makes a new one.
+
+    tries: (m,) int64, how many steps the chart of each face has been through. singles: (m,) int64, 1 for faces
+    laid down one by one, 2 and more for those with a regular polygon in their place, larger each time. stopped,
+    iterations: of each chart as the method made it. notes: of methods and seams. repairs: what the cascade had
+    to do, one line each.
+    """
+
+    atlas: Atlas
+    rules: CascadeRules = field(default_factory=CascadeRules)
+    tries: IntArray = field(default_factory=_nothing)
+    singles: IntArray = field(default_factory=_nothing)
     stopped: list[str] = field(default_factory=list)
-    iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
-    notes: list[str] = field(default_factory=list)
-    repairs: list[str] = field(default_factory=list)
+    iterations: IntArray = field(default_factory=_nothing)
+    notes: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if len(self.laid) == 0:
-            self.laid = np.zeros(len(self.surface.faces), np.int64)
+        for name in ("tries", "singles"):
+            if len(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.zeros(len(self.atlas.surface.faces), np.int64))
 
     def open(self) -> tuple[CutMesh, FloatArray]:
-        """CutMesh along the seams, and the uv (nv, 2) of their vertices."""
-        cut_mesh = self.surface.cut_mesh(self.cut)
-        uv = np.zeros((cut_mesh.n_vertices, 2))
-        uv[cut_mesh.faces.ravel()] = self.corners.reshape(-1, 2)
-        return cut_mesh, uv
+        """The cut mesh along the seams, and the uv (nv, 2) of its vertices."""
+        return self.atlas.open()
+
+    def kept_sizes(self, cut_mesh: CutMesh) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """(n_charts,) bool: charts whose size was chosen for the numbers to hold, and is not to be scaled."""
+        keep = np.zeros(cut_mesh.n_charts, bool)
+        keep[cut_mesh.chart[self.singles >= 2]] = True
+        return keep
+
+    def noted(self, *notes: str) -> Cascade:
+        """The same with further notes, each once."""
+        new = tuple(note for note in notes if note not in self.notes)
+        return replace(self, notes=self.notes + new)
+
+    def repaired(self, *repairs: str) -> Cascade:
+        """The same with further repairs."""
+        return replace(self, repairs=self.repairs + repairs)

@@ -18,9 +18,11 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group
 from circparam.core.monitor import Monitor
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import best_chart_scales, chart_distortion
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
+from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade
 
 ANCHORS = 48  # points of a boundary between which paths are tried
@@ -41,20 +43,21 @@ COARSE = 512  # texels a side of its page, about
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """score: higher is better. cut: (e,) bool, the seams with the path."""
+    """score: higher is better. atlas: the charts with one of them split along a path."""
 
     score: float
-    cut: BoolArray
+    atlas: Atlas
 
 
 def split_for_packing(
-    atlas: Cascade, most: int, options: PackOptions, bound: float, monitor: Monitor
-) -> None:
-    """Split at most so many charts where each split raises the covered share by GAIN; the atlas notes it.
+    cascade: Cascade, most: int, options: PackOptions, monitor: Monitor
+) -> Cascade:
+    """Split at most so many charts where each split raises the covered share by GAIN; a note tells what it did.
 
-    The parts keep the layout they had, so nothing overlaps; a split that would lift one above ``bound`` (its
-    distortion at its own best scale) is not made.
+    The parts keep the layout they had, so nothing overlaps; a split that would lift one above the bound of the
+    cascade (its distortion at its own best scale) is not made.
     """
+    cascade = fallback.settle(cascade, monitor)
     coarse = max(options.resolution // COARSE, 1)
     quick = replace(
         options,
@@ -62,40 +65,33 @@ def split_for_packing(
         resolution=max(options.resolution // coarse, 2 * (options.padding // coarse) + 1),
         padding=options.padding // coarse,
     )
-    before = atlas.cut
+    before = cascade.atlas
     # an arm alone often frees nothing while its opposite stays: go on, then take what was worth its splits
-    steps: list[tuple[float, BoolArray]] = [(_share(atlas, before, quick, monitor), before)]
+    steps: list[tuple[float, Atlas]] = [(_share(before, quick, monitor), before)]
     done = 0
     while len(steps) <= most and len(steps) - done <= AHEAD and not monitor.expired:
-        tried = [(_share(atlas, c.cut, quick, monitor), c.cut) for c in _candidates(atlas, bound)]
+        found = _candidates(steps[-1][1], cascade.rules.bound)
+        tried = [(_share(c.atlas, quick, monitor), c.atlas) for c in found]
         if not tried:
             break
         steps.append(max(tried, key=lambda t: t[0]))
-        atlas.cut = steps[-1][1]
         done = int(np.argmax([share / GAIN**k for k, (share, _) in enumerate(steps)]))
-    atlas.cut = steps[done][1]
+    after = steps[done][1]
     if done:
         # the quick layouts only rank the splits: what counts is the page as it will be packed
-        first, last = (_share(atlas, cut, options, monitor) for cut in (before, atlas.cut))
+        first, last = (_share(atlas, options, monitor) for atlas in (before, after))
         if last >= GAIN**done * first:
-            longer = _seams(atlas, atlas.cut) - _seams(atlas, before)
-            atlas.notes.append(
+            longer = after.seam_length - before.seam_length
+            return replace(cascade, atlas=after).noted(
                 f"--pack-splits: {done} charts split, covered share {first:.2f} before and {last:.2f} "
                 f"after, seams longer by {longer:.2f} times the root of the area"
             )
-            return
-        atlas.cut = before
-    atlas.notes.append("--pack-splits: no split raises the covered share by 5 %")
+    return cascade.noted("--pack-splits: no split raises the covered share by 5 %")
 
 
-def _seams(atlas: Cascade, cut: BoolArray) -> float:
-    s = atlas.surface
-    return float(s.edge_lengths[cut].sum() / np.sqrt(s.areas.sum()))
-
-
-def _share(atlas: Cascade, cut: BoolArray, options: PackOptions, monitor: Monitor) -> float:
+def _share(atlas: Atlas, options: PackOptions, monitor: Monitor) -> float:
     """Covered share of the pages with these seams; 0 where they cannot be packed."""
-    cut_mesh, uv = _opened(atlas, cut)
+    cut_mesh, uv = atlas.open()
     uv = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
     try:
         packed = pack(cut_mesh.faces, uv, cut_mesh.chart, options, monitor)
@@ -104,11 +100,7 @@ def _share(atlas: Cascade, cut: BoolArray, options: PackOptions, monitor: Monito
     return float(packed.share[: int(packed.page.max()) + 1].mean())
 
 
-def _opened(atlas: Cascade, cut: BoolArray) -> tuple[CutMesh, FloatArray]:
-    return replace(atlas, cut=cut).open()
-
-
-def _candidates(atlas: Cascade, bound: float) -> list[_Candidate]:
+def _candidates(atlas: Atlas, bound: float) -> list[_Candidate]:
     """The best paths across the charts that waste most, without those that break the bound."""
     cut_mesh, uv = atlas.open()
     loops = cut_mesh.loops
@@ -148,7 +140,7 @@ def _fans(uv: FloatArray, start: IntArray, half_edges: IntArray, cut_mesh: CutMe
 
 
 def _paths(
-    atlas: Cascade, cut_mesh: CutMesh, uv: FloatArray, loop: int, bound: float
+    atlas: Atlas, cut_mesh: CutMesh, uv: FloatArray, loop: int, bound: float
 ) -> list[_Candidate]:
     """Paths across one chart between points of its outer boundary, the best first."""
     loops = cut_mesh.loops
@@ -173,9 +165,9 @@ def _paths(
             continue
         taken = np.vstack([taken, [a, b]])
         chart = int(loops.chart[loop])
-        cut = _cut_across(atlas, cut_mesh, chart, int(v[anchor[a]]), int(v[anchor[b]]))
-        if cut is not None and _allowed(atlas, cut_mesh, chart, cut, bound):
-            found.append(_Candidate(value, cut))
+        split = _cut_across(atlas, cut_mesh, chart, int(v[anchor[a]]), int(v[anchor[b]]))
+        if split is not None and _allowed(split, cut_mesh.chart == chart, bound):
+            found.append(_Candidate(value, split))
     return found
 
 
@@ -222,10 +214,8 @@ def _ranked(
     return i[order], j[order], score[order]
 
 
-def _cut_across(
-    atlas: Cascade, cut_mesh: CutMesh, chart: int, start: int, end: int
-) -> BoolArray | None:
-    """The seams with the shortest path in a chart between two vertices of its boundary."""
+def _cut_across(atlas: Atlas, cut_mesh: CutMesh, chart: int, start: int, end: int) -> Atlas | None:
+    """The atlas with the shortest path in a chart between two vertices of its boundary as a seam."""
     s = atlas.surface
     usable = ~atlas.cut & ~s.locked & (cut_mesh.chart[s.edges[:, 0] // 3] == chart)
     edge = np.flatnonzero(usable)
@@ -250,13 +240,13 @@ def _cut_across(
     key = np.minimum(q[1:], q[:-1]) * n + np.maximum(q[1:], q[:-1])
     cut = atlas.cut.copy()
     cut[edge[np.isin(np.minimum(a, b) * n + np.maximum(a, b), key)]] = True
-    return cut
+    return Atlas(s, cut, atlas.corners)
 
 
-def _allowed(atlas: Cascade, cut_mesh: CutMesh, chart: int, cut: BoolArray, bound: float) -> bool:
-    """Whether the cut makes two disks of a chart, neither above the bound."""
-    after, uv = _opened(atlas, cut)
-    parts = np.unique(after.chart[cut_mesh.chart == chart])
+def _allowed(atlas: Atlas, faces: BoolArray, bound: float) -> bool:
+    """Whether these faces ((m,) bool, a chart before) are two disks now, neither above the bound."""
+    after, uv = atlas.open()
+    parts = np.unique(after.chart[faces])
     if len(parts) != 2 or not_disks(after)[parts].any():
         return False
     return bool((chart_distortion(after, uv)[parts] <= bound).all())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
@@ -15,7 +17,7 @@ from circparam.pipeline.options import Options
 from circparam.pipeline.verify import reversed_charts
 
 
-def sides(surface: Surface, cut_mesh: CutMesh, options: Options) -> FloatArray:
+def chart_signs(surface: Surface, cut_mesh: CutMesh, options: Options) -> FloatArray:
     """(n_charts,) −1 for charts to be mirrored, so that most of each lies as the file winds it; else 1.
 
     Nothing is mirrored where pins say where vertices lie.
@@ -25,31 +27,39 @@ def sides(surface: Surface, cut_mesh: CutMesh, options: Options) -> FloatArray:
     return np.where(reversed_charts(surface, cut_mesh), -1.0, 1.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """uv (nv, 2) of a cut mesh on its pages, and what packing has to say."""
+
+    uv: FloatArray
+    notes: list[str]
+
+
 def place(
     cut_mesh: CutMesh,
     uv: FloatArray,
     options: Options,
-    notes: list[str],
     monitor: Monitor,
     group: IntArray | None = None,
     keep: BoolArray | None = None,
-) -> FloatArray:
+) -> Placed:
     """Charts at their best scales, packed into pages; or side by side as the solver left them.
 
     group: (n_charts,) charts of different groups get pages of their own, one atlas each.
     keep: (n_charts,) charts that keep the size they have.
     """
     if not options.packed:
-        return _side_by_side(cut_mesh, np.where(np.isfinite(uv), uv, 0.0))
+        return Placed(_side_by_side(cut_mesh, np.where(np.isfinite(uv), uv, 0.0)), [])
     uv = sized(cut_mesh, uv, keep)
-    wanted = pack_options(options)
+    asked = pack_options(options)
+    notes: list[str] = []
     for label in np.unique(group if group is not None else 0):
         mine = np.full(cut_mesh.n_charts, True) if group is None else group == label
         part, vertices, _ = cut_mesh.subset(mine)
-        packed = pack(part.faces, uv[vertices], part.chart, wanted, monitor)
+        packed = pack(part.faces, uv[vertices], part.chart, asked, monitor)
         uv[vertices] = packed.uv
         notes += [note for note in packed.notes if note not in notes]
-    return uv
+    return Placed(uv, notes)
 
 
 def sized(cut_mesh: CutMesh, uv: FloatArray, keep: BoolArray | None) -> FloatArray:

@@ -16,7 +16,7 @@ from circparam.pipeline.options import DEFAULT_PADDING, DEFAULT_RESOLUTION, Opti
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Result:
     """A layout, what it is worth, and what was done for it.
 
@@ -83,24 +83,36 @@ def verify_layout(
     )
 
 
-def judge(result: Result, expired: bool) -> None:
-    """Status, reasons and warnings from what was verified."""
-    wrong = reasons(result.verification, promise(result.options))
-    if result.verification.missing == len(result.surface.faces):
+@dataclass(frozen=True)
+class Verdict:
+    """status: ok | repaired | degraded, with reasons; warnings: what a user must know."""
+
+    status: str
+    reasons: list[str]
+    warnings: list[str]
+
+
+def verdict(
+    verification: Verification, options: Options, repairs: list[str], expired: bool
+) -> Verdict:
+    """The judgement on what was verified. expired: the time given has run out.
+
+    Raises NoResultError where no face has uv, OutOfTimeError where time ran out with no valid layout.
+    """
+    wrong = reasons(verification, promise(options))
+    if verification.missing == len(verification.cut_mesh.faces):
         raise NoResultError("no face got a uv: " + "; ".join(wrong))
-    result.warnings = []
+    warnings = []
     if expired:
-        if not result.verification.valid:
+        if not verification.valid:
             raise OutOfTimeError(
                 "out of time with no valid result: "
                 + "; ".join(wrong)
                 + "; give a longer --timeout"
             )
-        result.warnings.append("out of time: this is the best valid result so far")
+        warnings.append("out of time: this is the best valid result so far")
     if wrong:
-        result.status, result.reasons = "degraded", wrong
-        result.warnings += wrong
-    elif result.repairs:
-        result.status, result.reasons = "repaired", list(result.repairs)
-    else:
-        result.status, result.reasons = "ok", []
+        return Verdict("degraded", wrong, warnings + wrong)
+    if repairs:
+        return Verdict("repaired", list(repairs), warnings)
+    return Verdict("ok", [], warnings)

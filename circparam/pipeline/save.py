@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,15 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.io import read, write
 from circparam.formats.sidecars import write_bytes, write_seams
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.result import Result, judge, verify_layout
+from circparam.pipeline.result import Result, verdict, verify_layout
 
 
-def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None = None) -> None:
-    """Write a result, read the file back and verify that; the figures become those of the file."""
+def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None = None) -> Result:
+    """Write a result, read the file back and verify that.
+
+    Returns the result of the file: its numbers are those that stand in it. Raises OutputError where the disk
+    refuses, OptionError where the file exists, NoResultError where what was written cannot be read back.
+    """
     monitor = monitor or Monitor()
     o = result.options
     writing = WriteOptions(
@@ -38,22 +43,42 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
             options=writing,
             overwrite=o.overwrite,
         )
-    result.path = "-" if written.path is None else os.fspath(written.path)
-    result.files = [os.fspath(f) for f in written.files]
-    result.notes += written.notes
-    result.vertex_map, result.face_map = written.vertex_map, written.face_map
-    if piped or not os.path.isfile(result.path):  # a pipe or a device cannot be read back
-        return
+    result = replace(
+        result,
+        path="-" if written.path is None else os.fspath(written.path),
+        files=[os.fspath(f) for f in written.files],
+        notes=[*result.notes, *written.notes],
+        vertex_map=written.vertex_map,
+        face_map=written.face_map,
+    )
+    # a pipe or a device cannot be read back
+    read_back = not piped and os.path.isfile(result.path or "")
+    return _verified_file(result, written.face_map, monitor) if read_back else result
+
+
+def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Result:
+    """The result as its file says."""
+    o = result.options
     with monitor.stage("verify"):
-        again = read(result.path, format=o.format)
-        uvmap = again.uv(o.target_set or 0)
-        uvmap = None if uvmap is None else in_input_order(uvmap, written.face_map, result)
+        again = read(result.path or "", format=o.format)
+        layout = again.uv(o.target_set or 0)
+        uvmap = None if layout is None else in_input_order(layout, face_map, result)
         if uvmap is None:
             raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
-        result.verification = verify_layout(result.surface, uvmap, o, result.tiles)
-    result.uv, result.uv_faces = uvmap.uv, uvmap.uv_faces
-    result.charts[result.surface.source] = result.verification.cut_mesh.chart
-    judge(result, monitor.expired)
+        verification = verify_layout(result.surface, uvmap, o, result.tiles)
+    charts = result.charts.copy()
+    charts[result.surface.source] = verification.cut_mesh.chart
+    said = verdict(verification, o, result.repairs, monitor.expired)
+    return replace(
+        result,
+        uv=uvmap.uv,
+        uv_faces=uvmap.uv_faces,
+        charts=charts,
+        verification=verification,
+        status=said.status,
+        reasons=said.reasons,
+        warnings=said.warnings,
+    )
 
 
 def in_input_order(uvmap: UVMap, face_map: IntArray, result: Result) -> UVMap | None:

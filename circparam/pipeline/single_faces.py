@@ -2,34 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from circparam.core.arrays import BoolArray, group_max, group_sum, ranges
+from circparam.mesh.atlas import Atlas
 from circparam.pipeline.cascade import Cascade
 
 STAND_IN = 1e-3  # least side of a triangle that stands in: of √(surface area) or the longest edge
-LARGEST = 8  # Cascade.laid at which no polygon that stands in grows any more
+LARGEST = 8  # Cascade.singles at which no polygon that stands in grows any more
 GROW = 16.0  # by which such a side grows where even that is not held
 
 
-def take_to_pieces(atlas: Cascade, faces: BoolArray) -> None:
+def take_to_pieces(cascade: Cascade, faces: BoolArray) -> Cascade:
     """Cut round every polygon among some faces, and project each onto its own plane.
 
     A triangle comes out as it is. The triangles of a polygon all agree with its normal (that is how
     polygons are triangulated), so none of them is flipped.
     """
-    surface = atlas.surface
-    again = faces & (atlas.laid > 0)
+    again = faces & (cascade.singles > 0)
     if again.any():
-        _stand_in(atlas, again)
+        cascade = _stand_in(cascade, again)
     faces = faces & ~again
     if not faces.any():
-        return
-    atlas.laid[faces] = 1
-    e = surface.edges // 3
-    inside = faces[e].any(1)
-    atlas.cut = atlas.cut | (inside & ~surface.locked)
-    _, polygon = surface.charts(~(inside & surface.locked & ~atlas.cut))
+        return cascade
+    surface = cascade.atlas.surface
+    inside = faces[surface.edges // 3].any(1)
+    cut = cascade.atlas.cut | (inside & ~surface.locked)
+    _, polygon = surface.charts(~(inside & surface.locked & ~cut))
     fid = np.flatnonzero(faces)
     _, first, label = np.unique(polygon[fid], return_index=True, return_inverse=True)
     p = surface.points[surface.faces[fid]]
@@ -41,15 +42,18 @@ def take_to_pieces(atlas: Cascade, faces: BoolArray) -> None:
     x -= (x * normal).sum(1)[:, None] * normal
     x /= np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None]
     basis = np.stack([x, np.cross(normal, x)], 1)[label]
-    atlas.corners = atlas.corners.copy()
+    atlas = Atlas(surface, cut, cascade.atlas.corners)
     atlas.corners[fid] = np.einsum("mkc,mdc->mkd", p - origin[label][:, None], basis)
-    atlas.repairs.append(f"{len(fid)} face(s) laid down one by one: no larger chart was sound")
+    return replace(cascade, atlas=atlas, singles=np.where(faces, 1, cascade.singles)).repaired(
+        f"{len(fid)} face(s) laid down one by one: no larger chart was sound"
+    )
 
 
-def _stand_in(atlas: Cascade, faces: BoolArray) -> None:
+def _stand_in(cascade: Cascade, faces: BoolArray) -> Cascade:
     """Regular polygons for polygons so thin or small that stored numbers cannot hold their shape."""
-    surface = atlas.surface
-    _, chart = surface.charts(atlas.cut)
+    atlas = Atlas(cascade.atlas.surface, cascade.atlas.cut, cascade.atlas.corners)
+    surface, singles = atlas.surface, cascade.singles.copy()
+    _, chart = atlas.charts()
     _, label = np.unique(chart[faces], return_inverse=True)
     local = np.zeros(len(chart), np.int64)
     local[faces] = label
@@ -59,7 +63,7 @@ def _stand_in(atlas: Cascade, faces: BoolArray) -> None:
     size = max(float(np.sqrt(surface.areas.sum())), float(surface.edge_lengths.max(initial=0.0)))
     side = np.maximum(longest, STAND_IN * size)
     old = np.linalg.norm(atlas.corners[fid, 1] - atlas.corners[fid, 0], axis=1)
-    grown = group_max(np.where(atlas.laid[fid] >= 2, GROW * old, 0.0), cut_mesh.chart, n)
+    grown = group_max(np.where(singles[fid] >= 2, GROW * old, 0.0), cut_mesh.chart, n)
     side = np.maximum(side, grown)
     # a polygon's triangles have all their corners on its boundary
     loops = cut_mesh.loops
@@ -69,9 +73,9 @@ def _stand_in(atlas: Cascade, faces: BoolArray) -> None:
     uv[cut_mesh.faces.ravel()[loops.half_edges]] = radius[:, None] * np.stack(
         [np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], 1
     )
-    atlas.corners = atlas.corners.copy()
     atlas.corners[fid] = uv[cut_mesh.faces]
-    atlas.laid[fid] = np.maximum(atlas.laid[fid] + 1, 2)
+    singles[fid] = np.maximum(singles[fid] + 1, 2)
+    return replace(cascade, atlas=atlas, singles=singles)
     atlas.repairs.append(
         f"{len(fid)} face(s) too thin or small to be stored got a regular polygon instead"
     )

@@ -15,6 +15,8 @@ from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
 from circparam.geometry.overlap import overlaps, signs
+from circparam.geometry.predicates import SignArray
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
@@ -111,54 +113,61 @@ def verify(
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
         raise InputError("no face has uv: unwrap the mesh first")
+    own = None if tiles is None else tiles[surface.source]
     cut = _seams(surface, corners, ok)
-    if tiles is not None:
-        e = tiles[surface.source][surface.edges // 3]
-        cut |= e[:, 0] != e[:, 1]
-    cut_mesh = surface.cut_mesh(cut)
-    uv = np.zeros((cut_mesh.n_vertices, 2))
-    uv[cut_mesh.faces.ravel()] = corners.reshape(-1, 2)
-    n, chart = cut_mesh.n_charts, cut_mesh.chart
-    sign = signs(uv, cut_mesh.faces)
-    positive, negative = (
-        group_count(chart[ok & (sign > 0)], n),
-        group_count(chart[ok & (sign < 0)], n),
-    )
-    mirror = negative > positive
-    wrong_side = (mirror != reversed_charts(surface, cut_mesh)) & (negative + positive > 0)
-    flipped = ok & (np.where(mirror[chart], -sign, sign) <= 0)
-    used = group_count(chart[ok], n) > 0
-    if tiles is not None:
-        uv = uv + np.stack([_vertex_tiles(cut_mesh, tiles[surface.source]), np.zeros(len(uv))], 1)
+    if own is not None:
+        cut |= own[surface.edges[:, 0] // 3] != own[surface.edges[:, 1] // 3]
+    atlas = Atlas(surface, cut, corners)
+    cut_mesh, uv = atlas.open()
+    flipped, mirrored = _orientation(surface, cut_mesh, signs(uv, cut_mesh.faces), ok)
+    used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
+    if own is not None:
+        uv = uv + np.stack([_vertex_tiles(cut_mesh, own), np.zeros(len(uv))], 1)
     part, vertices, faces = cut_mesh.subset(used)
-    found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
-    number = np.flatnonzero(used)
-    lo, hi = _boxes(cut_mesh, uv)
-    covered, outside = None, np.zeros(0, np.int64)
-    if resolution is not None:
-        page = pages_of(cut_mesh, uv)[:, None] * [1, 0]
-        outside = np.flatnonzero(
-            used & ((lo < page - EDGE_SLACK) | (hi > page + 1 + EDGE_SLACK)).any(1)
-        )
-        covered = cover(cut_mesh, uv, resolution, padding + 2)
     points = uv[vertices]
-    alike = points if tiles is None else _at_best_scales(part, points, tiles[surface.source][faces])
+    found = overlaps(part.faces, points, part.chart, part.edges)
+    number = np.flatnonzero(used)
+    outside = np.zeros(0, np.int64) if resolution is None else _outside(cut_mesh, uv, used)
+    alike = points if own is None else _at_best_scales(part, points, own[faces])
     return Verification(
         cut_mesh=cut_mesh,
         uv=uv,
         missing=int((~ok).sum()),
         flips=int(flipped.sum()),
         flipped=flipped,
-        mirrored=np.flatnonzero(wrong_side),
+        mirrored=mirrored,
         overlapping=number[np.flatnonzero(found.self_overlapping)],
         overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
         outside=outside,
         measures=measure(part, alike),
-        seam_length=float(surface.edge_lengths[cut].sum() / np.sqrt(surface.areas.sum())),
+        seam_length=atlas.seam_length,
         uv_min=points.min(0),
         uv_max=points.max(0),
-        coverage=covered,
+        coverage=cover(cut_mesh, uv, resolution, padding + 2) if resolution is not None else None,
     )
+
+
+def _orientation(
+    surface: Surface, cut_mesh: CutMesh, sign: SignArray, ok: BoolArray
+) -> tuple[BoolArray, IntArray]:
+    """(m,) faces flipped against their chart, and the charts that lie the wrong way round as a whole.
+
+    sign: (m,) of the area of each face in the plane; ok: (m,) faces that have uv.
+    """
+    n, chart = cut_mesh.n_charts, cut_mesh.chart
+    positive = group_count(chart[ok & (sign > 0)], n)
+    negative = group_count(chart[ok & (sign < 0)], n)
+    mirror = negative > positive
+    wrong = (mirror != reversed_charts(surface, cut_mesh)) & (negative + positive > 0)
+    return ok & (np.where(mirror[chart], -sign, sign) <= 0), np.flatnonzero(wrong)
+
+
+def _outside(cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> IntArray:
+    """Charts, of those ``used``, that leave the page they lie on."""
+    lo, hi = _boxes(cut_mesh, uv)
+    page = pages_of(cut_mesh, uv)[:, None] * [1, 0]
+    out = ((lo < page - EDGE_SLACK) | (hi > page + 1 + EDGE_SLACK)).any(1)
+    return np.flatnonzero(used & out)
 
 
 def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
@@ -258,7 +267,7 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
             )
         if c.boundary < promise.padding:
             out.append(
-                f"{c.boundary} texels are empty at the boundary: {promise.padding} were asked for"
+                f"{c.boundary} texels are empty at the border: {promise.padding} were asked for"
             )
     return out
 

@@ -9,7 +9,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import HALVED, Worker, in_halves
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
@@ -35,6 +35,7 @@ from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fre
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.small import absorb
+from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.solvers.newton import RelaxOptions
@@ -82,12 +83,12 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     )
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
     if mirror is None:
-        cutting = atlas(opened, bound, options, monitor, notes)
+        atlas = bounded_atlas(opened, bound, options, monitor, notes)
     else:
-        cutting = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
+        atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
     cut = forced.copy()
-    cut[~forced] = cutting.cut
-    return Seams(cut, cutting.corners, notes)
+    cut[~forced] = atlas.cut
+    return Seams(cut, atlas.corners, notes)
 
 
 def mirrored_atlas(
@@ -97,11 +98,11 @@ def mirrored_atlas(
     options: SeamOptions,
     monitor: Monitor,
     notes: list[str],
-) -> Cutting:
+) -> Atlas:
     """The atlas of one half on both, then whatever charts of both may be glued where they meet."""
     if options.max_charts is not None:
         options = dataclasses.replace(options, max_charts=max(options.max_charts // 2, 1))
-    half = atlas(surface.part(mirror.half), bound, options, monitor, notes)
+    half = bounded_atlas(surface.part(mirror.half), bound, options, monitor, notes)
     if mirror.images is not None:
         other = image_of(surface, mirror, mirror.images, half)
     else:
@@ -111,27 +112,27 @@ def mirrored_atlas(
             other = transfer_to_fine(rest, graph, *about_image_of(mirror, half, rest))
         with Worker(__name__, len(rest.faces) > HALVED) as worker:
             finish(other, graph, bound, options, worker, monitor, notes)
-    cutting, between = both_sides(surface, mirror, half, other)
+    atlas, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
-        Merger(cutting, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
-        cutting.cut = mirror.closed(cutting.cut)
-        if not_disks(cutting.cut_mesh()).any():
-            make_disks(cutting, dual_graph(surface))
-    return cutting
+        Merger(atlas, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
+        atlas.cut = mirror.closed(atlas.cut)
+        if not_disks(atlas.cut_mesh()).any():
+            make_disks(atlas, dual_graph(surface))
+    return atlas
 
 
-def atlas(
+def bounded_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
-) -> Cutting:
+) -> Atlas:
     """Decide the seams of a surface and lay its charts out."""
     with Worker(__name__, len(surface.faces) > SHARED_FACES) as worker:
-        cutting, graph = _decided(surface, bound, options, worker, monitor)
-        finish(cutting, graph, bound, options, worker, monitor, notes)
-    return cutting
+        atlas, graph = _decided(surface, bound, options, worker, monitor)
+        finish(atlas, graph, bound, options, worker, monitor, notes)
+    return atlas
 
 
 def finish(
-    cutting: Cutting,
+    atlas: Atlas,
     graph: DualGraph,
     bound: float,
     options: SeamOptions,
@@ -140,39 +141,39 @@ def finish(
     notes: list[str],
 ) -> None:
     """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
-    make_disks(cutting, graph)
+    make_disks(atlas, graph)
     with monitor.stage("enforce"):
-        count, chart = cutting.charts()
+        count, chart = atlas.charts()
         to_bound = bound if options.max_charts is None else None
         parts = in_halves(chart)
-        tasks = [(cutting.part(faces), to_bound) for faces in parts]
+        tasks = [(atlas.part(faces), to_bound) for faces in parts]
         for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
-            cutting.put(faces, part)
-        if cutting.charts()[0] > count:
-            regroup(cutting, bound, worker, monitor)
+            atlas.put(faces, part)
+        if atlas.charts()[0] > count:
+            regroup(atlas, bound, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            notes += grow_small(cutting, bound, options.min_chart_faces, monitor)
+            notes += grow_small(atlas, bound, options.min_chart_faces, monitor)
 
 
-def settle_part(cutting: Cutting, bound: float | None, monitor: Monitor) -> Cutting:
+def settle_part(atlas: Atlas, bound: float | None, monitor: Monitor) -> Atlas:
     """Relax charts, and hold them to a bound where there is one."""
     with monitor.stage("relax"):
-        laid = settle(cutting, monitor)
+        laid = settle(atlas, monitor)
     if bound is not None:
-        enforce(cutting, dual_graph(cutting.surface), laid, bound, FINAL, monitor)
-    return cutting
+        enforce(atlas, dual_graph(atlas.surface), laid, bound, FINAL, monitor)
+    return atlas
 
 
 def _decided(
     surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
-) -> tuple[Cutting, DualGraph]:
+) -> tuple[Atlas, DualGraph]:
     """Seams before the last relaxation, decided on the surface or on its proxy."""
     if complexity(surface) > MANY:
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
-            cutting, _ = _decided(closed, bound, options, worker, monitor)
-            return without_fans(cutting, surface), dual_graph(surface)
+            atlas, _ = _decided(closed, bound, options, worker, monitor)
+            return without_fans(atlas, surface), dual_graph(surface)
     count, graph = len(surface.faces), dual_graph(surface)
     proxy = None
     with monitor.stage("charts"):
@@ -196,9 +197,9 @@ def proxy_faces(surface: Surface) -> int:
     return max(pieces, share, LOOP_FACES * complexity(surface))
 
 
-def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> list[str]:
+def grow_small(atlas: Atlas, bound: float, least: int, monitor: Monitor) -> list[str]:
     """Let the neighbours of charts below so many faces take them; a note where some stay."""
-    left = absorb(cutting, MergeOptions(bound, margin=MARGIN / 2), least, monitor)
+    left = absorb(atlas, MergeOptions(bound, margin=MARGIN / 2), least, monitor)
     if not left:
         return []
     return [
@@ -206,11 +207,11 @@ def grow_small(cutting: Cutting, bound: float, least: int, monitor: Monitor) -> 
     ]
 
 
-def regroup(cutting: Cutting, bound: float, worker: Worker, monitor: Monitor) -> None:
+def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:
     """Merge the pieces that enforcing left with their neighbours where that is good again."""
-    fixed = np.zeros(len(cutting.cut), bool)
+    fixed = np.zeros(len(atlas.cut), bool)
     options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
-    Merger(cutting, options, fixed, worker).run(monitor)
+    Merger(atlas, options, fixed, worker).run(monitor)
 
 
 def decide(
@@ -220,30 +221,30 @@ def decide(
     max_charts: int | None,
     worker: Worker,
     monitor: Monitor,
-) -> Cutting:
+) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole."""
-    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
-    rest = ~whole_components(cutting, bound)
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    rest = ~whole_components(atlas, bound)
     if rest.any():
-        cutting.put(rest, best_of_starts(surface.part(rest), bound, margin, worker, monitor))
+        atlas.put(rest, best_of_starts(surface.part(rest), bound, margin, worker, monitor))
     if max_charts is not None:
-        reach_count(cutting, bound, max_charts, monitor)
-    return cutting
+        reach_count(atlas, bound, max_charts, monitor)
+    return atlas
 
 
-def whole_components(cutting: Cutting, bound: float) -> BoolArray:
+def whole_components(atlas: Atlas, bound: float) -> BoolArray:
     """(m,) bool: faces of components that are good charts without a seam. They are laid out."""
-    cut_mesh = cutting.cut_mesh()
+    cut_mesh = atlas.cut_mesh()
     able = ~not_disks(cut_mesh)
     if able.any():
-        laid = lay_out_fresh(cutting, able, dataclasses.replace(ROUGH, give_up=bound))
+        laid = lay_out_fresh(atlas, able, dataclasses.replace(ROUGH, give_up=bound))
         able &= ~laid.bad(bound)
     return able[cut_mesh.chart]
 
 
 def best_of_starts(
     surface: Surface, bound: float, margin: float, worker: Worker, monitor: Monitor
-) -> Cutting:
+) -> Atlas:
     """Grow, merge and shorten charts: the best of a few starts where that is cheap."""
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
     # so many holes and handles cut the surface up that regions hardly matter
@@ -252,7 +253,7 @@ def best_of_starts(
     if len(seeds) == 1:
         return grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
     tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
-    starts = [Cutting(surface, *s) for s in worker.map(decide_once, tasks, monitor) if s]
+    starts = [Atlas(surface, *s) for s in worker.map(decide_once, tasks, monitor) if s]
     cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
     return starts[int(np.argmin(cost))]
 
@@ -263,8 +264,8 @@ def decide_once(
     """(cut, corners) of one start; None where it is not needed and there is no time for it."""
     if monitor.expired and not needed:
         return None
-    cutting = grow_and_merge(surface, bound, margin, seeds, None, monitor)
-    return cutting.cut, cutting.corners
+    atlas = grow_and_merge(surface, bound, margin, seeds, None, monitor)
+    return atlas.cut, atlas.corners
 
 
 def grow_and_merge(
@@ -274,61 +275,61 @@ def grow_and_merge(
     seeds: int,
     worker: Worker | None,
     monitor: Monitor,
-) -> Cutting:
+) -> Atlas:
     """Grow charts round so many seeds, split what is bad, merge, shorten, merge again.
 
     worker: lays half of the charts out where there is nothing better for it to do.
     """
     graph = dual_graph(surface)
-    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
-    first_charts(cutting, graph, seeds)
-    make_disks(cutting, graph)
-    proposal = propose(cutting, 2)
-    cutting.cut = proposal.cut(np.ones(proposal.n, bool))
-    make_disks(cutting, graph)
-    crowd = cutting.charts()[0] > MANY
-    laid = lay_out_fresh(cutting, None, HASTY if crowd else ROUGH, worker, monitor)
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    first_charts(atlas, graph, seeds)
+    make_disks(atlas, graph)
+    proposal = propose(atlas, 2)
+    atlas.cut = proposal.cut(np.ones(proposal.n, bool))
+    make_disks(atlas, graph)
+    crowd = atlas.charts()[0] > MANY
+    laid = lay_out_fresh(atlas, None, HASTY if crowd else ROUGH, worker, monitor)
     for _ in range(12):
         bad = laid.bad(bound) & (np.bincount(laid.cut_mesh.chart) > 1)
         if not bad.any():
             break
         was = bad[laid.cut_mesh.chart]
-        split_charts(cutting, graph, laid.cut_mesh.chart, bad, 4 if bad.sum() > MANY else 2)
-        make_disks(cutting, graph)
-        n, chart = cutting.charts()
+        split_charts(atlas, graph, laid.cut_mesh.chart, bad, 4 if bad.sum() > MANY else 2)
+        make_disks(atlas, graph)
+        n, chart = atlas.charts()
         again = np.zeros(n, bool)
         again[chart[was]] = True
         steps = HASTY if bad.sum() > MANY else ROUGH
-        laid = lay_out_fresh(cutting, again, steps, worker, monitor)
-    fixed = np.zeros(len(cutting.cut), bool)
-    merger = Merger(cutting, MergeOptions(bound, margin=margin), fixed, worker)
+        laid = lay_out_fresh(atlas, again, steps, worker, monitor)
+    fixed = np.zeros(len(atlas.cut), bool)
+    merger = Merger(atlas, MergeOptions(bound, margin=margin), fixed, worker)
     merger.run(monitor)
-    _, before = cutting.charts()
-    arcs = cutting.arcs(before)
+    _, before = atlas.charts()
+    arcs = arcs_of(atlas, before)
     steps = HASTY if crowd else FAIR
-    shorten_seams(cutting, graph, bound, steps, 3, margin=margin)
+    shorten_seams(atlas, graph, bound, steps, 3, margin=margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
-    shorten_seams(cutting, graph, bound, steps, 1, margin=margin)
-    return cutting
+    shorten_seams(atlas, graph, bound, steps, 1, margin=margin)
+    return atlas
 
 
-def reach_count(cutting: Cutting, bound: float, count: int, monitor: Monitor) -> None:
+def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:
     """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
-    fixed = np.zeros(len(cutting.cut), bool)
+    fixed = np.zeros(len(atlas.cut), bool)
     for _ in range(24):
-        n, _ = cutting.charts()
+        n, _ = atlas.charts()
         if n <= count:
             break
         bound = 1 + max(bound - 1, 1e-3) * 1.6
-        merger = Merger(cutting, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS), fixed)
-        while not monitor.expired and cutting.charts()[0] > count and merger.round(monitor):
+        merger = Merger(atlas, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS), fixed)
+        while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
             pass
 
 
-def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Cutting, proxy: Proxy) -> Cutting:
+def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Atlas, proxy: Proxy) -> Atlas:
     """Seams and layout of the proxy on the fine surface (not relaxed yet)."""
-    fine = Cutting(surface, np.zeros(len(surface.edges), bool))
+    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
     transfer_seams(coarse, proxy, fine)
     near = nearest_coarse_face(surface, proxy)
     _, coarse_chart = coarse.charts()
@@ -342,9 +343,9 @@ def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Cutting, proxy:
     return fine
 
 
-def settle(cutting: Cutting, monitor: Monitor) -> ChartLayouts:
+def settle(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
     """Relax the layout of all charts, after mending its flips."""
-    cut_mesh = cutting.cut_mesh()
-    uv = lay_out_sound(cut_mesh, cutting.gather(cut_mesh), FINAL, monitor)
-    cutting.scatter(cut_mesh, uv)
+    cut_mesh = atlas.cut_mesh()
+    uv = lay_out_sound(cut_mesh, atlas.gather(cut_mesh), FINAL, monitor)
+    atlas.scatter(cut_mesh, uv)
     return judge(cut_mesh, uv)

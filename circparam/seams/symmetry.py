@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
 from circparam.core.graph import components, nearest, undirected
 from circparam.errors import OptionError
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy
 
@@ -176,8 +176,8 @@ def _image_edges(surface: Surface, cell: IntArray, cells: IntArray, points: IntA
 
 
 def both_sides(
-    surface: Surface, mirror: Mirror, half: Cutting, other: Cutting
-) -> tuple[Cutting, BoolArray]:
+    surface: Surface, mirror: Mirror, half: Atlas, other: Atlas
+) -> tuple[Atlas, BoolArray]:
     """Seams and layouts of both halves, apart where they meet: (cutting, (e,) bool the edges between)."""
     side = mirror.half[surface.edges // 3]
     cut = ~surface.locked
@@ -185,10 +185,10 @@ def both_sides(
     cut[~side.any(1)] = other.cut
     corners = np.zeros((len(surface.faces), 3, 2))
     corners[mirror.half], corners[~mirror.half] = half.corners, other.corners
-    return Cutting(surface, cut, corners), (side[:, 0] != side[:, 1]) & ~surface.locked
+    return Atlas(surface, cut, corners), (side[:, 0] != side[:, 1]) & ~surface.locked
 
 
-def image_of(surface: Surface, mirror: Mirror, images: Images, half: Cutting) -> Cutting:
+def image_of(surface: Surface, mirror: Mirror, images: Images, half: Atlas) -> Atlas:
     """Seams and layout of one half as the other half has them.
 
     It is laid out as the mirror image, which its reversed winding turns back: nothing is flipped.
@@ -205,10 +205,10 @@ def image_of(surface: Surface, mirror: Mirror, images: Images, half: Cutting) ->
     place = order[np.minimum(np.searchsorted(key[order], image), len(key) - 1)]
     corners = half.corners.reshape(-1, 2)[place] * [-1.0, 1.0]
     cut = known[images.edge[other]] & ~surface.locked[other]
-    return Cutting(surface.part(rest), cut, corners)
+    return Atlas(surface.part(rest), cut, corners)
 
 
-def about_image_of(mirror: Mirror, half: Cutting, rest: Surface) -> tuple[Cutting, Proxy]:
+def about_image_of(mirror: Mirror, half: Atlas, rest: Surface) -> tuple[Atlas, Proxy]:
     """Seams and layout of one half as those of a proxy of the other half, ``rest``, whose image it is about."""
     s = half.surface
     points = _reflected(s.points, mirror.axis, mirror.at)
@@ -218,7 +218,7 @@ def about_image_of(mirror: Mirror, half: Cutting, rest: Surface) -> tuple[Cuttin
         points, s.faces[:, [0, 2, 1]], s.source, ~s.turned, back[order], s.locked[order]
     )
     corners = half.corners[:, [0, 2, 1]] * [-1.0, 1.0]
-    coarse = Cutting(image, half.cut[order], corners)
+    coarse = Atlas(image, half.cut[order], corners)
     used = np.unique(s.faces)
     # a vertex and the point nearest to it, where that is mutual; the others follow along the edges
     p = rest.vertex_points

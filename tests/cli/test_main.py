@@ -107,14 +107,14 @@ WAIT = """
 import sys, time, hashlib
 from pathlib import Path
 from circparam.core import files
-from circparam.pipeline import unwrap
+from circparam.pipeline import job
 def wait(*args):
     left = Path({left!r})
     left.write_text("half a file")
     files.TEMPORARIES.append(left)
     told = False
     {work}
-unwrap.repair = wait
+job.repair = wait
 sys.argv = ["circparam", "unwrap", {mesh!r}, "-q"]
 from circparam.cli import main
 main()

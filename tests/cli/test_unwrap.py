@@ -301,23 +301,23 @@ def test_no_mesh_and_too_many_names(disk: Path) -> None:
 
 
 def test_an_internal_error_is_one_line(disk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from circparam.pipeline import unwrap
+    from circparam.pipeline import job
 
     def broken(*args: object) -> None:
         raise ZeroDivisionError("planted")
 
-    monkeypatch.setattr(unwrap, "repair", broken)
+    monkeypatch.setattr(job, "repair", broken)
     one_line_error(run("unwrap", disk), 1, "ZeroDivisionError: planted", "--debug")
     assert isinstance(run("unwrap", disk, "--debug").exception, ZeroDivisionError)
 
 
 def test_out_of_memory_is_one_line(disk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from circparam.pipeline import unwrap
+    from circparam.pipeline import job
 
     def greedy(*args: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(unwrap, "repair", greedy)
+    monkeypatch.setattr(job, "repair", greedy)
     one_line_error(run("unwrap", disk), 5, "--max-memory")
 
 

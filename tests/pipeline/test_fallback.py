@@ -1,4 +1,4 @@
-"""The chain that always ends: whatever a method returns, the atlas that comes out is sound."""
+"""The chain that always ends: whatever a method returns, the cascade that comes out is sound."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from hypothesis import strategies as st
 
 from circparam.core.arrays import cross2
 from circparam.core.monitor import Monitor
-from circparam.errors import NoResultError, OptionError
+from circparam.errors import NoResultError
 from circparam.geometry.distortion import chart_distortion
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
-from circparam.pipeline import cascade, fallback
-from circparam.pipeline.cascade import Cascade
+from circparam.pipeline import fallback
+from circparam.pipeline.cascade import CRUSHED, Cascade, CascadeRules
+from circparam.pipeline.single_faces import LARGEST
 from tests.support import shapes, strategies
 
 
@@ -25,13 +27,19 @@ def surface_of(p: np.ndarray, f: np.ndarray, polygons: np.ndarray | None = None)
     return repair(Mesh(p, f, polygons), RepairOptions())[0]
 
 
-def atlas_of(surface: Surface, corners: np.ndarray, cut: np.ndarray | None = None) -> Cascade:
+def start(
+    surface: Surface, corners: np.ndarray, cut: np.ndarray | None = None, **rules: object
+) -> Cascade:
     cut = np.zeros(len(surface.edges), bool) if cut is None else cut
-    return Cascade(surface, cut, corners, np.zeros(len(surface.faces), np.int64))
+    return Cascade(Atlas(surface, cut, corners), CascadeRules(**rules))
 
 
-def sound(atlas: Cascade) -> bool:
-    fault, flipped = fallback.faults(*atlas.open())
+def faulty(cascade: Cascade) -> list[bool]:
+    return (fallback.faults(*cascade.open())[0] > 0).tolist()
+
+
+def sound(cascade: Cascade) -> bool:
+    fault, flipped = fallback.faults(*cascade.open())
     return not fault.any() and not flipped.any()
 
 
@@ -41,10 +49,10 @@ def flat(surface: Surface) -> np.ndarray:
 
 def test_a_sound_layout_stays_as_it_is() -> None:
     s = surface_of(*shapes.grid())
-    atlas = atlas_of(s, flat(s))
-    assert not fallback.settle(atlas, True, MethodOptions(), Monitor()).any()
-    np.testing.assert_array_equal(atlas.corners, flat(s))
-    assert atlas.repairs == []
+    cascade = start(s, flat(s))
+    cascade = fallback.settle(cascade, Monitor())
+    np.testing.assert_array_equal(cascade.atlas.corners, flat(s))
+    assert cascade.repairs == ()
 
 
 def test_a_flipped_chart_is_mapped_again_and_others_are_left_alone() -> None:
@@ -53,12 +61,12 @@ def test_a_flipped_chart_is_mapped_again_and_others_are_left_alone() -> None:
     corners = flat(s)
     middle = np.repeat(np.arange(3), 32) == 1
     corners[middle] *= [-1, 1]
-    atlas = atlas_of(s, corners.copy())
-    fallback.settle(atlas, True, MethodOptions(), Monitor())
-    assert sound(atlas)
-    np.testing.assert_array_equal(atlas.corners[~middle], corners[~middle])
-    assert len(atlas.repairs) == 1
-    assert "flipped" in atlas.repairs[0]
+    cascade = start(s, corners.copy())
+    cascade = fallback.settle(cascade, Monitor())
+    assert sound(cascade)
+    np.testing.assert_array_equal(cascade.atlas.corners[~middle], corners[~middle])
+    assert len(cascade.repairs) == 1
+    assert "flipped" in cascade.repairs[0]
 
 
 def test_not_a_number_is_a_fault_like_a_flip() -> None:
@@ -66,7 +74,7 @@ def test_not_a_number_is_a_fault_like_a_flip() -> None:
     corners = flat(s)
     bad = (s.faces == 5).any(1)
     corners[s.faces == 5] = np.nan
-    fault, flipped = fallback.faults(*atlas_of(s, corners).open())
+    fault, flipped = fallback.faults(*start(s, corners).open())
     assert fault.tolist() == [fallback.FLIPPED]
     np.testing.assert_array_equal(flipped, bad)
 
@@ -85,31 +93,43 @@ def test_a_chart_that_overlaps_itself_is_split() -> None:
     corners = uv[s.faces]
     if cross2(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0]) < 0:
         corners[..., 0] *= -1
-    atlas = atlas_of(s, corners)
-    assert fallback.faults(*atlas.open())[0].tolist() == [fallback.OVERLAPPING]
-    fallback.settle(atlas, True, MethodOptions(), Monitor())
-    assert sound(atlas)
-    assert s.charts(atlas.cut)[0] == 2
-    assert "overlapped" in atlas.repairs[0]
+    cascade = start(s, corners)
+    assert fallback.faults(*cascade.open())[0].tolist() == [fallback.OVERLAPPING]
+    cascade = fallback.settle(cascade, Monitor())
+    assert sound(cascade)
+    assert s.charts(cascade.atlas.cut)[0] == 2
+    assert "overlapped" in cascade.repairs[0]
 
 
 def test_a_chart_beyond_its_bound_is_split_until_its_parts_are_below() -> None:
     s = surface_of(*shapes.bumped_disk(400, height=1.5))
-    top = METHODS["mean-value"].function(s.cut_mesh(s.edges[:, 0] < 0), MethodOptions(), Monitor())
-    start = top.uv[s.cut_mesh(s.edges[:, 0] < 0).faces]
-    for bound in (cascade.CRUSHED, 1.1):
-        atlas = atlas_of(s, start.copy())
-        atlas.bound = bound
-        fallback.settle(atlas, True, MethodOptions(), Monitor())
-        assert sound(atlas)
-        assert (chart_distortion(*atlas.open()) <= bound).all()
-        assert (s.charts(atlas.cut)[0] == 1) == (bound == cascade.CRUSHED)
-    assert "distorted" in atlas.repairs[0]
-    atlas = atlas_of(s, start.copy())
-    atlas.bound = 1.1
-    assert not fallback.settle(atlas, False, MethodOptions(), Monitor()).any(), "no leave to split"
-    assert not fallback.settle(atlas, True, MethodOptions(), Monitor(timeout=1e-9)).any(), "no time"
-    np.testing.assert_array_equal(atlas.corners, start)
+    whole = s.cut_mesh(np.zeros(len(s.edges), bool))
+    top = METHODS["mean-value"].function(whole, MethodOptions(), Monitor())
+    corners = top.uv[whole.faces]
+    for bound in (CRUSHED, 1.1):
+        cascade = fallback.settle(start(s, corners, bound=bound), Monitor())
+        assert sound(cascade)
+        assert (chart_distortion(*cascade.open()) <= bound).all()
+        assert (s.charts(cascade.atlas.cut)[0] == 1) == (bound == CRUSHED)
+    assert "distorted" in cascade.repairs[0]
+    no_leave = start(s, corners, bound=1.1, may_split=False)
+    assert fallback.settle(no_leave, Monitor()) is no_leave
+    in_no_time = start(s, corners, bound=1.1)
+    assert fallback.settle(in_no_time, Monitor(timeout=1e-9)) is in_no_time
+    np.testing.assert_array_equal(in_no_time.atlas.corners, corners)
+
+
+def test_every_step_makes_a_new_cascade() -> None:
+    """What went in stays as it was: corners, seams, counts and notes."""
+    s = surface_of(*shapes.icosphere(1))
+    before = start(s, np.zeros((len(s.faces), 3, 2)))
+    after = fallback.settle(before, Monitor())
+    assert sound(after)
+    assert not before.atlas.corners.any()
+    assert not before.atlas.cut.any()
+    assert not before.tries.any()
+    assert before.repairs == ()
+    assert after.repairs
 
 
 def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
@@ -118,11 +138,11 @@ def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
     corners = flat(s)
     alone = s.edges // 3 == 3
     corners[3] = [[0, 0], [1e-17, 0], [0.3, 1e-19]]
-    atlas = atlas_of(s, corners, alone.any(1))
-    assert not fallback.faults(*atlas.open())[0].any()
-    fallback.settle(atlas, True, MethodOptions(), Monitor())
-    np.testing.assert_allclose(chart_distortion(*atlas.open()), 1.0)
-    assert s.charts(atlas.cut)[0] == s.charts(alone.any(1))[0]
+    cascade = start(s, corners, alone.any(1))
+    assert not fallback.faults(*cascade.open())[0].any()
+    cascade = fallback.settle(cascade, Monitor())
+    np.testing.assert_allclose(chart_distortion(*cascade.open()), 1.0)
+    assert s.charts(cascade.atlas.cut)[0] == s.charts(alone.any(1))[0]
 
 
 def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
@@ -131,9 +151,9 @@ def test_without_leave_to_split_the_faulty_chart_is_named() -> None:
     corners = uv[s.faces]
     if cross2(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0]) < 0:
         corners[..., 0] *= -1
-    atlas = atlas_of(s, corners)
-    assert fallback.settle(atlas, False, MethodOptions(), Monitor()).tolist() == [True]
-    assert not atlas.cut.any()
+    cascade = start(s, corners, may_split=False)
+    assert faulty(fallback.settle(cascade, Monitor())) == [True]
+    assert not cascade.atlas.cut.any()
 
 
 @settings(max_examples=30)
@@ -152,9 +172,9 @@ def test_any_mesh_with_any_layout_ends_sound(
     cut = rng.random(len(s.edges)) < rng.choice([0.0, 0.3])
     cut_mesh = s.cut_mesh(cut)
     uv = rng.normal(size=(cut_mesh.n_vertices, 2))
-    atlas = atlas_of(s, uv[cut_mesh.faces], cut)
-    assert not fallback.settle(atlas, True, MethodOptions(), Monitor()).any()
-    assert sound(atlas)
+    cascade = start(s, uv[cut_mesh.faces], cut)
+    cascade = fallback.settle(cascade, Monitor())
+    assert sound(cascade)
 
 
 def test_a_method_that_fails_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -172,10 +192,10 @@ def test_a_method_that_fails_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(fallback, "METHODS", Rows())
     s = surface_of(*shapes.icosphere(1))
-    atlas = atlas_of(s, np.zeros((len(s.faces), 3, 2)))
-    fallback.settle(atlas, True, MethodOptions(), Monitor())
-    assert sound(atlas)
-    cut_mesh, uv = atlas.open()
+    cascade = start(s, np.zeros((len(s.faces), 3, 2)))
+    cascade = fallback.settle(cascade, Monitor())
+    assert sound(cascade)
+    cut_mesh, uv = cascade.open()
     assert cut_mesh.n_charts == len(s.faces)
     # laid down as they are: every face isometric
     side = np.linalg.norm(uv[cut_mesh.faces][:, 1] - uv[cut_mesh.faces][:, 0], axis=1)
@@ -195,11 +215,11 @@ def test_a_polygon_stays_in_one_piece(monkeypatch: pytest.MonkeyPatch) -> None:
     row = type("Row", (), {"function": staticmethod(useless)})
     table = {"isometric": row, "mean-value": row}
     monkeypatch.setattr(fallback, "METHODS", table)
-    atlas = atlas_of(s, np.zeros((len(f), 3, 2)))
-    fallback.settle(atlas, True, MethodOptions(), Monitor())
-    assert sound(atlas)
-    assert not (atlas.cut & s.locked).any()
-    assert s.charts(atlas.cut)[0] == len(f) // 2
+    cascade = start(s, np.zeros((len(f), 3, 2)))
+    cascade = fallback.settle(cascade, Monitor())
+    assert sound(cascade)
+    assert not (cascade.atlas.cut & s.locked).any()
+    assert s.charts(cascade.atlas.cut)[0] == len(f) // 2
 
 
 @settings(max_examples=25)
@@ -209,7 +229,7 @@ def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]
     cut = np.zeros(len(s.edges), bool)
     n, chart = s.charts(cut)
     wanted = np.arange(n) % 2 == 0 if n > 1 else np.ones(n, bool)
-    new = fallback.split_charts(s, cut, wanted)
+    new = fallback.split_charts(Atlas(s, cut), wanted)
     after, pieces = s.charts(cut | new)
     for c in range(n):
         count = len(np.unique(pieces[chart == c]))
@@ -217,60 +237,24 @@ def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]
     assert after >= n
 
 
-PINS = {
-    "twice": ([[0, 0, 0], [0, 1, 1]], "twice"),
-    "outside": ([[0, 0, 0], [999, 1, 1]], "999"),
-    "negative": ([[-1, 0, 0], [2, 1, 1]], "-1"),
-}
-
-
-@pytest.mark.parametrize("name", PINS)
-def test_bad_pins_are_named(name: str) -> None:
-    pins, word = PINS[name]
-    s = surface_of(*shapes.grid(4, 4))
-    with pytest.raises(OptionError, match=word):
-        fallback.flatten(
-            s,
-            np.zeros(len(s.edges), bool),
-            None,
-            "mean-value",
-            MethodOptions(),
-            np.array(pins, float),
-            Monitor(),
-        )
-
-
-def test_a_pin_on_a_seam_is_refused() -> None:
-    s = surface_of(*shapes.grid(5, 5))
-    flat_ends = s.faces.ravel()[s.edges[:, 0]]
-    cut = np.isin(flat_ends, [12])
-    cut |= np.isin(s.faces[s.edges[:, 0] // 3, (s.edges[:, 0] % 3 + 1) % 3], [12])
-    with pytest.raises(OptionError, match="12, which lies on a seam"):
-        fallback.flatten(
-            s, cut, None, "mean-value", MethodOptions(), np.array([[12.0, 0, 0]]), Monitor()
-        )
-
-
 def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() -> None:
     """A quad as thin as a line: its two triangles have one uv a corner, so they cannot stand in alone."""
     p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1e-5, 0], [0, 1e-5, 0]])
     surface = repair(Mesh(p, np.array([[0, 1, 2], [0, 2, 3]]), polygons=np.zeros(2, int)))[0]
-    m = len(surface.faces)
-    nothing = np.full((m, 3, 2), np.nan)
-    atlas = Cascade(surface, np.zeros(len(surface.edges), bool), nothing, np.zeros(m, int))
+    cascade = start(surface, np.full((len(surface.faces), 3, 2), np.nan))
     seen = []
     for _ in range(40):
-        if not fallback.advance(
-            atlas, np.array([fallback.FLIPPED]), True, MethodOptions(), Monitor()
-        ):
+        after = fallback.advance(cascade, np.array([fallback.FLIPPED]), Monitor())
+        if after is None:
             break
-        cut_mesh, uv = atlas.open()
-        seen.append((np.ptp(uv, axis=0).max(), int(atlas.laid[0])))
+        cascade = after
+        seen.append((np.ptp(cascade.open()[1], axis=0).max(), int(cascade.singles[0])))
     assert len(seen) < 40, "it ends"
-    assert atlas.laid.max() == fallback.LARGEST
-    cut_mesh, uv = atlas.open()
+    assert cascade.singles.max() == LARGEST
+    cut_mesh, uv = cascade.open()
+    assert cascade.kept_sizes(cut_mesh).all()
     assert fallback.faults(cut_mesh, uv)[0].tolist() == [fallback.SOUND]
     side = np.linalg.norm(uv[cut_mesh.faces[:, 1]] - uv[cut_mesh.faces[:, 0]], axis=1)
     assert side.min() > 1e-3 * np.ptp(uv, axis=0).max(), "no side is thin any more"
-    sizes = [size for size, laid in seen if laid >= 2]
+    sizes = [size for size, singles in seen if singles >= 2]
     assert (np.diff(np.log(sizes)) > np.log(2)).all()

@@ -16,7 +16,7 @@ from circparam.core.monitor import Monitor
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import Mesh
 from circparam.methods import METHODS
-from circparam.pipeline import unwrap
+from circparam.pipeline import flatten, unwrap
 from tests.support import shapes, strategies
 
 QUICK = {"effort": 0.01}
@@ -216,7 +216,7 @@ def test_out_of_time_before_there_is_anything() -> None:
 def test_time_that_runs_out_later_leaves_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     """The clock strikes after the seams: a valid layout comes out, with a warning."""
     monitor = Monitor(timeout=1000.0)
-    given = unwrap.SEAMS
+    given = flatten.SEAMS
 
     class Late:
         def __getitem__(self, name: str) -> object:
@@ -227,7 +227,7 @@ def test_time_that_runs_out_later_leaves_the_best_so_far(monkeypatch: pytest.Mon
 
             return type("Row", (), {"function": staticmethod(cut)})
 
-    monkeypatch.setattr(unwrap, "SEAMS", Late())
+    monkeypatch.setattr(flatten, "SEAMS", Late())
     result = unwrap.unwrap_document(
         from_arrays(*shapes.torus(16, 8)), None, circparam.Options(), monitor
     )

@@ -84,10 +84,10 @@ def test_charts_that_share_a_point_of_the_plane_count_as_two() -> None:
     assert "texels apart" in why[0]
 
 
-def test_near_the_boundary_of_the_page() -> None:
+def test_near_the_border_of_the_page() -> None:
     surface, uv, f = two_squares()
     v = verify(surface, UVMap(uv - [0.03, 0], f), resolution=256, padding=4)
-    assert any("at the boundary" in line for line in reasons(v, Promise(None, 4)))
+    assert any("at the border" in line for line in reasons(v, Promise(None, 4)))
     v = verify(surface, UVMap(uv - [0.1, 0], f), resolution=256, padding=4)
     assert any("outside" in line for line in reasons(v, Promise(None, 4)))
 

@@ -17,7 +17,7 @@ from circparam.core.workers import Worker
 from circparam.formats.io import read
 from circparam.geometry.distortion import best_chart_scales, measure
 from circparam.geometry.overlap import overlaps, signs
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
@@ -43,14 +43,14 @@ def surface_of(shape) -> Surface:
     return repair(Mesh(*shape))[0]
 
 
-def atlas(shape, **options) -> tuple[Surface, Cutting]:
+def atlas_of(shape, **options) -> tuple[Surface, Atlas]:
     """The charts of a shape, checked for everything that is promised of them."""
     surface = surface_of(shape)
     wanted = SeamOptions(**options)
     seams = SEAMS["charts"].function(surface, wanted, Monitor())
-    cutting = Cutting(surface, seams.cut, seams.uv)
-    cut_mesh = cutting.cut_mesh()
-    uv = cutting.gather(cut_mesh)
+    atlas = Atlas(surface, seams.cut, seams.uv)
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
     # one uv a vertex of the cut mesh: the corners agree wherever there is no seam
     assert np.array_equal(uv[cut_mesh.faces], seams.uv)
     assert not not_disks(cut_mesh).any()
@@ -61,21 +61,21 @@ def atlas(shape, **options) -> tuple[Surface, Cutting]:
     if wanted.max_charts is None:
         scaled = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
         assert measure(cut_mesh, scaled).sd_max_chart <= wanted.max_distortion
-    return surface, cutting
+    return surface, atlas
 
 
 def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -> None:
     surface = surface_of(shapes.icosphere(3))
-    start = Cutting(surface, np.zeros(len(surface.edges), bool))
+    start = Atlas(surface, np.zeros(len(surface.edges), bool))
     grow.first_charts(start, grow.dual_graph(surface), 40)
     lay_out_fresh(start, None, module.ROUGH)
     monkeypatch.setattr("circparam.core.workers.HALVED", 100)
     merged = []
     for worker in (None, Worker(module.__name__, wanted=False)):
-        cutting = Cutting(surface, start.cut, start.corners)
-        merger = Merger(cutting, MergeOptions(1.05), np.zeros(len(cutting.cut), bool), worker)
+        atlas = Atlas(surface, start.cut, start.corners)
+        merger = Merger(atlas, MergeOptions(1.05), np.zeros(len(atlas.cut), bool), worker)
         assert merger.round(Monitor())
-        merged.append((cutting, merger.tally))
+        merged.append((atlas, merger.tally))
     (once, tally), (halves, other) = merged
     assert tally == other
     assert 2 < tally["merged"] <= tally["trials"]
@@ -84,22 +84,22 @@ def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -
 
 
 def test_a_flat_sheet_stays_in_one_piece_without_a_seam() -> None:
-    _, cutting = atlas(shapes.delaunay_square(400))
-    assert not cutting.cut.any()
+    _, atlas = atlas_of(shapes.delaunay_square(400))
+    assert not atlas.cut.any()
 
 
 def test_a_cube_comes_apart_into_one_net() -> None:
     """A net of the cube is one chart without distortion: at D = 1.0001 nothing else is as good."""
-    surface, cutting = atlas(shapes.cube(3), max_distortion=1.0001)
-    assert cutting.charts()[0] == 1
+    surface, atlas = atlas_of(shapes.cube(3), max_distortion=1.0001)
+    assert atlas.charts()[0] == 1
     edge = np.sqrt(surface.areas.sum() / 6)
     # every net of the cube cuts 7 of its 12 edges
-    assert surface.edge_lengths[cutting.cut].sum() == pytest.approx(7 * edge, rel=0.15)
+    assert surface.edge_lengths[atlas.cut].sum() == pytest.approx(7 * edge, rel=0.15)
 
 
 def test_a_closed_cylinder_comes_apart_into_wall_and_caps() -> None:
-    _, cutting = atlas(shapes.cylinder(32, 10, caps=True), max_distortion=1.001)
-    assert cutting.charts()[0] <= 3
+    _, atlas = atlas_of(shapes.cylinder(32, 10, caps=True), max_distortion=1.001)
+    assert atlas.charts()[0] <= 3
 
 
 @pytest.mark.parametrize(
@@ -114,16 +114,16 @@ def test_a_closed_cylinder_comes_apart_into_wall_and_caps() -> None:
     ids=["sphere", "torus", "double torus", "annulus", "hemisphere"],
 )
 def test_round_shapes_need_few_charts(shape, most: int) -> None:
-    _, cutting = atlas(shape)
-    assert cutting.charts()[0] <= most
+    _, atlas = atlas_of(shape)
+    assert atlas.charts()[0] <= most
 
 
-def least(shape) -> tuple[Cutting, float]:
+def least(shape) -> tuple[Atlas, float]:
     """A surface without seams, laid out with the least symmetric Dirichlet energy, and that energy."""
     surface = surface_of(shape)
-    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     fine = RelaxOptions(tolerance=1e-10, max_iterations=200)
-    return cutting, float(lay_out_fresh(cutting, None, fine).energy[0])
+    return atlas, float(lay_out_fresh(atlas, None, fine).energy[0])
 
 
 @pytest.mark.parametrize("share", [0.995, 1.005])
@@ -132,39 +132,39 @@ def test_the_bound_of_charts_is_kept_to_half_a_percent_of_its_excess(shape, shar
     """What is above it by that little even at its best is cut, what is below stays whole."""
     _, energy = least(shape)
     assert energy > 1.02
-    _, cutting = atlas(shape, max_distortion=1 + (energy - 1) * share)
-    assert cutting.cut.any() == (share < 1)
+    _, atlas = atlas_of(shape, max_distortion=1 + (energy - 1) * share)
+    assert atlas.cut.any() == (share < 1)
 
 
 @pytest.mark.parametrize("share", [0.995, 1.005])
 @pytest.mark.parametrize("shape", [shapes.hemisphere(8), shapes.bumped_disk(300)])
 def test_enforcing_holds_the_bound_to_half_a_percent_of_its_excess(shape, share: float) -> None:
-    cutting, energy = least(shape)
-    cut_mesh = cutting.cut_mesh()
-    laid = judge(cut_mesh, cutting.gather(cut_mesh))
+    atlas, energy = least(shape)
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
     bound = 1 + (energy - 1) * share
-    graph = grow.dual_graph(cutting.surface)
-    enforce(cutting, graph, laid, bound, module.FINAL, Monitor())
-    assert cutting.cut.any() == (share < 1)
-    cut_mesh = cutting.cut_mesh()
-    assert judge(cut_mesh, cutting.gather(cut_mesh)).energy.max() <= bound
+    graph = grow.dual_graph(atlas.surface)
+    enforce(atlas, graph, laid, bound, module.FINAL, Monitor())
+    assert atlas.cut.any() == (share < 1)
+    cut_mesh = atlas.cut_mesh()
+    assert judge(cut_mesh, atlas.gather(cut_mesh)).energy.max() <= bound
 
 
 def test_a_lower_bound_gives_more_seam_and_less_distortion() -> None:
     shape = shapes.icosphere(3)
-    lengths = [atlas(shape, max_distortion=d)[1].seam_length for d in (1.01, 1.2)]
+    lengths = [atlas_of(shape, max_distortion=d)[1].seam_length for d in (1.01, 1.2)]
     assert lengths[0] > lengths[1]
 
 
 def test_max_charts_is_kept_where_the_bound_is_not() -> None:
-    _, cutting = atlas(shapes.cylinder(24, 8, caps=True), max_distortion=1.001, max_charts=1)
-    assert cutting.charts()[0] == 1
+    _, atlas = atlas_of(shapes.cylinder(24, 8, caps=True), max_distortion=1.001, max_charts=1)
+    assert atlas.charts()[0] == 1
 
 
 def test_every_component_gets_charts_of_its_own() -> None:
     shape = shapes.row_of(shapes.cube(2), 5)
-    surface, cutting = atlas(shape)
-    n, chart = cutting.charts()
+    surface, atlas = atlas_of(shape)
+    n, chart = atlas.charts()
     assert n == 5
     x = surface.points[surface.faces].mean(1)[:, 0]
     for k in range(5):
@@ -177,27 +177,27 @@ def test_every_component_gets_charts_of_its_own() -> None:
     ids=["triangle", "fins", "moebius", "klein", "pinched"],
 )
 def test_awkward_surfaces_end_in_a_valid_atlas(shape) -> None:
-    atlas(shape)
+    atlas_of(shape)
 
 
 def test_forced_seams_are_cut_and_forbidden_ones_are_not() -> None:
     shape = shapes.cube(3)
     surface = surface_of(shape)
-    free = atlas(shape)[1]
+    free = atlas_of(shape)[1]
     flat = surface.faces.ravel()
     ends = np.stack(
         [flat[surface.edges[:, 0]], surface.faces[:, [1, 2, 0]].ravel()[surface.edges[:, 0]]], 1
     )
     wanted = ends[~free.cut][:5]
     forbidden = ends[free.cut][:3]
-    cutting = atlas(shape, cut=wanted, no_cut=forbidden)[1]
+    atlas = atlas_of(shape, cut=wanted, no_cut=forbidden)[1]
     index = {tuple(sorted(e)): k for k, e in enumerate(ends.tolist())}
-    assert all(cutting.cut[index[tuple(sorted(e))]] for e in wanted.tolist())
-    assert not any(cutting.cut[index[tuple(sorted(e))]] for e in forbidden.tolist())
+    assert all(atlas.cut[index[tuple(sorted(e))]] for e in wanted.tolist())
+    assert not any(atlas.cut[index[tuple(sorted(e))]] for e in forbidden.tolist())
 
 
 def test_the_same_input_gives_the_same_bytes() -> None:
-    a, b = (atlas(shapes.torus(24, 12))[1] for _ in range(2))
+    a, b = (atlas_of(shapes.torus(24, 12))[1] for _ in range(2))
     assert np.array_equal(a.cut, b.cut)
     assert a.corners.tobytes() == b.corners.tobytes()
 
@@ -207,10 +207,10 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
 ) -> None:
     shape = shapes.torus(70, 35)
     monkeypatch.setattr(module, "DIRECT_FACES", 10**9)
-    direct = atlas(shape)[1]
+    direct = atlas_of(shape)[1]
     monkeypatch.setattr(module, "DIRECT_FACES", 0)
     monkeypatch.setattr(module, "PROXY_FACES", 2500)
-    proxy = atlas(shape)[1]
+    proxy = atlas_of(shape)[1]
     assert proxy.seam_length == pytest.approx(direct.seam_length, rel=0.15, abs=0.05)
     assert abs(proxy.charts()[0] - direct.charts()[0]) <= 1
 
@@ -229,10 +229,10 @@ def test_a_vertex_where_a_carried_path_may_end_is_not_moved_again() -> None:
     """Chains that find no path are halved; both halves end at the middle, also when one is halved once more."""
     surface = surface_of(shapes.torus(60, 30))
     proxy = decimate(surface, 600)
-    coarse = Cutting(proxy.surface, np.zeros(len(proxy.surface.edges), bool))
+    coarse = Atlas(proxy.surface, np.zeros(len(proxy.surface.edges), bool))
     grow.first_charts(coarse, grow.dual_graph(proxy.surface), 6)
     a, b = (ends[coarse.cut] for ends in coarse.ends)
-    fine = Cutting(surface, np.zeros(len(surface.edges), bool))
+    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
     nowhere = np.zeros(len(proxy.surface.points), bool)
     chains = chains_of(a, b, len(nowhere), nowhere)
     flat, along = proxy.surface.faces.ravel(), proxy.surface.faces[:, [1, 2, 0]].ravel()
@@ -307,13 +307,13 @@ WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 def test_real_meshes(path: Path) -> None:
     """All of them by ``make test-corpus``, five by ``make test``."""
     mesh = read(path).mesh
-    atlas((mesh.points, mesh.faces))
+    atlas_of((mesh.points, mesh.faces))
 
 
 @pytest.mark.parametrize("name", samples.names())
 def test_samples(name: str) -> None:
     mesh = read(samples.path(name)).mesh
-    atlas((mesh.points, mesh.faces))
+    atlas_of((mesh.points, mesh.faces))
 
 
 def test_seeds_spread_over_components_in_few_searches(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -336,40 +336,40 @@ def test_seeds_spread_over_components_in_few_searches(monkeypatch: pytest.Monkey
     assert len(np.unique(region[[0, 4, 8]])) == 3
 
 
-def straddled() -> Cutting:
+def straddled() -> Atlas:
     """A sphere in two charts and a third, of a few faces, across the seam between them."""
     surface = surface_of(shapes.icosphere(3))
     middle = surface.points[surface.faces].mean(1)
     half = (middle[:, 2] > 0).astype(np.int64)
     half[np.linalg.norm(middle - [1.0, 0, 0], axis=1) < 0.25] = 2
     e = surface.edges // 3
-    cutting = Cutting(surface, half[e[:, 0]] != half[e[:, 1]])
-    assert cutting.charts()[0] == 3
-    lay_out_fresh(cutting, None, module.ROUGH)
-    return cutting
+    atlas = Atlas(surface, half[e[:, 0]] != half[e[:, 1]])
+    assert atlas.charts()[0] == 3
+    lay_out_fresh(atlas, None, module.ROUGH)
+    return atlas
 
 
 def test_small_charts_join_their_neighbours_face_by_face() -> None:
-    cutting = straddled()
-    few = int(np.bincount(cutting.charts()[1]).min())
-    assert absorb(cutting, MergeOptions(1.6), few, Monitor()) == 0
-    assert cutting.charts()[0] == 3, "as large as asked already"
+    atlas = straddled()
+    few = int(np.bincount(atlas.charts()[1]).min())
+    assert absorb(atlas, MergeOptions(1.6), few, Monitor()) == 0
+    assert atlas.charts()[0] == 3, "as large as asked already"
     # the two halves alone would close to a sphere: the bound keeps them apart
-    assert absorb(cutting, MergeOptions(1.6), few + 1, Monitor()) == 0
-    n, chart = cutting.charts()
+    assert absorb(atlas, MergeOptions(1.6), few + 1, Monitor()) == 0
+    n, chart = atlas.charts()
     assert np.bincount(chart).min() > few
-    cut_mesh = cutting.cut_mesh()
-    laid = judge(cut_mesh, cutting.gather(cut_mesh))
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
     assert n == 2
     assert not laid.bad(1.6).any()
 
 
 def test_small_charts_that_nobody_takes_stay_as_they_were() -> None:
-    cutting = straddled()
-    before = cutting.cut.copy()
-    few = int(np.bincount(cutting.charts()[1]).min())
-    assert absorb(cutting, MergeOptions(1.0001), few + 1, Monitor()) == 1
-    assert np.array_equal(cutting.cut, before)
+    atlas = straddled()
+    before = atlas.cut.copy()
+    few = int(np.bincount(atlas.charts()[1]).min())
+    assert absorb(atlas, MergeOptions(1.0001), few + 1, Monitor()) == 1
+    assert np.array_equal(atlas.cut, before)
 
 
 def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
@@ -377,7 +377,7 @@ def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
     for least in (1, 40):
         wanted = SeamOptions(max_distortion=1.02, min_chart_faces=least)
         seams = SEAMS["charts"].function(surface, wanted, Monitor())
-        size = np.bincount(Cutting(surface, seams.cut).charts()[1])
+        size = np.bincount(Atlas(surface, seams.cut).charts()[1])
         below = int((size < least).sum())
         assert bool(below) == bool(seams.notes)
         assert all(note.startswith(f"{below} charts stay below {least}") for note in seams.notes)

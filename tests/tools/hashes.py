@@ -73,7 +73,7 @@ OTHERS = [
     ("methods", "", "json", "--json"),
 ]
 # what differs from run to run, and the names of files
-CHANGING = {"seconds", "stages", "cut_seconds", "peak_bytes", "version", "input", "output"}
+CHANGING = {"seconds", "stages", "cut_seconds", "peak_bytes", "runs", "version", "input", "output"}
 
 
 def _plain(value: Any) -> Any:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from circparam.core.arrays import BoolArray, next_half_edge, ranges
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 
 LARGEST = 64  # edges of a hole that is closed
@@ -80,8 +80,8 @@ def _folds(surface: Surface, fans: np.ndarray, loop: np.ndarray) -> BoolArray:
     return result
 
 
-def without_fans(cutting: Cutting, surface: Surface) -> Cutting:
+def without_fans(atlas: Atlas, surface: Surface) -> Atlas:
     """Seams and layout of the surface itself from those of the one with closed holes."""
     m = len(surface.faces)
-    own = cutting.surface.edges[:, 1] < 3 * m
-    return Cutting(surface, cutting.cut[own], cutting.corners[:m])
+    own = atlas.surface.edges[:, 1] < 3 * m
+    return Atlas(surface, atlas.cut[own], atlas.corners[:m])

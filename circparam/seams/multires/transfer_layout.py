@@ -22,15 +22,16 @@ from circparam.geometry.gradient_transfer import (
     targets_from,
     turn_gradients,
 )
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.shorten import propose
+from circparam.seams.segmentation.state import arcs_of
 
 
 def separate(
-    fine: Cutting, graph: DualGraph, coarse: Cutting, coarse_chart: IntArray, near: IntArray
+    fine: Atlas, graph: DualGraph, coarse: Atlas, coarse_chart: IntArray, near: IntArray
 ) -> None:
     """Cut fine charts that hold several coarse ones (a path between them was not found) along their labels."""
     _, chart = fine.charts()
@@ -59,7 +60,7 @@ def separate(
     fine.cut = proposal.cut(np.ones(proposal.n, bool))
 
 
-def _clear_of_seams(coarse: Cutting) -> BoolArray:
+def _clear_of_seams(coarse: Atlas) -> BoolArray:
     """(m,) coarse faces with no corner on a seam."""
     on_seam = np.zeros(coarse.n_vertices, bool)
     on_seam[coarse.ends[0][coarse.cut]] = on_seam[coarse.ends[1][coarse.cut]] = True
@@ -101,7 +102,7 @@ class TransferredCharts:
     real: BoolArray
 
 
-def match_charts(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> TransferredCharts:
+def match_charts(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> TransferredCharts:
     """Which coarse chart each fine chart stands for, by the area they share."""
     n, chart = fine.charts()
     label = np.where(near >= 0, coarse_chart[near], -1)
@@ -118,13 +119,13 @@ def match_charts(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Trans
     return TransferredCharts(chart, main, real)
 
 
-def drop_slivers(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> TransferredCharts:
+def drop_slivers(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> TransferredCharts:
     """Glue charts that stand for no coarse chart to the neighbour with the longest common seam."""
     for _ in range(6):
         found = match_charts(fine, coarse_chart, near)
         if found.real.all():
             return found
-        arcs = fine.arcs(found.chart)
+        arcs = arcs_of(fine, found.chart)
         sliver = ~found.real
         may = (arcs.left != arcs.right) & (sliver[arcs.left] | sliver[arcs.right])
         if not may.any():
@@ -140,8 +141,8 @@ def drop_slivers(fine: Cutting, coarse_chart: IntArray, near: IntArray) -> Trans
 
 
 def fine_targets(
-    coarse: Cutting,
-    fine: Cutting,
+    coarse: Atlas,
+    fine: Atlas,
     coarse_chart: IntArray,
     near: IntArray,
     transferred: TransferredCharts,

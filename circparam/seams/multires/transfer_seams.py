@@ -6,7 +6,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
 from circparam.core.graph import nearest, undirected
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.segmentation.paths import Chains, chains_of, route
 from circparam.seams.segmentation.shorten import bands, edge_costs
@@ -15,7 +15,7 @@ RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by
 HALVINGS = 4  # of a chain that found no path
 
 
-def transfer_seams(coarse: Cutting, proxy: Proxy, fine: Cutting) -> int:
+def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas) -> int:
     """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found."""
     surface = coarse.surface
     n = len(surface.points)
@@ -49,7 +49,7 @@ class _Router:
 
     def __init__(
         self,
-        fine: Cutting,
+        fine: Atlas,
         proxy: Proxy,
         coarse_ends: tuple[IntArray, IntArray],
         boundary: BoolArray,
@@ -127,7 +127,7 @@ def _halves(chains: Chains) -> Chains:
     )
 
 
-def _find_way(fine: Cutting, usable: IntArray, cost: FloatArray, start: int, end: int) -> bool:
+def _find_way(fine: Atlas, usable: IntArray, cost: FloatArray, start: int, end: int) -> bool:
     """Cut a shortest path through any vertices that no seam uses: for the last few chains, one by one."""
     if start < 0 or end < 0 or start == end:
         return False
@@ -169,7 +169,7 @@ def _some_chains(chains: Chains, which: IntArray) -> Chains:
 
 
 def _fine_bands(
-    fine: Cutting,
+    fine: Atlas,
     proxy: Proxy,
     chains: Chains,
     ends: tuple[IntArray, IntArray],
@@ -205,7 +205,7 @@ def _fine_bands(
 
 
 def _representatives(
-    fine: Cutting,
+    fine: Atlas,
     proxy: Proxy,
     points: FloatArray,
     boundary: BoolArray,

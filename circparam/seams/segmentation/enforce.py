@@ -17,7 +17,7 @@ from circparam.core.arrays import (
 from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import crossings
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, judge
@@ -39,7 +39,7 @@ GAP = 0.0005  # share of the root of a chart's area by which parts that touched 
 
 
 def enforce(
-    cutting: Cutting,
+    atlas: Atlas,
     graph: DualGraph,
     laid: ChartLayouts,
     bound: float,
@@ -48,42 +48,42 @@ def enforce(
 ) -> None:
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
-    laid: what ``cutting`` has; afterwards the layout is in its corners. A chart that misses the bound by
+    laid: what ``atlas`` has; afterwards the layout is in its corners. A chart that misses the bound by
     little is slit from its boundary to where it is distorted most; others are split in two. Single cells cannot
     be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
     the faces, the work goes on with the others alone.
     """
-    cutting.scatter(laid.cut_mesh, laid.uv)
-    slits = np.zeros(len(cutting.surface.faces), np.int64)  # of the chart of each face
-    whole, faces = cutting, np.ones(len(slits), bool)
+    atlas.scatter(laid.cut_mesh, laid.uv)
+    slits = np.zeros(len(atlas.surface.faces), np.int64)  # of the chart of each face
+    whole, faces = atlas, np.ones(len(slits), bool)
     for turn in range(ROUNDS):
         small = np.bincount(laid.cut_mesh.chart) <= UNSTICK_FACES
         small &= np.bincount(laid.cut_mesh.chart) >= LAYER_FACES
         pushed = small | (turn == 0)
-        laid = unstick(cutting, laid, bound, monitor, pushed)
+        laid = unstick(atlas, laid, bound, monitor, pushed)
         bad = laid.bad(bound) & (_cells(graph, laid.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
             break
         inside = bad[laid.cut_mesh.chart]
         if inside.mean() < NARROW:
-            whole.put(faces, cutting)
+            whole.put(faces, atlas)
             faces[faces] = inside
-            cutting, slits = whole.part(faces), slits[inside]
-            graph = dual_graph(cutting.surface)
-            cut_mesh = cutting.cut_mesh()
-            laid = judge(cut_mesh, cutting.gather(cut_mesh))
+            atlas, slits = whole.part(faces), slits[inside]
+            graph = dual_graph(atlas.surface)
+            cut_mesh = atlas.cut_mesh()
+            laid = judge(cut_mesh, atlas.gather(cut_mesh))
             bad, pushed = np.ones(cut_mesh.n_charts, bool), pushed[bad]
-        before = cutting.cut.copy()
-        cut = _cut_open(cutting, graph, laid, bad, pushed, slits, bound, monitor)
-        if np.array_equal(before, cutting.cut) and not cut.any():
+        before = atlas.cut.copy()
+        cut = _cut_open(atlas, graph, laid, bad, pushed, slits, bound, monitor)
+        if np.array_equal(before, atlas.cut) and not cut.any():
             break
-        laid = _map_again(cutting, laid, bad, cut, bound, options, monitor)
-    if cutting is not whole:
-        whole.put(faces, cutting)
+        laid = _map_again(atlas, laid, bad, cut, bound, options, monitor)
+    if atlas is not whole:
+        whole.put(faces, atlas)
 
 
 def _cut_open(
-    cutting: Cutting,
+    atlas: Atlas,
     graph: DualGraph,
     laid: ChartLayouts,
     bad: BoolArray,
@@ -104,18 +104,18 @@ def _cut_open(
     np.maximum.at(first, chart, slits)
     slit = bad & ~laid.overlapping & near & (first < SLITS)
     if slit.any():
-        slit = slit_charts(cutting, laid, slit)
+        slit = slit_charts(atlas, laid, slit)
         slits[slit[chart]] += 1
     split = bad & ~slit
     cut = np.zeros(len(bad), bool)
     if split.any():
-        cut = _split(cutting, graph, laid, split, pushed, bound, monitor)
-    make_disks(cutting, graph)
+        cut = _split(atlas, graph, laid, split, pushed, bound, monitor)
+    make_disks(atlas, graph)
     return cut
 
 
 def unstick(
-    cutting: Cutting, laid: ChartLayouts, bound: float, monitor: Monitor, which: BoolArray
+    atlas: Atlas, laid: ChartLayouts, bound: float, monitor: Monitor, which: BoolArray
 ) -> ChartLayouts:
     """Push parts of charts ((n,) bool) that lie on each other apart, where the bound leaves room for it."""
     folded = which & laid.overlapping & (laid.energy <= bound)
@@ -126,7 +126,7 @@ def unstick(
     uv = laid.uv.copy()
     kept = fine[sub.vertex_chart]
     uv[vid[kept]] = part[kept]
-    cutting.corners[fid] = uv[vid][sub.faces]
+    atlas.corners[fid] = uv[vid][sub.faces]
     return judge(laid.cut_mesh, uv)
 
 
@@ -137,7 +137,7 @@ def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
 
 
 def _split(
-    cutting: Cutting,
+    atlas: Atlas,
     graph: DualGraph,
     laid: ChartLayouts,
     which: BoolArray,
@@ -149,34 +149,34 @@ def _split(
 
     Returns (n,) bool: charts that were only cut, or pushed apart, so that their pieces may keep their layout.
     """
-    before = cutting.cut.copy()
+    before = atlas.cut.copy()
     chart = laid.cut_mesh.chart
     apart = sound = np.zeros(len(which), bool)
     folded = which & laid.overlapping & np.isfinite(laid.energy)
     if folded.any():
         large = folded & (np.bincount(chart) >= LAYER_FACES)
         if large.any():
-            sound = split_layers(cutting, graph, laid, large, edge_costs(cutting))
+            sound = split_layers(atlas, graph, laid, large, edge_costs(atlas))
         left = large & ~sound & ~pushed
         if left.any():
             # what overlaps by less than a face is not worth a seam where it can be pushed apart
-            sound |= left & ~unstick(cutting, laid, bound, monitor, left).overlapping
+            sound |= left & ~unstick(atlas, laid, bound, monitor, left).overlapping
         apart = sound.copy()
         if (folded & ~sound).any():
-            apart |= _split_overlaps(cutting, graph, laid, folded & ~sound)
+            apart |= _split_overlaps(atlas, graph, laid, folded & ~sound)
     rest = which & ~apart
     crumbs = rest & (_cells(graph, chart) <= FRAGMENT)
-    cutting.cut |= crumbs[chart[cutting.surface.edges[:, 0] // 3]] & (graph.tail != graph.head)
+    atlas.cut |= crumbs[chart[atlas.surface.edges[:, 0] // 3]] & (graph.tail != graph.head)
     rest &= ~crumbs
     if rest.any():
-        split_charts(cutting, graph, chart, rest)
-    proposal = propose(cutting, 3, before)
-    cutting.cut = proposal.cut(np.ones(proposal.n, bool))
+        split_charts(atlas, graph, chart, rest)
+    proposal = propose(atlas, 3, before)
+    atlas.cut = proposal.cut(np.ones(proposal.n, bool))
     return sound
 
 
 def _split_overlaps(
-    cutting: Cutting, graph: DualGraph, laid: ChartLayouts, which: BoolArray
+    atlas: Atlas, graph: DualGraph, laid: ChartLayouts, which: BoolArray
 ) -> BoolArray:
     """Split charts half way between two faces that overlap; returns the charts that were split."""
     pairs = crossings(laid.uv, laid.cut_mesh)
@@ -187,8 +187,8 @@ def _split_overlaps(
         return done
     of = chart[pairs[:, 0] // 3]
     apart = np.linalg.norm(
-        cutting.surface.points[cutting.surface.faces[pairs[:, 0] // 3, 0]]
-        - cutting.surface.points[cutting.surface.faces[pairs[:, 1] // 3, 0]],
+        atlas.surface.points[atlas.surface.faces[pairs[:, 0] // 3, 0]]
+        - atlas.surface.points[atlas.surface.faces[pairs[:, 1] // 3, 0]],
         axis=1,
     )
     order = np.lexsort((np.arange(len(pairs)), -apart, of))
@@ -199,18 +199,18 @@ def _split_overlaps(
     if len(seeds) == 0:
         return done
     done[chart[chosen[:, 0] // 3]] = True
-    use = ~cutting.cut & done[chart[cutting.surface.edges[:, 0] // 3]]
+    use = ~atlas.cut & done[chart[atlas.surface.edges[:, 0] // 3]]
     links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
     _, _, source = nearest(links, seeds.ravel())
     first_side = np.zeros(graph.n, bool)
     first_side[seeds[:, 0]] = True
     side = first_side[np.where(source >= 0, source, 0)]
-    cutting.cut |= use & (side[graph.tail] != side[graph.head])
+    atlas.cut |= use & (side[graph.tail] != side[graph.head])
     return done
 
 
 def _map_again(
-    cutting: Cutting,
+    atlas: Atlas,
     laid: ChartLayouts,
     changed: BoolArray,
     cut: BoolArray,
@@ -222,8 +222,8 @@ def _map_again(
 
     cut: charts whose pieces keep their layout as it is, where that is within the bound.
     """
-    cut_mesh = cutting.cut_mesh()
-    uv = cutting.gather(cut_mesh)
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
     todo = np.zeros(cut_mesh.n_charts, bool)
     todo[cut_mesh.chart[(changed & ~cut)[laid.cut_mesh.chart]]] = True
     energy = relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
@@ -233,7 +233,7 @@ def _map_again(
         sub, vid, fid = cut_mesh.subset(todo)
         part = lay_out_sound(sub, uv[vid], options, monitor)
         uv[vid] = part
-        cutting.corners[fid] = part[sub.faces]
+        atlas.corners[fid] = part[sub.faces]
     return judge(cut_mesh, uv)
 
 

@@ -16,7 +16,7 @@ from circparam.core.arrays import (
     group_sum,
 )
 from circparam.core.graph import components, distances, nearest, undirected
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 
@@ -122,15 +122,15 @@ def _far_seeds(graph: sps.csr_matrix, component: IntArray, count: int) -> IntArr
     return np.concatenate(seeds)
 
 
-def first_charts(cutting: Cutting, graph: DualGraph, count: int) -> None:
+def first_charts(atlas: Atlas, graph: DualGraph, count: int) -> None:
     """Cut the surface into about ``count`` regions, keeping the seams there are."""
-    use = ~cutting.cut
+    use = ~atlas.cut
     region = grow(graph.n, graph.tail[use], graph.head[use], graph.step[use], count)
-    cutting.cut |= region[graph.tail] != region[graph.head]
+    atlas.cut |= region[graph.tail] != region[graph.head]
 
 
 def split_charts(
-    cutting: Cutting,
+    atlas: Atlas,
     graph: DualGraph,
     chart: IntArray,
     which: BoolArray,
@@ -138,32 +138,32 @@ def split_charts(
     rounds: int = 2,
 ) -> BoolArray:
     """Cut the charts ``which`` ((n,) bool) into about ``pieces`` regions each; returns the edges newly cut."""
-    tail_chart = chart[cutting.surface.edges[:, 0] // 3]
-    use = ~cutting.cut & which[tail_chart]
+    tail_chart = chart[atlas.surface.edges[:, 0] // 3]
+    use = ~atlas.cut & which[tail_chart]
     cells = np.zeros(graph.n, bool)
     cells[graph.cell[which[chart]]] = True
     number = np.cumsum(cells) - 1
     tail, head = number[graph.tail[use]], number[graph.head[use]]
     n = int(cells.sum())
     region = grow(n, tail, head, graph.step[use], pieces * int(which.sum()), rounds)
-    new = np.zeros(len(cutting.cut), bool)
+    new = np.zeros(len(atlas.cut), bool)
     new[np.flatnonzero(use)[region[tail] != region[head]]] = True
-    cutting.cut |= new
+    atlas.cut |= new
     return new
 
 
-def make_disks(cutting: Cutting, graph: DualGraph, limit: int = 40) -> int:
+def make_disks(atlas: Atlas, graph: DualGraph, limit: int = 40) -> int:
     """Split charts until all are disks or disks with holes; returns the rounds it took.
 
     A chart that a few halvings do not help is cut into ever more pieces; single cells are disks, so this ends.
     """
     for attempt in range(limit):
-        cut_mesh = cutting.cut_mesh()
+        cut_mesh = atlas.cut_mesh()
         bad = not_disks(cut_mesh)
         if not bad.any():
             return attempt
         pieces = 2 if attempt < 4 else 2 ** min(attempt - 2, 12)
-        new = split_charts(cutting, graph, cut_mesh.chart, bad, pieces, 1)
+        new = split_charts(atlas, graph, cut_mesh.chart, bad, pieces, 1)
         if not new.any():
             # nothing left to split between cells: leave the chart to the caller's checks
             return attempt

@@ -13,7 +13,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_halves
 from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
 from circparam.geometry.overlap import self_overlapping
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.segmentation.grow import DualGraph, make_disks
 from circparam.seams.segmentation.shorten import Proposal, propose
@@ -41,7 +41,7 @@ class ChartLayouts:
 
 
 def lay_out_fresh(
-    cutting: Cutting,
+    atlas: Atlas,
     which: BoolArray | None,
     options: RelaxOptions,
     worker: Worker | None = None,
@@ -51,8 +51,8 @@ def lay_out_fresh(
 
     worker: does one half of many charts.
     """
-    cut_mesh = cutting.cut_mesh()
-    uv = cutting.gather(cut_mesh)
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
     chosen = np.ones(cut_mesh.n_charts, bool) if which is None else which
     if chosen.any():
         sub, vid, fid = cut_mesh.subset(chosen)
@@ -66,7 +66,7 @@ def lay_out_fresh(
             for (_, _, of_half, _), result in zip(halves, done, strict=True):
                 part[of_half] = result
         uv[vid] = part
-        cutting.corners[fid] = part[sub.faces]
+        atlas.corners[fid] = part[sub.faces]
     return judge(cut_mesh, uv)
 
 
@@ -98,26 +98,26 @@ def judge(cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0) -> ChartLayout
 
 
 def lay_out_again(
-    cutting: Cutting, before: IntArray, options: RelaxOptions, margin: float = 0.0
+    atlas: Atlas, before: IntArray, options: RelaxOptions, margin: float = 0.0
 ) -> ChartLayouts:
     """Lay all charts out from the Jacobians they had. before: (m,) charts for which ``corners`` is the layout.
 
     Faces that came from another chart take the Jacobian of their nearest neighbour, turned to their plane.
     """
-    cut_mesh = cutting.cut_mesh()
+    cut_mesh = atlas.cut_mesh()
     known = main_parts(cut_mesh.chart, before, cut_mesh.areas)
-    gradients, _ = spread(cutting, space_gradients(cutting), known)
-    uv, fine = from_jacobians(cut_mesh, targets_from(cutting, gradients), UNTANGLE)
+    gradients, _ = spread(atlas, space_gradients(atlas), known)
+    uv, fine = from_jacobians(cut_mesh, targets_from(atlas, gradients), UNTANGLE)
     if not fine.all():
         sub, vid, _ = cut_mesh.subset(~fine)
         uv[vid] = tutte_embedding(sub, "mean-value")[0]
     relaxed = relax(cut_mesh, uv, options)
-    cutting.scatter(cut_mesh, relaxed.uv)
+    atlas.scatter(cut_mesh, relaxed.uv)
     return judge(cut_mesh, relaxed.uv, margin)
 
 
 def shorten_seams(
-    cutting: Cutting,
+    atlas: Atlas,
     graph: DualGraph,
     bound: float,
     options: RelaxOptions,
@@ -131,23 +131,23 @@ def shorten_seams(
     gains, at most one chain a chart, and each stays only if its charts are good.
     """
     options = dataclasses.replace(options, give_up=bound)
-    start_cut, start_corners = cutting.cut.copy(), cutting.corners.copy()
-    _, before = cutting.charts()
-    proposal = propose(cutting, rings, pinned)
+    start_cut, start_corners = atlas.cut.copy(), atlas.corners.copy()
+    _, before = atlas.charts()
+    proposal = propose(atlas, rings, pinned)
 
     def attempt(take: BoolArray) -> ChartLayouts:
-        cutting.cut = proposal.cut(take)
-        cutting.corners = start_corners.copy()
-        if not_disks(cutting.cut_mesh()).any():
-            make_disks(cutting, graph)
-        return lay_out_again(cutting, before, options, margin)
+        atlas.cut = proposal.cut(take)
+        atlas.corners = start_corners.copy()
+        if not_disks(atlas.cut_mesh()).any():
+            make_disks(atlas, graph)
+        return lay_out_again(atlas, before, options, margin)
 
-    left, right, gain = _chain_sides(cutting, proposal, before)
+    left, right, gain = _chain_sides(atlas, proposal, before)
     take = gain > 0
     laid = attempt(take)
     if not laid.bad(bound).any():
         return laid
-    open_chains = np.flatnonzero(gain > 1e-3 * cutting.surface.edge_lengths[start_cut].sum())
+    open_chains = np.flatnonzero(gain > 1e-3 * atlas.surface.edge_lengths[start_cut].sum())
     take[:] = False
     n = int(before.max()) + 1
     for _ in range(ROUNDS):
@@ -158,23 +158,23 @@ def shorten_seams(
         trial = take.copy()
         trial[chosen] = True
         laid = attempt(trial)
-        spoilt = _chains_beside(cutting, proposal, laid.cut_mesh.chart, laid.bad(bound), trial)
+        spoilt = _chains_beside(atlas, proposal, laid.cut_mesh.chart, laid.bad(bound), trial)
         take[chosen[~spoilt[chosen]]] = True
         open_chains = np.setdiff1d(open_chains, chosen)
     laid = attempt(take)
     if not laid.bad(bound).any():
         return laid
-    cutting.cut, cutting.corners = start_cut, start_corners
-    cut_mesh = cutting.cut_mesh()
-    return judge(cut_mesh, cutting.gather(cut_mesh))
+    atlas.cut, atlas.corners = start_cut, start_corners
+    cut_mesh = atlas.cut_mesh()
+    return judge(cut_mesh, atlas.gather(cut_mesh))
 
 
 def _chain_sides(
-    cutting: Cutting, proposal: Proposal, chart: IntArray
+    atlas: Atlas, proposal: Proposal, chart: IntArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """The charts on both sides of every chain, and how much shorter its new path is."""
-    e = cutting.surface.edges
-    length = cutting.surface.edge_lengths
+    e = atlas.surface.edges
+    length = atlas.surface.edge_lengths
     on = np.flatnonzero(proposal.old >= 0)
     chain = proposal.old[on]
     left, right = np.zeros(proposal.n, np.int64), np.zeros(proposal.n, np.int64)
@@ -187,10 +187,10 @@ def _chain_sides(
 
 
 def _chains_beside(
-    cutting: Cutting, proposal: Proposal, chart: IntArray, bad: BoolArray, take: BoolArray
+    atlas: Atlas, proposal: Proposal, chart: IntArray, bad: BoolArray, take: BoolArray
 ) -> BoolArray:
     """(n,) chains that were moved and touch a bad chart, on their old path or their new one."""
-    e = cutting.surface.edges
+    e = atlas.surface.edges
     touches = bad[chart[e[:, 0] // 3]] | bad[chart[e[:, 1] // 3]]
     out = np.zeros(proposal.n + 1, bool)
     out[proposal.new[touches]] = True

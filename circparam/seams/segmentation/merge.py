@@ -15,10 +15,10 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, gr
 from circparam.core.graph import matching
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
-from circparam.mesh.atlas import Arcs, Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.segmentation.layout import chart_halves
-from circparam.seams.segmentation.state import main_parts
+from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
 from circparam.seams.segmentation.unions import MANY, MergeOptions, Tried, Unions, lay_out
 
 PATIENCE = 3  # rounds in a row, after which merging ends
@@ -57,17 +57,17 @@ class Merger:
 
     def __init__(
         self,
-        cutting: Cutting,
+        atlas: Atlas,
         options: MergeOptions,
         fixed: BoolArray,
         worker: Worker | None = None,
     ) -> None:
-        self.cutting = cutting
+        self.atlas = atlas
         self.worker = worker  # lays half of the unions out
         self.options = options
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
-        self.lower_bound = np.zeros(len(cutting.cut))  # (e,) see _charge
+        self.lower_bound = np.zeros(len(atlas.cut))  # (e,) see _charge
         self.tally = {"trials": 0, "topology": 0, "distortion": 0, "overlap": 0, "merged": 0}
 
     def run(self, monitor: Monitor) -> None:
@@ -78,16 +78,16 @@ class Merger:
             if monitor.expired or not self.round(monitor):
                 break
             merged.append(self.tally["merged"] - before)
-            few = (sum(merged[-PATIENCE:]) + 1) * HARDLY < self.cutting.charts()[0]
+            few = (sum(merged[-PATIENCE:]) + 1) * HARDLY < self.atlas.charts()[0]
             if few and turn >= PATIENCE:
                 break
             monitor.update(turn / self.options.rounds)
 
     def round(self, monitor: Monitor) -> bool:
         """One round; False when there was nothing to try."""
-        c = self.cutting
+        c = self.atlas
         n, chart = c.charts()
-        arcs = c.arcs(chart, self.options.cone)
+        arcs = arcs_of(c, chart, self.options.cone)
         if len(arcs.left) == 0:
             return False
         glues = self._glues(arcs, chart, n)
@@ -106,7 +106,7 @@ class Merger:
         Several at once are tried only when each alone has failed: two charts that close a flat ring overlap
         with one arc glued, and not with both.
         """
-        c = self.cutting
+        c = self.atlas
         size = np.bincount(chart, minlength=n)
         first_face = np.full(n, len(chart))
         np.minimum.at(first_face, chart, np.arange(len(chart)))
@@ -144,7 +144,7 @@ class Merger:
         A map of a chart is one of each of its parts, so its distortion times its area is no less than that of
         a part, and arcs and charts only grow.
         """
-        area = group_sum(self.cutting.surface.areas, chart, len(np.bincount(chart)))
+        area = group_sum(self.atlas.surface.areas, chart, len(np.bincount(chart)))
         union = np.where(left == right, area[left], area[left] + area[right])
         lower_bound = group_max(self.lower_bound[arcs.edge], arcs.arc, len(arcs.left))
         lower_bound = np.r_[lower_bound, group_max(lower_bound, pair, len(left) - len(lower_bound))]
@@ -167,7 +167,7 @@ class Merger:
         before: (m,) charts when ``arcs`` were taken. What is known of all arcs of a pair of charts holds,
         less SLACK, for the arcs that the same pair has now.
         """
-        c = self.cutting
+        c = self.atlas
         n, chart = c.charts()
         width = int(before.max()) + 1
         lower_bound = group_max(self.lower_bound[arcs.edge], arcs.arc, len(arcs.left))
@@ -176,7 +176,7 @@ class Merger:
         main = main_parts(chart, before, c.surface.areas)
         was = np.zeros(n, np.int64)
         was[chart[main]] = before[main]
-        now = c.arcs(chart, self.options.cone)
+        now = arcs_of(c, chart, self.options.cone)
         left, right = was[now.left], was[now.right]
         key = np.minimum(left, right) * width + np.maximum(left, right)
         at = np.minimum(np.searchsorted(pairs, key), len(pairs) - 1)
@@ -186,7 +186,7 @@ class Merger:
 
     def _perimeters(self, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
         """(n,) length of the boundary of every chart."""
-        c = self.cutting
+        c = self.atlas
         rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
         return rim + group_sum(c.boundary_lengths, chart[c.surface.boundary // 3], n)
 
@@ -200,7 +200,7 @@ class Merger:
         monitor: Monitor,
     ) -> None:
         """Lay out the unions of the chosen arcs and keep the good ones."""
-        c = self.cutting
+        c = self.atlas
         while True:
             cut = c.cut & ~glues.glued(arcs, chosen, len(c.cut))
             union = np.full(n, -1)

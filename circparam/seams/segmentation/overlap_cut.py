@@ -20,7 +20,7 @@ from circparam.core.graph import components, distances, matching, nearest, undir
 from circparam.geometry.boundary import boundary_of
 from circparam.geometry.intersect import windings
 from circparam.geometry.overlap import crossings
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.layout import ChartLayouts
 
@@ -33,7 +33,7 @@ CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
 
 
 def split_layers(
-    cutting: Cutting, graph: DualGraph, laid: ChartLayouts, which: BoolArray, cost: FloatArray
+    atlas: Atlas, graph: DualGraph, laid: ChartLayouts, which: BoolArray, cost: FloatArray
 ) -> BoolArray:
     """Cut charts along the cheapest seam between their largest doubled part and what lies on it.
 
@@ -42,8 +42,8 @@ def split_layers(
     """
     done = np.zeros(len(which), bool)
     chart = laid.cut_mesh.chart
-    edges = cutting.surface.edges
-    inner = ~cutting.cut & which[chart[edges[:, 0] // 3]]
+    edges = atlas.surface.edges
+    inner = ~atlas.cut & which[chart[edges[:, 0] // 3]]
     faces = np.flatnonzero(which[chart])
     point, twice = _doubled(laid, faces)
     pairs = _sides(graph, inner, laid, faces[twice], point[twice])
@@ -61,7 +61,7 @@ def split_layers(
         side = _minimum_cut(graph, inner, cost, source, sink, close & ~off)
         off |= side
         new = inner & (side[graph.tail] != side[graph.head])
-        cutting.cut |= new
+        atlas.cut |= new
         done[chart[edges[new, 0] // 3]] = True
     return done
 

@@ -8,15 +8,15 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.graph import nearest, undirected
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.paths import Chains, chains_of, route
 
 SHARP_BONUS = 0.5  # a step along an edge that turns by 60° or more costs 1 / (1 + this)
 
 
-def edge_costs(cutting: Cutting) -> FloatArray:
+def edge_costs(atlas: Atlas) -> FloatArray:
     """(e,) cost of a seam along an edge: its length, less where the surface is sharp, infinite if locked."""
-    surface = cutting.surface
+    surface = atlas.surface
     e = surface.edges
     turn = 1 - (surface.normals[e[:, 0] // 3] * surface.normals[e[:, 1] // 3]).sum(1)
     cost = surface.edge_lengths / (1 + SHARP_BONUS * np.clip(2 * turn, 0, 1))
@@ -67,25 +67,25 @@ class Proposal:
         return result
 
 
-def propose(cutting: Cutting, rings: int = 2, pinned: BoolArray | None = None) -> Proposal:
+def propose(atlas: Atlas, rings: int = 2, pinned: BoolArray | None = None) -> Proposal:
     """Shorten all seams inside bands of ``rings`` edges; junctions and ends on boundaries stay.
 
     pinned: (e,) bool, seams that stay as they are (sharp edges, seams the user asked for). The bands are
     disjoint, so any choice of moved and unmoved chains is free of crossings.
     """
-    n_edges = len(cutting.cut)
-    kept = np.zeros(n_edges, bool) if pinned is None else pinned & cutting.cut
-    move = np.flatnonzero(cutting.cut & ~kept)
+    n_edges = len(atlas.cut)
+    kept = np.zeros(n_edges, bool) if pinned is None else pinned & atlas.cut
+    move = np.flatnonzero(atlas.cut & ~kept)
     old, new = np.full(n_edges, -1), np.full(n_edges, -1)
     if len(move) == 0:
         return Proposal(old, new, kept, 0)
-    a, b = cutting.ends
-    n = cutting.n_vertices
-    stop = cutting.on_boundary.copy()
+    a, b = atlas.ends
+    n = atlas.n_vertices
+    stop = atlas.on_boundary.copy()
     stop[a[kept]] = stop[b[kept]] = True
     chains = chains_of(a[move], b[move], n, stop)
-    owner, value = bands(cutting.ends, n, chains, stop, rings)
-    cost = edge_costs(cutting)
+    owner, value = bands(atlas.ends, n, chains, stop, rings)
+    cost = edge_costs(atlas)
     usable = np.flatnonzero(np.isfinite(cost) & ~kept)
     routes = route(
         (a[usable], b[usable]), cost[usable], owner, value, chains.start, chains.end, chains.size

@@ -13,7 +13,7 @@ from circparam.core.arrays import (
     next_half_edge,
 )
 from circparam.core.graph import nearest, undirected
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.segmentation.layout import ChartLayouts
 from circparam.seams.segmentation.shorten import edge_costs
@@ -22,7 +22,7 @@ from circparam.solvers import dirichlet
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
 
 
-def slit_charts(cutting: Cutting, laid: ChartLayouts, which: BoolArray) -> BoolArray:
+def slit_charts(atlas: Atlas, laid: ChartLayouts, which: BoolArray) -> BoolArray:
     """Cut charts open along a shortest path from where they are distorted most to their boundary.
 
     Returns the charts that were cut: a chart whose worst vertex is on the boundary, or one with no way there,
@@ -37,11 +37,9 @@ def slit_charts(cutting: Cutting, laid: ChartLayouts, which: BoolArray) -> BoolA
     done = np.zeros(len(which), bool)
     if len(peak) == 0:
         return done
-    cost = edge_costs(cutting)
-    inner = (
-        ~cutting.cut & np.isfinite(cost) & which[cut_mesh.chart[cutting.surface.edges[:, 0] // 3]]
-    )
-    h = cutting.surface.edges[inner, 0]
+    cost = edge_costs(atlas)
+    inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.edges[:, 0] // 3]]
+    h = atlas.surface.edges[inner, 0]
     a, b = flat[h], flat[next_half_edge(h)]
     _, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
     distance, _, _ = nearest(undirected(n, a, b, cost[inner]), peak)
@@ -60,7 +58,7 @@ def slit_charts(cutting: Cutting, laid: ChartLayouts, which: BoolArray) -> BoolA
         going = previous >= 0
         here, previous = here[going], previous[going]
         wanted = np.minimum(here, previous) * n + np.maximum(here, previous)
-        cutting.cut[index[by_key[np.searchsorted(key[by_key], wanted)]]] = True
+        atlas.cut[index[by_key[np.searchsorted(key[by_key], wanted)]]] = True
         here = previous
     return done
 

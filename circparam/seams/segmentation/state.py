@@ -1,10 +1,59 @@
-"""What charts were before a change."""
+"""The state that merging works on: arcs of the seams, and what charts were before a change."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
+from circparam.core.graph import components
+from circparam.mesh.atlas import Atlas
+
+CONE = 1.2  # radians of angle defect above which a vertex ends arcs
+
+
+@dataclass(frozen=True, eq=False)
+class Arcs:
+    """Chains of cut edges between junctions: the pieces of seam that are glued or kept as a whole.
+
+    edge: (c,) edge of the surface, arc: (c,) arc of that edge. left, right: (a,) charts on both sides, in
+    ascending order. length: (a,). tip: (a,) bool, one end is free, so the arc can be zipped.
+    """
+
+    edge: IntArray
+    arc: IntArray
+    left: IntArray
+    right: IntArray
+    length: FloatArray
+    tip: BoolArray
+
+
+def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
+    """The arcs of the seams of an atlas: chains between junctions, boundaries and cone points.
+
+    chart: (m,) chart of each face. cone: radians of curvature that make a vertex one, round which gluing can be
+    too much.
+    """
+    c = np.flatnonzero(atlas.cut)
+    a, b = atlas.ends[0][c], atlas.ends[1][c]
+    valence = np.bincount(np.r_[a, b], minlength=atlas.n_vertices)
+    through = (valence == 2) & ~atlas.on_boundary & (np.abs(atlas.angle_defects) <= cone)
+    k = np.arange(len(c))
+    vertex, entry = np.r_[a, b], np.r_[k, k]
+    keep = through[vertex]
+    vertex, entry = vertex[keep], entry[keep]
+    entry = entry[np.argsort(vertex, kind="stable")]
+    count, arc = components(len(c), entry[::2], entry[1::2])
+    h = atlas.surface.edges[c]
+    p, q = chart[h[:, 0] // 3], chart[h[:, 1] // 3]
+    left, right = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    left[arc], right[arc] = np.minimum(p, q), np.maximum(p, q)
+    free = (valence == 1) & ~atlas.on_boundary
+    tip = np.zeros(count, bool)
+    tip[arc[free[a] | free[b]]] = True
+    length = group_sum(atlas.surface.edge_lengths[c], arc, count)
+    return Arcs(c, arc, left, right, length, tip)
 
 
 def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArray:

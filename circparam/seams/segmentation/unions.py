@@ -10,8 +10,8 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import crossings, self_overlapping
-from circparam.mesh.atlas import CONE
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.segmentation.state import CONE
 from circparam.solvers import dirichlet
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.poisson import from_jacobians

@@ -9,7 +9,7 @@ import pytest
 
 from circparam import unwrap
 from circparam.core.monitor import Monitor
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
@@ -65,11 +65,11 @@ def test_what_no_fan_covers_stays_open() -> None:
 def test_seams_go_back_to_the_surface_itself() -> None:
     surface = surface_of(shapes.holed_sheet(9, 4))
     closed = close_small_holes(surface)
-    cutting = Cutting(closed, np.zeros(len(closed.edges), bool))
+    atlas = Atlas(closed, np.zeros(len(closed.edges), bool))
     rng = np.random.default_rng(0)
     chosen = rng.random(len(closed.edges)) < 0.1
-    cutting.cut = chosen
-    back = without_fans(cutting, surface)
+    atlas.cut = chosen
+    back = without_fans(atlas, surface)
     assert len(back.cut) == len(surface.edges)
     ends = {tuple(e) for e in closed.edges[chosen]}
     assert all((tuple(e) in ends) == c for e, c in zip(surface.edges, back.cut, strict=True))
@@ -88,12 +88,12 @@ def test_a_wavy_sheet_full_of_holes_is_unwrapped_like_one_without() -> None:
 def test_components_that_are_good_charts_stay_whole() -> None:
     flat, bumpy = shapes.grid(8, 8), shapes.bumped_disk(400, height=2.0)
     surface = surface_of(shapes.join(flat, bumpy))
-    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
-    whole = whole_components(cutting, 1.01)
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    whole = whole_components(atlas, 1.01)
     assert np.array_equal(np.unique(surface.source[whole]), np.arange(len(flat[1])))
-    lengths = np.linalg.norm(np.diff(cutting.corners[whole][:, [0, 1]], axis=1), axis=2)
+    lengths = np.linalg.norm(np.diff(atlas.corners[whole][:, [0, 1]], axis=1), axis=2)
     assert lengths.min() > 0
-    assert not whole_components(cutting, 1.0 + 1e-15)[~whole].any()
+    assert not whole_components(atlas, 1.0 + 1e-15)[~whole].any()
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.1])

@@ -7,7 +7,7 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import self_overlapping
-from circparam.mesh.atlas import Cutting
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.seams.charts import FINAL
@@ -20,7 +20,7 @@ from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.separate import push_apart
 
 
-def winding_ring(turn: float, inner: float = 0.7, around: int = 96, along: int = 6) -> Cutting:
+def winding_ring(turn: float, inner: float = 0.7, around: int = 96, along: int = 6) -> Atlas:
     """A flat ring of an angle beyond a full turn, one end rising over the other: laid out, it covers itself."""
     t, r = np.meshgrid(np.linspace(0, turn, around), np.linspace(inner, 1, along), indexing="ij")
     t, r = t.ravel(), r.ravel()
@@ -29,19 +29,19 @@ def winding_ring(turn: float, inner: float = 0.7, around: int = 96, along: int =
     q = np.stack([a[:-1, :-1], a[:-1, 1:], a[1:, 1:], a[1:, :-1]], -1).reshape(-1, 4)
     f = np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]]])[:, ::-1]
     surface = repair(Mesh(p, np.ascontiguousarray(f)))[0]
-    cutting = Cutting(surface, np.zeros(len(surface.edges), bool))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     flat = np.ascontiguousarray(p[surface.faces][:, :, :2])
     d, e = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
     upright = (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]).sum() > 0
-    cutting.corners = flat if upright else flat * [-1, 1]
-    return cutting
+    atlas.corners = flat if upright else flat * [-1, 1]
+    return atlas
 
 
 @pytest.mark.parametrize("beyond", [0.005, 0.012])
 def test_ends_that_overlap_a_little_are_pushed_apart(beyond: float) -> None:
-    cutting = winding_ring(2 * np.pi + beyond)
-    cut_mesh = cutting.cut_mesh()
-    uv = cutting.gather(cut_mesh)
+    atlas = winding_ring(2 * np.pi + beyond)
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
     margin = 0.002
     assert self_overlapping(cut_mesh, uv).all()
     pushed, fine = push_apart(cut_mesh, uv, margin, 1.05)
@@ -57,9 +57,9 @@ def test_ends_that_overlap_a_little_are_pushed_apart(beyond: float) -> None:
 
 
 def test_charts_that_are_sound_keep_their_layout() -> None:
-    cutting = winding_ring(5.0)
-    cut_mesh = cutting.cut_mesh()
-    uv = cutting.gather(cut_mesh)
+    atlas = winding_ring(5.0)
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
     pushed, fine = push_apart(cut_mesh, uv, 0.002, 1.05)
     assert fine.all()
     assert np.allclose(pushed, uv, atol=1e-12)
@@ -67,28 +67,28 @@ def test_charts_that_are_sound_keep_their_layout() -> None:
 
 @pytest.mark.parametrize("turn", [7.5, 10.0])
 def test_sheets_are_cut_apart_across_the_ring(turn: float) -> None:
-    cutting = winding_ring(turn)
-    graph = dual_graph(cutting.surface)
-    cut_mesh = cutting.cut_mesh()
-    laid = judge(cut_mesh, cutting.gather(cut_mesh))
+    atlas = winding_ring(turn)
+    graph = dual_graph(atlas.surface)
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
     assert laid.overlapping.all()
-    done = split_layers(cutting, graph, laid, np.ones(1, bool), edge_costs(cutting))
+    done = split_layers(atlas, graph, laid, np.ones(1, bool), edge_costs(atlas))
     assert done.all()
-    length = cutting.surface.edge_lengths[cutting.cut].sum()
-    assert 0.3 <= length <= 0.3 * 1.5 * cutting.cut.any(), "one cut across, which is 0.3 wide"
-    cut_mesh = cutting.cut_mesh()
+    length = atlas.surface.edge_lengths[atlas.cut].sum()
+    assert 0.3 <= length <= 0.3 * 1.5 * atlas.cut.any(), "one cut across, which is 0.3 wide"
+    cut_mesh = atlas.cut_mesh()
     assert cut_mesh.n_charts == 2
-    assert not judge(cut_mesh, cutting.gather(cut_mesh)).overlapping.any()
+    assert not judge(cut_mesh, atlas.gather(cut_mesh)).overlapping.any()
 
 
 def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
-    cutting = winding_ring(16.0)
-    graph = dual_graph(cutting.surface)
-    cut_mesh = cutting.cut_mesh()
-    laid = judge(cut_mesh, cutting.gather(cut_mesh))
-    enforce(cutting, graph, laid, 1.01, FINAL, Monitor())
-    cut_mesh = cutting.cut_mesh()
-    laid = judge(cut_mesh, cutting.gather(cut_mesh))
+    atlas = winding_ring(16.0)
+    graph = dual_graph(atlas.surface)
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
+    enforce(atlas, graph, laid, 1.01, FINAL, Monitor())
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
     assert not laid.bad(1.01).any()
     # 16 radians need at least three charts of a turn each
     assert 3 <= laid.cut_mesh.n_charts <= 6
@@ -100,31 +100,29 @@ def test_enforcing_leaves_good_charts_as_they_are() -> None:
     n, k = len(ring.surface.points), len(ring.surface.faces)
     points = np.concatenate([ring.surface.points, sheet.surface.points + np.array([3.0, 0, 0])])
     faces = np.concatenate([ring.surface.faces, sheet.surface.faces + n])
-    cutting = Cutting(
-        repair(Mesh(points, faces))[0], np.zeros(len(ring.cut) + len(sheet.cut), bool)
-    )
-    cutting.corners = np.concatenate([ring.corners, sheet.corners])
-    cut_mesh = cutting.cut_mesh()
-    laid = judge(cut_mesh, cutting.gather(cut_mesh))
+    atlas = Atlas(repair(Mesh(points, faces))[0], np.zeros(len(ring.cut) + len(sheet.cut), bool))
+    atlas.corners = np.concatenate([ring.corners, sheet.corners])
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
     assert laid.overlapping.tolist() == [True, False]
-    enforce(cutting, dual_graph(cutting.surface), laid, 1.01, FINAL, Monitor())
-    cut_mesh = cutting.cut_mesh()
-    assert not judge(cut_mesh, cutting.gather(cut_mesh)).bad(1.01).any()
-    assert np.array_equal(cutting.corners[k:], sheet.corners)
-    assert not cutting.cut[cutting.surface.edges[:, 0] // 3 >= k].any()
+    enforce(atlas, dual_graph(atlas.surface), laid, 1.01, FINAL, Monitor())
+    cut_mesh = atlas.cut_mesh()
+    assert not judge(cut_mesh, atlas.gather(cut_mesh)).bad(1.01).any()
+    assert np.array_equal(atlas.corners[k:], sheet.corners)
+    assert not atlas.cut[atlas.surface.edges[:, 0] // 3 >= k].any()
 
 
 def test_a_part_is_taken_out_and_put_back() -> None:
-    cutting = winding_ring(5.0)
-    m = len(cutting.surface.faces)
+    atlas = winding_ring(5.0)
+    m = len(atlas.surface.faces)
     faces = np.arange(m) % 48 < 20
-    part = cutting.part(faces)
-    assert np.array_equal(part.surface.areas, cutting.surface.areas[faces])
-    inside = faces[cutting.surface.edges // 3].all(1)
-    assert np.array_equal(part.surface.edge_lengths, cutting.surface.edge_lengths[inside])
+    part = atlas.part(faces)
+    assert np.array_equal(part.surface.areas, atlas.surface.areas[faces])
+    inside = faces[atlas.surface.edges // 3].all(1)
+    assert np.array_equal(part.surface.edge_lengths, atlas.surface.edge_lengths[inside])
     part.cut[:] = True
     part.corners += 1
-    before = cutting.corners.copy()
-    cutting.put(faces, part)
-    assert np.array_equal(cutting.cut, inside)
-    assert np.array_equal(cutting.corners, before + faces[:, None, None])
+    before = atlas.corners.copy()
+    atlas.put(faces, part)
+    assert np.array_equal(atlas.cut, inside)
+    assert np.array_equal(atlas.corners, before + faces[:, None, None])

@@ -1,0 +1,118 @@
+"""Seams and the first layout; where the numbers of a mesh are beyond a method, a start for the cascade."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray
+from circparam.core.monitor import Monitor
+from circparam.errors import NoResultError, OptionError, TopologyError
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.surface import Surface
+from circparam.methods import METHODS
+from circparam.methods.base import MethodOptions
+from circparam.methods.pins import Pins
+from circparam.pipeline.cascade import CRUSHED, Cascade, CascadeRules
+from circparam.pipeline.configure import method_options, seam_options
+from circparam.pipeline.job import Job
+from circparam.pipeline.options import Options
+from circparam.seams import SEAMS
+from circparam.seams.constraints import constrain
+from circparam.seams.options import Seams
+
+# What a numerical method raises where the numbers of a mesh are beyond it
+NUMERICAL = (NoResultError, np.linalg.LinAlgError, ArithmeticError)
+
+
+def find_seams(job: Job, monitor: Monitor) -> Seams:
+    """The seams; where finding charts fails on numbers, only those demanded: the cascade splits further."""
+    asked = seam_options(job.document, job.surface, job.repair_report, job.options)
+    try:
+        return SEAMS[job.options.cut].function(job.surface, asked, monitor)
+    except NUMERICAL as error:
+        if job.options.cut != "charts":
+            raise
+        _, forced, notes = constrain(job.surface, asked)
+        return Seams(
+            forced, _no_layout(job.surface), [*notes, f"charts were made by halving ({error})"]
+        )
+
+
+def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
+    """The layout of the method, or the one that the seams come with where that is the same thing."""
+    options = job.options
+    blank = Cascade(Atlas(job.surface, seams.cut), rules(options), notes=tuple(seams.notes))
+    plain = options.method == "isometric" and not (options.blend or options.pins is not None)
+    if plain and seams.uv is not None:
+        return replace(blank, atlas=Atlas(job.surface, seams.cut, seams.uv))
+    try:
+        return _flatten(blank, options, monitor)
+    except (*NUMERICAL, TopologyError) as error:
+        if options.cut != "charts":
+            raise
+        atlas = Atlas(job.surface, seams.cut, _no_layout(job.surface))
+        return replace(blank, atlas=atlas).repaired(
+            f"--method {options.method} failed at first ({error})"
+        )
+
+
+def rules(options: Options) -> CascadeRules:
+    """What the fallback cascade may do with the charts of these options."""
+    convex = "convex-boundary" in METHODS[options.method].tags
+    # whether every chart can be brought below the bound by splitting it, and nothing asks for otherwise
+    free = options.max_charts is None and options.no_seams is None and options.pins is None
+    reachable = free and options.method == "isometric" and not options.blend
+    bound = options.bound if reachable else None
+    return CascadeRules(
+        may_split=options.cut == "charts",
+        remap=options.cut == "charts" or not convex,
+        bound=CRUSHED if bound is None else bound,
+        method=method_options(options),
+    )
+
+
+def _no_layout(surface: Surface) -> FloatArray:
+    """(m, 3, 2) corners without a place: every chart is faulty."""
+    return np.full((len(surface.faces), 3, 2), np.nan)
+
+
+def _flatten(blank: Cascade, options: Options, monitor: Monitor) -> Cascade:
+    """The method that was asked for, all charts at once. Raises OptionError for pins that do not fit."""
+    cut_mesh, _ = blank.open()
+    asked = blank.rules.method
+    if options.pins is not None:
+        asked = _with_pins(blank.atlas.surface, cut_mesh, asked, options.pins)
+    layout = METHODS[options.method].function(cut_mesh, asked, monitor)
+    atlas = Atlas(blank.atlas.surface, blank.atlas.cut, layout.uv[cut_mesh.faces])
+    return replace(blank, atlas=atlas, stopped=layout.stopped, iterations=layout.iterations).noted(
+        *layout.notes
+    )
+
+
+def _with_pins(
+    surface: Surface, cut_mesh: CutMesh, options: MethodOptions, pins: FloatArray
+) -> MethodOptions:
+    """Pins of mesh vertices as pins of the vertices of the cut mesh (a seam makes several of one)."""
+    number = pins[:, 0].astype(np.int64)
+    if len(np.unique(number)) < len(number):
+        raise OptionError("--pin fixes a vertex twice: name each vertex once")
+    bad = np.flatnonzero((number < 0) | (number >= len(surface.points)))
+    vertex = np.full(len(surface.points), -1)
+    vertex[surface.faces.ravel()] = cut_mesh.faces.ravel()
+    if len(bad) == 0:
+        bad = np.flatnonzero(vertex[number] < 0)
+    if len(bad):
+        raise OptionError(
+            f"--pin names vertex {int(number[bad[0]])}, which no face uses: vertices count from 0"
+        )
+    copies = np.unique(np.stack([surface.faces.ravel(), cut_mesh.faces.ravel()], 1), axis=0)
+    seam = np.bincount(copies[:, 0], minlength=len(surface.points))[number] > 1
+    if seam.any():
+        raise OptionError(
+            f"--pin names vertex {int(number[seam][0])}, which lies on a seam: "
+            "pin a vertex inside a chart or on the boundary of the mesh"
+        )
+    return replace(options, pins=Pins(vertex[number], pins[:, 1:]))

@@ -1,0 +1,56 @@
+"""What all stages of one unwrap share: the document, the surface that is solved on, the options."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.monitor import Monitor
+from circparam.formats.document import Document
+from circparam.formats.io import stored
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.mesh import UVMap
+from circparam.mesh.repair import RepairOptions, RepairReport, repair
+from circparam.mesh.restore import complete
+from circparam.mesh.surface import Surface
+from circparam.pipeline.configure import target_format, tiles_of
+from circparam.pipeline.options import Options
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One mesh on its way: what was read, what is solved on, and what was asked for.
+
+    target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
+    the file, None where there is one.
+    """
+
+    document: Document
+    options: Options
+    target: str
+    surface: Surface
+    repair_report: RepairReport
+    tiles: IntArray | None
+
+    def stored(self, cut_mesh: CutMesh, uv: FloatArray) -> UVMap:
+        """uv (nv, 2) of the cut mesh for every face of the file, as the numbers that the format will hold."""
+        whole = complete(self.document.mesh, self.surface, self.repair_report, uv, cut_mesh.faces)
+        return stored(whole, self.target, self.document)
+
+
+def prepare(
+    document: Document,
+    output: str | os.PathLike[str] | None,
+    options: Options,
+    monitor: Monitor,
+) -> Job:
+    """Repair what was read, as a map; nothing of the document is edited.
+
+    Raises InputError for a mesh without usable faces, OptionError where an option does not fit the file.
+    """
+    target = target_format(document, output, options)
+    with monitor.stage("repair"):
+        surface, report = repair(document.mesh, RepairOptions(options.weld or 0.0, options.repair))
+    monitor.check()
+    return Job(document, options, target, surface, report, tiles_of(document, options))
