@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
-from circparam.packing import pack, shelf
-from circparam.packing.budget import Work
-from circparam.packing.check import Layout, faults
+from circparam.packing import pack
+from circparam.packing.budget import Budget
+from circparam.packing.check import PlacedCharts, faults
 from circparam.packing.nest import compaction
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
+from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
 QUICK = 0.02  # effort: the guarantees hold after any amount of search
@@ -40,6 +41,15 @@ def blobs(n, seed, spread=0.8):
         chart.append(np.full(k, c))
         at += k + 1
     return np.concatenate(faces), np.concatenate(uv), np.concatenate(chart)
+
+
+def shelf(faces, uv, chart, options):
+    """Rows of boxes only, as ``pack`` would return them."""
+    shapes = shapes_of(faces, uv, chart)
+    placement = shelf_placement(shapes, options)
+    packed, wrong = finish(shapes, placement, options)
+    assert wrong is None
+    return packed
 
 
 def triangles(n, seed):
@@ -93,7 +103,7 @@ def two_squares(corners, side=8, page=64):
     )
     points = (np.array(corners)[:, None] + square) / page
     n = len(corners)
-    return Layout(
+    return PlacedCharts(
         points[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 2), np.repeat(np.arange(n), 2),
         points.reshape(-1, 2), np.roll(points, -1, 1).reshape(-1, 2), np.repeat(np.arange(n), 4),
         np.zeros(n, int),
@@ -404,6 +414,6 @@ def test_squeezing_takes_back_steps_that_are_too_long(seed: int) -> None:
     options = PackOptions(resolution=1024, padding=4)
     start = skyline_placement(shapes, options, Monitor())
     assert start is not None
-    after = compaction.compact(shapes, start, options, 12, Work(1e9, lambda: False), 256.0)
+    after = compaction.compact(shapes, start, options, 12, Budget(1e9, lambda: False), 256.0)
     assert finish(shapes, after, options)[1] is None
     assert after.scale > 1.02 * start.scale
