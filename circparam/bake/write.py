@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.bake.bake import Baked, to_image
+from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import encode
-from circparam.render.figures import write_bytes
 
 _BIN, _JSON = 0x004E4942, 0x4E4F534A
 
@@ -36,14 +36,7 @@ def write_baked(
     """
     check_target(path)
     if path.suffix.lower() == ".png":
-        if len(baked.tiles) == 1:
-            write_bytes(path, png(next(iter(baked.tiles.values()))))
-            return [path], []
-        files = []
-        for (u, v), image in sorted(baked.tiles.items(), key=lambda item: item[0][::-1]):
-            files.append(path.with_name(f"{path.stem}.{1001 + u + 10 * v}{path.suffix}"))
-            write_bytes(files[-1], png(image))
-        return files, []
+        return write_files(_images(path, baked), overwrite=True), []
     if list(baked.tiles) != [(0, 0)]:
         raise OptionError(
             f"{path}: a GLB holds one image, the layout has several tiles: bake into .png"
@@ -56,8 +49,19 @@ def write_baked(
     options = WriteOptions(uv_set=number, overwrite_uv=True)
     encoded = encode(document, layout, "glb", options=options)
     notes = [note for note in encoded.notes if "was replaced" not in note]
-    write_bytes(path, embed(encoded.data, png(baked.tiles[0, 0]), number, kind == "vertex-colors"))
-    return [path], notes
+    data = embed(encoded.data, png(baked.tiles[0, 0]), number, kind == "vertex-colors")
+    return write_files({path: data}, overwrite=True), notes
+
+
+def _images(path: Path, baked: Baked) -> dict[Path, bytes]:
+    """The PNG files of all tiles: under the name given where there is one, else numbered as UDIM."""
+    if len(baked.tiles) == 1:
+        return {path: png(next(iter(baked.tiles.values())))}
+    tiles = sorted(baked.tiles.items(), key=lambda item: item[0][::-1])
+    return {
+        path.with_name(f"{path.stem}.{1001 + u + 10 * v}{path.suffix}"): png(image)
+        for (u, v), image in tiles
+    }
 
 
 def png(array: npt.NDArray[np.uint8]) -> bytes:

@@ -24,7 +24,13 @@ from circparam.render.compare_page import (
     save_plot,
     save_report,
 )
-from circparam.render.sides import Side, Sides, cell_text, draw_sides, sides_of
+from circparam.render.side_by_side import (
+    MethodLayout,
+    SideBySide,
+    cell_text,
+    draw_layouts,
+    side_by_side,
+)
 
 
 @dataclass
@@ -62,7 +68,7 @@ class Tags(HTMLParser):
             assert self.open.pop() == tag
 
 
-def sheet_sides() -> Sides:
+def sheet_sides() -> SideBySide:
     """A bent sheet: itself, the same squeezed, and a method without a result."""
     n = 8
     g = np.linspace(0, 1, n + 1)
@@ -74,14 +80,14 @@ def sheet_sides() -> Sides:
     )
     points = np.concatenate([flat, np.zeros((len(flat), 1))], 1)
     rows = [
-        Side("good", UVMap(flat, faces), "ok",
+        MethodLayout("good", UVMap(flat, faces), "ok",
              {"seconds": 2.0, "distortion": 1.0, "flips": 0, "peak_bytes": 3_000_000},
              {"weights": 0.5, "solve": 1.0}),
-        Side("bad <b>", UVMap(flat * [1.0, 0.2], faces), "invalid",
+        MethodLayout("bad <b>", UVMap(flat * [1.0, 0.2], faces), "invalid",
              {"seconds": 0.5, "distortion": 2.6, "flips": 3}, {"solve": 0.5}),
-        Side("none", None, "failed", {}, {}, "out of luck & time"),
+        MethodLayout("none", None, "failed", {}, {}, "out of luck & time"),
     ]  # fmt: skip
-    return Sides("sheet", Mesh(points, faces), rows, "128 faces")
+    return SideBySide("sheet", Mesh(points, faces), rows, "128 faces")
 
 
 def test_page_is_well_formed_and_complete():
@@ -108,13 +114,13 @@ def test_table_marks_the_best_valid_row_only():
     best = re.findall(r'<td data-value="([^"]*)" class=best>', text)
     assert best == []  # one valid row is no competition
     sides = sheet_sides()
-    rows = [sides.rows[0], Side("second", None, "ok", {"seconds": 1.0, "distortion": 1.5})]
-    text = compare_page([Sides("sheet", sides.mesh, rows)])
+    rows = [sides.rows[0], MethodLayout("second", None, "ok", {"seconds": 1.0, "distortion": 1.5})]
+    text = compare_page([SideBySide("sheet", sides.mesh, rows)])
     assert re.findall(r'<td data-value="([^"]*)" class=best>', text) == ["1.0", "1.0"]
 
 
 def test_same_view_and_same_scale():
-    drawn, top = draw_sides(sheet_sides(), size=60, samples=1)
+    drawn, top = draw_layouts(sheet_sides(), size=60, samples=1)
     good, bad, none = (d.images for d in drawn)
     assert none is None
     assert good is not None
@@ -182,7 +188,7 @@ def test_sides_of_a_comparison():
     rows = [
         Row("circle", "ok", {"distortion": 1.5}, {"solve": 1.0}, 1.0, 5, None, sides.rows[0].uvmap)
     ]
-    out = sides_of(Comparison("a.obj", 128, "disk", rows), sides.mesh)
+    out = side_by_side(Comparison("a.obj", 128, "disk", rows), sides.mesh)
     assert out.title == "a.obj"
     assert out.rows[0].figures == {"distortion": 1.5, "seconds": 1.0, "peak_bytes": 5}
     assert out.rows[0].uvmap is sides.rows[0].uvmap
