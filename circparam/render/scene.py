@@ -145,8 +145,8 @@ class Scene:
     def flipped(self) -> BoolArray:
         """(m,) faces whose uv winding differs from that of their chart, or whose uv area is zero.
 
-        Faces without area on the surface, further faces on the same three places (duplicates, which can only lie
-        on the uv of the first one), and faces that the file winds against their neighbours are no flips.
+        Faces without area on the surface, duplicate faces (they can only lie on the uv of the first one), and
+        faces that the file orients against their neighbours are no flips.
         """
         n = self.n_charts
         chart = np.maximum(self.chart, 0)
@@ -192,7 +192,7 @@ class Scene:
 
     @cached_property
     def inner_seams(self) -> IntArray:
-        """(s,) the half-edges of ``seams`` that are cuts, not the boundary of the surface: one for each edge."""
+        """(s,) the half-edges of ``seams`` that are cuts, not boundary of the surface: one for each edge."""
         w = self.weld[self.faces]
         a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
         h = self.seams
