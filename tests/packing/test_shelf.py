@@ -8,17 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.shelf import shelf_placement
-
-
-def rectangles(sizes):
-    """One chart for each (width, height)."""
-    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    uv = np.concatenate([corner * s + [10.0 * k, 3.0] for k, s in enumerate(sizes)])
-    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(sizes))])
-    return shapes_of(faces, uv, np.repeat(np.arange(len(sizes)), 2))
+from tests.support.packing import rectangles
 
 
 def boxes(shapes, placed):

@@ -13,7 +13,7 @@ from PIL import Image
 
 from circparam import samples
 from circparam.cli import cli
-from circparam.errors import OptionError
+from circparam.errors import OptionError, OutputError
 from circparam.render.compare_page import (
     _bar_end,
     _bar_parts,
@@ -26,6 +26,7 @@ from circparam.render.side_by_side import (
     MethodLayout,
     SideBySide,
 )
+from tests.support.full_disk import STEPS, fill_up
 from tests.support.side_by_side import compared_sheet
 
 
@@ -132,3 +133,15 @@ def test_from_the_shell(tmp_path: Path):
     for option, name in (("--report", "r.txt"), ("--plot", "p.jpg"), ("--report", "r.html")):
         again = CliRunner().invoke(cli, [*words, option, str(tmp_path / name)])
         assert again.exit_code == 2
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_a_full_disk_leaves_nothing(
+    step: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fill_up(monkeypatch, step)
+    with pytest.raises(OutputError, match=r"a\.html.*No space left"):
+        save_report(tmp_path / "a.html", [compared_sheet()])
+    with pytest.raises(OutputError, match=r"a\.png.*No space left"):
+        save_plot(tmp_path / "a.png", [compared_sheet()])
+    assert list(tmp_path.iterdir()) == []

@@ -124,3 +124,11 @@ def promise(faces, uv, chart, packed: Packed, options: PackOptions):
     worst, scales = similarity_residual(uv, packed.uv, vertices_of(faces, chart))
     assert worst < 1e-9
     assert scales == pytest.approx(packed.scale)
+
+
+def rectangles(sizes):
+    """Shapes of rectangles, one chart for each (width, height)."""
+    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    uv = np.concatenate([corner * s + [10.0 * k, 3.0] for k, s in enumerate(sizes)])
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(sizes))])
+    return shapes_of(faces, uv, np.repeat(np.arange(len(sizes)), 2))
