@@ -11,12 +11,13 @@ from circparam.core.monitor import Monitor
 from circparam.packing import pack
 from circparam.packing.budget import Budget
 from circparam.packing.nest import compaction
+from circparam.packing.nest.contacts import least_distance
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.placement import Placement
 from circparam.packing.skyline import skyline_placement
-from tests.support.packing import QUICK, rectangles
+from tests.support.packing import QUICK, blobs, rectangles
 
 
 def test_a_bundle_of_needles_makes_no_huge_program(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,3 +152,24 @@ def test_the_budget_counts_rows_and_ends_the_steps():
     assert start.scale < after.scale < many.scale
     late = compaction.compact(shapes, start, options, 1, Budget(1e9, lambda: True))
     assert start.scale < late.scale < many.scale
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_short_step_keeps_all_distances_while_charts_turn(seed: int) -> None:
+    """To first order nothing comes nearer than the gap, whichever way the charts turn."""
+    options = PackOptions(resolution=512, padding=4)
+    shapes = shapes_of(*blobs(8, seed, 0.3))
+    start = skyline_placement(shapes, options, Monitor())
+    assert start is not None
+    growth = growth_of(shapes, options, strict=True)
+    placement, turned = start, 0.0
+    for _ in range(6):
+        after = step(growth, placement, 4.0)
+        assert after is not None
+        turned = max(turned, float(np.abs(after.angle - placement.angle).max()))
+        outlines = growth.outlines(0.5 / after.scale)
+        gap = least_distance(growth.near(after, outlines, 4.0))
+        assert gap > options.gap - 0.05
+        placement = after
+    assert turned > 1e-3
+    assert placement.scale > start.scale
