@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from circparam.bake.bake import KINDS, Baked, bake, bake_document, sample_back
+from circparam.bake.bake import KINDS, Baked, bake, bake_document
 from circparam.bake.write import check_target, write_baked
 
-__all__ = ["KINDS", "Baked", "bake", "bake_document", "check_target", "sample_back", "write_baked"]
+__all__ = ["KINDS", "Baked", "bake", "bake_document", "check_target", "write_baked"]

@@ -1,7 +1,7 @@
 """Carry colours into a layout: an image whose texels are the colours of the surface that lies there.
 
 Every texel whose centre a face covers is looked up on that face; then the colours are grown outwards, so that
-filtering at a chart's border never takes in background.
+filtering at a chart's boundary never takes in background.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from circparam.bake.sampling import (
     texel_ratio,
     texture_paint,
 )
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min
+from circparam.core.arrays import BoolArray, IntArray, group_max, group_min
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import colours, decode, texture_layout, textures
 from circparam.geometry.raster import barycentric, fragments
-from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.mesh import UVMap
 
 KINDS = ("vertex-colors", "texture")
 MAX_SIZE = 16384
@@ -159,33 +159,30 @@ def bake_document(
     name = document.source.name
     if layout is None:
         raise InputError(f"{name} has no uv set {uv_set}: make one with 'circparam unwrap'")
-    origin = source or document
-    notes: list[str] = []
     if kind == "vertex-colors":
-        corners = colours(origin)
-        if corners is None:
-            raise InputError(
-                f"{origin.source.name} has no vertex colours: bake with --from texture"
-            )
-        paint, channels = corner_paint(corners), 3
+        paint, channels, notes = _vertex_colours(source or document)
     else:
-        paint, channels = _from_texture(document.mesh, layout, uv_set, origin, source, size, notes)
+        paint, channels, notes = _texture_colours(document, layout, uv_set, source, size)
     if source is not None and not same_surface(document.mesh, source.mesh):
         paint = closest_paint(document.mesh, source.mesh, paint)
-        notes.append("the source is another mesh: colours come from its closest points")
+        notes = [*notes, "the source is another mesh: colours come from its closest points"]
     baked = bake(layout, paint, size, channels=channels, monitor=monitor)
     return Baked(baked.tiles, baked.covered, notes + baked.notes)
 
 
-def _from_texture(
-    mesh: Mesh,
-    layout: UVMap,
-    uv_set: int,
-    origin: Document,
-    source: Document | None,
-    size: int,
-    notes: list[str],
-) -> tuple[Paint, int]:
+def _vertex_colours(origin: Document) -> tuple[Paint, int, list[str]]:
+    """The vertex colours of a file: (paint, channels, notes)."""
+    corners = colours(origin)
+    if corners is None:
+        raise InputError(f"{origin.source.name} has no vertex colours: bake with --from texture")
+    return corner_paint(corners), 3, []
+
+
+def _texture_colours(
+    document: Document, layout: UVMap, uv_set: int, source: Document | None, size: int
+) -> tuple[Paint, int, list[str]]:
+    """The textures of a file, averaged to texels of the new layout: (paint, channels, notes)."""
+    origin = source or document
     found = textures(origin)
     name = origin.source.name
     if found is None:
@@ -197,27 +194,14 @@ def _from_texture(
             f"{name}: its texture belongs to uv set {uv_set} itself: give the file as it was before with "
             "--source, or the new set with --uv-set"
         )
-    notes += found.notes
     old = texture_layout(origin, found)
     sides = [max(decode(*p).size) for p in zip(found.images, found.names, strict=True)]
-    ratio = texel_ratio(mesh, old, float(np.mean(sides)), layout, size)
-    return texture_paint(found, old, ratio)
+    paint, channels = texture_paint(
+        found, old, texel_ratio(old, float(np.mean(sides)), layout, size)
+    )
+    return paint, channels, list(found.notes)
 
 
 def to_image(array: npt.NDArray[np.uint8]) -> Image.Image:
     """A tile as an image."""
     return Image.fromarray(array, "RGBA" if array.shape[2] == 4 else "RGB")
-
-
-def sample_back(baked: Baked, layout: UVMap, face: IntArray, bary: FloatArray) -> FloatArray:
-    """(p, c) colours of a baked layout at places of the surface, 0..1: what a renderer would show."""
-    from circparam.bake.sampling import bilinear
-
-    tile = tiles_of(layout)[face]
-    uv = np.einsum("pk,pkc->pc", bary, layout.uv[layout.uv_faces[face]]) - tile
-    first = next(iter(baked.tiles.values()))
-    out = np.zeros((len(face), first.shape[2]))
-    for (u, v), image in baked.tiles.items():
-        at = np.flatnonzero((tile == (u, v)).all(1))
-        out[at] = bilinear(image.astype(np.float64) / 255, uv[at])
-    return out

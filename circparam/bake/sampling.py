@@ -18,9 +18,17 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
 
 Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
-CANDIDATES = 6  # nearest samples whose faces are tried for the closest point
-BLOCK = 200_000  # places at once
-WALK = 8  # steps to neighbouring faces, at most
+
+# Nearest samples whose faces are tried for the closest point, and steps from the best one to its neighbours.
+CANDIDATES = 6
+MOST_STEPS = 8
+
+# Samples of a surface: some for every face, so many that small meshes are sampled finely, and no more than
+# memory has room for.
+SAMPLES_A_FACE = 4
+FEWEST_SAMPLES, MOST_SAMPLES = 200_000, 2_000_000
+
+BLOCK = 200_000  # places looked up at once: some hundred bytes each
 
 
 def corner_paint(corners: FloatArray) -> Paint:
@@ -79,7 +87,7 @@ def texture_paint(textures: Textures, layout: UVMap, shrink: float = 1.0) -> tup
     return paint, channels
 
 
-def texel_ratio(mesh: Mesh, old: UVMap, old_size: float, new: UVMap, new_size: float) -> float:
+def texel_ratio(old: UVMap, old_size: float, new: UVMap, new_size: float) -> float:
     """Texels of the old layout for one texel of the new one, along a side, by the areas of both."""
 
     def area(layout: UVMap) -> FloatArray:
@@ -106,10 +114,10 @@ class Closest:
         whole = np.cumsum(area)
         if not whole[-1] > 0:
             raise InputError("the source has no area: there is nothing to take colours from")
-        wanted = int(np.clip(4 * len(faces), 200_000, 2_000_000))
-        spread = np.searchsorted(whole, (np.arange(wanted) + 0.5) / wanted * whole[-1])
+        samples = int(np.clip(SAMPLES_A_FACE * len(faces), FEWEST_SAMPLES, MOST_SAMPLES))
+        spread = np.searchsorted(whole, (np.arange(samples) + 0.5) / samples * whole[-1])
         self.face = np.concatenate([np.arange(len(faces)), np.minimum(spread, len(faces) - 1)])
-        r = np.random.default_rng(3).random((wanted, 2))
+        r = np.random.default_rng(3).random((samples, 2))
         r[r.sum(1) > 1] = 1 - r[r.sum(1) > 1]
         r = np.concatenate([np.full((len(faces), 2), 1 / 3), r])
         self.tree = cKDTree(
@@ -118,36 +126,35 @@ class Closest:
 
     def find(self, places: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
         """For places (p, 3): ((p,) face, (p, 3) barycentric coordinates, (p,) distance)."""
-        face = np.zeros(len(places), np.int64)
-        bary = np.zeros((len(places), 3))
-        distance = np.zeros(len(places))
-        for start in range(0, len(places), BLOCK):
-            part = slice(start, start + BLOCK)
-            q = places[part]
-            _, near = self.tree.query(q, k=min(CANDIDATES, len(self.face)))
-            candidates = self.face[near.reshape(len(q), -1)]
-            b, d2 = closest_on_triangles(q[:, None], self.corners[candidates])
-            best = np.argmin(d2, axis=1)
-            rows = np.arange(len(q))
-            face[part], bary[part] = candidates[rows, best], b[rows, best]
-            distance[part] = np.sqrt(d2[rows, best])
-            self._walk(q, face[part], bary[part], distance[part])
+        if len(places) == 0:
+            return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
+        blocks = [self._find(places[k : k + BLOCK]) for k in range(0, len(places), BLOCK)]
+        face, bary, distance = (np.concatenate(part) for part in zip(*blocks, strict=True))
         return face, bary, distance
 
-    def _walk(self, q: FloatArray, face: IntArray, bary: FloatArray, distance: FloatArray) -> None:
-        """Go on to neighbouring faces while that brings a place nearer; the arrays are changed in place."""
-        moving = np.arange(len(q))
-        for _ in range(WALK):
-            candidates = self.beside[face[moving]]
-            b, d2 = closest_on_triangles(q[moving, None], self.corners[candidates])
-            best = np.argmin(d2, axis=1)
-            rows = np.arange(len(moving))
-            nearer = np.sqrt(d2[rows, best]) < distance[moving]
-            rows, moving = rows[nearer], moving[nearer]
+    def _find(self, places: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        """One block: the best face of the nearest samples, then its neighbours while one is nearer."""
+        _, near = self.tree.query(places, k=min(CANDIDATES, len(self.face)))
+        face, bary, distance = self._best(places, self.face[near.reshape(len(places), -1)])
+        moving = np.arange(len(places))
+        for _ in range(MOST_STEPS):
+            new_face, new_bary, new_distance = self._best(places[moving], self.beside[face[moving]])
+            nearer = new_distance < distance[moving]
+            moving = moving[nearer]
             if len(moving) == 0:
-                return
-            face[moving], bary[moving] = candidates[rows, best[rows]], b[rows, best[rows]]
-            distance[moving] = np.sqrt(d2[rows, best[rows]])
+                break
+            face[moving], bary[moving] = new_face[nearer], new_bary[nearer]
+            distance[moving] = new_distance[nearer]
+        return face, bary, distance
+
+    def _best(
+        self, places: FloatArray, candidates: IntArray
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """The closest of candidate faces (p, k) of each place, where on it, and how far."""
+        bary, d2 = closest_on_triangles(places[:, None], self.corners[candidates])
+        best = np.argmin(d2, axis=1)
+        rows = np.arange(len(places))
+        return candidates[rows, best], bary[rows, best], np.sqrt(d2[rows, best])
 
 
 def neighbours(points: FloatArray, faces: IntArray) -> IntArray:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.bake.bake import Baked, to_image
+from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
-from circparam.formats.document import Document, WriteOptions
+from circparam.formats.document import Document, Source, WriteOptions
+from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode
-from circparam.render.figures import write_bytes
-
-_BIN, _JSON = 0x004E4942, 0x4E4F534A
 
 
 def check_target(path: Path) -> None:
@@ -36,14 +34,7 @@ def write_baked(
     """
     check_target(path)
     if path.suffix.lower() == ".png":
-        if len(baked.tiles) == 1:
-            write_bytes(path, png(next(iter(baked.tiles.values()))))
-            return [path], []
-        files = []
-        for (u, v), image in sorted(baked.tiles.items(), key=lambda item: item[0][::-1]):
-            files.append(path.with_name(f"{path.stem}.{1001 + u + 10 * v}{path.suffix}"))
-            write_bytes(files[-1], png(image))
-        return files, []
+        return write_files(_images(path, baked), overwrite=True), []
     if list(baked.tiles) != [(0, 0)]:
         raise OptionError(
             f"{path}: a GLB holds one image, the layout has several tiles: bake into .png"
@@ -56,8 +47,21 @@ def write_baked(
     options = WriteOptions(uv_set=number, overwrite_uv=True)
     encoded = encode(document, layout, "glb", options=options)
     notes = [note for note in encoded.notes if "was replaced" not in note]
-    write_bytes(path, embed(encoded.data, png(baked.tiles[0, 0]), number, kind == "vertex-colors"))
-    return [path], notes
+    data = embed(
+        encoded.data, document.source, png(baked.tiles[0, 0]), number, kind == "vertex-colors"
+    )
+    return write_files({path: data}, overwrite=True), notes
+
+
+def _images(path: Path, baked: Baked) -> dict[Path, bytes]:
+    """The PNG files of all tiles: under the name given where there is one, else numbered as UDIM."""
+    if len(baked.tiles) == 1:
+        return {path: png(next(iter(baked.tiles.values())))}
+    tiles = sorted(baked.tiles.items(), key=lambda item: item[0][::-1])
+    return {
+        path.with_name(f"{path.stem}.{1001 + u + 10 * v}{path.suffix}"): png(image)
+        for (u, v), image in tiles
+    }
 
 
 def png(array: npt.NDArray[np.uint8]) -> bytes:
@@ -67,13 +71,16 @@ def png(array: npt.NDArray[np.uint8]) -> bytes:
     return out.getvalue()
 
 
-def embed(glb: bytes, image: bytes, uv_set: int = 0, drop_colours: bool = False) -> bytes:
+def embed(
+    glb: bytes, source: Source, image: bytes, uv_set: int = 0, drop_colours: bool = False
+) -> bytes:
     """A GLB with a PNG as the base colour of every material and of every face without one.
 
-    uv_set: the set that the image refers to. drop_colours: leave COLOR_0 out, which would tint the image.
-    Raises InputError where the bytes are no GLB.
+    source: the file named in errors. uv_set: the set that the image refers to. drop_colours: leave COLOR_0
+    out, which would tint the image. Raises InputError where the bytes are no sound glTF.
     """
-    tree, binary = split(glb)
+    found = Tree(glb, source)
+    tree, binary = found.json, found.bin or b""
     padded = binary + bytes(-len(binary) % 4)
     tree.setdefault("bufferViews", []).append(
         {"buffer": 0, "byteOffset": len(padded), "byteLength": len(image)}
@@ -94,11 +101,11 @@ def embed(glb: bytes, image: bytes, uv_set: int = 0, drop_colours: bool = False)
     )
     texture = {"index": len(tree["textures"]) - 1, "texCoord": uv_set}
     _dress(tree, texture, drop_colours)
-    return join(tree, padded)
+    return glb_bytes(tree, padded, found.rest)
 
 
 def _dress(tree: dict[str, Any], texture: dict[str, int], drop_colours: bool) -> None:
-    """Let every material show the texture; primitives without a material get one."""
+    """Let every material of a tree show the texture, in place; primitives without a material get one."""
     materials = tree.setdefault("materials", [])
     for material in materials:
         pbr = material.setdefault("pbrMetallicRoughness", {})
@@ -120,29 +127,3 @@ def _dress(tree: dict[str, Any], texture: dict[str, int], drop_colours: bool) ->
                     }
                     materials.append({"name": "baked", "pbrMetallicRoughness": pbr})
                 primitive["material"] = plain
-
-
-def split(glb: bytes) -> tuple[dict[str, Any], bytes]:
-    """(JSON tree, binary chunk) of a GLB."""
-    if glb[:4] != b"glTF" or len(glb) < 20:
-        raise InputError("the file is no GLB: an image can be embedded in nothing else")
-    size, _ = struct.unpack_from("<II", glb, 12)
-    tree = json.loads(glb[20 : 20 + size])
-    at = 20 + size
-    if at + 8 > len(glb):
-        return tree, b""
-    length, _ = struct.unpack_from("<II", glb, at)
-    return tree, glb[at + 8 : at + 8 + length]
-
-
-def join(tree: dict[str, Any], binary: bytes) -> bytes:
-    """A GLB of a JSON tree and a binary chunk."""
-    text = json.dumps(tree, separators=(",", ":"), ensure_ascii=False).encode()
-    text += b" " * (-len(text) % 4)
-    binary += bytes(-len(binary) % 4)
-    total = 12 + 8 + len(text) + 8 + len(binary)
-    return (
-        struct.pack("<4sII", b"glTF", 2, total)
-        + struct.pack("<II", len(text), _JSON) + text
-        + struct.pack("<II", len(binary), _BIN) + binary
-    )  # fmt: skip

@@ -136,9 +136,9 @@ def _write_pictures(
     """The page and the image of what was compared."""
     from circparam.formats.io import read
     from circparam.render.compare_page import save_plot, save_report
-    from circparam.render.sides import sides_of
+    from circparam.render.side_by_side import side_by_side
 
-    meshes = [sides_of(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
+    meshes = [side_by_side(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
     if report is not None:
         save_report(report, meshes, sizes or ())
     if plot is not None:

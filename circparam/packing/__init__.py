@@ -1,8 +1,9 @@
-"""Packing: charts laid on pages at one texel density, never mirrored, never closer than the padding."""
+"""Packing: charts placed on pages at one texel density, never mirrored, never closer than the padding."""
 
 from __future__ import annotations
 
 from circparam.packing.options import ROTATIONS, Packed, PackOptions
-from circparam.packing.pack import pack, shelf
+from circparam.packing.pack import pack
+from circparam.packing.table import PACKERS
 
-__all__ = ["ROTATIONS", "PackOptions", "Packed", "pack", "shelf"]
+__all__ = ["PACKERS", "ROTATIONS", "PackOptions", "Packed", "pack"]

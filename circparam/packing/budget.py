@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 
-class Work:
-    """What is left of a budget; nothing where the deadline has passed."""
+class Budget:
+    """Operations that are left to a search; none where the deadline has passed.
 
-    def __init__(self, budget: float, expired: Callable[[], bool]) -> None:
-        self.left = budget
+    operations: cells transformed, or rows of linear programs. expired: whether the deadline has passed.
+    """
+
+    def __init__(self, operations: float, expired: Callable[[], bool]) -> None:
+        self.left = operations
         self._expired = expired
 
     def spend(self, amount: float) -> bool:

@@ -138,8 +138,8 @@ def shared_texels(
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
-    """A finished layout to be checked, in uv of the page each part lies on.
+class PlacedCharts:
+    """Charts as they lie on their pages, to be checked: in uv of the page each part lies on.
 
     corners: (m, 3, 2) of the faces, owner: (m,) their charts. start, end: (b, 2) outline edges, edge_owner:
     (b,). page: (n,) page of each chart.
@@ -153,23 +153,23 @@ class Layout:
     page: IntArray
 
 
-def faults(layout: Layout, options: PackOptions) -> tuple[str | None, FloatArray]:
+def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, FloatArray]:
     """Check a finished layout on the raster, as single-precision numbers, which formats store.
 
     Returns (what is wrong or None, (pages,) covered share of each page).
     """
     share = np.zeros(options.pages)
     for tile in range(options.pages):
-        on = layout.page[layout.owner] == tile
-        texels = _single(layout.corners[on]) * options.resolution
-        grid, clashes = owner_raster(texels, layout.owner[on], options.resolution)
+        on = placed.page[placed.owner] == tile
+        texels = _single(placed.corners[on]) * options.resolution
+        grid, clashes = owner_raster(texels, placed.owner[on], options.resolution)
         share[tile] = (grid >= 0).mean()
-        rim = layout.page[layout.edge_owner] == tile
-        start, end = _single(layout.start[rim]), _single(layout.end[rim])
+        edges = placed.page[placed.edge_owner] == tile
+        start, end = _single(placed.start[edges]), _single(placed.end[edges])
         if start.size and (start.min() < 0 or start.max() > 1):
             return "a chart leaves the page", share
         clashes += shared_texels(
-            grid, start * options.resolution, end * options.resolution, layout.edge_owner[rim]
+            grid, start * options.resolution, end * options.resolution, placed.edge_owner[edges]
         )
         if clashes:
             return f"{clashes} texels are touched by two charts", share

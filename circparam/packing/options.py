@@ -19,7 +19,7 @@ MAX_RESOLUTION = 16384
 
 @dataclass(frozen=True)
 class PackOptions:
-    """How charts are laid on pages.
+    """How charts are placed on pages.
 
     resolution: side of a page in texels. padding: empty texels between any two charts and at the border.
     rotate: 'free' (any angle), '90' (quarter turns), 'none'. pages: number of UDIM tiles that may be used.

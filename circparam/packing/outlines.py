@@ -131,14 +131,14 @@ def _outline_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
     order = np.argsort(key, kind="stable")
     head = first_of_runs(key[order])
     once = np.diff(np.r_[head, len(key)]) == 1
-    border = np.zeros(len(key), bool)
-    border[order[head[once]]] = True
+    boundary = np.zeros(len(key), bool)
+    boundary[order[head[once]]] = True
     # a face without any way to an outline still has to be packed: take all its edges
     vertex = np.full(n, False)
-    vertex[a[border]] = True
+    vertex[a[boundary]] = True
     from_chart = _charts_without(faces, vertex)
-    border |= np.repeat(from_chart, 3)
-    return a[border], b[border]
+    boundary |= np.repeat(from_chart, 3)
+    return a[boundary], b[boundary]
 
 
 def _charts_without(faces: IntArray, vertex: np.ndarray) -> np.ndarray:

@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.errors import NoResultError, OptionError
-from circparam.packing.check import Layout, faults
-from circparam.packing.nest.strategy import nested
+from circparam.packing import table
+from circparam.packing.check import PlacedCharts, faults
 from circparam.packing.options import Packed, PackOptions
 from circparam.packing.outlines import Shapes, shapes_of
-from circparam.packing.placement import Placement
-from circparam.packing.shelf import shelf_placement
-from circparam.packing.skyline import skyline_placement
-
-# Up to this many charts are nested on a grid; from this many on they are also dropped one by one.
-NESTED = 250
-SKYLINE_FROM = 40
-
-# Below this effort only so few charts are nested: the grid of many costs seconds before any search.
-LOOSE = 0.2
-FEW_LOOSE = 60
+from circparam.packing.placement import Packer, PackTask, Placement
 
 
 def pack(
@@ -33,7 +24,7 @@ def pack(
     options: PackOptions | None = None,
     monitor: Monitor | None = None,
 ) -> Packed:
-    """Lay charts on pages: faces (m, 3) into uv (nv, 2), chart (m,) labels 0..n-1.
+    """Place charts on pages: faces (m, 3) into uv (nv, 2), chart (m,) labels 0..n-1.
 
     All charts get one scale, so relative sizes are kept. Charts are moved, turned as the options allow, and
     scaled, never mirrored. On a raster of the stated resolution the covered texel centres of two charts are
@@ -47,68 +38,57 @@ def pack(
     shapes = shapes_of(faces, uv, chart)
     check_room(shapes, options)
     with monitor.stage("pack"):
-        rows = shelf_placement(shapes, options)
-        checked: list[tuple[Placement, tuple[Packed, str | None]]] = []
-
-        def check(placement: Placement) -> tuple[Packed, str | None]:
-            """What ``finish`` says, once for each placement: it fills a raster of the whole page."""
-            for known, answer in checked:
-                if known is placement:
-                    return answer
-            checked.append((placement, finish(shapes, placement, options)))
-            return checked[-1][1]
-
-        candidates = _candidates(shapes, options, rows, monitor, lambda p: check(p)[1] is None)
-        candidates += [rows] if rows is not None else []
+        checked = _Check(shapes, options)
+        candidates = _candidates(PackTask(shapes, options, monitor, {}, checked.sound))
         if not candidates:
             raise OptionError(does_not_fit(shapes, options))
         # the largest scale, then the fewest pages; what the check refuses gives way to the next
         candidates.sort(key=lambda p: (-p.scale, int(p.page.max())))
         for placement in candidates:
-            packed, wrong = check(placement)
+            packed, wrong = checked(placement)
             if wrong is None:
                 return packed
     raise NoResultError(f"packing failed its own check ({wrong}): try a larger --resolution")
 
 
-def _candidates(
-    shapes: Shapes,
-    options: PackOptions,
-    rows: Placement | None,
-    monitor: Monitor,
-    sound: Callable[[Placement], bool],
-) -> list[Placement]:
-    """Placements that are tighter than rows of boxes; none when the time is over."""
-    found: list[Placement] = []
-    many = FEW_LOOSE if options.effort < LOOSE else NESTED
-    dropped = None
-    if shapes.n > SKYLINE_FROM and not monitor.expired:
-        dropped = skyline_placement(shapes, options, monitor)
-    if shapes.n <= many and not monitor.expired:
-        found = nested(shapes, options, dropped, rows, monitor, sound)
-    if shapes.n <= SKYLINE_FROM and not found and not monitor.expired:
-        dropped = skyline_placement(shapes, options, monitor)
-    return found + ([dropped] if dropped is not None else [])
+class _Check:
+    """What ``finish`` says, once for each placement: it fills a raster of the whole page."""
+
+    def __init__(self, shapes: Shapes, options: PackOptions) -> None:
+        self._shapes, self._options = shapes, options
+        self._known: list[tuple[Placement, tuple[Packed, str | None]]] = []
+
+    def __call__(self, placement: Placement) -> tuple[Packed, str | None]:
+        for known, answer in self._known:
+            if known is placement:
+                return answer
+        answer = finish(self._shapes, placement, self._options)
+        self._known.append((placement, answer))
+        return answer
+
+    def sound(self, placement: Placement) -> bool:
+        """Whether nothing is wrong with a placement."""
+        return self(placement)[1] is None
 
 
-def shelf(
-    faces: IntArray,
-    uv: FloatArray,
-    chart: IntArray,
-    options: PackOptions | None = None,
-    monitor: Monitor | None = None,
-) -> Packed:
-    """Like ``pack``, by rows of bounding boxes only: coarse, but in no time for any number of charts."""
-    options = options or PackOptions()
-    shapes = shapes_of(faces, uv, chart)
-    check_room(shapes, options)
-    placement = shelf_placement(shapes, options)
-    if placement is None:
-        raise OptionError(does_not_fit(shapes, options))
-    packed, wrong = finish(shapes, placement, options)
-    if wrong:
-        raise NoResultError(f"packing failed its own check: {wrong}; try a larger --resolution")
-    return packed
+def _candidates(task: PackTask) -> list[Placement]:
+    """Placements of all packers that apply, the last row first; tighter ones only while there is time."""
+    applies = {row.name: row.function.applies(task.shapes, task.options) for row in table.PACKERS}
+    found: dict[str, Placement] = {}
+    for row in table.PACKERS:
+        if row.function.instant or (applies[row.name] and not task.monitor.expired):
+            found = _with(found, row, task)
+    if all(table.PACKERS[name].function.instant for name in found):
+        for row in table.PACKERS:
+            if row.function.fallback and not applies[row.name] and not task.monitor.expired:
+                found = _with(found, row, task)
+    return [found[name] for name in reversed(table.PACKERS.names()) if name in found]
+
+
+def _with(found: dict[str, Placement], row: Row[Packer], task: PackTask) -> dict[str, Placement]:
+    """The placements found, with that of one more row where it finds one."""
+    placement = row.function(replace(task, found=found))
+    return found if placement is None else {**found, row.name: placement}
 
 
 def check_room(shapes: Shapes, options: PackOptions) -> None:
@@ -141,7 +121,7 @@ def does_not_fit(shapes: Shapes, options: PackOptions) -> str:
 def finish(shapes: Shapes, placement: Placement, options: PackOptions) -> tuple[Packed, str | None]:
     """uv of a placement, checked on the raster: returns (packed, what is wrong or None)."""
     local = shapes.place(placement.angle, placement.offset, placement.scale) / options.resolution
-    layout = Layout(
+    charts = PlacedCharts(
         local[shapes.faces],
         shapes.chart,
         local[shapes.start],
@@ -149,7 +129,7 @@ def finish(shapes: Shapes, placement: Placement, options: PackOptions) -> tuple[
         shapes.owner[shapes.start],
         placement.page,
     )
-    wrong, share = faults(layout, options)
+    wrong, share = faults(charts, options)
     uv = local
     if options.pages > 1:
         uv = local.copy()

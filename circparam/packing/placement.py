@@ -1,20 +1,68 @@
-"""Where every chart lies: the common result of all packers."""
+"""Where every chart lies, and what a packer is given to find it: the common words of all packers."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.monitor import Monitor
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
     """Where charts lie, in texels of a page.
 
-    scale: texels per unit of the uv given. angle: (n,). offset: (n, 2) of the centre. page: (n,).
+    scale: texels per unit of the uv given. angle: (n,) radians. offset: (n, 2) of the centre. page: (n,).
     """
 
     scale: float
     angle: FloatArray
     offset: FloatArray
     page: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class PackTask:
+    """What a packer is given.
+
+    found: placements of the packers before it, by the name of their row; it may start from them.
+    sound: whether a placement passes the check on the raster (a packer may ask before it settles for one).
+    """
+
+    shapes: Shapes
+    options: PackOptions
+    monitor: Monitor
+    found: Mapping[str, Placement]
+    sound: Callable[[Placement], bool]
+
+
+Place: TypeAlias = Callable[[PackTask], Placement | None]
+
+
+def always(shapes: Shapes, options: PackOptions) -> bool:
+    """Every packer applies to all charts unless its row says otherwise."""
+    return True
+
+
+@dataclass(frozen=True)
+class Packer:
+    """The function of a row of ``PACKERS``; called with a task, it places the charts.
+
+    place: PackTask → Placement, or None where it finds none; the caller checks it on the raster. applies:
+    whether the packer is worth its time for these charts and options. instant: it takes no time, so that it
+    runs after the deadline too, and what it finds is only a start. fallback: it is tried for any charts where
+    no other packer found more than a start.
+    """
+
+    place: Place
+    applies: Callable[[Shapes, PackOptions], bool] = field(default=always)
+    instant: bool = False
+    fallback: bool = False
+
+    def __call__(self, task: PackTask) -> Placement | None:
+        """The placement of a task, None where there is none."""
+        return self.place(task)

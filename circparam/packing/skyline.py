@@ -1,4 +1,4 @@
-"""Dropping: many small charts fall one by one onto the skyline of those below, each at its best angle.
+"""Skyline: many charts come to rest one by one on the skyline of those below, each at its best angle.
 
 After Lévy, Petitjean, Ray and Maillot 2002 ("Least squares conformal maps", section 4.3): a chart is known by
 the lower and upper bound of each column, the page by its skyline; a chart comes to rest where it wastes least.
@@ -27,8 +27,9 @@ COLUMNS = 24
 # Scales that are tried: the height used at one tells the next.
 PASSES = 5
 
-# Share of the pages that grown charts cover, about: of charts above, and of soups of small pieces.
-_HOPE, _HOPE_MANY = 0.72, 0.58
+# Share of the pages that grown charts cover in the end, about: it sets the first scale. Less where there are
+# many, which are mostly single faces.
+_SHARE, _SHARE_OF_MANY = 0.72, 0.58
 
 # Charts from which a page filled so far is full: a pass takes a second there.
 _MANY = 1000
@@ -66,7 +67,9 @@ def profiles(shapes: Shapes, angle: FloatArray, scale: float, grow: float, cell:
             for p in (shapes.points[shapes.start], shapes.points[shapes.end])
         )
         entry = own * k + j
-        _column_bounds(a, b, left[entry], start[entry], cell, lower, upper)
+        column, low, high = _column_bounds(a, b, left[entry], start[entry], cell)
+        np.minimum.at(lower, column, low)
+        np.maximum.at(upper, column, high)
     return _trimmed(start, *_grown(lower, upper, grow, cell), left, cell)
 
 
@@ -98,10 +101,8 @@ def _column_bounds(
     left: FloatArray,
     first: IntArray,
     cell: float,
-    lower: FloatArray,
-    upper: FloatArray,
-) -> None:
-    """Lower and raise the bounds of the columns that edges a, b run through."""
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """(column, lowest, highest y there) of each column that each edge from a to b runs through."""
     swap = a[:, 0] > b[:, 0]
     a, b = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
     c0 = np.floor((a[:, 0] - left) / cell).astype(np.int64)
@@ -115,9 +116,7 @@ def _column_bounds(
     y1 = b[e, 1] - np.clip(b[e, 0] - (x + cell), 0, None) * slope[e]
     steep = c0 == c1
     y0, y1 = np.where(steep[e], a[e, 1], y0), np.where(steep[e], b[e, 1], y1)
-    at = first[e] + column
-    np.minimum.at(lower, at, np.minimum(y0, y1))
-    np.maximum.at(upper, at, np.maximum(y0, y1))
+    return first[e] + column, np.minimum(y0, y1), np.maximum(y0, y1)
 
 
 def _grown(
@@ -138,21 +137,24 @@ def _grown(
 
 
 def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Placement | None:
-    """Charts dropped from the tallest on; the scale at which they just fill the pages, or the fixed one."""
+    """Charts put on the skyline from the tallest on, at the scale that just fills the pages or the fixed one.
+
+    None where they do not fit on the pages at any scale tried.
+    """
     n = shapes.n
     turns = {"free": 8 if n <= 3000 else 4, "90": 4, "none": 1}[options.rotate]
     base = least_box_angles(shapes, options.rotate) if options.rotate == "free" else np.zeros(n)
     angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
     if options.fixed_scale is not None:
-        return _drop(shapes, options, angle, options.fixed_scale)[0]
+        return _stacked(shapes, options, angle, options.fixed_scale)[0]
     area = float(shapes.area.sum())
     reach = options.gap / 2
-    # the share that is hoped for counts charts grown by half the gap
-    scale = _scale_for(shapes, options, _HOPE if n < _MANY else _HOPE_MANY, area, reach)
+    # the share counts charts grown by half the gap
+    scale = _scale_for(shapes, options, _SHARE if n < _MANY else _SHARE_OF_MANY, area, reach)
     best: Placement | None = None
     low, high = 0.0, np.inf
     for _ in range(PASSES):
-        placement, fill = _drop(shapes, options, angle, scale)
+        placement, fill = _stacked(shapes, options, angle, scale)
         if placement is not None:
             best, low = placement, scale
         else:
@@ -172,19 +174,19 @@ def _scale_for(
 ) -> float:
     """Scale at which the grown charts have ``share`` of the pages as their area."""
     edge = shapes.points[shapes.end] - shapes.points[shapes.start]
-    rim = float(np.sqrt((edge**2).sum(1)).sum()) * reach
+    boundary = float(np.sqrt((edge**2).sum(1)).sum()) * reach
     disc = shapes.n * np.pi * reach * reach
     goal = share * options.pages * float(options.resolution) ** 2
-    root = np.sqrt(max(rim * rim + 4 * area * (goal - disc), 0.0))
+    root = np.sqrt(max(boundary * boundary + 4 * area * (goal - disc), 0.0))
     return float(
-        max((root - rim) / (2 * max(area, 1e-300)), 1e-3 / max(shapes.radius.max(), 1e-300))
+        max((root - boundary) / (2 * max(area, 1e-300)), 1e-3 / max(shapes.radius.max(), 1e-300))
     )
 
 
-def _drop(
+def _stacked(
     shapes: Shapes, options: PackOptions, angle: FloatArray, scale: float
 ) -> tuple[Placement | None, float]:
-    """Drop all charts at a scale. Returns (placement or None, height used over height there is)."""
+    """Put all charts on the skyline at a scale: (placement or None, height used over height there is)."""
     n, k = angle.shape
     wide = shapes.boxes(angle[:, 0])
     mean = float((wide[:, 2] - wide[:, 0]).mean()) * scale + 2 * options.gap

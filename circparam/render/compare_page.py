@@ -12,34 +12,42 @@ from typing import Any
 from PIL import Image, ImageDraw
 
 from circparam._version import __version__
+from circparam.core.files import write_files
 from circparam.errors import OptionError
 from circparam.render import colours as col
-from circparam.render.figures import write_bytes
 from circparam.render.html import fill_in, page_style, viewer_file
 from circparam.render.picture import font, png_bytes, to_image
-from circparam.render.sides import COLUMNS, Drawn, Side, Sides, caption, cell_text, draw_sides
+from circparam.render.side_by_side import (
+    COLUMNS,
+    DrawnLayout,
+    MethodLayout,
+    SideBySide,
+    caption,
+    cell_text,
+    draw_layouts,
+)
 
 STAGE_COLOURS = (col.CHARTS[0], col.CHARTS[1], col.CHARTS[4], col.CHARTS[2])
 REST = col.NO_UV
 
 
-def save_report(path: str | Path, meshes: Sequence[Sides], sizes: Sequence[Any] = ()) -> None:
+def save_report(path: str | Path, meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> None:
     """Write the page. sizes: rows of ``circparam.compare.kim2019.measure``. Raises OptionError, OutputError."""
     path = Path(path)
     if path.suffix.lower() != ".html":
         raise OptionError(f"{path}: the report is a page: end its name in .html")
-    write_bytes(path, compare_page(meshes, sizes).encode())
+    write_files({path: compare_page(meshes, sizes).encode()}, overwrite=True)
 
 
-def save_plot(path: str | Path, meshes: Sequence[Sides]) -> None:
+def save_plot(path: str | Path, meshes: Sequence[SideBySide]) -> None:
     """Write the methods side by side as a PNG. Raises OptionError, OutputError."""
     path = Path(path)
     if path.suffix.lower() != ".png":
         raise OptionError(f"{path}: the plot is an image: end its name in .png")
-    write_bytes(path, png_bytes(compare_plot(meshes)))
+    write_files({path: png_bytes(compare_plot(meshes))}, overwrite=True)
 
 
-def compare_page(meshes: Sequence[Sides], sizes: Sequence[Any] = ()) -> str:
+def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str:
     """The page as text: one section a mesh, then Table 1 where it was measured."""
     title = ", ".join(m.title for m in meshes) or "Table 1"
     sections = [_section(m) for m in meshes]
@@ -55,11 +63,11 @@ def compare_page(meshes: Sequence[Sides], sizes: Sequence[Any] = ()) -> str:
     return fill_in(viewer_file("compare.html"), fields)
 
 
-def _section(sides: Sides) -> str:
-    drawn, top = draw_sides(sides)
+def _section(shown: SideBySide) -> str:
+    drawn, top = draw_layouts(shown)
     cards = "".join(_card(d) for d in drawn)
     ramp = ",".join(col.hex_code(c) for c in col.stretch_map(16))
-    flips = any(row.figures.get("flips") for row in sides.rows)
+    flips = any(row.figures.get("flips") for row in shown.rows)
     chip = (
         f'<i class="chip" style="background:{col.FLIP}"></i><span>flipped</span>' if flips else ""
     )
@@ -68,27 +76,27 @@ def _section(sides: Sides) -> str:
         f"</i><span>{top:g} or more</span>{chip}</p>"
     )
     return (
-        f"<section><h2>{html.escape(sides.title)}</h2><p>{html.escape(sides.note)}</p>"
+        f"<section><h2>{html.escape(shown.title)}</h2><p>{html.escape(shown.note)}</p>"
         f'{legend}<div class="cards">{cards}</div>'
-        f"{_table(sides.rows)}"
-        f'<div class="plots">{_bars(sides.rows, "seconds", "Seconds")}'
-        f"{_bars(sides.rows, 'distortion', 'Stretch (1 is perfect), bars from 1')}</div></section>"
+        f"{_table(shown.rows)}"
+        f'<div class="plots">{_bars(shown.rows, "seconds", "Seconds")}'
+        f"{_bars(shown.rows, 'distortion', 'Stretch (1 is perfect), bars from 1')}</div></section>"
     )
 
 
-def _card(drawn: Drawn) -> str:
-    side = drawn.side
-    badge = "" if side.status == "ok" else f'<em class="{side.status}">{side.status}</em>'
-    head = f"<h3>{html.escape(side.name)}{badge}</h3>"
+def _card(drawn: DrawnLayout) -> str:
+    row = drawn.row
+    badge = "" if row.status == "ok" else f'<em class="{row.status}">{row.status}</em>'
+    head = f"<h3>{html.escape(row.name)}{badge}</h3>"
     if drawn.images is None:
-        reason = html.escape(side.error or "no layout")
+        reason = html.escape(row.error or "no layout")
         return f'<article>{head}<p class="empty">{reason}</p></article>'
     pictures = "".join(
-        f'<img alt="{what} of {html.escape(side.name)}" src="{_png_url(image)}" '
+        f'<img alt="{what} of {html.escape(row.name)}" src="{_png_url(image)}" '
         f'width="{image.width}" height="{image.height}">'
         for what, image in zip(("layout", "checker", "stretch"), drawn.images, strict=True)
     )
-    return f"<article>{head}{pictures}<p>{html.escape(caption(side))}</p></article>"
+    return f"<article>{head}{pictures}<p>{html.escape(caption(row))}</p></article>"
 
 
 def _png_url(image: Image.Image) -> str:
@@ -97,7 +105,7 @@ def _png_url(image: Image.Image) -> str:
     return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode()
 
 
-def _table(rows: Sequence[Side]) -> str:
+def _table(rows: Sequence[MethodLayout]) -> str:
     """All figures, a column only where some row has a value; a click on a heading sorts."""
     keys = [k for k in COLUMNS if any(r.figures.get(k) is not None for r in rows)]
     best = {k: _best(rows, k) for k in keys}
@@ -122,7 +130,7 @@ def _table(rows: Sequence[Side]) -> str:
     )
 
 
-def _best(rows: Sequence[Side], key: str) -> float | None:
+def _best(rows: Sequence[MethodLayout], key: str) -> float | None:
     """The best value of a column among valid rows, where one is better than the others."""
     values = [r.figures.get(key) for r in rows if r.status == "ok"]
     numbers = [v for v in values if v is not None]
@@ -139,7 +147,7 @@ def _sort_value(value: float | int | None) -> str:
     return "" if value is None else repr(float(value))
 
 
-def _bars(rows: Sequence[Side], key: str, title: str) -> str:
+def _bars(rows: Sequence[MethodLayout], key: str, title: str) -> str:
     """A bar chart as SVG: seconds by stage, or stretch above 1; a row without a value has no bar."""
     base = 1.0 if key == "distortion" else 0.0
     values = [row.figures.get(key) for row in rows]
@@ -190,7 +198,7 @@ def _bar_end(lengths: Sequence[float]) -> float:
     return (min(longest, 20 * median) if median > 0 else longest) or 1.0
 
 
-def _main_stages(rows: Sequence[Side]) -> list[str]:
+def _main_stages(rows: Sequence[MethodLayout]) -> list[str]:
     """The stages that take most of the time over all rows, longest first; as many as there are colours."""
     total: dict[str, float] = {}
     for row in rows:
@@ -199,7 +207,7 @@ def _main_stages(rows: Sequence[Side]) -> list[str]:
     return sorted(total, key=lambda name: -total[name])[: len(STAGE_COLOURS)]
 
 
-def _bar_parts(row: Side, stages: Sequence[str]) -> list[tuple[float, str]]:
+def _bar_parts(row: MethodLayout, stages: Sequence[str]) -> list[tuple[float, str]]:
     """(share, colour) of each part of a bar: its stages and the rest, or one part where none are known."""
     seconds = row.figures.get("seconds") or 0.0
     known = sum(row.stages.values())
@@ -237,13 +245,13 @@ def _table1(sizes: Sequence[Any]) -> str:
     )
 
 
-def compare_plot(meshes: Sequence[Sides], columns: int = 5) -> Image.Image:
+def compare_plot(meshes: Sequence[SideBySide], columns: int = 5) -> Image.Image:
     """Methods side by side as an image: layout, checker and stretch below each other, figures under them.
 
     A mesh with one row has its three pictures beside each other.
     """
     size, gap, margin, head = 280, 20, 40, 76
-    drawn = [(m, *draw_sides(m, size)) for m in meshes]
+    drawn = [(m, *draw_layouts(m, size)) for m in meshes]
     cards = [_card_height(d) for _, d, _ in drawn]
     widest = max(3 if len(d) == 1 else min(columns, len(d)) for _, d, _ in drawn)
     width = max(2 * margin + widest * size + (widest - 1) * gap, 660)
@@ -251,8 +259,8 @@ def compare_plot(meshes: Sequence[Sides], columns: int = 5) -> Image.Image:
     page = Image.new("RGB", (width, sum(heights) + margin // 2), col.PAPER)
     draw = ImageDraw.Draw(page)
     y = 0
-    for (sides, rows, top), card, height in zip(drawn, cards, heights, strict=True):
-        draw.text((margin, y + 26), sides.title, font=font(26), fill=col.INK)
+    for (shown, rows, top), card, height in zip(drawn, cards, heights, strict=True):
+        draw.text((margin, y + 26), shown.title, font=font(26), fill=col.INK)
         _plot_legend(page, draw, width - margin, y + 32, top)
         for k, row in enumerate(rows):
             x = margin + (k % columns) * (size + gap)
@@ -261,7 +269,7 @@ def compare_plot(meshes: Sequence[Sides], columns: int = 5) -> Image.Image:
     return page
 
 
-def _card_height(rows: Sequence[Drawn]) -> int:
+def _card_height(rows: Sequence[DrawnLayout]) -> int:
     """Room for a name, three pictures and a line of figures."""
     each = [[i.height + 6 for i in row.images] for row in rows if row.images is not None]
     tallest = [max(h) if len(rows) == 1 else sum(h) for h in each]
@@ -269,22 +277,22 @@ def _card_height(rows: Sequence[Drawn]) -> int:
 
 
 def _plot_card(
-    page: Image.Image, draw: ImageDraw.ImageDraw, x: int, y: int, row: Drawn, across: bool
+    page: Image.Image, draw: ImageDraw.ImageDraw, x: int, y: int, drawn: DrawnLayout, across: bool
 ) -> None:
-    side = row.side
-    draw.text((x, y), side.name, font=font(20), fill=col.INK)
-    if side.status != "ok":
-        at = x + draw.textlength(side.name, font=font(20)) + 12
-        draw.text((at, y + 4), side.status, font=font(16), fill=col.CHARTS[5])
-    if row.images is None:
+    row = drawn.row
+    draw.text((x, y), row.name, font=font(20), fill=col.INK)
+    if row.status != "ok":
+        at = x + draw.textlength(row.name, font=font(20)) + 12
+        draw.text((at, y + 4), row.status, font=font(16), fill=col.CHARTS[5])
+    if drawn.images is None:
         draw.text((x, y + 60), "no layout", font=font(16), fill=col.MUTED)
         return
     left, top, bottom = x, y + 34, y + 34
-    for image in row.images:
+    for image in drawn.images:
         page.paste(image, (left, top))
         bottom = max(bottom, top + image.height + 6)
         left, top = (left + image.width + 20, top) if across else (left, bottom)
-    draw.text((x, bottom + 2), caption(side), font=font(17), fill=col.MUTED)
+    draw.text((x, bottom + 2), caption(row), font=font(17), fill=col.MUTED)
 
 
 def _plot_legend(

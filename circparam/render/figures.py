@@ -1,17 +1,13 @@
-"""What pictures and pages share: their options, the key figures in words, and writing a file whole."""
+"""What pictures and pages share: their options, and the key figures in words."""
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, group_sum
-from circparam.errors import OutputError
 from circparam.render.scene import Scene
 
 Figures = Sequence[tuple[str, str]]
@@ -125,26 +121,3 @@ def number_text(value: object) -> str:
     if np.isfinite(number) and number == int(number) and abs(number) < 1e15:
         return f"{int(number):,}"
     return f"{number:.5g}"
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a whole file or none: into a temporary file beside it, then renamed. Raises OutputError."""
-    try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
-            file.write(data)
-        try:
-            os.chmod(file.name, 0o666 & ~_umask())
-            os.replace(file.name, path)
-        except OSError:
-            os.unlink(file.name)
-            raise
-    except OSError as error:
-        raise OutputError(
-            f"{path}: cannot be written ({error.strerror}): give another path with -o"
-        ) from error
-
-
-def _umask() -> int:
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

@@ -242,7 +242,7 @@ def _quantise(values: FloatArray) -> Any:
 
 
 def _octahedral(normal: FloatArray) -> Any:
-    """Directions (n, 3) as two bytes: the sphere folded onto an octahedron, untangled onto a square."""
+    """Directions (n, 3) as two bytes: the sphere folded onto an octahedron, unfolded onto a square."""
     n = normal / np.maximum(np.abs(normal).sum(1, keepdims=True), 1e-12)
     sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
     folded = (1 - np.abs(n[:, [1, 0]])) * sign

@@ -10,11 +10,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from circparam.core.arrays import FloatArray
+from circparam.core.files import write_files
 from circparam.errors import OutputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, look_from
-from circparam.render.figures import Figures, PictureOptions, as_figures, scene_figures, write_bytes
+from circparam.render.figures import Figures, PictureOptions, as_figures, scene_figures
 from circparam.render.html import page
 from circparam.render.scene import Scene, make_scene
 from circparam.render.svg import layout_svg
@@ -198,4 +199,4 @@ def save_scene(
         raise OutputError(
             f"{path}: no picture format {kind or 'without an ending'!r}: end the name in .png, .svg or .html"
         )
-    write_bytes(path, data)
+    write_files({path: data}, overwrite=True)

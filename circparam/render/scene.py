@@ -48,7 +48,7 @@ class Scene:
 
     @cached_property
     def inside_out(self) -> bool:
-        """Whether a (nearly) closed surface is wound inwards: its signed volume is negative."""
+        """Whether a (nearly) closed surface is inside out: its signed volume is negative."""
         whole = float(np.linalg.norm(self._crosses, axis=1).sum())
         if (
             np.linalg.norm(self._crosses.sum(0)) > 0.02 * whole
@@ -145,8 +145,8 @@ class Scene:
     def flipped(self) -> BoolArray:
         """(m,) faces whose uv winding differs from that of their chart, or whose uv area is zero.
 
-        Faces without area on the surface, further faces on the same three places (twins, which can only lie
-        on the uv of the first one), and faces that the file winds against their neighbours are no flips.
+        Faces without area on the surface, duplicate faces (they can only lie on the uv of the first one), and
+        faces that the file orients against their neighbours are no flips.
         """
         n = self.n_charts
         chart = np.maximum(self.chart, 0)
@@ -160,11 +160,11 @@ class Scene:
             first = np.full(int(label.max()) + 1, len(label))
             np.minimum.at(first, label, np.arange(len(label)))
             result &= first[label] == np.arange(len(label))
-            result &= ~self._turned()
+            result &= ~self._inconsistent()
         return result
 
-    def _turned(self) -> BoolArray:
-        """(m,) faces that run along a uv edge in the same direction as another: wound against a neighbour."""
+    def _inconsistent(self) -> BoolArray:
+        """(m,) faces that run along a uv edge in the same direction as another: oriented against it."""
         a, b = self.uv_faces.ravel(), self.uv_faces[:, [1, 2, 0]].ravel()
         key = np.where(a >= 0, a * (len(self.uv) + 1) + b, -1)
         _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
@@ -175,7 +175,7 @@ class Scene:
     def seams(self) -> IntArray:
         """(s,) half-edges 3f + k along which the uv of a face does not go on into a neighbour.
 
-        Both sides of a seam are listed; borders of the surface are listed too.
+        Both sides of a seam are listed; the boundary of the surface is listed too.
         """
         a = self.uv_faces.ravel()
         b = self.uv_faces[:, [1, 2, 0]].ravel()
@@ -192,7 +192,7 @@ class Scene:
 
     @cached_property
     def inner_seams(self) -> IntArray:
-        """(s,) the half-edges of ``seams`` that are cuts, not borders of the surface: one for each edge."""
+        """(s,) the half-edges of ``seams`` that are cuts, not boundary of the surface: one for each edge."""
         w = self.weld[self.faces]
         a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
         h = self.seams

@@ -16,7 +16,7 @@ SIZE = 1000  # svg units for one uv unit
 def outlines(scene: Scene) -> list[tuple[int, FloatArray]]:
     """Closed outlines of all charts: (chart, (p, 2) uv), charts ascending, holes included.
 
-    The border half-edges of a chart are chained end to start. Where a border touches itself in a point, the
+    The boundary half-edges of a chart are chained end to start. Where a boundary touches itself in a point, the
     k-th half-edge that arrives goes on with the k-th that leaves, which closes every loop as well.
     """
     flat = scene.uv_faces.ravel()
@@ -25,7 +25,7 @@ def outlines(scene: Scene) -> list[tuple[int, FloatArray]]:
     chart = scene.chart[h // 3]
     leaving, arriving = np.argsort(a, kind="stable"), np.argsort(b, kind="stable")
     if not np.array_equal(a[leaving], b[arriving]):
-        # faces wound against their neighbours: draw every border edge on its own
+        # inconsistently oriented faces: draw every boundary edge on its own
         return [(int(c), scene.uv[[i, j]]) for c, i, j in zip(chart, a, b, strict=True)]
     follower = np.empty(len(h), np.int64)
     follower[arriving] = leaving

@@ -64,7 +64,7 @@ def with_seams(view: View, scene: Scene, camera: Camera) -> View:
 
 
 def _seam_lines(scene: Scene, camera: Camera, z: FloatArray, factor: int) -> FloatArray:
-    """Mask of the seams and borders that are seen; the bias keeps a line from sinking into its own faces."""
+    """Mask of the seams and boundaries that are seen; the bias keeps a line from sinking into its own faces."""
     h, w = z.shape
     xy, depth = camera.project(scene.points, w, h)
     seams = scene.seams
@@ -183,7 +183,7 @@ def draw_plan(
     padding: float = 0.0,
     stretch_end: float = 0.0,
 ) -> Plan:
-    """The layout, size × size pixels: charts in their colours, borders drawn, the space between them seen.
+    """The layout, size × size pixels: charts in their colours, boundaries drawn, the space between them seen.
 
     cells: checker cells for one uv unit, 0 for none. padding: width, in uv units, of the band round every
     chart that belongs to it, drawn paler. stretch_end: colour by stretch up to that value instead.
@@ -215,7 +215,7 @@ def draw_plan(
     stripe = ((pixel % n + pixel // n) // (3 * factor)) % 2 == 0
     twice = pixel[double & stripe]
     flat[twice] = col.mix(flat[twice], col.rgb(col.INK), 0.5)
-    _draw_borders(image, scene, uv, factor)
+    _draw_boundaries(image, scene, uv, factor)
     return Plan(
         np.clip(shrink(image, factor), 0, 1),
         len(pixel) / (scene.n_tiles * unit**2),
@@ -265,8 +265,8 @@ def _draw_padding(image: FloatArray, face: IntArray, width: float) -> None:
     image[band] = col.mix(col.rgb(col.PANEL), col.rgb(col.INK), 0.10)
 
 
-def _draw_borders(image: FloatArray, scene: Scene, uv: FloatArray, factor: int) -> None:
-    """The borders of all charts, in place; thinner where there are many."""
+def _draw_boundaries(image: FloatArray, scene: Scene, uv: FloatArray, factor: int) -> None:
+    """The boundaries of all charts, in place; thinner where there are many."""
     h = scene.seams
     flat = scene.uv_faces.ravel()
     a, b = uv[flat[h]], uv[flat[3 * (h // 3) + (h + 1) % 3]]

@@ -2,56 +2,27 @@
 
 from __future__ import annotations
 
-import io
-import json
-import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.bake.bake import Baked, bake, bake_document, dilate, sample_back
-from circparam.bake.sampling import Closest, bilinear, closest_on_triangles, corner_paint
-from circparam.bake.write import join, split, write_baked
+from circparam.bake.bake import bake, bake_document, dilate
+from circparam.bake.sampling import corner_paint
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError, OptionError
-from circparam.formats.document import WriteOptions
-from circparam.formats.io import read, write
+from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
-
-
-def sheet(n: int) -> tuple[FloatArray, np.ndarray]:
-    """The unit square as an n × n grid of squares, in space."""
-    g = np.linspace(0, 1, n + 1)
-    x, y = np.meshgrid(g, g)
-    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
-    faces = np.concatenate(
-        [np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)]
-    )
-    return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], 1), faces
-
-
-def smooth(p: FloatArray) -> FloatArray:
-    """A colour for every point of the sheet."""
-    return np.stack([p[:, 0], p[:, 1], 0.5 + 0.5 * np.sin(3 * p[:, 0]) * np.cos(2 * p[:, 1])], 1)
-
-
-def charts(points: FloatArray, faces: np.ndarray) -> UVMap:
-    """The sheet as two charts, cut at x = 1/2, turned and set apart."""
-    left = points[faces].mean(1)[:, 0] < 0.5
-    a = points[:, :2] * [0.8, 0.8] + [0.05, 0.1]
-    b = points[:, [1, 0]] * [0.8, -0.8] + [0.05, 0.0]
-    b[:, 1] += 0.98 - b[:, 1].max()
-    scale = np.array([0.5, 1.0])
-    uv = np.concatenate([a * scale, b * scale + [0.5, 0.0]])
-    return UVMap(uv, np.where(left[:, None], faces, faces + len(points)))
-
-
-def some_places(m: int, n: int = 4000) -> tuple[np.ndarray, FloatArray]:
-    rng = np.random.default_rng(5)
-    bary = rng.dirichlet([1, 1, 1], n)
-    return rng.integers(0, m, n), bary
+from tests.support.baking import (
+    back,
+    charts,
+    sample_back,
+    sheet,
+    smooth,
+    some_places,
+    write_obj,
+)
 
 
 def test_vertex_colours_come_back():
@@ -85,13 +56,6 @@ def test_dilation_takes_the_nearest_colour():
     assert (out[0, 1] == 10).all()
     assert (out[4, 3] == 200).all()
     assert set(np.unique(out)) == {10, 200}
-
-
-def test_bilinear_repeats_and_hits_texel_centres():
-    image = np.arange(12, dtype=float).reshape(3, 4, 1)
-    centres = np.array([[(x + 0.5) / 4, 1 - (y + 0.5) / 3] for y in range(3) for x in range(4)])
-    assert np.allclose(bilinear(image, centres)[:, 0], np.arange(12))
-    assert np.allclose(bilinear(image, centres + np.array([2.0, -3.0]))[:, 0], np.arange(12))
 
 
 def test_tiles_become_images_of_their_own():
@@ -135,100 +99,6 @@ def test_overlapping_faces_are_told():
     layout = UVMap(uv, np.array([[0, 1, 2], [0, 1, 2]]))
     baked = bake(layout, corner_paint(np.ones((2, 3, 3))), 32)
     assert any("several faces" in note for note in baked.notes)
-
-
-def test_closest_point_against_brute_force():
-    rng = np.random.default_rng(2)
-    corners = rng.normal(size=(60, 3, 3))
-    places = 2 * rng.normal(size=(60, 3))
-    bary, d2 = closest_on_triangles(places, corners)
-    assert np.allclose(bary.sum(1), 1)
-    assert bary.min() >= 0
-    # no point of a dense sampling of the triangle is nearer
-    grid = np.array([[i, j, 40 - i - j] for i in range(41) for j in range(41 - i)]) / 40
-    dense = np.einsum("gk,fkc->fgc", grid, corners)
-    best = ((dense - places[:, None]) ** 2).sum(2).min(1)
-    assert (d2 <= best + 1e-12).all()
-    assert (best - d2 < 0.3).all()
-
-
-def test_closest_finds_points_on_a_surface_exactly():
-    points, faces = sheet(9)
-    points[:, 2] = 0.2 * np.sin(4 * points[:, 0])
-    face, bary = some_places(len(faces), 500)
-    places = np.einsum("pk,pkc->pc", bary, points[faces[face]])
-    _, _, distance = Closest(points, faces).find(places)
-    assert distance.max() < 1e-12
-
-
-def test_samples_lie_on_their_faces_and_cover_them_evenly():
-    """The nearest sample leads to the face sought: one beside its face leads elsewhere."""
-    points, faces = sheet(3)
-    points[:, 2] = np.sin(3 * points[:, 0])
-    closest = Closest(points, faces)
-    bary, apart = closest_on_triangles(np.asarray(closest.tree.data), points[faces[closest.face]])
-    assert apart.max() < 1e-24
-    area = np.linalg.norm(
-        np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))), axis=1
-    )
-    wanted = area / area.sum() * len(bary)
-    assert np.bincount(closest.face) == pytest.approx(wanted, abs=3)
-    for f in range(len(faces)):
-        own = bary[closest.face == f]
-        # of a uniform spread over a triangle: mean 1/3, variance 1/18
-        assert own.mean(0) == pytest.approx([1 / 3] * 3, abs=0.01)
-        assert own.var(0) == pytest.approx([1 / 18] * 3, abs=0.005)
-
-
-# files ---------------------------------------------------------------------------------------------
-
-
-def write_obj(
-    path: Path, points: FloatArray, layout: UVMap, faces: np.ndarray, colours=None, mtl=""
-):
-    rows = points if colours is None else np.concatenate([points, colours], 1)
-    lines = [f"mtllib {mtl}", "usemtl m"] if mtl else []
-    lines += ["v " + " ".join(repr(float(c)) for c in row) for row in rows]
-    lines += [f"vt {u!r} {v!r}" for u, v in layout.uv.tolist()]
-    lines += [
-        "f " + " ".join(f"{a + 1}/{b + 1}" for a, b in zip(f, t, strict=True))
-        for f, t in zip(faces.tolist(), layout.uv_faces.tolist(), strict=True)
-    ]
-    path.write_text("\n".join(lines) + "\n")
-
-
-def picture(path: Path, n: int = 128) -> None:
-    """A smooth image, bright where u and v are large."""
-    x, y = np.meshgrid((np.arange(n) + 0.5) / n, 1 - (np.arange(n) + 0.5) / n)
-    rgb = np.stack([x, y, 0.5 + 0.4 * np.sin(4 * x + 3 * y)], 2)
-    Image.fromarray(np.round(rgb * 255).astype(np.uint8)).save(path)
-
-
-@pytest.fixture
-def files(tmp_path: Path) -> Path:
-    """old.obj with a texture, new.obj with the same faces in another layout."""
-    points, faces = sheet(10)
-    old = UVMap(points[:, :2].copy(), faces)
-    picture(tmp_path / "skin.png")
-    (tmp_path / "m.mtl").write_text("newmtl m\nKd 1 1 1\nmap_Kd .\\skin.png\n")
-    write_obj(tmp_path / "old.obj", points, old, faces, mtl="m.mtl")
-    write_obj(tmp_path / "new.obj", points, charts(points, faces), faces)
-    return tmp_path
-
-
-def back(baked: Baked, folder: Path) -> float:
-    """Mean error of the baked layout against the old texture, over the surface."""
-    new, old = read(folder / "new.obj"), read(folder / "old.obj")
-    face, bary = some_places(len(new.mesh.faces))
-    layout, before = new.uv(), old.uv()
-    assert layout is not None
-    assert before is not None
-    image = np.asarray(Image.open(folder / "skin.png").convert("RGB"), float) / 255
-    there = np.einsum("pk,pkc->pc", bary, before.uv[before.uv_faces[face]])
-    # away from the texture's own edge, where repeating mixes both sides
-    inner = ((there > 0.02) & (there < 0.98)).all(1)
-    error = np.abs(sample_back(baked, layout, face, bary) - bilinear(image, there))[inner]
-    return float(error.mean())
 
 
 def test_old_texture_of_the_same_mesh(files: Path):
@@ -328,71 +198,3 @@ def test_ply_colours_of_vertices_and_of_faces(tmp_path: Path):
     assert np.abs(sample_back(baked, layout, face, bary) - truth).mean() < 3 / 255
     of_faces = bake_document(read(tmp_path / "f.ply"), "vertex-colors", size=8)
     assert (of_faces.tiles[0, 0] == [255, 0, 51]).all()
-
-
-def test_glb_with_its_image(files: Path):
-    new = read(files / "new.obj")
-    baked = bake_document(new, "texture", source=read(files / "old.obj"), size=64)
-    paths, _ = write_baked(files / "out.glb", baked, new, 0, "texture")
-    data = paths[0].read_bytes()
-    assert struct.unpack_from("<I", data, 8)[0] == len(data)
-    tree, binary = split(data)
-    assert tree["buffers"][0]["byteLength"] <= len(binary)
-    for mesh in tree["meshes"]:
-        for primitive in mesh["primitives"]:
-            material = tree["materials"][primitive["material"]]
-            texture = tree["textures"][
-                material["pbrMetallicRoughness"]["baseColorTexture"]["index"]
-            ]
-            view = tree["bufferViews"][tree["images"][texture["source"]]["bufferView"]]
-            assert view["byteOffset"] % 4 == 0
-            png = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
-            assert (np.asarray(Image.open(io.BytesIO(png))) == baked.tiles[0, 0]).all()
-    again = read(paths[0])  # and the file can be baked from: its own texture, through its own uv
-    layout = again.uv()
-    assert layout is not None
-    assert len(again.mesh.faces) == len(new.mesh.faces)
-    third = bake_document(new, "texture", source=again, size=64)
-    assert back(third, files) < 4 / 255
-
-
-def test_second_uv_set_of_a_glb(files: Path):
-    """The old texture through set 0, baked into set 1 of the same file."""
-    old, new = read(files / "old.obj"), read(files / "new.obj")
-    layout = new.uv()
-    before = old.uv()
-    assert layout is not None
-    assert before is not None
-    first = bake_document(new, "texture", source=old, size=64)
-    write_baked(files / "one.glb", first, new, 0, "texture")
-    one = read(files / "one.glb")
-    swapped = UVMap(layout.uv[:, ::-1].copy(), layout.uv_faces[:, :])
-    write(files / "two.glb", one, swapped, options=WriteOptions(uv_set=1))
-    two = read(files / "two.glb")
-    second = bake_document(two, "texture", uv_set=1, size=64)
-    given = two.uv(1)
-    assert given is not None
-    face, bary = some_places(len(two.mesh.faces))
-    error = sample_back(second, given, face, bary) - sample_back(first, layout, face, bary)
-    assert np.abs(error).mean() < 4 / 255
-
-
-def test_png_of_several_tiles(tmp_path: Path, files: Path):
-    image = np.zeros((4, 4, 3), np.uint8)
-    document = read(files / "new.obj")
-    baked = Baked({(0, 0): image, (1, 0): image, (0, 1): image}, 1.0)
-    paths, _ = write_baked(tmp_path / "a.png", baked, document, 0, "texture")
-    assert [p.name for p in paths] == ["a.1001.png", "a.1002.png", "a.1011.png"]
-    with pytest.raises(OptionError, match="several tiles"):
-        write_baked(tmp_path / "a.glb", baked, document, 0, "texture")
-
-
-def test_join_and_split_are_inverse():
-    tree = {"asset": {"version": "2.0"}, "name": "ü"}
-    data = join(tree, b"12345")
-    assert len(data) % 4 == 0
-    again, binary = split(data)
-    assert again == json.loads(json.dumps(tree))
-    assert binary[:5] == b"12345"
-    with pytest.raises(InputError, match="GLB"):
-        split(b"no")

@@ -21,7 +21,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.compare_page import save_report
 from circparam.render.figures import PageImages, PictureOptions
 from circparam.render.picture import save_preview
-from circparam.render.sides import Side, Sides
+from circparam.render.side_by_side import MethodLayout, SideBySide
 
 HERE = Path(__file__).parent
 ARTEFACTS = HERE.parents[1] / "test-artefacts"
@@ -196,11 +196,11 @@ def test_a_comparison_sorts_and_fits(tmp_path: Path):
     mesh, uvmap = ball()
     compacted = UVMap(uvmap.uv * [1.0, 0.5], uvmap.uv_faces)
     rows = [
-        Side("slow", uvmap, "ok", {"seconds": 3.0, "distortion": 1.1}, {"solve": 3.0}),
-        Side("quick", compacted, "ok", {"seconds": 0.5, "distortion": 1.9}, {"solve": 0.5}),
-        Side("lost", None, "failed", {}, {}, "no result"),
+        MethodLayout("slow", uvmap, "ok", {"seconds": 3.0, "distortion": 1.1}, {"solve": 3.0}),
+        MethodLayout("quick", compacted, "ok", {"seconds": 0.5, "distortion": 1.9}, {"solve": 0.5}),
+        MethodLayout("lost", None, "failed", {}, {}, "no result"),
     ]
-    save_report(tmp_path / "c.html", [Sides("ball", mesh, rows, "cut charts")])
+    save_report(tmp_path / "c.html", [SideBySide("ball", mesh, rows, "cut charts")])
     for size in SIZES:
         seconds, method = "thead th:nth-child(2) button", "thead th:nth-child(1) button"
         steps = [

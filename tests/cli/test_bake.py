@@ -13,7 +13,7 @@ from PIL import Image
 from circparam.cli import cli
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
-from tests.bake.test_bake import charts, picture, sheet, smooth, write_obj
+from tests.support.baking import charts, picture, sheet, smooth, write_obj
 
 
 def run(*words: object) -> Result:

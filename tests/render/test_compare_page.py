@@ -1,4 +1,4 @@
-"""The comparison as a page and as an image: same views, same scale, every row there, nothing made up."""
+"""A comparison as a page and as an image."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
 
 from circparam import samples
 from circparam.cli import cli
-from circparam.errors import OptionError
-from circparam.mesh.mesh import Mesh, UVMap
+from circparam.errors import OptionError, OutputError
 from circparam.render.compare_page import (
     _bar_end,
     _bar_parts,
@@ -24,7 +22,12 @@ from circparam.render.compare_page import (
     save_plot,
     save_report,
 )
-from circparam.render.sides import Side, Sides, cell_text, draw_sides, sides_of
+from circparam.render.side_by_side import (
+    MethodLayout,
+    SideBySide,
+)
+from tests.support.full_disk import STEPS, fill_up
+from tests.support.side_by_side import compared_sheet
 
 
 @dataclass
@@ -62,34 +65,12 @@ class Tags(HTMLParser):
             assert self.open.pop() == tag
 
 
-def sheet_sides() -> Sides:
-    """A bent sheet: itself, the same squeezed, and a method without a result."""
-    n = 8
-    g = np.linspace(0, 1, n + 1)
-    x, y = np.meshgrid(g, g)
-    flat = np.stack([x.ravel(), y.ravel()], 1)
-    i = np.arange(n * (n + 1)).reshape(n, n + 1)[:, :-1].ravel()
-    faces = np.concatenate(
-        [np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)]
-    )
-    points = np.concatenate([flat, np.zeros((len(flat), 1))], 1)
-    rows = [
-        Side("good", UVMap(flat, faces), "ok",
-             {"seconds": 2.0, "distortion": 1.0, "flips": 0, "peak_bytes": 3_000_000},
-             {"weights": 0.5, "solve": 1.0}),
-        Side("bad <b>", UVMap(flat * [1.0, 0.2], faces), "invalid",
-             {"seconds": 0.5, "distortion": 2.6, "flips": 3}, {"solve": 0.5}),
-        Side("none", None, "failed", {}, {}, "out of luck & time"),
-    ]  # fmt: skip
-    return Sides("sheet", Mesh(points, faces), rows, "128 faces")
-
-
 def test_page_is_well_formed_and_complete():
     sizes = [
         Size(60, Spread(0.004), Spread(0.005), 1.25, 1.1, 1.25),
         Size(70, Spread(1), Spread(2), 2, 3, None),
     ]
-    text = compare_page([sheet_sides()], sizes)
+    text = compare_page([compared_sheet()], sizes)
     tags = Tags()
     tags.feed(text)
     assert tags.open == []
@@ -104,29 +85,17 @@ def test_page_is_well_formed_and_complete():
 
 
 def test_table_marks_the_best_valid_row_only():
-    text = compare_page([sheet_sides()])
+    text = compare_page([compared_sheet()])
     best = re.findall(r'<td data-value="([^"]*)" class=best>', text)
     assert best == []  # one valid row is no competition
-    sides = sheet_sides()
-    rows = [sides.rows[0], Side("second", None, "ok", {"seconds": 1.0, "distortion": 1.5})]
-    text = compare_page([Sides("sheet", sides.mesh, rows)])
+    sides = compared_sheet()
+    rows = [sides.rows[0], MethodLayout("second", None, "ok", {"seconds": 1.0, "distortion": 1.5})]
+    text = compare_page([SideBySide("sheet", sides.mesh, rows)])
     assert re.findall(r'<td data-value="([^"]*)" class=best>', text) == ["1.0", "1.0"]
 
 
-def test_same_view_and_same_scale():
-    drawn, top = draw_sides(sheet_sides(), size=60, samples=1)
-    good, bad, none = (d.images for d in drawn)
-    assert none is None
-    assert good is not None
-    assert bad is not None
-    shape = [np.asarray(i.convert("L")) < 250 for i in (good[1], bad[1])]
-    assert np.array_equal(*shape)  # the same silhouette
-    assert top > 1.05  # the scale is that of the worse row, so the good one is pale
-    assert np.asarray(good[2]).mean() > np.asarray(bad[2]).mean() + 5
-
-
 def test_plot_and_files(tmp_path: Path):
-    sides = sheet_sides()
+    sides = compared_sheet()
     image = compare_plot([sides, sides], columns=2)
     assert image.width >= 660
     save_plot(tmp_path / "a.png", [sides])
@@ -141,52 +110,13 @@ def test_plot_and_files(tmp_path: Path):
 
 
 def test_bars_add_up():
-    rows = sheet_sides().rows
+    rows = compared_sheet().rows
     parts = _bar_parts(rows[0], ["solve", "weights"])
     assert sum(share for share, _ in parts) == pytest.approx(1.0)
     assert [round(share, 3) for share, _ in parts] == [0.5, 0.25, 0.25]
     assert _bar_end([1.0, 1.0, 1000.0]) == 20.0
     assert _bar_end([]) == 1.0
     assert _bar_end([0.0]) == 1.0
-
-
-def test_cells():
-    assert cell_text("seconds", None) == "–"
-    assert cell_text("stretch_linf", float("inf")) == "∞"
-    assert cell_text("pack", 0.614) == "61.4 %"
-    assert cell_text("peak_bytes", 1_234_000_000) == "1,234"
-    assert cell_text("charts", 12345) == "12,345"
-    assert cell_text("stretch_linf", 7.7e146) == "over 1e9"
-
-
-def test_sides_of_a_comparison():
-    @dataclass
-    class Row:
-        method: str
-        status: str
-        figures: dict
-        stages: dict
-        seconds: float | None
-        peak_bytes: int | None
-        error: str | None
-        uvmap: UVMap | None = None
-
-    @dataclass
-    class Comparison:
-        mesh: str
-        faces: int
-        cut: str
-        rows: list
-
-    sides = sheet_sides()
-    rows = [
-        Row("circle", "ok", {"distortion": 1.5}, {"solve": 1.0}, 1.0, 5, None, sides.rows[0].uvmap)
-    ]
-    out = sides_of(Comparison("a.obj", 128, "disk", rows), sides.mesh)
-    assert out.title == "a.obj"
-    assert out.rows[0].figures == {"distortion": 1.5, "seconds": 1.0, "peak_bytes": 5}
-    assert out.rows[0].uvmap is sides.rows[0].uvmap
-    assert "disk" in out.note
 
 
 def test_from_the_shell(tmp_path: Path):
@@ -203,3 +133,15 @@ def test_from_the_shell(tmp_path: Path):
     for option, name in (("--report", "r.txt"), ("--plot", "p.jpg"), ("--report", "r.html")):
         again = CliRunner().invoke(cli, [*words, option, str(tmp_path / name)])
         assert again.exit_code == 2
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_a_full_disk_leaves_nothing(
+    step: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fill_up(monkeypatch, step)
+    with pytest.raises(OutputError, match=r"a\.html.*No space left"):
+        save_report(tmp_path / "a.html", [compared_sheet()])
+    with pytest.raises(OutputError, match=r"a\.png.*No space left"):
+        save_plot(tmp_path / "a.png", [compared_sheet()])
+    assert list(tmp_path.iterdir()) == []

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from circparam.render.figures import PageImages, PictureOptions
 from circparam.render.html import fill_in, pack_geometry, page
 from circparam.render.scene import Scene, make_scene
-from tests.render.test_picture import cube, flat_quad
+from tests.support.scenes import cube, flat_quad
 
 PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="

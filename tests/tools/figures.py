@@ -25,7 +25,7 @@ from circparam.render.compare_page import compare_plot
 from circparam.render.figures import PictureOptions, as_figures
 from circparam.render.picture import draw_figure, png_bytes, to_image
 from circparam.render.scene import make_scene
-from circparam.render.sides import Side, Sides
+from circparam.render.side_by_side import MethodLayout, SideBySide
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures"
 LIMIT = 200_000  # bytes
@@ -53,16 +53,16 @@ def save(name: str, image: Image.Image) -> None:
     print(f"{path}  {len(data) / 1000:.0f} kB")
 
 
-def side(mesh: str, method: str, cut: str) -> Side:
+def side(mesh: str, method: str, cut: str) -> MethodLayout:
     """One method on one sample."""
     try:
         result = unwrap(samples.path(mesh), method=method, cut=cut)
     except CircparamError as error:
-        return Side(method, None, "failed", error=str(error))
-    return Side(method, UVMap(result.uv, result.uv_faces), "ok", result.measures)
+        return MethodLayout(method, None, "failed", error=str(error))
+    return MethodLayout(method, UVMap(result.uv, result.uv_faces), "ok", result.measures)
 
 
-def creature() -> Side:
+def creature() -> MethodLayout:
     """The creature's layout, its checker and its stretch."""
     result = unwrap(samples.path("creature"))
     mesh = result.mesh
@@ -70,7 +70,7 @@ def creature() -> Side:
     measures = {k: v for k, v in result.measures.items() if k != "stretch_l2"}
     options = PictureOptions(title="creature.ply, unwrapped", padding=4 / 2048)
     save("creature.png", draw_figure(scene, options, as_figures(measures)[:8]))
-    return Side("circparam", UVMap(result.uv, result.uv_faces), "ok", result.measures)
+    return MethodLayout("circparam", UVMap(result.uv, result.uv_faces), "ok", result.measures)
 
 
 def methods() -> None:
@@ -78,12 +78,12 @@ def methods() -> None:
     mesh = read(samples.path(DISK)).mesh
     rows = {name: side(DISK, name, "disk") for name in METHODS.names()}
     for name, row in rows.items():
-        save(f"methods/{name}.png", compare_plot([Sides(f"{DISK}: {name}", mesh, [row])]))
+        save(f"methods/{name}.png", compare_plot([SideBySide(f"{DISK}: {name}", mesh, [row])]))
     shown = [rows[name] for name in SHOWN if name in rows]
-    save("methods.png", compare_plot([Sides(f"{DISK}: methods compared", mesh, shown)]))
+    save("methods.png", compare_plot([SideBySide(f"{DISK}: methods compared", mesh, shown)]))
 
 
-def xatlas(own: Side) -> None:
+def xatlas(own: MethodLayout) -> None:
     """The creature by circparam and by xatlas, where that is installed."""
     mesh = read(samples.path("creature")).mesh
     try:
@@ -96,8 +96,8 @@ def xatlas(own: Side) -> None:
     ok = np.isfinite(scene.stretch)
     mean = float((scene.stretch * scene.areas)[ok].sum() / scene.areas[ok].sum())
     figures = {"distortion": mean, "charts": scene.n_charts}
-    rows = [own, Side("xatlas", layout, "ok", figures)]
-    save("xatlas.png", compare_plot([Sides("creature.ply", mesh, rows)]))
+    rows = [own, MethodLayout("xatlas", layout, "ok", figures)]
+    save("xatlas.png", compare_plot([SideBySide("creature.ply", mesh, rows)]))
 
 
 def main() -> int:

@@ -8,18 +8,18 @@ non-convex polygons", here with turns and growth); a few steps in a shrinking tr
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sps
 from scipy.optimize import linprog
 
 from circparam.core.arrays import FloatArray
-from circparam.packing.budget import Work
+from circparam.packing.budget import Budget
 from circparam.packing.nest.contacts import (
     Contacts,
     Outline,
-    contacts,
+    find_contacts,
     least_distance,
     sample_outline,
     to_world,
@@ -42,19 +42,55 @@ REACH = 3.0
 CROSSED = 0.2
 
 # Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
-_MARGIN = 0.02
+_SLACK = 0.02
+
+# Trust regions in texels of a page of 2048: the first one; the one below which steps gain nothing that the
+# raster could show; and those of the last steps after an early end, which take back what was overshot.
+FIRST_TRUST = 32.0
+LEAST_TRUST = 0.25
+LAST_TRUSTS = (1.0, 0.5)
+
+# A step that gains less than this share of what its trust region allows is followed by a shorter one.
+LITTLE_GAIN = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """What stays the same while charts grow. strict: keep the full gap in all directions."""
+
+    shapes: Shapes
+    options: PackOptions
+    budget: Budget
+    strict: bool = False
+
+    @property
+    def unit(self) -> float:
+        """Texels of the page in one texel of a page of 2048."""
+        return self.options.resolution / 2048
+
+    def outlines(self, step: float) -> list[Outline]:
+        """Samples of all outlines at most ``step`` apart, in the units of the uv given."""
+        return [sample_outline(*self.shapes.outline(c), step) for c in range(self.shapes.n)]
+
+    def near(self, placement: Placement, outlines: list[Outline], trust: float) -> Contacts:
+        """The contacts that a step in a trust region (texels of a page of 2048) has to know of."""
+        reach = self.options.gap + _SLACK + REACH * trust * self.unit
+        return find_contacts(placement, outlines, reach)
+
+    def crossed(self, found: Contacts) -> bool:
+        """Whether charts have come so near that a tip may be through a neighbour."""
+        return least_distance(found) < CROSSED * self.options.gap
 
 
 def _program(
     placement: Placement,
     outlines: list[Outline],
     found: Contacts,
-    options: PackOptions,
-    strict: bool,
+    growth: Growth,
 ) -> tuple[sps.csr_matrix, FloatArray]:
     """Rows A z <= b with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
-    n = len(outlines)
-    border, side = options.border + _MARGIN, float(options.resolution)
+    n, options = len(outlines), growth.options
+    border, side = options.border + _SLACK, float(options.resolution)
     d = found.p - found.q
     distance = np.sqrt((d * d).sum(1))
     normal = d / np.maximum(distance, 1e-12)[:, None]
@@ -74,8 +110,8 @@ def _program(
         (rows, 2 * n + found.j, cross(rq)),
         (rows, np.full(k, 3 * n), -(normal * (rp - rq)).sum(1)),
     ]
-    width = options.gap if strict else strip_gap(options.padding, normal)
-    bounds = [distance - (width + _MARGIN)]
+    width = options.gap if growth.strict else strip_gap(options.padding, normal)
+    bounds = [distance - (width + _SLACK)]
     own = np.repeat(np.arange(n), [len(o.hull) for o in outlines])
     r = np.concatenate([to_world(placement, c, o.hull) for c, o in enumerate(outlines)])
     r -= placement.offset[own]
@@ -110,29 +146,28 @@ def _thinned(found: Contacts, side: float) -> Contacts:
 
 
 def compaction_step(
+    growth: Growth,
     placement: Placement,
     outlines: list[Outline],
     found: Contacts,
-    radius: FloatArray,
-    options: PackOptions,
     trust: float,
-    turn: bool,
-    strict: bool,
-    work: Work,
 ) -> Placement | None:
-    """One linear program: the largest growth within the trust region (texels); None where it fails.
+    """One linear program: the largest growth within the trust region; None where it fails.
 
-    It fails too where it would be too large: a bundle of needles touches itself in every direction.
+    found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. It fails too where
+    the program would be too large: a bundle of needles touches itself in every direction.
     """
     n = len(outlines)
+    trust = trust * growth.unit
     found = _thinned(found, max(THIN * trust, 1.0))
-    matrix, bound = _program(placement, outlines, found, options, strict)
+    matrix, bound = _program(placement, outlines, found, growth)
     keep = bound < REACH * trust
     if keep.sum() > MOST_ROWS:
         return None
-    work.spend(float(keep.sum()))
-    reach = np.maximum(radius * placement.scale, 1e-9)
-    most = np.concatenate([np.full(2 * n, trust), trust / reach * turn, [trust / reach.max()]])
+    growth.budget.spend(float(keep.sum()))
+    reach = np.maximum(growth.shapes.radius * placement.scale, 1e-9)
+    turn = trust / reach * (growth.options.rotate == "free")
+    most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
     cost[-1] = -1.0
     # unknowns in units of the trust region, so that the solver sees numbers near 1
@@ -151,21 +186,13 @@ def compaction_step(
     )
 
 
-def _outlines(shapes: Shapes, step: float) -> list[Outline]:
-    return [sample_outline(*shapes.outline(c), step) for c in range(shapes.n)]
-
-
-def _crossed(found: Contacts, options: PackOptions) -> bool:
-    return least_distance(found) < CROSSED * options.gap
-
-
 def compact(
     shapes: Shapes,
     placement: Placement,
     options: PackOptions,
     steps: int,
-    work: Work,
-    trust: float = 32.0,
+    budget: Budget,
+    trust: float = FIRST_TRUST,
     strict: bool = False,
 ) -> Placement:
     """Grow a layout free of overlap until it locks, by at most ``steps`` linear programs.
@@ -173,30 +200,34 @@ def compact(
     trust: first trust region in texels of a page of 2048; it is halved when a step gains little of what the
     region allows, down to a quarter of a texel. A step that brings charts so near that a tip may be through a
     neighbour, or to where no step keeps all distances, is taken back. strict: keep the full gap in all
-    directions, where the width of straight strips would do; for layouts that the check refuses. work: counts
+    directions, where the width of straight strips would do; for layouts that the check refuses. budget: counts
     the rows of the programs. The result keeps the distances but for the error of the last step: the caller
     checks.
     """
-    unit = options.resolution / 2048
-    turn = options.rotate == "free"
+    growth = Growth(shapes, options, budget, strict)
+    earlier, placement, trust = _grown(growth, placement, steps, trust)
+    if trust >= LAST_TRUSTS[-1] and not budget.late:
+        placement = _cut_short(growth, earlier, placement)
+    return placement
+
+
+def _grown(
+    growth: Growth, placement: Placement, steps: int, trust: float
+) -> tuple[Placement | None, Placement, float]:
+    """(placement one step before, None where that is taken back; placement; trust region) at the end."""
     outlines: list[Outline] = []
     sampled = np.inf
     earlier: Placement | None = None
-
-    def near(outlines: list[Outline]) -> Contacts:
-        return contacts(placement, outlines, options.gap + _MARGIN + REACH * trust * unit)
-
+    widest = growth.shapes.radius.max()
     for _ in range(steps):
-        step = max(trust * unit / 2, 0.75)
+        step = max(trust * growth.unit / 2, 0.75)
         if step < sampled / 1.5:
             sampled = step
-            outlines = _outlines(shapes, step / placement.scale)
-        found = near(outlines)
+            outlines = growth.outlines(step / placement.scale)
+        found = growth.near(placement, outlines, trust)
         after = None
-        if earlier is None or not _crossed(found, options):
-            after = compaction_step(
-                placement, outlines, found, shapes.radius, options, trust * unit, turn, strict, work
-            )
+        if earlier is None or not growth.crossed(found):
+            after = compaction_step(growth, placement, outlines, found, trust)
         if after is None:
             if earlier is None:
                 break
@@ -205,20 +236,21 @@ def compact(
             continue
         gain = after.scale / placement.scale - 1
         earlier, placement = placement, after
-        if gain < 0.2 * trust * unit / (shapes.radius.max() * placement.scale):
+        if gain < LITTLE_GAIN * trust * growth.unit / (widest * placement.scale):
             trust /= 2
-        if trust < 0.25 or work.over:
+        if trust < LEAST_TRUST or growth.budget.over:
             break
-    if trust >= 0.5 and not work.late:
-        # cut short: a last small step takes back what the linear programs overshot
-        outlines = _outlines(shapes, 1 / placement.scale)
-        for trust in (1.0, 0.5):
-            found = near(outlines)
-            if earlier is not None and _crossed(found, options):
-                placement, earlier = earlier, None
-                found = near(outlines)
-            after = compaction_step(
-                placement, outlines, found, shapes.radius, options, trust * unit, turn, strict, work
-            )
-            placement = placement if after is None else after
+    return earlier, placement, trust
+
+
+def _cut_short(growth: Growth, earlier: Placement | None, placement: Placement) -> Placement:
+    """Last small steps after an early end: they take back what the linear programs overshot."""
+    outlines = growth.outlines(1 / placement.scale)
+    for trust in LAST_TRUSTS:
+        found = growth.near(placement, outlines, trust)
+        if earlier is not None and growth.crossed(found):
+            placement, earlier = earlier, None
+            found = growth.near(placement, outlines, trust)
+        after = compaction_step(growth, placement, outlines, found, trust)
+        placement = placement if after is None else after
     return placement

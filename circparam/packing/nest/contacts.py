@@ -13,7 +13,11 @@ from circparam.packing.placement import Placement
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Samples of one chart's outline: points (k, 2), the edge each lies on (start, end), a tree, the hull."""
+    """Samples of one chart's outline, about the chart's centre in the units of the uv given.
+
+    points: (k, 2). start, end: (k, 2) the edge each lies on. tree: of the points. hull: (h, 2) vertices of the
+    convex hull, of all outline vertices where those lie on a line.
+    """
 
     points: FloatArray
     start: FloatArray
@@ -32,7 +36,6 @@ def sample_outline(start: FloatArray, end: FloatArray, step: float) -> Outline:
     # one sample a cell of half a step is enough where edges are shorter than that
     _, first = np.unique(np.floor(points / (0.5 * step)), axis=0, return_index=True)
     first = np.sort(first)
-    hull = start
     try:
         hull = start[ConvexHull(start).vertices]
     except (QhullError, ValueError):
@@ -77,8 +80,12 @@ def _nearest(outline: Outline, points: FloatArray, reach: float) -> tuple[IntArr
     return hit, a + np.clip(t, 0.0, 1.0)[:, None] * d
 
 
-def contacts(placement: Placement, outlines: list[Outline], reach: float) -> Contacts:
-    """All pairs of near points of all pairs of charts of one page; reach in texels."""
+def find_contacts(placement: Placement, outlines: list[Outline], reach: float) -> Contacts:
+    """All pairs of near points of all pairs of charts of one page; reach in texels.
+
+    Every sample of a chart is paired with the nearest point on the edge of the other chart's nearest sample,
+    both ways round, so a pair of charts stands in the result as (i, j) and as (j, i).
+    """
     n = len(outlines)
     world = [to_world(placement, c, o.points) for c, o in enumerate(outlines)]
     low = np.array([w.min(0) for w in world]) - reach

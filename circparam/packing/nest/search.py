@@ -1,4 +1,4 @@
-"""Nesting: charts laid one by one where they touch most, at every angle, holes used.
+"""Nesting: charts put one by one where they touch most, at every angle, holes used.
 
 A grid of the page is correlated with the mask of a chart by FFT: once with the cells in use (any common
 cell forbids the place), once with those cells blurred (how much of the chart lies against others). Masks and
@@ -14,7 +14,7 @@ import numpy.typing as npt
 import scipy.fft as sf
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.packing.budget import Work
+from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
@@ -30,6 +30,9 @@ THREADS = 2
 
 # The grid of the transforms is this much larger than the page at the density that is hoped for.
 SLACK = 1.25
+
+# Blurs of the contact score, in cells, of the first tries.
+SIGMAS = (2.0, 4.0, 1.2, 8.0, 3.0)
 
 
 def cell_size(shapes: Shapes, options: PackOptions, cells: int, density: float) -> float:
@@ -67,7 +70,7 @@ def chart_angles(shapes: Shapes, options: PackOptions, cell: float, most: int) -
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class GridLayout:
     """A layout on the grid: page side in cells, and for each chart its mask, row, column and page."""
 
     side: int
@@ -107,16 +110,16 @@ def _blur(side: int, sigma: float) -> FloatArray:
     return np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
 
 
-def lay(
+def lay_out(
     board: Board,
     order: IntArray,
     side: int,
     sigma: float,
     pages: int,
     choice: list[IntArray],
-    work: Work,
-) -> Found | None:
-    """Lay charts in the order given on pages of ``side`` cells; None as soon as one does not fit.
+    budget: Budget,
+) -> GridLayout | None:
+    """Put charts in the order given on pages of ``side`` cells; None as soon as one does not fit.
 
     sigma: blur of the contact score in cells. choice: the masks of each chart that are tried.
     """
@@ -125,14 +128,14 @@ def lay(
     grid = np.ones((pages, size, size), np.float32)
     grid[:, :side, :side] = 0
     blur = _blur(size, sigma)
-    found = Found(side, *(np.zeros(n, np.int64) for _ in range(4)))
+    mask, row, column, page = (np.zeros(n, np.int64) for _ in range(4))
     spectra: list[Spectrum] = [sf.rfft2(g) for g in grid]
     for c in order.tolist():
         masks = board.masks[c]
         pick = choice[c][masks.size[choice[c]].max(1) <= side]
         if len(pick) == 0:
             return None
-        if not work.spend(len(pick) * float(size) ** 2):
+        if not budget.spend(len(pick) * float(size) ** 2):
             return None
         kernel, area = board.spectra[c][pick], masks.area[pick]
         rows, columns = masks.size[pick, 0], masks.size[pick, 1]
@@ -143,12 +146,12 @@ def lay(
         else:
             return None
         k, y, x = spot
-        found.mask[c], found.row[c], found.column[c], found.page[c] = pick[k], y, x, tile
+        mask[c], row[c], column[c], page[c] = pick[k], y, x, tile
         h, w = int(rows[k]), int(columns[k])
         cells = masks.cells[pick[k], :h, :w]
         grid[tile, y : y + h, x : x + w][cells] = 1
         spectra[tile] = sf.rfft2(grid[tile])
-    return found
+    return GridLayout(side, mask, row, column, page)
 
 
 def _best_place(
@@ -180,7 +183,7 @@ def _best_place(
     return int(some[k]), rest // side, rest % side
 
 
-def to_placement(board: Board, found: Found, options: PackOptions) -> Placement:
+def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Placement:
     """A layout on the grid in texels: the page's free side is what lies between the borders."""
     n = len(board.masks)
     k = found.mask
@@ -195,8 +198,8 @@ def to_placement(board: Board, found: Found, options: PackOptions) -> Placement:
 
 
 def search(
-    board: Board, shapes: Shapes, options: PackOptions, cells: int, work: Work
-) -> list[Found]:
+    board: Board, shapes: Shapes, options: PackOptions, cells: int, budget: Budget
+) -> list[GridLayout]:
     """Layouts of falling page side, best first.
 
     Greedy orders by size come first, then perturbed orders with a random part of the angles and another
@@ -205,7 +208,7 @@ def search(
     rng = np.random.default_rng(20)
     area = np.log(np.maximum(shapes.area, 1e-300))
     span = 2 * np.log(np.maximum(shapes.radius, 1e-300))
-    results: list[Found] = []
+    results: list[GridLayout] = []
     most = int(board.side)
     tried = 0
     failures = 0
@@ -226,7 +229,7 @@ def search(
             side = results[0].side - stride if results else min(int(cells * 1.12), most)
             if not results and failures > 1:
                 side = min(int(side * 1.05 ** (failures - 1)), most)
-            found = lay(board, order, side, sigma, options.pages, choice, work)
+            found = lay_out(board, order, side, sigma, options.pages, choice, budget)
             if found is not None:
                 results.insert(0, found)
                 failures, stride = 0, 2 * stride
@@ -234,16 +237,16 @@ def search(
                 stride = 1
             else:
                 break
-        if work.left <= 0 or not work.spend(0):
+        if budget.left <= 0 or not budget.spend(0):
             break
         if not results and failures > 8:
             break
     return results
 
 
-def lay_first(
-    board: Board, shapes: Shapes, options: PackOptions, side: int, work: Work
-) -> Found | None:
+def first_layout(
+    board: Board, shapes: Shapes, options: PackOptions, side: int, budget: Budget
+) -> GridLayout | None:
     """The first layout found on pages of ``side`` cells, the fewest pages first."""
     rng = np.random.default_rng(20)
     key = np.log(np.maximum(shapes.area, 1e-300))
@@ -253,14 +256,10 @@ def lay_first(
             continue
         for tried in range(6):
             order = np.argsort(-key - rng.normal(0, 0.1 * tried, shapes.n), kind="stable")
-            found = lay(board, order, side, SIGMAS[tried % 5], pages, everything, work)
-            if found is not None or work.left <= 0:
+            found = lay_out(board, order, side, SIGMAS[tried % 5], pages, everything, budget)
+            if found is not None or budget.left <= 0:
                 return found
     return None
-
-
-# Blurs of the contact score, in cells, of the first tries.
-SIGMAS = (2.0, 4.0, 1.2, 8.0, 3.0)
 
 
 def _some(rng: np.random.Generator, n: int, share: float) -> IntArray:

@@ -2,112 +2,134 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.monitor import Monitor
-from circparam.packing.budget import Work
+from circparam.packing.budget import Budget
 from circparam.packing.nest.compaction import compact
 from circparam.packing.nest.search import (
-    Found,
+    GridLayout,
     cell_size,
     chart_angles,
-    lay_first,
+    first_layout,
     make_board,
     search,
     to_placement,
 )
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_square_angles
-from circparam.packing.placement import Placement
+from circparam.packing.placement import PackTask, Placement
 
-# Share of the page that is hoped for: it sets the size of the grid.
-_HOPE = 0.68
 
-# Cells that are transformed in the search, on a coarse grid and on others: a second or so.
-_COARSE_BUDGET = 0.3e8
-_BUDGET = 0.75e8
+@dataclass(frozen=True)
+class Schedule:
+    """How much nesting does for how many charts: set by trial, so that a search takes seconds at effort 1.
 
-# Linear programs of the compaction: first for every candidate, then for the best.
-_ROUGH = 5
-_FINE = 12
+    hoped_share: share of the page that is hoped for; it sets the cell. Where no layout fits, the next try hopes
+        for ``less_hope`` times as much, ``tries`` times in all.
+    few, very_few: charts up to which the grid is coarse; up to which several layouts are compacted.
+    coarse_cells, cells: side of the grid, coarse for few charts, whose layouts are compacted anyway (on 13
+        meshes 64 cells cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice the cells).
+    fixed_cells: side of the grid at a scale the user fixed, which the compaction does not mend afterwards.
+    coarse_budget, budget: cells transformed in the search on either grid: a second or so.
+    compacted_up_to: charts up to which the linear programs are solved in a second or so.
+    kept: layouts of very few charts that are compacted; one of more.
+    rough_steps, fine_steps: linear programs for each candidate, then for the best. fine_trust: the first trust
+        region of the latter, in texels of a page of 2048; small, as the rough ones leave little to move.
+    strict_steps, strict_trust: the same for a layout that the check refuses: it is all but locked.
+    rows: rows of all linear programs together; beyond, the steps end.
+    shelf_below: of many charts, rows of boxes are compacted only where nothing reached that much more than
+        their scale.
+    lone_rounds: rounds of the search for the angle of a single chart, each four times finer.
+    """
 
-# Side of the grid in cells: coarse for few charts, whose layouts are compacted anyway (on 13 files 64 cells
-# cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice the cells transformed).
-_FEW = 60
-_COARSE = 64
-_CELLS = 192
+    hoped_share: float = 0.68
+    less_hope: float = 0.75
+    tries: int = 4
+    few: int = 60
+    very_few: int = 30
+    coarse_cells: int = 64
+    cells: int = 192
+    fixed_cells: int = 160
+    coarse_budget: float = 0.3e8
+    budget: float = 0.75e8
+    compacted_up_to: int = 150
+    kept: int = 3
+    rough_steps: int = 5
+    fine_steps: int = 12
+    fine_trust: float = 8.0
+    strict_steps: int = 3
+    strict_trust: float = 1.0
+    rows: float = 250_000
+    shelf_below: float = 1.03
+    lone_rounds: int = 8
 
-# Rows of the linear programs altogether: beyond, the steps end.
-_ROWS = 250_000
 
-# Layouts that are compacted, of so many charts; one of more.
-_VERY_FEW = 30
-_KEPT = 3
-
-# Rounds of the search for the angle of a single chart: each is four times finer.
-_ALONE = 8
-
-# Many charts in plain rows are compacted only where that much more than their scale was not reached.
-_ROWS_BELOW = 1.03
-
-# Charts up to which linear programs are solved in a second or so.
-_SQUEEZED = 150
+SCHEDULE = Schedule()
 
 
 def nested(
-    shapes: Shapes,
-    options: PackOptions,
-    dropped: Placement | None,
-    rows: Placement | None,
-    monitor: Monitor,
-    sound: Callable[[Placement], bool],
-) -> list[Placement]:
-    """Placements by nesting, best first; empty where the search found none.
+    task: PackTask, skyline: Placement | None = None, shelf: Placement | None = None
+) -> Placement | None:
+    """The best placement by nesting; None where the search found none.
 
-    dropped: charts dropped one by one, compacted instead of the layout found, or beside it, where there are
-    few charts. rows: a plain layout, compacted too where that leads nowhere: for charts like boxes it can be
-    the best start.
-    sound: the check on the raster. A long first step may push a thin tip through a neighbour, which no later
-    step undoes; then the next layout is taken.
+    skyline: charts on a skyline, compacted instead of the layout found, or beside it, where there are few
+    charts. shelf: rows of boxes, compacted too where that leads nowhere: for charts like boxes they can be the
+    best start. A long first step may push a thin tip through a neighbour, which no later step undoes; the
+    check on the raster (``task.sound``) tells, and then the next layout is taken.
     """
+    shapes, options = task.shapes, task.options
     if options.fixed_scale is not None:
-        return _at_fixed_scale(shapes, options, options.fixed_scale, monitor)
+        return _at_fixed_scale(task, options.fixed_scale)
     if shapes.n == 1:
-        return [_alone(shapes, options)]
-    layouts = _layouts(shapes, options, monitor)
-    if shapes.n > _SQUEEZED:
-        return layouts[:1]
-    few = shapes.n <= _FEW
+        return _alone(shapes, options)
+    layouts = _searched(task)
+    if shapes.n <= SCHEDULE.compacted_up_to:
+        compacted = _compacted(task, layouts, skyline, shelf)
+        if compacted is not None:
+            return compacted
+    return layouts[0] if layouts else None
+
+
+def _compacted(
+    task: PackTask, layouts: list[Placement], skyline: Placement | None, shelf: Placement | None
+) -> Placement | None:
+    """The best layout grown until it locks; None where none passes the check."""
+    shapes, options = task.shapes, task.options
+    few = shapes.n <= SCHEDULE.few
     part = min(1.0, 4 * options.effort)
-    work = Work(_ROWS * max(part, 0.25), lambda: monitor.expired)
-    rough: list[Placement] = []
-    starts = layouts[: _KEPT if shapes.n <= _VERY_FEW else 1] + ([dropped] if dropped else [])
+    budget = Budget(SCHEDULE.rows * max(part, 0.25), lambda: task.monitor.expired)
+    starts = layouts[: SCHEDULE.kept if shapes.n <= SCHEDULE.very_few else 1]
+    starts += [skyline] if skyline is not None else []
     if not few:
         starts = sorted(starts, key=lambda p: -p.scale)[:1]
-    for layout in [*starts, rows]:
-        if layout is None or work.late or (rough and work.left < _ROWS / 3):
+    rough: list[Placement] = []
+    for start in [*starts, *([shelf] if shelf is not None else [])]:
+        if budget.late or (rough and budget.left < SCHEDULE.rows / 3):
             continue
-        if layout is rows and not few and rough and rough[0].scale > _ROWS_BELOW * rows.scale:
+        reached = rough[0].scale if rough else 0.0
+        if start is shelf and not few and reached > SCHEDULE.shelf_below * start.scale:
             continue
-        rough.append(compact(shapes, layout, options, _steps(_ROUGH, part), work))
+        rough.append(compact(shapes, start, options, _steps(SCHEDULE.rough_steps, part), budget))
     rough.sort(key=lambda p: -p.scale)
-    steps = _steps(_FINE if few else _FINE // 2, part)
+    steps = _steps(SCHEDULE.fine_steps if few else SCHEDULE.fine_steps // 2, part)
     for start in rough:
-        fine = compact(shapes, start, options, steps, work, 8.0)
-        if sound(fine):
-            return [fine]
+        fine = compact(shapes, start, options, steps, budget, SCHEDULE.fine_trust)
+        if task.sound(fine):
+            return fine
         # the straight strips were too narrow somewhere: the full gap everywhere may do
-        safe = compact(shapes, fine, options, 3, work, 1.0, strict=True)
-        if sound(safe):
-            return [safe]
-    return layouts[:1]
+        safe = compact(
+            shapes, fine, options, SCHEDULE.strict_steps, budget, SCHEDULE.strict_trust, True
+        )
+        if task.sound(safe):
+            return safe
+    return None
 
 
 def _alone(shapes: Shapes, options: PackOptions) -> Placement:
     """One chart in the middle of its page, at the angle where it fits the smallest square."""
-    angle = least_square_angles(shapes, options.rotate, rounds=_ALONE)
+    angle = least_square_angles(shapes, options.rotate, rounds=SCHEDULE.lone_rounds)
     box = shapes.boxes(angle)
     side = float((box[:, 2:] - box[:, :2]).max())
     scale = (options.resolution - 2 * options.border) / side
@@ -120,48 +142,50 @@ def _steps(most: int, part: float) -> int:
     return max(2, round(most * part))
 
 
-def _layouts(shapes: Shapes, options: PackOptions, monitor: Monitor) -> list[Placement]:
+def _searched(task: PackTask) -> list[Placement]:
+    """Layouts of the search on the grid, best first; empty where it found none."""
+    shapes, options = task.shapes, task.options
     # several pages share the cells of one, so that the work stays the same
-    few = shapes.n <= _FEW
-    cells = int((_COARSE if few else _CELLS) / np.sqrt(min(options.pages, 6)))
-    side = shapes.boxes(least_square_angles(shapes, options.rotate))
-    widest = float((side[:, 2:] - side[:, :2]).max())
-    density = float(min(_HOPE, 0.97 * shapes.area.sum() / widest**2 / options.pages))
-    budget = _COARSE_BUDGET if few else _BUDGET
-    work = Work(budget * options.effort, lambda: monitor.expired)
-    for _ in range(4):
+    few = shapes.n <= SCHEDULE.few
+    side = SCHEDULE.coarse_cells if few else SCHEDULE.cells
+    cells = int(side / np.sqrt(min(options.pages, 6)))
+    box = shapes.boxes(least_square_angles(shapes, options.rotate))
+    widest = float((box[:, 2:] - box[:, :2]).max())
+    density = float(min(SCHEDULE.hoped_share, 0.97 * shapes.area.sum() / widest**2 / options.pages))
+    operations = SCHEDULE.coarse_budget if few else SCHEDULE.budget
+    budget = Budget(operations * options.effort, lambda: task.monitor.expired)
+    for _ in range(SCHEDULE.tries):
         cell = cell_size(shapes, options, cells, density)
-        angles = chart_angles(shapes, options, cell, 64 if shapes.n <= 30 else 24)
+        angles = chart_angles(shapes, options, cell, 64 if shapes.n <= SCHEDULE.very_few else 24)
         board = make_board(shapes, options, angles, cells, density)
-        found = search(board, shapes, options, cells, work)
+        found = search(board, shapes, options, cells, budget)
         if found:
             return [to_placement(board, f, options) for f in _different(found)]
-        density *= 0.75
+        density *= SCHEDULE.less_hope
     return []
 
 
-def _different(found: list[Found]) -> list[Found]:
+def _different(found: list[GridLayout]) -> list[GridLayout]:
     """The best layouts, one of each arrangement: those of one climb often differ in the page side only."""
-    kept: list[Found] = []
+    kept: list[GridLayout] = []
     for f in found:
         if all(not np.array_equal(f.mask, k.mask) for k in kept):
             kept.append(f)
     return kept[:4]
 
 
-def _at_fixed_scale(
-    shapes: Shapes, options: PackOptions, scale: float, monitor: Monitor
-) -> list[Placement]:
-    """Layouts at the scale the user fixed, on as few pages as the search finds."""
+def _at_fixed_scale(task: PackTask, scale: float) -> Placement | None:
+    """A layout at the scale the user fixed, on as few pages as the search finds."""
+    shapes, options = task.shapes, task.options
     inner = options.resolution - 2 * options.border + options.gap
-    cells = 160
+    cells = SCHEDULE.fixed_cells
     # the cell at which a page at that scale has this many cells a side
     density = float(shapes.area.sum() * scale**2 / inner**2 / options.pages)
     if not 0 < density <= 1:
-        return []
+        return None
     cell = cell_size(shapes, options, cells, density)
-    angles = chart_angles(shapes, options, cell, 32 if shapes.n <= 30 else 16)
+    angles = chart_angles(shapes, options, cell, 32 if shapes.n <= SCHEDULE.very_few else 16)
     board = make_board(shapes, options, angles, cells, density)
-    work = Work(_BUDGET * options.effort, lambda: monitor.expired)
-    found = lay_first(board, shapes, options, cells, work)
-    return [] if found is None else [to_placement(board, found, options)]
+    budget = Budget(SCHEDULE.budget * options.effort, lambda: task.monitor.expired)
+    found = first_layout(board, shapes, options, cells, budget)
+    return None if found is None else to_placement(board, found, options)

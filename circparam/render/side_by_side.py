@@ -47,8 +47,8 @@ COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
-    """One row of a comparison.
+class MethodLayout:
+    """The layout of one method: a row of a comparison.
 
     name: of the method. uvmap: its layout, None where it has none. status: ok, invalid or failed, with error.
     figures: values by the keys of COLUMNS. stages: seconds of each stage.
@@ -63,55 +63,62 @@ class Side:
 
 
 @dataclass(frozen=True, eq=False)
-class Sides:
-    """A mesh and its rows. title: of the mesh; note: how it was cut; up: the axis that points up."""
+class SideBySide:
+    """A mesh and its layouts by several methods.
+
+    title: of the mesh. note: how it was cut. up: the axis that points up: x, y, z or auto.
+    """
 
     title: str
     mesh: Mesh
-    rows: Sequence[Side]
+    rows: Sequence[MethodLayout]
     note: str = ""
     up: str = "auto"
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
-    """Pictures of one row: layout, checker, stretch; None where the row has no layout."""
+class DrawnLayout:
+    """A row and its pictures: layout, checker, stretch; None where the row has no layout."""
 
-    side: Side
+    row: MethodLayout
     images: tuple[Image.Image, Image.Image, Image.Image] | None
 
 
-def sides_of(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto") -> Sides:
-    """The sides of a ``circparam.compare.compare.Comparison`` whose rows keep their layout as ``uvmap``."""
+def side_by_side(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto") -> SideBySide:
+    """The rows of a ``circparam.compare.compare.Comparison`` whose rows keep their layout as ``uvmap``."""
     rows = []
     for row in comparison.rows:
         figures = dict(row.figures) | {"seconds": row.seconds, "peak_bytes": row.peak_bytes}
         uvmap = getattr(row, "uvmap", None)
-        rows.append(Side(row.method, uvmap, row.status, figures, row.stages, row.error or ""))
+        rows.append(
+            MethodLayout(row.method, uvmap, row.status, figures, row.stages, row.error or "")
+        )
     note = f"{comparison.faces:,} faces, cut {comparison.cut}"
-    return Sides(title or comparison.mesh, mesh, rows, note, up)
+    return SideBySide(title or comparison.mesh, mesh, rows, note, up)
 
 
-def draw_sides(sides: Sides, size: int = 300, samples: int = 2) -> tuple[list[Drawn], float]:
+def draw_layouts(
+    shown: SideBySide, size: int = 300, samples: int = 2
+) -> tuple[list[DrawnLayout], float]:
     """Every row drawn from the same side of the surface: (pictures, end of the common stretch scale).
 
     size: pixels of the square layout; the views are size wide and as high as the surface needs.
     """
-    scenes = [_scene(sides.mesh, side) for side in sides.rows]
+    scenes = [_scene(shown.mesh, row) for row in shown.rows]
     tops = [col.stretch_top(s.stretch, s.areas * s.mapped) for s in scenes if s is not None]
     top = min(max(tops, default=2.0), LARGEST_TOP)
     height = size
     view: View | None = None
     camera: Camera | None = None
     out = []
-    for side, scene in zip(sides.rows, scenes, strict=True):
+    for row, scene in zip(shown.rows, scenes, strict=True):
         if scene is None:
-            out.append(Drawn(side, None))
+            out.append(DrawnLayout(row, None))
             continue
         if view is None or camera is None:
-            direction = best_directions(scene, 1, sides.up)[0]
-            height = _view_height(scene, look_from(scene, direction, sides.up), size)
-            camera = look_from(scene, direction, sides.up, size / height)
+            direction = best_directions(scene, 1, shown.up)[0]
+            height = _view_height(scene, look_from(scene, direction, shown.up), size)
+            camera = look_from(scene, direction, shown.up, size / height)
             view = see(scene, camera, size, height, samples)
         else:
             view = with_seams(view, scene, camera)
@@ -120,7 +127,7 @@ def draw_sides(sides: Sides, size: int = 300, samples: int = 2) -> tuple[list[Dr
         checker = paint(view, checker_colours(scene, view, cells), col.rgb(col.INK))
         colours = stretch_colours(scene, view.face, top)
         stretch = paint(view, colours, col.rgb(col.INK), 0.5, 0.5)
-        out.append(Drawn(side, (to_image(plan.image), to_image(checker), to_image(stretch))))
+        out.append(DrawnLayout(row, (to_image(plan.image), to_image(checker), to_image(stretch))))
     return out, top
 
 
@@ -131,18 +138,18 @@ def _view_height(scene: Scene, camera: Camera, size: int) -> int:
     return int(size * np.clip(1.06 * high / wide, 0.45, 1.0))
 
 
-def _scene(mesh: Mesh, side: Side) -> Scene | None:
-    if side.uvmap is None:
+def _scene(mesh: Mesh, row: MethodLayout) -> Scene | None:
+    if row.uvmap is None:
         return None
     try:
-        return make_scene(mesh.points, mesh.faces, side.uvmap.uv, side.uvmap.uv_faces)
+        return make_scene(mesh.points, mesh.faces, row.uvmap.uv, row.uvmap.uv_faces)
     except InputError:
         return None
 
 
-def caption(side: Side, seconds: bool = True) -> str:
+def caption(row: MethodLayout, seconds: bool = True) -> str:
     """Charts, stretch and seconds of a row in a few words; what is unknown is left out."""
-    charts, stretch, time = (side.figures.get(k) for k in ("charts", "distortion", "seconds"))
+    charts, stretch, time = (row.figures.get(k) for k in ("charts", "distortion", "seconds"))
     parts = []
     if charts is not None:
         parts.append(f"{charts:,} chart{'s' * (charts != 1)}")

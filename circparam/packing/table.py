@@ -1,0 +1,66 @@
+"""PACKERS: the ways to place charts, a row each, in the order in which they run.
+
+A packer is one module with a function PackTask → Placement or None, and one row here.
+"""
+
+from __future__ import annotations
+
+from circparam.core.registry import Row, Table
+from circparam.packing.nest.strategy import nested
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes
+from circparam.packing.placement import Packer, PackTask, Placement
+from circparam.packing.shelf import shelf_placement
+from circparam.packing.skyline import skyline_placement
+
+# Nesting takes the longer the more charts there are, the skyline hardly does: up to 250 charts are nested, from
+# 41 on charts are put on the skyline too, whose layout is at times the better start of the compaction.
+NESTED_UP_TO = 250
+SKYLINE_ABOVE = 40
+
+# Below this effort only so few charts are nested: the grid of many costs seconds before any search.
+LITTLE_EFFORT = 0.2
+NESTED_WITH_LITTLE_EFFORT = 60
+
+
+def _few_enough_to_nest(shapes: Shapes, options: PackOptions) -> bool:
+    little = options.effort < LITTLE_EFFORT
+    return shapes.n <= (NESTED_WITH_LITTLE_EFFORT if little else NESTED_UP_TO)
+
+
+def _many_enough_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
+    return shapes.n > SKYLINE_ABOVE
+
+
+def _shelf(task: PackTask) -> Placement | None:
+    return shelf_placement(task.shapes, task.options)
+
+
+def _skyline(task: PackTask) -> Placement | None:
+    return skyline_placement(task.shapes, task.options, task.monitor)
+
+
+def _nest(task: PackTask) -> Placement | None:
+    return nested(task, skyline=task.found.get("skyline"), shelf=task.found.get("shelf"))
+
+
+PACKERS: Table[Packer] = Table(
+    "packer",
+    Row(
+        "shelf",
+        Packer(_shelf, instant=True),
+        "rows of bounding boxes by falling height",
+    ),
+    Row(
+        "skyline",
+        Packer(_skyline, _many_enough_for_skyline, fallback=True),
+        "charts on the skyline of those below, each where it wastes least",
+        "Lévy, Petitjean, Ray and Maillot 2002, section 4.3",
+    ),
+    Row(
+        "nest",
+        Packer(_nest, _few_enough_to_nest),
+        "search on masks at many angles, then compaction by linear programs",
+        "compaction after Li and Milenkovic 1995",
+    ),
+)

@@ -1,0 +1,175 @@
+"""Growing a layout until it locks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.packing import pack
+from circparam.packing.budget import Budget
+from circparam.packing.nest import compaction
+from circparam.packing.nest.contacts import least_distance
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import shapes_of
+from circparam.packing.pack import finish
+from circparam.packing.placement import Placement
+from circparam.packing.skyline import skyline_placement
+from tests.support.packing import QUICK, blobs, rectangles
+
+
+def test_a_bundle_of_needles_makes_no_huge_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parallel needles within reach of each other touch everywhere: such a program is not solved."""
+    n = 10
+    uv = np.zeros((3 * n, 2))
+    uv[1::3, 0] = 1.0
+    uv[2::3] = [0.5, 1e-6]
+    faces = np.arange(3 * n).reshape(n, 3)
+    rows: list[int] = []
+    solve = compaction.linprog
+
+    def recorded(*args: object, **options: object) -> object:
+        rows.append(options["A_ub"].shape[0])  # type: ignore[attr-defined]
+        return solve(*args, **options)
+
+    monkeypatch.setattr(compaction, "linprog", recorded)
+    options = PackOptions(resolution=256, padding=2, effort=QUICK)
+    pack(faces, uv, np.arange(n), options)
+    most = max(rows)
+    limit = most // 2
+    rows.clear()
+    monkeypatch.setattr(compaction, "MOST_ROWS", limit)
+    packed = pack(faces, uv, np.arange(n), options)
+    assert all(r <= limit for r in rows)
+    assert np.isfinite(packed.uv).all()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
+    """Steps many times as long as the charts are wide: a tip pushed through a neighbour would stay there."""
+    n = 30
+    rng = np.random.default_rng(seed)
+    uv = np.zeros((3 * n, 2))
+    turn = rng.random(n) * 2 * np.pi
+    along = np.stack([np.cos(turn), np.sin(turn)], 1)
+    uv[1::3] = along
+    uv[2::3] = along / 2 + 0.02 * np.stack([-along[:, 1], along[:, 0]], 1)
+    shapes = shapes_of(np.arange(3 * n).reshape(n, 3), uv, np.arange(n))
+    options = PackOptions(resolution=1024, padding=4)
+    start = skyline_placement(shapes, options, Monitor())
+    assert start is not None
+    after = compaction.compact(shapes, start, options, 12, Budget(1e9, lambda: False), 256.0)
+    assert finish(shapes, after, options)[1] is None
+    assert after.scale > 1.02 * start.scale
+
+
+def growth_of(shapes, options, strict=False):
+    return compaction.Growth(shapes, options, Budget(1e9, lambda: False), strict)
+
+
+def step(growth, placement, trust):
+    outlines = growth.outlines(0.5 / placement.scale)
+    found = growth.near(placement, outlines, trust)
+    return compaction.compaction_step(growth, placement, outlines, found, trust)
+
+
+def lone_square(options, scale=20.0):
+    shapes = rectangles([[1.0, 1.0]])
+    middle = np.full((1, 2), options.resolution / 2)
+    return shapes, Placement(scale, np.zeros(1), middle, np.zeros(1, int))
+
+
+@pytest.mark.parametrize("resolution", [512, 2048])
+def test_a_step_grows_by_the_trust_region_and_no_further(resolution):
+    """Far from everything a chart's furthest point moves by the trust region, in texels of a page of 2048."""
+    options = PackOptions(resolution=resolution, padding=2, rotate="none")
+    shapes, start = lone_square(options)
+    after = step(growth_of(shapes, options), start, 8.0)
+    reach = shapes.radius[0] * start.scale
+    assert after.scale / start.scale - 1 == pytest.approx(8.0 * resolution / 2048 / reach)
+    assert np.abs(after.offset - start.offset).max() <= 8.0 * resolution / 2048 * (1 + 1e-9)
+    np.testing.assert_array_equal(after.angle, start.angle)
+
+
+@pytest.mark.parametrize("corner", [[0, 0], [0, 1], [1, 0], [1, 1]])
+def test_a_chart_grows_until_it_fills_the_page(corner):
+    """From a corner of the page it has to move as it grows: all four sides of the page hold it."""
+    options = PackOptions(resolution=256, padding=5, rotate="none")
+    shapes, start = lone_square(options, 40.0)
+    offset = np.where(np.array([corner]) == 1, 256 - 27.0, 27.0)
+    start = replace(start, offset=offset)
+    after = compaction.compact(shapes, start, options, 40, Budget(1e9, lambda: False), 256.0)
+    room = options.resolution - 2 * options.border
+    assert after.scale == pytest.approx(room, abs=0.1)
+    assert after.scale <= room
+    assert finish(shapes, after, options)[1] is None
+
+
+@pytest.mark.parametrize(("strict", "axis"), [(False, 0), (True, 0), (False, 1), (True, 1)])
+def test_two_squares_end_a_strip_apart(strict, axis):
+    """The strip between upright sides may be as narrow as padding; strict keeps the gap of all directions."""
+    options = PackOptions(resolution=512, padding=4, rotate="none")
+    shapes = rectangles([[1.0, 0.3], [1.0, 0.3]] if axis == 0 else [[0.3, 1.0], [0.3, 1.0]])
+    offset = np.full((2, 2), 256.0)
+    offset[:, axis] = [130.0, 380.0]
+    start = Placement(200.0, np.zeros(2), offset, np.zeros(2, int))
+    after = compaction.compact(
+        shapes, start, options, 40, Budget(1e9, lambda: False), strict=strict
+    )
+    gap = options.gap if strict else options.box_gap
+    room = (options.resolution - 2 * options.border - gap) / 2
+    assert after.scale == pytest.approx(room, abs=0.1)
+    assert after.scale <= room
+    assert np.diff(after.offset[:, axis])[0] - after.scale == pytest.approx(gap, abs=0.15)
+    assert finish(shapes, after, options)[1] is None
+
+
+def test_a_rod_turns_to_the_diagonal_only_where_it_may():
+    shapes = rectangles([[10.0, 0.1]])
+    found = {}
+    for rotate in ("free", "90", "none"):
+        options = PackOptions(resolution=512, padding=1, rotate=rotate)
+        start = Placement(30.0, np.full(1, 0.3), np.full((1, 2), 256.0), np.zeros(1, int))
+        found[rotate] = compaction.compact(shapes, start, options, 40, Budget(1e9, lambda: False))
+    room = 512 - 2 * options.border
+    assert found["free"].scale == pytest.approx(room * np.sqrt(2) / 10.1, rel=2e-3)
+    for rotate in ("90", "none"):
+        assert found[rotate].angle == pytest.approx(0.3)
+        assert found[rotate].scale == pytest.approx(
+            room / (10 * np.cos(0.3) + 0.1 * np.sin(0.3)), rel=2e-3
+        )
+
+
+def test_the_budget_counts_rows_and_ends_the_steps():
+    options = PackOptions(resolution=512, padding=2)
+    shapes, start = lone_square(options, 100.0)
+    budget = Budget(1.0, lambda: False)
+    after = compaction.compact(shapes, start, options, 40, budget)
+    assert budget.left < 1.0
+    many = compaction.compact(shapes, start, options, 40, Budget(1e9, lambda: False))
+    assert start.scale < after.scale < many.scale
+    late = compaction.compact(shapes, start, options, 1, Budget(1e9, lambda: True))
+    assert start.scale < late.scale < many.scale
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_short_step_keeps_all_distances_while_charts_turn(seed: int) -> None:
+    """To first order nothing comes nearer than the gap, whichever way the charts turn."""
+    options = PackOptions(resolution=512, padding=4)
+    shapes = shapes_of(*blobs(8, seed, 0.3))
+    start = skyline_placement(shapes, options, Monitor())
+    assert start is not None
+    growth = growth_of(shapes, options, strict=True)
+    placement, turned = start, 0.0
+    for _ in range(6):
+        after = step(growth, placement, 4.0)
+        assert after is not None
+        turned = max(turned, float(np.abs(after.angle - placement.angle).max()))
+        outlines = growth.outlines(0.5 / after.scale)
+        gap = least_distance(growth.near(after, outlines, 4.0))
+        assert gap > options.gap - 0.05
+        placement = after
+    assert turned > 1e-3
+    assert placement.scale > start.scale

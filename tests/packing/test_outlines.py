@@ -1,0 +1,126 @@
+"""Charts as packers see them: outlines, boxes, angles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.errors import OptionError
+from circparam.packing.outlines import least_box_angles, least_square_angles, shapes_of
+from tests.support.packing import blobs, vertices_of
+
+
+def test_charts_that_share_a_vertex_are_refused():
+    uv = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
+    with pytest.raises(OptionError, match="shares a uv vertex"):
+        shapes_of(np.array([[0, 1, 2], [1, 3, 2]]), uv, np.array([0, 1]))
+
+
+def ring():
+    """A square with a square hole, four quads of two faces: (faces, uv)."""
+    outer = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
+    uv = np.concatenate([outer, outer / 2 + 1])
+    i = np.arange(4)
+    j = (i + 1) % 4
+    return np.concatenate([np.stack([i, j, j + 4], 1), np.stack([i, j + 4, i + 4], 1)]), uv
+
+
+def test_outlines_are_the_edges_of_one_face_only():
+    faces, uv = ring()
+    shapes = shapes_of(faces, uv, np.zeros(8, int))
+    edges = {frozenset(e) for e in zip(shapes.start.tolist(), shapes.end.tolist(), strict=True)}
+    sides = [(i, (i + 1) % 4) for i in range(4)]
+    assert edges == {frozenset(s) for s in sides} | {frozenset((a + 4, b + 4)) for a, b in sides}
+    assert shapes.area == pytest.approx([12.0])
+    np.testing.assert_allclose(shapes.points, uv - 2.0)  # about the middle of its box
+    assert shapes.radius == pytest.approx([np.sqrt(8)])
+    start, end = shapes.outline(0)
+    np.testing.assert_allclose(start, shapes.points[shapes.start])
+    np.testing.assert_allclose(end, shapes.points[shapes.end])
+
+
+def test_a_chart_without_an_outline_is_known_by_all_its_edges():
+    """A face and its reverse have no edge of their own; the chart beside them keeps its outline."""
+    uv = np.array([[0.0, 0], [2, 0], [0, 1], [5, 5], [6, 5], [5, 6]])
+    shapes = shapes_of(np.array([[0, 1, 2], [2, 1, 0], [3, 4, 5]]), uv, np.array([0, 0, 1]))
+    assert np.diff(shapes.edge_start).tolist() == [6, 3]
+    assert set(shapes.start[:6]) == {0, 1, 2}
+    np.testing.assert_allclose(
+        shapes.boxes(np.zeros(2)), [[-1, -0.5, 1, 0.5], [-0.5] * 2 + [0.5] * 2]
+    )
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6))
+def test_boxes_hold_what_is_placed(seed):
+    rng = np.random.default_rng(seed)
+    faces, uv, chart = blobs(5, seed)
+    shapes = shapes_of(faces, np.r_[uv, [[7.0, 7.0]]], chart)  # a vertex that no face uses
+    angle = rng.choice(np.r_[rng.uniform(-7, 7, 5), np.arange(-4, 5) * np.pi / 2], 5)
+    offset, scale = rng.normal(size=(5, 2)), rng.uniform(0.1, 3)
+    placed = shapes.place(angle, offset, scale)
+    assert (placed[-1] == 0).all()
+    box = shapes.boxes(angle) * scale + np.tile(offset, 2)
+    for c, v in enumerate(vertices_of(faces, chart)):
+        np.testing.assert_allclose(box[c, :2], placed[v].min(0), atol=1e-9)
+        np.testing.assert_allclose(box[c, 2:], placed[v].max(0), atol=1e-9)
+        turned = (shapes.points[v] @ [1, 1j]) * scale * np.exp(1j * angle[c]) + offset[c] @ [1, 1j]
+        np.testing.assert_allclose(placed[v] @ [1, 1j], turned, atol=1e-9)
+
+
+def test_quarter_turns_are_exact():
+    shapes = shapes_of(
+        np.array([[0, 1, 2]]), np.array([[0.0, 0], [1, 0], [0, 1]]), np.zeros(1, int)
+    )
+    for k, axes in enumerate(
+        [[[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]]]
+    ):
+        for turn in (k, k - 4):
+            placed = shapes.place(np.array([turn * np.pi / 2]), np.zeros((1, 2)), 1.0)
+            np.testing.assert_array_equal(placed, shapes.points @ np.array(axes))
+
+
+@settings(max_examples=30)
+@given(angle=st.floats(-3, 3), width=st.floats(1.1, 9))
+def test_the_least_box_of_a_rectangle_is_the_rectangle(angle, width):
+    corner = np.array([[0.0, 0], [width, 0], [width, 1], [0, 1]])
+    c, s = np.cos(angle), np.sin(angle)
+    uv = corner @ np.array([[c, s], [-s, c]])
+    shapes = shapes_of(np.array([[0, 1, 2], [0, 2, 3]]), uv, np.zeros(2, int))
+    box = shapes.boxes(least_box_angles(shapes, "free"))[0]
+    assert box[2:] - box[:2] == pytest.approx([width, 1], rel=1e-3, abs=2e-3 * width)
+    np.testing.assert_array_equal(least_box_angles(shapes, "none"), [0.0])
+    upright = shapes.boxes(least_box_angles(shapes, "90"))[0]
+    plain = shapes.boxes(np.zeros(1))[0]
+    assert sorted(upright[2:] - upright[:2]) == pytest.approx(sorted(plain[2:] - plain[:2]))
+    assert upright[2] - upright[0] >= upright[3] - upright[1] - 1e-6 * width
+
+
+def test_the_least_square_holds_a_rod_on_the_diagonal():
+    rod = np.array([[0.0, 0], [10, 0], [10, 0.1], [0, 0.1]])
+    shapes = shapes_of(np.array([[0, 1, 2], [0, 2, 3]]), rod, np.zeros(2, int))
+    box = shapes.boxes(least_square_angles(shapes, "free"))[0]
+    assert max(box[2:] - box[:2]) == pytest.approx(10.1 / np.sqrt(2), rel=1e-3)
+    for rotate in ("90", "none"):
+        np.testing.assert_array_equal(least_square_angles(shapes, rotate), [0.0])
+
+
+@pytest.mark.parametrize(
+    ("faces", "uv", "chart", "message"),
+    [
+        (np.zeros((0, 3), int), np.zeros((3, 2)), np.zeros(0, int), "m > 0"),
+        (np.zeros((1, 4), int), np.zeros((3, 2)), np.zeros(1, int), "faces have shape"),
+        ([[0, 1, 2]], np.zeros((3, 3)), [0], "uv have shape"),
+        ([[0, 1, 2]], np.eye(3)[:, :2], [0, 0], "one label a face"),
+        ([[0, 1, 3]], np.eye(3)[:, :2], [0], r"outside 0\.\.2"),
+        ([[0, 1, -1]], np.eye(3)[:, :2], [0], r"outside 0\.\.2"),
+        ([[0, 1, 2]], np.full((3, 2), np.nan), [0], "NaN"),
+        ([[0, 1, 2]], np.eye(3)[:, :2], [1], "leave gaps"),
+        ([[0, 1, 2]], np.eye(3)[:, :2], [-1], "leave gaps"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(faces, uv, chart, message):
+    with pytest.raises(OptionError, match=message):
+        shapes_of(faces, uv, chart)

@@ -1,0 +1,19 @@
+"""Measures in words."""
+
+from __future__ import annotations
+
+from circparam.render.figures import as_figures
+
+
+def test_figures_are_ordered_and_rounded():
+    out = as_figures(
+        {"own": 12.0, "flips": 0, "charts": 1234, "distortion": 1.04321987, "pack": 0.5}
+    )
+    assert out == [
+        ("charts", "1,234"),
+        ("stretch (1 is perfect)", "1.0432"),
+        ("flipped faces", "0"),
+        ("covered", "50.0 %"),
+        ("own", "12"),
+    ]
+    assert as_figures({"missing": 0, "gap_texels": None, "x": float("inf")}) == [("x", "inf")]

@@ -1,0 +1,66 @@
+"""Layouts of one mesh drawn alike, and their figures in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.mesh.mesh import UVMap
+from circparam.render.side_by_side import (
+    cell_text,
+    draw_layouts,
+    side_by_side,
+)
+from tests.support.side_by_side import compared_sheet
+
+
+def test_same_view_and_same_scale():
+    drawn, top = draw_layouts(compared_sheet(), size=60, samples=1)
+    good, bad, none = (d.images for d in drawn)
+    assert none is None
+    assert good is not None
+    assert bad is not None
+    shape = [np.asarray(i.convert("L")) < 250 for i in (good[1], bad[1])]
+    assert np.array_equal(*shape)  # the same silhouette
+    assert top > 1.05  # the scale is that of the worse row, so the good one is pale
+    assert np.asarray(good[2]).mean() > np.asarray(bad[2]).mean() + 5
+
+
+def test_cells():
+    assert cell_text("seconds", None) == "–"
+    assert cell_text("stretch_linf", float("inf")) == "∞"
+    assert cell_text("pack", 0.614) == "61.4 %"
+    assert cell_text("peak_bytes", 1_234_000_000) == "1,234"
+    assert cell_text("charts", 12345) == "12,345"
+    assert cell_text("stretch_linf", 7.7e146) == "over 1e9"
+
+
+def test_layouts_of_a_comparison():
+    @dataclass
+    class Row:
+        method: str
+        status: str
+        figures: dict
+        stages: dict
+        seconds: float | None
+        peak_bytes: int | None
+        error: str | None
+        uvmap: UVMap | None = None
+
+    @dataclass
+    class Comparison:
+        mesh: str
+        faces: int
+        cut: str
+        rows: list
+
+    sides = compared_sheet()
+    rows = [
+        Row("circle", "ok", {"distortion": 1.5}, {"solve": 1.0}, 1.0, 5, None, sides.rows[0].uvmap)
+    ]
+    out = side_by_side(Comparison("a.obj", 128, "disk", rows), sides.mesh)
+    assert out.title == "a.obj"
+    assert out.rows[0].figures == {"distortion": 1.5, "seconds": 1.0, "peak_bytes": 5}
+    assert out.rows[0].uvmap is sides.rows[0].uvmap
+    assert "disk" in out.note

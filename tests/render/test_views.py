@@ -1,0 +1,119 @@
+"""The surface and the layout as pictures, pixel by pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.geometry.raster import rasterise
+from circparam.render import colours as col
+from circparam.render.camera import look_from
+from circparam.render.figures import PictureOptions
+from circparam.render.picture import draw_figure
+from circparam.render.scene import make_scene
+from circparam.render.views import checker_colours, coverage, draw_plan, paint, see
+from tests.support.scenes import QUAD, SQUARE, cube, flat_quad
+
+
+def test_textured_quad_pixel_by_pixel():
+    """A quad that fills the picture, checker of 4 × 4: every pixel has the colour of its cell."""
+    scene = flat_quad()
+    camera = look_from(scene, np.array([0.0, 0.0, 1.0]), margin=1.0)
+    view = see(scene, camera, 16, 16, factor=1)
+    colours = checker_colours(scene, view, 4)
+    assert len(view.pixel) == 256
+    light = (colours.mean(1) > colours.mean()).reshape(16, 16)
+    x, y = np.meshgrid(np.arange(16) // 4, (15 - np.arange(16)) // 4)
+    assert np.array_equal(light, (x + y) % 2 == 0)  # v grows upwards
+
+
+def test_cube_known_pixels():
+    """Straight on, a cube shows one side: a square of the right size, at the right depth."""
+    points, faces, uv, uv_faces = cube()
+    scene = make_scene(points, faces, uv, uv_faces)
+    camera = look_from(scene, np.array([0.0, 0.0, 1.0]), margin=2.0)
+    xy, depth = camera.project(scene.points, 40, 40)
+    face, z, layers = rasterise(xy[faces], 40, 40, depth[faces])
+    seen = face >= 0
+    expected = np.zeros((40, 40), bool)
+    expected[10:30, 10:30] = True
+    assert np.array_equal(seen, expected)
+    normals = scene.normals[face[seen]]
+    assert np.allclose(normals, [0, 0, 1])  # the nearer side wins, not the one behind
+    assert np.allclose(z[seen], -1.0, atol=1e-6)
+    assert (layers[seen] == 2).all()
+
+
+def test_faces_without_uv_are_grey():
+    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
+    scene = make_scene(points, QUAD, SQUARE, np.array([[0, 1, 2], [-1, -1, -1]]))
+    assert scene.chart.tolist() == [0, -1]
+    camera = look_from(scene, np.array([0.0, 0, 1]), margin=1.0)
+    view = see(scene, camera, 16, 16, 1)
+    colours = checker_colours(scene, view, 4)
+    assert np.allclose(np.ptp(colours[view.face == 1], axis=1), 0, atol=0.15)
+    image = draw_figure(scene, PictureOptions(samples=1))
+    assert image.size == (1600, 1010)
+
+
+def test_layout_share_overlap_and_tiles():
+    points, faces, uv, uv_faces = cube()
+    scene = make_scene(points, faces, uv, uv_faces)
+    share, double = coverage(scene)
+    assert share == pytest.approx(0.64, abs=0.01)
+    assert double == 0
+    half = np.concatenate([uv[:12], uv[:12]])  # the second half lies on the first
+    share, double = coverage(make_scene(points, faces, half, uv_faces))
+    assert share == pytest.approx(0.32, abs=0.01)
+    assert double == pytest.approx(1.0, abs=0.01)
+
+
+def test_uv_outside_the_unit_square_is_shown():
+    points, faces, uv, uv_faces = cube()
+    scene = make_scene(points, faces, uv * 3, uv_faces)
+    assert scene.outside
+    assert scene.bounds == pytest.approx((0, 0, 3, 3))
+    plan = draw_plan(scene, 90, 1)
+    assert plan.share == pytest.approx(5.76 / 6, abs=0.02)  # six tiles hold the centre of a face
+    corner = make_scene(points, faces, uv + np.array([5.0, 7.0]), uv_faces)
+    u0, v0, u1, v1 = corner.bounds
+    assert (u0, v0) == (0, 0)  # the unit square stays in the picture
+    assert u1 >= 6
+    assert v1 >= 8
+
+
+def test_every_chart_has_its_colour_in_the_layout():
+    points, faces, uv, uv_faces = cube()
+    scene = make_scene(points, faces, uv, uv_faces)
+    image = draw_plan(scene, 240, 1).image
+    centres = uv.reshape(6, 4, 2).mean(1)
+    seen = {
+        tuple(np.round(image[int((1 - v) * 240), int(u * 240)], 3).tolist()) for u, v in centres
+    }
+    assert len(seen) == 6
+    empty = image[120, 1]
+    assert np.allclose(empty, col.rgb(col.PANEL), atol=0.01)
+
+
+def test_padding_band_has_its_width():
+    scene = make_scene(
+        np.concatenate([SQUARE, np.zeros((4, 1))], 1), QUAD, 0.5 * SQUARE + 0.25, QUAD
+    )
+    plain = draw_plan(scene, 400, 1).image
+    padded = draw_plan(scene, 400, 1, padding=0.05).image
+    changed = np.abs(plain - padded).max(2) > 0.01
+    row = np.flatnonzero(changed[200])
+    assert 17 <= (row < 100).sum() <= 20  # 20 pixels, less the border line that covers one or two
+    assert row.min() in (80, 81)
+
+
+def test_seams_are_painted_and_back_faces_differ():
+    points, faces, uv, uv_faces = cube()
+    scene = make_scene(points, faces, uv, uv_faces)
+    camera = look_from(scene, np.array([1.0, 1.0, 1.0]))
+    view = see(scene, camera, 60, 60, 2)
+    with_seams = paint(view, np.ones((len(view.pixel), 3)), np.zeros(3))
+    without = paint(view, np.ones((len(view.pixel), 3)), np.zeros(3), line=0.0)
+    assert with_seams[..., :3].sum() < without[..., :3].sum()
+    assert (with_seams[..., 3] > 0).any()
+    assert not view.back.any()

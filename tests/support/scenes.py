@@ -1,0 +1,46 @@
+"""Small meshes with uv, as scenes to draw."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.render.scene import make_scene
+
+QUAD = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+def cube():
+    """A cube of side 2 about the origin; every side a chart of its own in a 3 × 2 grid."""
+    points, faces, uv, uv_faces = [], [], [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            centre = np.zeros(3)
+            centre[axis] = sign
+            a = np.roll([0.0, 1.0, 0.0], axis)
+            b = np.cross(centre, a)
+            first, k = len(points), len(points) // 4
+            for s, t in SQUARE:
+                points.append(centre + (2 * s - 1) * a + (2 * t - 1) * b)
+                uv.append([(k % 3 + 0.1 + 0.8 * s) / 3, (k // 3 + 0.1 + 0.8 * t) / 2])
+            faces += (QUAD + first).tolist()
+            uv_faces += (QUAD + first).tolist()
+    return np.array(points), np.array(faces), np.array(uv), np.array(uv_faces)
+
+
+def flat_quad():
+    """The unit square in the plane z = 0 with itself as uv."""
+    points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
+    return make_scene(points, QUAD, SQUARE, QUAD)
+
+
+def bowl():
+    """A bowl that opens upwards, wound upwards."""
+    t, r = np.meshgrid(np.linspace(0, 2 * np.pi, 25)[:-1], np.linspace(0.02, 1, 8))
+    points = np.stack([r * np.sin(t), 0.4 * r**2, r * np.cos(t)], 2).reshape(-1, 3)
+    i, k = np.meshgrid(np.arange(24), np.arange(7))
+    i, k, j = i.ravel(), k.ravel(), ((i + 1) % 24).ravel()
+    a, b, c, d = 24 * k + i, 24 * (k + 1) + i, 24 * (k + 1) + j, 24 * k + j
+    return points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
