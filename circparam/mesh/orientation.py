@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys
 from circparam.core.graph import components
 from circparam.mesh.halfedge import Pairs
 
@@ -96,11 +96,10 @@ def _along_tree(n: int, i: IntArray, j: IntArray, flip: BoolArray, locked: BoolA
     )
     _, parent = csgraph.breadth_first_order(graph.tocsr(), count, directed=False)
     child = np.flatnonzero((parent[:count] >= 0) & (parent[:count] < count))
-    key = np.minimum(a, b) * count + np.maximum(a, b)
+    key = edge_keys(a, b, count)
     order = np.argsort(key, kind="stable")
     up = parent[child].astype(np.int64)
-    wanted = np.minimum(child, up) * count + np.maximum(child, up)
-    edge = order[np.searchsorted(key[order], wanted)]
+    edge = order[np.searchsorted(key[order], edge_keys(child, up, count))]
     _, sign, _ = double_cover(count, a[edge], b[edge], step[edge])
     result: BoolArray = sign[node] ^ inside
     return result

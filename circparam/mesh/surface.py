@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.core.graph import components
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from circparam.mesh.halfedge import corner_classes
 
@@ -85,12 +84,7 @@ class Surface:
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""
         e = self.edges[~cut]
-        m = len(self.faces)
-        count, labels = csgraph.connected_components(
-            sps.coo_matrix((np.ones(len(e), bool), (e[:, 0] // 3, e[:, 1] // 3)), shape=(m, m)),
-            directed=False,
-        )
-        return int(count), labels.astype(np.int64)
+        return components(len(self.faces), e[:, 0] // 3, e[:, 1] // 3)
 
     def cut_mesh(self, cut: BoolArray) -> CutMesh:
         """The whole surface cut open along ``cut`` ((e,) bool): one patch a chart, faces in order."""

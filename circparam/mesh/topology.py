@@ -7,19 +7,19 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    edge_keys,
     first_of_runs,
     group_count,
     group_sum,
     next_half_edge,
     relabel,
 )
+from circparam.core.graph import components
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.orientation import double_cover
 from circparam.mesh.weld import degenerate_faces, first_duplicates, mesh_scale, weld_map
@@ -191,7 +191,7 @@ def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
     bad = degenerate_faces(points, welded)
     twins = (first_duplicates(welded, len(points)) != np.arange(len(welded))) & ~bad
     _, component = relabel(
-        _components(len(points), welded[:, 0], welded[:, 1], welded[:, 2])[welded[:, 0]]
+        components(len(points), welded[:, :2].ravel(), welded[:, 1:].ravel())[1][welded[:, 0]]
     )
     edges = _Edges.of(welded, len(points))
     return TopologyReport(
@@ -229,7 +229,7 @@ class _Edges:
         start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
         solid = ~(faces == faces[:, [1, 2, 0]]).any(1)
         h = np.flatnonzero(np.repeat(solid, 3))
-        key = (np.minimum(start, end) * n_points + np.maximum(start, end))[h]
+        key = edge_keys(start[h], end[h], n_points)
         order = np.argsort(key, kind="stable")
         h, key = h[order], key[order]
         head = first_of_runs(key)
@@ -251,13 +251,6 @@ class _Edges:
         )
 
 
-def _components(n: int, *ends: IntArray) -> IntArray:
-    """(n,) component of nodes joined in a chain through ``ends``."""
-    rows, columns = np.concatenate(ends[:-1]), np.concatenate(ends[1:])
-    graph = sps.coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(n, n))
-    return csgraph.connected_components(graph, directed=False)[1].astype(np.int64)
-
-
 def _fans(faces: IntArray, pairs: IntArray) -> IntArray:
     """(3m,) class of each corner: corners at one point joined across the given pairs of half-edges."""
     start = faces.ravel()
@@ -266,7 +259,7 @@ def _fans(faces: IntArray, pairs: IntArray) -> IntArray:
     same = start[i] == start[j]
     a = np.r_[i, ni]
     b = np.r_[np.where(same, j, nj), np.where(same, nj, j)]
-    return _components(len(start), a, b)
+    return components(len(start), a, b)[1]
 
 
 def _component_list(
@@ -302,7 +295,7 @@ def _component_list(
     if edges.against.any():
         piece, _, two_sided = double_cover(m, i, j, edges.against)
     else:
-        piece = _components(m, i, j)
+        _, piece = components(m, i, j)
         two_sided = np.ones(int(piece.max()) + 1, bool)
     piece_component = np.zeros(len(two_sided), np.int64)
     piece_component[piece] = component
@@ -354,7 +347,7 @@ def _boundaries(
     flat = faces.ravel()
     if len(rim) == 0:
         return np.zeros(n, np.int64), [[] for _ in range(n)]
-    label = _components(int(fan.max()) + 1, fan[rim], fan[next_half_edge(rim)])
+    _, label = components(int(fan.max()) + 1, fan[rim], fan[next_half_edge(rim)])
     loops, loop = relabel(label[fan[rim]])
     length = np.linalg.norm(points[flat[next_half_edge(rim)]] - points[flat[rim]], axis=1)
     total = group_sum(length, loop, loops) * unit

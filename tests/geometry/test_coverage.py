@@ -13,7 +13,7 @@ from tests.support import shapes
 
 
 def flat_patches(p: np.ndarray, f: np.ndarray, chart: np.ndarray) -> tuple[CutMesh, np.ndarray]:
-    from circparam.geometry.overlap import shared_edges
+    from circparam.mesh.halfedge import shared_edges
 
     uv = p[:, :2].copy()
     return CutMesh(f, rest_triangles_of(p[f]), chart, shared_edges(f)), uv

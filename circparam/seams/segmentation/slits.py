@@ -8,6 +8,7 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    edge_keys,
     first_of_runs,
     group_sum,
     next_half_edge,
@@ -51,7 +52,7 @@ def slit_charts(cutting: Cutting, laid: ChartLayouts, which: BoolArray) -> BoolA
     order = np.lexsort((rim, distance[rim], source[rim]))
     ends = rim[order[first_of_runs(source[rim][order])]]
     index = np.flatnonzero(inner)
-    key = np.minimum(a, b) * n + np.maximum(a, b)
+    key = edge_keys(a, b, n)
     by_key = np.lexsort((cost[inner], key))
     here = ends
     done[cut_mesh.vertex_chart[ends]] = True
@@ -59,7 +60,7 @@ def slit_charts(cutting: Cutting, laid: ChartLayouts, which: BoolArray) -> BoolA
         previous = before[here]
         going = previous >= 0
         here, previous = here[going], previous[going]
-        wanted = np.minimum(here, previous) * n + np.maximum(here, previous)
+        wanted = edge_keys(here, previous, n)
         cutting.cut[index[by_key[np.searchsorted(key[by_key], wanted)]]] = True
         here = previous
     return done
