@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, dot, group_count, group_sum, next_half_edge
+from circparam.core.arrays import FloatArray, IntArray, group_count, group_sum, next_half_edge
 from circparam.core.graph import components
 from circparam.core.linalg import Factor, SparseMatrix
 from circparam.mesh.cut_mesh import CutMesh
@@ -129,28 +129,3 @@ class TwoLevel:
         x = x + self.prolong @ self.coarse.solve(self.restrict @ (r - self.matrix @ x))
         result: FloatArray = x + self.jacobi(r - self.matrix @ x)
         return result
-
-
-def conjugate_gradients(
-    matrix: SparseMatrix, b: FloatArray, precondition: TwoLevel, tolerance: float, limit: int
-) -> FloatArray:
-    """Preconditioned conjugate gradients; every iterate is a descent direction."""
-    x = np.zeros_like(b)
-    r = b.copy()
-    z = precondition(r)
-    p = z.copy()
-    rz = start = dot(r, z)
-    for _ in range(limit):
-        q = matrix @ p
-        curvature = dot(p, q)
-        if not curvature > 0:
-            break
-        alpha = rz / curvature
-        x += alpha * p
-        r -= alpha * q
-        z = precondition(r)
-        rz, last = dot(r, z), rz
-        if not rz > tolerance**2 * start:
-            break
-        p = z + (rz / last) * p
-    return x
