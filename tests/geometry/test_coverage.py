@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry.coverage import cover, label_grid, pages_of, smallest_gap
+from circparam.geometry.coverage import cover, label_grid, pages_of
+from circparam.geometry.raster import smallest_gap
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from tests.support import shapes
 
