@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
 from circparam.core.graph import components
-from circparam.mesh.halfedge import corner_classes
+from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +50,7 @@ def boundary_of(
     faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
 ) -> BoundarySegments:
     """The boundary segments of charts; mirrored charts are walked the other way, so their inside is left."""
-    inner = np.zeros(faces.size, bool)
-    inner[edges.ravel()] = True
-    h = np.flatnonzero(~inner)
+    h = boundary_half_edges(len(faces), edges)
     flat = faces.ravel()
     label = flat
     if len(np.unique(flat[h])) < len(h):  # a vertex of several fans: follow each fan for itself

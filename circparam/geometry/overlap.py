@@ -30,7 +30,7 @@ from circparam.geometry.boundary import BoundarySegments, boundary_of, turned_ou
 from circparam.geometry.intersect import meeting, nearby, winding_pairs
 from circparam.geometry.predicates import SignArray, orientation
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.mesh.halfedge import shared_edges
+from circparam.mesh.halfedge import boundary_half_edges, shared_edges
 
 
 def signs(uv: FloatArray, faces: IntArray) -> SignArray:
@@ -134,12 +134,10 @@ def _wound_twice(
 
     Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
     """
-    inner = np.zeros(faces.size, bool)
-    inner[edges.ravel()] = True
+    h = boundary_half_edges(len(faces), edges)
     on_boundary = np.zeros(len(uv), bool)
-    rim = np.flatnonzero(~inner)
-    on_boundary[faces.ravel()[rim]] = True
-    on_boundary[faces.ravel()[next_half_edge(rim)]] = True
+    on_boundary[faces.ravel()[h]] = True
+    on_boundary[faces.ravel()[next_half_edge(h)]] = True
     y = uv[:, 1][faces]
     below_next = y[:, [1, 2, 0]] < y
     below_previous = y[:, [2, 0, 1]] < y

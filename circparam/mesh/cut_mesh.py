@@ -18,6 +18,7 @@ from circparam.core.arrays import (
     ranges,
 )
 from circparam.core.graph import cycles
+from circparam.mesh.halfedge import boundary_half_edges
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +105,7 @@ class CutMesh:
     @cached_property
     def boundary(self) -> IntArray:
         """(b,) half-edges on a boundary, in ascending order."""
-        inner = np.zeros(self.faces.size, bool)
-        inner[self.edges.ravel()] = True
-        return np.flatnonzero(~inner)
+        return boundary_half_edges(len(self.faces), self.edges)
 
     @cached_property
     def loops(self) -> Loops:

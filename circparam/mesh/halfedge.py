@@ -201,7 +201,7 @@ def _keys(fans: _Fans, pairs: IntArray) -> IntArray:
 def _doubled(faces: IntArray, others: IntArray, fans: _Fans, chosen: IntArray) -> BoolArray:
     """(p,) pairs chosen at crowded edges that have the same two vertices as another one there."""
     pairs = np.concatenate([others, fans.h[chosen]])
-    vertex = _vertices(faces, pairs)
+    vertex = point_corners(faces, pairs)
     i = fans.h[chosen[:, 0]]
     a, b = vertex[i], vertex[next_half_edge(i)]
     key = edge_keys(a, b, faces.size)
@@ -210,8 +210,11 @@ def _doubled(faces: IntArray, others: IntArray, fans: _Fans, chosen: IntArray) -
     return result
 
 
-def _vertices(faces: IntArray, pairs: IntArray) -> IntArray:
-    """(3m,) vertex of each corner: corners at one point, joined across pairs however their faces are wound."""
+def point_corners(faces: IntArray, pairs: IntArray) -> IntArray:
+    """(3m,) class of each corner: corners at one point, joined across pairs (p, 2) of half-edges of one edge.
+
+    However their faces are wound: unlike ``corner_classes``, which joins end to start without asking.
+    """
     start = faces.ravel()
     i, j = pairs[:, 0], pairs[:, 1]
     ni, nj = next_half_edge(i), next_half_edge(j)
@@ -239,6 +242,21 @@ def _greedy(cost: FloatArray, x: IntArray, y: IntArray, n: int) -> IntArray:
         left = ~done[x] & ~done[y]
         x, y, rank = x[left], y[left], rank[left]
     return np.concatenate(taken) if taken else np.zeros((0, 2), np.int64)
+
+
+def boundary_half_edges(n_faces: int, edges: IntArray) -> IntArray:
+    """(b,) half-edges in none of the pairs ``edges`` (e, 2), ascending."""
+    inner = np.zeros(3 * n_faces, bool)
+    inner[edges.ravel()] = True
+    return np.flatnonzero(~inner)
+
+
+def opposite_half_edges(n_faces: int, edges: IntArray) -> IntArray:
+    """(3 n_faces,) the other half-edge of the pair in ``edges`` (e, 2) each half-edge is in, −1 for none."""
+    out = np.full(3 * n_faces, -1)
+    out[edges[:, 0]] = edges[:, 1]
+    out[edges[:, 1]] = edges[:, 0]
+    return out
 
 
 def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:

@@ -10,7 +10,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
 from circparam.core.graph import components
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
-from circparam.mesh.halfedge import corner_classes
+from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Surface:
     points: (n, 3) float64, the points of the mesh, centred and scaled only where that is said.
     faces: (m, 3) int64 into points through the weld map, wound consistently for the solve.
     source: (m,) int64, the face of the mesh each face comes from (degenerate and duplicate faces are set
-    aside and missing here). turned: (m,) bool, the winding is the reverse of the file's.
+    aside and missing here). reversed_faces: (m,) bool, the winding is the reverse of the file's.
     edges: (e, 2) int64, pairs of half-edges that belong together and run against each other, i < j, in
     ascending order of i. A half-edge in no pair is on a boundary: a non-manifold edge keeps pairs of faces,
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
@@ -30,7 +30,7 @@ class Surface:
     points: FloatArray
     faces: IntArray
     source: IntArray
-    turned: BoolArray
+    reversed_faces: BoolArray
     edges: IntArray
     locked: BoolArray
 
@@ -77,9 +77,7 @@ class Surface:
     @cached_property
     def boundary(self) -> IntArray:
         """Half-edges on a boundary of the surface itself, ascending."""
-        inner = np.zeros(self.faces.size, bool)
-        inner[self.edges.ravel()] = True
-        return np.flatnonzero(~inner)
+        return boundary_half_edges(len(self.faces), self.edges)
 
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""
@@ -120,7 +118,7 @@ class Surface:
             self.points,
             self.faces[fid],
             self.source[fid],
-            self.turned[fid],
+            self.reversed_faces[fid],
             3 * local[e // 3] + e % 3,
             self.locked[inside],
         )

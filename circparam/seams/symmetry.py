@@ -215,7 +215,7 @@ def about_image_of(mirror: Mirror, half: Cutting, rest: Surface) -> tuple[Cuttin
     back = np.sort(3 * (s.edges // 3) + 2 - s.edges % 3, axis=1)
     order = np.argsort(back[:, 0], kind="stable")
     image = Surface(
-        points, s.faces[:, [0, 2, 1]], s.source, ~s.turned, back[order], s.locked[order]
+        points, s.faces[:, [0, 2, 1]], s.source, ~s.reversed_faces, back[order], s.locked[order]
     )
     corners = half.corners[:, [0, 2, 1]] * [-1.0, 1.0]
     coarse = Cutting(image, half.cut[order], corners)
