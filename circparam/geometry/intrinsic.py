@@ -58,7 +58,8 @@ def vertex_angle_sums(cut_mesh: CutMesh, angles: FloatArray) -> FloatArray:
 def jacobians(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(m, 2, 2) Jacobian of the map surface → uv on each face: J[:, i, j] = ∂uv_i / ∂x_j.
 
-    x: the plane of the rest triangle. uv: (n_vertices, 2). Built from differences, so that a translation of uv costs no digits.
+    x: the plane of the rest triangle. uv: (n_vertices, 2). Built from differences, so that a translation of uv
+    costs no digits.
     """
     f = cut_mesh.faces
     d1 = uv[f[:, 1]] - uv[f[:, 0]]

@@ -15,7 +15,8 @@ from circparam.mesh.halfedge import Pairs
 
 class Orientation(NamedTuple):
     """Windings of faces: reversed_faces (m,) where the winding is to be reversed, keep (e,) pairs whose faces
-    then agree, component (m,) label, and the number of components with one side only (cut where keep is False)."""
+    then agree, component (m,) label, and the number of components with one side only (cut where keep is
+    False)."""
 
     reversed_faces: BoolArray
     keep: BoolArray
