@@ -18,14 +18,14 @@ from circparam.core.arrays import (
 from circparam.core.graph import components
 
 FAN_LIMIT = 16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
-TURN_COST = 1.5  # how much straightness a pair must gain to join faces wound against each other
+TURN_COST = 1.5  # how much straightness a pair must gain to join inconsistently oriented faces
 AVOID_COST = 4.0  # of a pair that was tried and made two vertices the ends of two edges
 REPAIRINGS = 3  # other pairs tried at edges that coincide, before such pairs are let go
 
 
 class Pairs(NamedTuple):
     """Half-edges that belong together: (e, 2), whether each pair lies inside a polygon, whether its faces are
-    wound against each other; and the first half-edge of every edge with more than two faces."""
+    inconsistently oriented; and the first half-edge of every edge with more than two faces."""
 
     edges: IntArray
     locked: BoolArray
@@ -101,9 +101,9 @@ class _Fans(NamedTuple):
     """The half-edges at crowded edges, edge after edge, and the pairs of them that may be made.
 
     h: half-edges. group: edge of each of them. x, y: (pairs,) indices into h that may be paired, straight:
-    (pairs,) −1 (one plane) .. 1 (folded together), against: whether their faces are wound against each
-    other, together: whether they lie in one polygon. large: (l, 2) pairs at edges with very many faces, which
-    are made by angle alone.
+    (pairs,) −1 (one plane) .. 1 (folded together), against: whether their faces are inconsistently
+    oriented, together: whether they lie in one polygon. large: (l, 2) pairs at edges with very many faces,
+    which are made by angle alone.
     """
 
     h: IntArray

@@ -85,7 +85,7 @@ class Surface:
         return components(len(self.faces), e[:, 0] // 3, e[:, 1] // 3)
 
     def cut_mesh(self, cut: BoolArray) -> CutMesh:
-        """The whole surface cut open along ``cut`` ((e,) bool): one patch a chart, faces in order."""
+        """The whole surface cut open along ``cut`` ((e,) bool): charts and faces in order."""
         _, chart = self.charts(cut)
         edges = self.edges[~cut]
         _, corners = corner_classes(len(self.faces), edges)
@@ -94,9 +94,9 @@ class Surface:
     def part_cut_mesh(
         self, cut: BoolArray, faces: BoolArray, chart: IntArray
     ) -> tuple[CutMesh, IntArray]:
-        """CutMesh of some faces only. chart: (m,) labels 0..n−1 on those faces (ignored elsewhere).
+        """The cut mesh of some faces only. chart: (m,) labels 0..n−1 on those faces (ignored elsewhere).
 
-        Returns (cut mesh, (k,) face of the surface that each patch face is).
+        Returns (cut mesh, (k,) face of the surface that each of its faces is).
         """
         fid = np.flatnonzero(faces)
         local = np.full(len(self.faces), -1)
