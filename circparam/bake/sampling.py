@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import FloatArray, IntArray, cross2
+from circparam.core.arrays import FloatArray, IntArray, cross2, edge_keys
 from circparam.errors import InputError
 from circparam.formats.materials import Textures, decode
 from circparam.mesh.mesh import Mesh, UVMap
@@ -161,7 +161,7 @@ def neighbours(points: FloatArray, faces: IntArray) -> IntArray:
     """(m, 3) the face across each side, the face itself where there is none; sides meet by position."""
     w = row_labels(points)[faces]
     a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
-    key = np.minimum(a, b) * (int(w.max()) + 1) + np.maximum(a, b)
+    key = edge_keys(a, b, int(w.max()) + 1)
     order = np.argsort(key, kind="stable")
     same = key[order[1:]] == key[order[:-1]]
     out = np.repeat(np.arange(len(faces)), 3)

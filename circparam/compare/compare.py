@@ -287,7 +287,7 @@ def _baseline_row(scene: _Scene, name: str) -> Entry:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     uv_faces = np.full((len(scene.document.mesh.faces), 3), -1, np.int64)
     own = done.arrays["uv_faces"]
-    uv_faces[surface.source] = np.where(surface.turned[:, None], own[:, [0, 2, 1]], own)
+    uv_faces[surface.source] = np.where(surface.reversed_faces[:, None], own[:, [0, 2, 1]], own)
     uvmap = UVMap(done.arrays["uv"], uv_faces)
     status, figures = _judge(scene, uvmap)
     stages, seconds = done.info["stages"], sum(done.info["stages"].values())

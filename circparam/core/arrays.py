@@ -21,6 +21,12 @@ def next_half_edge(h: IntArray) -> IntArray:
     return np.where(h % 3 == 2, h - 2, h + 1)
 
 
+def edge_keys(a: IntArray, b: IntArray, n: int) -> IntArray:
+    """One number for each undirected edge a–b between nodes 0..n−1: the same for a–b and b–a, no two alike."""
+    result: IntArray = np.minimum(a, b) * n + np.maximum(a, b)
+    return result
+
+
 def ranges(counts: IntArray) -> IntArray:
     """``[0..c0-1, 0..c1-1, ...]`` in one array: the running index inside each group of given size."""
     counts = np.asarray(counts, np.int64)

@@ -1,4 +1,8 @@
-"""Components and shortest paths on sparse graphs: SciPy's csgraph with the array types of this project."""
+"""Components, cycles, shortest paths, spanning trees and matchings of graphs: all over arrays of edges.
+
+The one place that calls SciPy's csgraph for these, with the array types of this project. SciPy's matrices
+hold one weight for each pair of nodes; where several edges join two nodes, the functions here say which counts.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,14 @@ import numpy as np
 import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
-from circparam.core.arrays import FloatArray, IntArray, first_of_runs, group_min
+from circparam.core.arrays import (
+    FloatArray,
+    IntArray,
+    edge_keys,
+    first_of_runs,
+    group_count,
+    group_min,
+)
 
 
 def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
@@ -16,6 +27,32 @@ def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     graph = sps.coo_matrix((np.ones(len(i), bool), (i, j)), shape=(n, n))
     count, labels = csgraph.connected_components(graph, directed=False)
     return int(count), labels.astype(np.int64)
+
+
+def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The cycles of a permutation (n,), each walked from its lowest element on: list ranking by doubling.
+
+    Returns (label (n,): cycle of each element, in order of the lowest; order (n,): the elements, cycle after
+    cycle, each along ``follower``; size (cycles,)).
+    """
+    n = len(follower)
+    if n == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
+    count, label = components(n, np.arange(n), follower)
+    is_head = np.zeros(n, bool)
+    is_head[np.unique(label, return_index=True)[1]] = True
+    # steps from each element to the head of its cycle, doubled until all have arrived
+    jump = np.where(is_head, np.arange(n), follower)
+    steps = np.where(is_head, 0, 1)
+    while True:
+        further = jump[jump]
+        if np.array_equal(further, jump):
+            break
+        steps = steps + steps[jump]
+        jump = further
+    size = group_count(label, count)
+    position = np.where(is_head, 0, size[label] - steps)
+    return label, np.lexsort((position, label)), size
 
 
 def undirected(n: int, i: IntArray, j: IntArray, length: FloatArray) -> sps.csr_matrix:
@@ -30,12 +67,13 @@ def undirected(n: int, i: IntArray, j: IntArray, length: FloatArray) -> sps.csr_
 
 
 def nearest(
-    graph: sps.csr_matrix, sources: IntArray, limit: float = np.inf, unweighted: bool = False
+    graph: sps.csr_matrix, sources: IntArray, limit: float = np.inf, symmetric: bool = True
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """Shortest paths from the nearest of several sources.
 
-    Returns (distance (n,), infinite where none reaches; the node before on the path, and the source (n,), both
-    −1 or less where there is none).
+    graph: (n, n) weights of the edges. symmetric: False where it holds each edge once, either way round; then
+    both ways count. Returns (distance (n,), infinite where none reaches; the node before on the path, and the
+    source (n,), both −1 or less where there is none).
     """
     found: Any = csgraph.dijkstra(
         graph,
@@ -43,17 +81,83 @@ def nearest(
         min_only=True,
         return_predecessors=True,
         limit=limit,
-        unweighted=unweighted,
+        directed=symmetric,
     )
     distance, before, source = found
     return distance, before.astype(np.int64), source.astype(np.int64)
 
 
-def distances(graph: sps.csr_matrix, sources: IntArray, limit: float = np.inf) -> FloatArray:
-    """(n,) distance from the nearest of several sources."""
-    found: Any = csgraph.dijkstra(graph, indices=sources, min_only=True, limit=limit)
+def distances(
+    graph: sps.csr_matrix, sources: IntArray, limit: float = np.inf, symmetric: bool = True
+) -> FloatArray:
+    """(n,) distance from the nearest of several sources, infinite where none reaches. As in ``nearest``."""
+    found: Any = csgraph.dijkstra(
+        graph, indices=sources, min_only=True, limit=limit, directed=symmetric
+    )
     result: FloatArray = found
     return result
+
+
+class Graph:
+    """An undirected graph of n nodes with weighted edges (a, b); of parallel edges the lightest counts.
+
+    weight: (e,) positive. Edges from a node to itself are never on a path.
+    """
+
+    def __init__(self, n: int, a: IntArray, b: IntArray, weight: FloatArray) -> None:
+        self.n = n
+        e = np.flatnonzero(a != b)
+        low, high = np.minimum(a[e], b[e]), np.maximum(a[e], b[e])
+        key = edge_keys(low, high, n)
+        order = np.argsort(key, kind="stable")
+        head = first_of_runs(key[order])
+        lightest = order[head]
+        count = np.diff(np.r_[head, len(order)])
+        if len(head) < len(order):  # parallel edges are few: sort only those by weight
+            among = order[np.repeat(count > 1, count)]
+            among = among[np.lexsort((weight[e[among]], key[among]))]
+            lightest[count > 1] = among[first_of_runs(key[among])]
+        self._edge, self._key = e[lightest], key[lightest]
+        low, high = low[lightest], high[lightest]
+        matrix = sps.coo_matrix((weight[self._edge], (low, high)), shape=(n, n)).tocsr()
+        self.matrix = matrix + matrix.T
+
+    def paths(self, sources: IntArray, limit: float = np.inf) -> tuple[FloatArray, IntArray]:
+        """Distance (n,) from the nearest source, infinite where none is, and the node before each, else −1."""
+        distance, parent, _ = nearest(self.matrix, sources, limit)
+        return distance, np.maximum(parent, -1)
+
+    def edge(self, a: IntArray, b: IntArray) -> IntArray:
+        """The lightest edge between each pair of neighbouring nodes."""
+        result: IntArray = self._edge[np.searchsorted(self._key, edge_keys(a, b, self.n))]
+        return result
+
+    def trace(self, parent: IntArray, ends: IntArray) -> IntArray:
+        """Edges of the paths from the ends back to the sources, each once; all paths are walked together."""
+        marked = np.zeros(self.n, bool)
+        front = np.unique(ends)
+        while len(front):
+            front = front[~marked[front]]
+            marked[front] = True
+            front = np.unique(parent[front])
+            front = front[front >= 0]
+        on = np.flatnonzero(marked & (parent >= 0))
+        return self.edge(on, parent[on])
+
+
+def spanning_forest(n: int, a: IntArray, b: IntArray, order: FloatArray) -> IntArray:
+    """Edges of the spanning forest that takes edges in ascending ``order`` (ties in their own order)."""
+    rank = np.empty(len(a), np.int64)
+    by_rank = np.lexsort((np.arange(len(a)), order))
+    rank[by_rank] = np.arange(len(a))
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    key = edge_keys(low, high, n)
+    first = np.lexsort((rank, key))
+    first = first[first_of_runs(key[first])]
+    first = first[low[first] != high[first]]
+    matrix = sps.coo_matrix((rank[first] + 1.0, (low[first], high[first])), shape=(n, n))
+    tree = csgraph.minimum_spanning_tree(matrix.tocsr())
+    return np.sort(by_rank[np.asarray(tree.data, np.int64) - 1])
 
 
 def matching(score: FloatArray, left: IntArray, right: IntArray, n: int) -> IntArray:

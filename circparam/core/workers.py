@@ -36,8 +36,8 @@ def cores() -> int:
     """Processes that may work side by side: as many as cores, and no more than OMP_NUM_THREADS says."""
     free = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()
     count = len(free) or os.cpu_count() or 1
-    wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
-    return min(count, int(wanted)) if wanted.isdigit() and int(wanted) > 0 else count
+    threads = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    return min(count, int(threads)) if threads.isdigit() and int(threads) > 0 else count
 
 
 def in_halves(label: IntArray) -> list[BoolArray]:
@@ -67,12 +67,12 @@ def environment() -> dict[str, str]:
 class Worker:
     """A context within which ``map`` has a second process, where there is a core for it.
 
-    module: imported by the process as soon as it starts. wanted: False for work too small to share.
+    module: imported by the process as soon as it starts. worth_it: False for work too small to share.
     """
 
-    def __init__(self, module: str, wanted: bool = True) -> None:
+    def __init__(self, module: str, worth_it: bool = True) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        if not wanted or cores() < 2 or getattr(sys, "frozen", False) or not sys.executable:
+        if not worth_it or cores() < 2 or getattr(sys, "frozen", False) or not sys.executable:
             return
         command = [sys.executable, "-P", "-m", "circparam.core.workers", module]
         with contextlib.suppress(OSError):

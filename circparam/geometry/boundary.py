@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
-from circparam.mesh.halfedge import corner_classes
+from circparam.core.graph import components
+from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +32,7 @@ class BoundarySegments:
     def along(self) -> tuple[IntArray, FloatArray, FloatArray]:
         """(loop, distance along it, its length) of each segment; distances by pointer doubling."""
         n = len(self.half_edge)
-        graph = sps.coo_matrix((np.ones(n, bool), (np.arange(n), self.following)), shape=(n, n))
-        _, labels = csgraph.connected_components(graph, directed=False)
-        loop = labels.astype(np.int64)
+        _, loop = components(n, np.arange(n), self.following)
         head = np.zeros(n, bool)
         head[np.unique(loop, return_index=True)[1]] = True
         length = np.linalg.norm(self.end - self.start, axis=1)
@@ -53,9 +50,7 @@ def boundary_of(
     faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
 ) -> BoundarySegments:
     """The boundary segments of charts; mirrored charts are walked the other way, so their inside is left."""
-    inner = np.zeros(faces.size, bool)
-    inner[edges.ravel()] = True
-    h = np.flatnonzero(~inner)
+    h = boundary_half_edges(len(faces), edges)
     flat = faces.ravel()
     label = flat
     if len(np.unique(flat[h])) < len(h):  # a vertex of several fans: follow each fan for itself

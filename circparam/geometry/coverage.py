@@ -8,22 +8,17 @@ crossings of boundary segments with texel rows; the cost is that of the boundary
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    first_of_runs,
     next_half_edge,
-    ranges,
 )
+from circparam.geometry.raster import LabelGrid, free_border, row_crossings, smallest_gap
 from circparam.mesh.cut_mesh import CutMesh
-
-LabelGrid: TypeAlias = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -51,13 +46,8 @@ def cover(cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int) -> Co
     shares, gap, boundary, near = [], np.inf, resolution, None
     for p in range(int(page.max(initial=0)) + 1):
         grid = label_grid(cut_mesh, uv - [p, 0], resolution, page == p)
-        covered = grid >= 0
-        shares.append(float(covered.mean()))
-        if not covered.any():
-            continue
-        rows, columns = np.flatnonzero(covered.any(1)), np.flatnonzero(covered.any(0))
-        ends = (rows[0], columns[0], resolution - 1 - rows[-1], resolution - 1 - columns[-1])
-        boundary = min(boundary, *(int(e) for e in ends))
+        shares.append(float((grid >= 0).mean()))
+        boundary = min(boundary, free_border(grid))
         here, pair = smallest_gap(grid, search)
         if here < gap:
             gap, near = here, pair
@@ -87,14 +77,7 @@ def label_grid(
     if charts is not None:
         h = h[charts[cut_mesh.chart[h // 3]]]
     a, b = (uv[flat[k]] * resolution - 0.5 for k in (h, next_half_edge(h)))
-    low, high = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
-    # row y is crossed where low <= y < high: a shared end point is counted once
-    first = np.clip(np.ceil(low), 0, resolution).astype(np.int64)
-    count = np.maximum(np.clip(np.ceil(high), 0, resolution).astype(np.int64) - first, 0)
-    edge = np.repeat(np.arange(len(h)), count)
-    row = first[edge] + ranges(count)
-    t = (row - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
-    x = a[edge, 0] + t * (b[edge, 0] - a[edge, 0])
+    edge, row, x = row_crossings(a, b, resolution, 0.0)
     chart = cut_mesh.chart[h[edge] // 3]
     order = np.lexsort((x, row, chart))
     x, row, chart = x[order], row[order], chart[order]
@@ -117,37 +100,3 @@ def _spans(begin: IntArray, end: IntArray, label: IntArray, resolution: int) -> 
     grid = np.full(resolution * resolution, -1, np.int32)
     grid[: len(drawn)] = drawn
     return grid.reshape(resolution, resolution)
-
-
-def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] | None]:
-    """Smallest distance between texels of two labels, looked for up to ``search``; and the two labels.
-
-    Only texels on the rim of a label can be nearest, so only these look round.
-    """
-    inner = grid[1:-1, 1:-1]
-    rim = np.zeros(grid.shape, bool)
-    rim[1:-1, 1:-1] = (
-        (inner != grid[:-2, 1:-1])
-        | (inner != grid[2:, 1:-1])
-        | (inner != grid[1:-1, :-2])
-        | (inner != grid[1:-1, 2:])
-    )
-    rim[[0, -1]] = True
-    rim[:, [0, -1]] = True
-    y, x = np.nonzero(rim & (grid >= 0))
-    own = grid[y, x]
-    dy, dx = np.mgrid[0 : search + 1, -search : search + 1].reshape(2, -1)
-    distance = np.hypot(dy, dx)
-    half = ((dy > 0) | (dx > 0)) & (distance <= search)
-    order = np.lexsort((dx[half], dy[half], distance[half]))
-    dy, dx, distance = dy[half][order], dx[half][order], distance[half][order]
-    for k in first_of_runs(np.round(distance * distance).astype(np.int64)):
-        same = np.flatnonzero(distance == distance[k])
-        for oy, ox in zip(dy[same], dx[same], strict=True):
-            ok = (y + oy < len(grid)) & (x + ox >= 0) & (x + ox < len(grid))
-            other = grid[y[ok] + oy, x[ok] + ox]
-            hit = np.flatnonzero((other >= 0) & (other != own[ok]))
-            if len(hit):
-                pair = sorted((int(own[ok][hit[0]]), int(other[hit[0]])))
-                return float(distance[k]), (pair[0], pair[1])
-    return np.inf, None

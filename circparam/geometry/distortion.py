@@ -27,7 +27,7 @@ COLLAPSED = 1e-150
 @dataclass(frozen=True, eq=False)
 class Stretch:
     """Singular values of every face that has a shape: large, small (f,) positive, area (f,) on the surface,
-    group (f,) what a value is wanted for, n groups. The layout is at a scale at which areas agree in total.
+    group (f,) what a value is given for, n groups. The layout is at a scale at which areas agree in total.
     """
 
     large: FloatArray
@@ -97,7 +97,7 @@ METRICS: Table[Metric] = Table(
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """whole: value of each row of METRICS. charts: (n_charts,) values of each. flips: faces that are turned or
+    """whole: value of each row of METRICS. charts: (n_charts,) values of each. flips: faces reversed or
     collapsed, chart_flips (n_charts,). faces: all; degenerate: those without a shape, left out of everything.
     scale: by what the layout must be multiplied for the best symmetric Dirichlet energy of the whole.
     """

@@ -1,4 +1,4 @@
-"""Gradients of a layout as vectors in space: carried to other faces by the least rotation."""
+"""Gradients of a layout as vectors in space: transferred to other faces by the least rotation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def turn_gradients(gradients: FloatArray, before: FloatArray, after: FloatArray)
 def face_axes(
     points: FloatArray, faces: IntArray, normals: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(m, 3), (m, 3): the plane axes of every face's frame as vectors in space."""
+    """(m, 3), (m, 3): the axes of every rest triangle as vectors in space."""
     x = points[faces[:, 1]] - points[faces[:, 0]]
     x = x / np.maximum(np.linalg.norm(x, axis=1), 1e-300)[:, None]
     return x, np.cross(normals, x)
@@ -55,7 +55,7 @@ def targets_from(atlas: Atlas, gradients: FloatArray) -> FloatArray:
 
 
 def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Give faces without a gradient that of the nearest known face of their chart, turned to their plane.
+    """Give faces without a gradient that of the nearest known face of their chart, rotated to their plane.
 
     Returns (gradients, (m,) bool: the face has one now).
     """
@@ -73,5 +73,5 @@ def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[Float
         fill = (near >= 0) & ~known
         source[fill] = near[fill]
         have |= fill
-    turned = turn_gradients(gradients[source], surface.normals[source], surface.normals)
-    return np.where(known[:, None, None], gradients, turned), have
+    rotated = turn_gradients(gradients[source], surface.normals[source], surface.normals)
+    return np.where(known[:, None, None], gradients, rotated), have

@@ -1,4 +1,4 @@
-"""Angles, Jacobians and Laplacians of cut mesh: all of them intrinsic, read from the rest triangles alone.
+"""Angles, Jacobians and Laplacians of a cut mesh: all of them intrinsic, read from the rest triangles alone.
 
 A surface bent without stretching gives the same numbers, and every function works on all charts at once.
 """
@@ -55,19 +55,11 @@ def vertex_angle_sums(cut_mesh: CutMesh, angles: FloatArray) -> FloatArray:
     return group_sum(angles.ravel(), cut_mesh.faces.ravel(), cut_mesh.n_vertices)
 
 
-def twins(cut_mesh: CutMesh) -> IntArray:
-    """(3m,) the half-edge that runs against each half-edge, −1 on a boundary."""
-    out = np.full(cut_mesh.faces.size, -1)
-    i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
-    out[i] = j
-    out[j] = i
-    return out
-
-
 def jacobians(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """(m, 2, 2) Jacobian of the map surface → uv on each face: J[:, i, j] = ∂uv_i / ∂frame_j.
+    """(m, 2, 2) Jacobian of the map surface → uv on each face: J[:, i, j] = ∂uv_i / ∂x_j.
 
-    uv: (n_vertices, 2). Built from differences, so that a translation of uv costs no digits.
+    x: the plane of the rest triangle. uv: (n_vertices, 2). Built from differences, so that a translation of uv
+    costs no digits.
     """
     f = cut_mesh.faces
     d1 = uv[f[:, 1]] - uv[f[:, 0]]

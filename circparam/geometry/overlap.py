@@ -22,6 +22,7 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     cross2,
+    edge_keys,
     first_of_runs,
     next_half_edge,
 )
@@ -29,6 +30,7 @@ from circparam.geometry.boundary import BoundarySegments, boundary_of, turned_ou
 from circparam.geometry.intersect import meeting, nearby, winding_pairs
 from circparam.geometry.predicates import SignArray, orientation
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.halfedge import boundary_half_edges, shared_edges
 
 
 def signs(uv: FloatArray, faces: IntArray) -> SignArray:
@@ -67,7 +69,7 @@ class Overlaps:
             boundary, *_inner_points(self._faces, self._uv, self._chart, n)
         )
         a, b = np.r_[a, inside], np.r_[b, outside]
-        key = np.unique(np.minimum(a, b) * n + np.maximum(a, b))
+        key = np.unique(edge_keys(a, b, n))
         return np.stack([key // max(n, 1), key % max(n, 1)], 1)
 
 
@@ -125,21 +127,6 @@ def crossings(uv: FloatArray, cut_mesh: CutMesh, margin: float = 0.0) -> IntArra
     return np.unique(pairs, axis=0) if len(pairs) else pairs
 
 
-def shared_edges(faces: IntArray) -> IntArray:
-    """(e, 2) pairs of half-edges that run against each other between the same two vertices, and no third."""
-    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    n = int(faces.max(initial=-1)) + 1
-    key = np.minimum(start, end) * n + np.maximum(start, end)
-    order = np.argsort(key, kind="stable")
-    head = first_of_runs(key[order])
-    two = head[np.diff(np.r_[head, len(order)]) == 2]
-    i, j = order[two], order[two + 1]
-    against = (start[i] == end[j]) & (start[i] != end[i])
-    i, j = i[against], j[against]
-    rank = np.argsort(i, kind="stable")
-    return np.stack([i[rank], j[rank]], 1)
-
-
 def _wound_twice(
     faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
 ) -> BoolArray:
@@ -147,12 +134,10 @@ def _wound_twice(
 
     Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
     """
-    inner = np.zeros(faces.size, bool)
-    inner[edges.ravel()] = True
+    h = boundary_half_edges(len(faces), edges)
     on_boundary = np.zeros(len(uv), bool)
-    rim = np.flatnonzero(~inner)
-    on_boundary[faces.ravel()[rim]] = True
-    on_boundary[faces.ravel()[next_half_edge(rim)]] = True
+    on_boundary[faces.ravel()[h]] = True
+    on_boundary[faces.ravel()[next_half_edge(h)]] = True
     y = uv[:, 1][faces]
     below_next = y[:, [1, 2, 0]] < y
     below_previous = y[:, [2, 0, 1]] < y

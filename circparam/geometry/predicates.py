@@ -74,11 +74,11 @@ def _expansion_sign(p: FloatArray) -> SignArray:
     expansion: list[FloatArray] = []
     for term in terms:  # grow-expansion: the parts never overlap, and their sum stays exact
         grown: list[FloatArray] = []
-        transfer_to_fine = term
+        total = term
         for part in expansion:
-            transfer_to_fine, rest = _two_sum(transfer_to_fine, part)
+            total, rest = _two_sum(total, part)
             grown.append(rest)
-        expansion = [*grown, transfer_to_fine]
+        expansion = [*grown, total]
     sign = np.zeros(len(p))
     for part in expansion:  # from the smallest to the largest: the largest that is not zero decides
         sign = np.where(part != 0, np.sign(part), sign)

@@ -1,15 +1,30 @@
-"""Scan conversion and a z-buffer in plain NumPy: no display, no GPU, no loop over faces or pixels."""
+"""Scan conversion, a z-buffer and gaps between labels in plain NumPy: no loop over faces or pixels.
+
+Two rules say what a triangle covers, and both are needed. ``fragments`` samples: each centre belongs to
+exactly one of two faces that share an edge, as a picture wants it. ``covered_runs`` is conservative: a
+centre on an edge, or off it by rounding, is covered by both, as a check wants it that promises free texels.
+``row_crossings`` is the scan conversion of closed boundaries, where the inside is found by counting. Pixels
+and texels have their centres at k + ½ unless said otherwise.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.arrays import FloatArray, IntArray, cross2, ranges
+
+LabelGrid: TypeAlias = npt.NDArray[np.int32]
 
 CHUNK = 4_000_000  # fragments at once: bounds the memory at about 0.3 GB
+ROWS_AT_ONCE = 1_000_000  # rows of triangles at once: bounds the memory at about 0.2 GB
+# texels: a centre this close to an edge counts as covered; far above the rounding of the check (1e-12), far
+# below the distance that matters
+EDGE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,3 +132,149 @@ def barycentric(xy: FloatArray, face: IntArray, pixel: IntArray, width: int) -> 
     out = np.clip(np.stack([1 - v - w, v, w], 1), 0, 1)
     out /= out.sum(1, keepdims=True)
     return out
+
+
+def covered_runs(corners: FloatArray, height: int) -> Iterator[tuple[IntArray, ...]]:
+    """Runs of covered texels of triangles, centres on an edge included: corners (m, 3, 2) in texels.
+
+    Unlike ``fragments``, which gives a centre on an edge to one side only, this errs to the safe side: a centre
+    within EDGE of a triangle is covered, so two triangles may both claim it.
+
+    Yields (triangle, row, first column, number of columns) of the runs that are not empty, block by block.
+    Rows outside 0..height-1 are left out; columns are not clipped.
+    """
+    p = corners - 0.5
+    clockwise = cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) < 0
+    p = np.where(clockwise[:, None, None], p[:, ::-1], p)
+    low = np.maximum(np.ceil(p[:, :, 1].min(1) - EDGE), 0).astype(np.int64)
+    high = np.minimum(np.floor(p[:, :, 1].max(1) + EDGE), height - 1).astype(np.int64)
+    count = np.maximum(high - low + 1, 0)
+    block = np.cumsum(count) // ROWS_AT_ONCE
+    edges = np.r_[0, np.flatnonzero(np.diff(block)) + 1, len(p)] if len(p) else np.zeros(1, int)
+    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        triangle = a + np.repeat(np.arange(b - a), count[a:b])
+        row = low[triangle] + ranges(count[a:b])
+        first, length = _run(p, triangle, row)
+        keep = length > 0
+        yield triangle[keep], row[keep], first[keep], length[keep]
+
+
+def _run(p: FloatArray, triangle: IntArray, row: IntArray) -> tuple[IntArray, IntArray]:
+    """(first column, number of columns) of counter-clockwise triangles in rows; centres at whole numbers."""
+    left = np.full(len(triangle), -np.inf)
+    right = np.full(len(triangle), np.inf)
+    for k in range(3):
+        a, b = p[triangle, k], p[triangle, (k + 1) % 3]
+        dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
+        # only the edges that reach the row bound it, clamped so that none reaches beyond its ends
+        t = (row - a[:, 1]) / np.where(dy == 0, 1.0, dy)
+        reaches = np.abs(row - (a[:, 1] + b[:, 1]) / 2) <= np.abs(dy) / 2 + EDGE
+        x = a[:, 0] + np.clip(t, 0.0, 1.0) * dx
+        left = np.where((dy < 0) & reaches, np.maximum(left, x), left)
+        right = np.where((dy > 0) & reaches, np.minimum(right, x), right)
+    ok = np.isfinite(left) & np.isfinite(right)
+    first = np.ceil(np.where(ok, left, 0.0) - EDGE).astype(np.int64)
+    last = np.floor(np.where(ok, right, -1.0) + EDGE).astype(np.int64)
+    return first, last - first + 1
+
+
+def owner_raster(corners: FloatArray, owner: IntArray, resolution: int) -> tuple[LabelGrid, int]:
+    """Owner of each texel of one page, −1 where empty; and the number of texels with two owners.
+
+    corners: (m, 3, 2) in texels, as in ``covered_runs``. owner: (m,) non-negative.
+    Returns ((resolution, resolution) int32, count).
+    """
+    page = np.full(resolution * resolution, -1, np.int32)
+    clashes = 0
+    for triangle, row, first, length in covered_runs(corners, resolution):
+        left = np.maximum(first, 0)
+        count = np.maximum(np.minimum(first + length, resolution) - left, 0)
+        texel = np.repeat(row * resolution + left, count) + ranges(count)
+        who = np.repeat(owner[triangle], count).astype(np.int32)
+        before = page[texel]
+        page[texel] = who
+        clashes += int(((before >= 0) & (before != who)).sum() + (page[texel] != who).sum())
+    return page.reshape(resolution, resolution), clashes
+
+
+def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: IntArray) -> int:
+    """Number of texels that the outlines of two charts run through, or one where another chart covers.
+
+    start, end: (b, 2) outline edges in texels, sampled every half texel; owner: (b,).
+    """
+    count = np.ceil(np.sqrt(((end - start) ** 2).sum(1)) * 2).astype(np.int64) + 1
+    edge = np.repeat(np.arange(len(start)), count)
+    t = (ranges(count) / np.maximum(count[edge] - 1, 1))[:, None]
+    p = np.floor(start[edge] * (1 - t) + end[edge] * t).astype(np.int64)
+    size = len(page)
+    texel = np.clip(p[:, 1], 0, size - 1) * size + np.clip(p[:, 0], 0, size - 1)
+    low = np.full(size * size, np.iinfo(np.int32).max, np.int32)
+    high = np.full(size * size, -1, np.int32)
+    np.minimum.at(low, texel, owner[edge].astype(np.int32))
+    np.maximum.at(high, texel, owner[edge].astype(np.int32))
+    touched = np.unique(texel)
+    who = page.ravel()[touched]
+    foreign = (who >= 0) & (who != low[touched])
+    return int(((low[touched] != high[touched]) | foreign).sum())
+
+
+def row_crossings(
+    start: FloatArray, end: FloatArray, height: int, centre: float = 0.5
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Where edges cross the lines through the centres of rows 0..height−1, y = row + centre.
+
+    start, end: (e, 2). A row is crossed where the lower end is at or below its line and the upper end above:
+    a shared end point counts once, so each row is crossed an even number of times by a closed boundary.
+    Returns (edge (k,), row (k,), x (k,)), edges in ascending order.
+    """
+    low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
+    first = np.clip(np.ceil(low - centre), 0, height).astype(np.int64)
+    last = np.clip(np.ceil(high - centre), 0, height).astype(np.int64)
+    count = last - first
+    edge = np.repeat(np.arange(len(start)), count)
+    row = first[edge] + ranges(count)
+    t = (row + centre - start[edge, 1]) / (end[edge, 1] - start[edge, 1])
+    return edge, row, start[edge, 0] + t * (end[edge, 0] - start[edge, 0])
+
+
+def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] | None]:
+    """Smallest distance between texels of two labels (≥ 0), looked for up to ``search``; and the two labels.
+
+    grid: (h, w), −1 where empty. (infinity, None) where there is none within the search. Nearest texels of two
+    labels lie where a label ends, so only those look round.
+    """
+    middle = grid[1:-1, 1:-1]
+    inner = np.zeros(grid.shape, bool)
+    inner[1:-1, 1:-1] = (
+        (middle == grid[:-2, 1:-1])
+        & (middle == grid[2:, 1:-1])
+        & (middle == grid[1:-1, :-2])
+        & (middle == grid[1:-1, 2:])
+    )
+    y, x = np.nonzero((grid >= 0) & ~inner)
+    own = grid[y, x]
+    wide = np.pad(grid, search, constant_values=-1)
+    at = (y + search) * wide.shape[1] + x + search
+    flat = wide.ravel()
+    dy, dx = np.mgrid[0 : search + 1, -search : search + 1].reshape(2, -1)
+    square = dy * dy + dx * dx
+    half = ((dy > 0) | (dx > 0)) & (square <= search * search)  # the other half looks back
+    order = np.lexsort((dx[half], dy[half], square[half]))
+    step = (dy * wide.shape[1] + dx)[half][order]
+    for offset, distance in zip(step.tolist(), square[half][order].tolist(), strict=True):
+        other = flat[at + offset]
+        hit = (other >= 0) & (other != own)
+        if hit.any():
+            k = int(hit.argmax())
+            pair = sorted((int(own[k]), int(other[k])))
+            return float(np.sqrt(distance)), (pair[0], pair[1])
+    return np.inf, None
+
+
+def free_border(grid: LabelGrid) -> int:
+    """Number of empty texels between what is covered and the nearest border of the page (its side if empty)."""
+    rows, columns = np.flatnonzero((grid >= 0).any(1)), np.flatnonzero((grid >= 0).any(0))
+    if len(rows) == 0:
+        return len(grid)
+    last = len(grid) - 1
+    return int(min(rows[0], columns[0], last - rows[-1], last - columns[-1]))

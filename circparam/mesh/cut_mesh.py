@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import (
     BoolArray,
@@ -15,16 +13,17 @@ from circparam.core.arrays import (
     IntArray,
     cross2,
     first_of_runs,
-    group_count,
     group_sum,
     next_half_edge,
     ranges,
 )
+from circparam.core.graph import cycles
+from circparam.mesh.halfedge import boundary_half_edges
 
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """Boundary loops of cut mesh, in order along the boundary (surface on the left).
+    """Boundary loops of a cut mesh, in order along the boundary (surface on the left).
 
     half_edges: (b,) int64, the boundary half-edges, loop after loop. start: (L + 1,) int64 offsets.
     chart: (L,) int64. length: (L,) float64, in the units of the mesh. outer: (L,) bool, the longest loop of
@@ -47,7 +46,7 @@ class Loops:
 class CutMesh:
     """What a method sees: charts cut open, every triangle laid isometrically in the plane.
 
-    faces: (m, 3) int64 into the vertices of the cut mesh, counter-clockwise. rest triangles: (m, 3, 2) float64,
+    faces: (m, 3) int64 into the vertices of the cut mesh, counter-clockwise. rest_triangles: (m, 3, 2) float64,
     plane coordinates of the corners of each face, in the units of the mesh, positive area.
     chart: (m,) int64, 0..n_charts−1. edges: (e, 2) int64, the two half-edges of every inner edge.
     Half-edge 3f + k runs from corner k to corner k + 1 of face f.
@@ -106,9 +105,7 @@ class CutMesh:
     @cached_property
     def boundary(self) -> IntArray:
         """(b,) half-edges on a boundary, in ascending order."""
-        inner = np.zeros(self.faces.size, bool)
-        inner[self.edges.ravel()] = True
-        return np.flatnonzero(~inner)
+        return boundary_half_edges(len(self.faces), self.edges)
 
     @cached_property
     def loops(self) -> Loops:
@@ -162,7 +159,7 @@ def rest_triangles_of(corners: FloatArray) -> FloatArray:
 
 
 def boundary_loops(cut_mesh: CutMesh) -> Loops:
-    """Order the boundary half-edges of cut mesh along their loops, by pointer doubling."""
+    """Order the boundary half-edges of a cut mesh along their loops, each from its lowest half-edge on."""
     h = cut_mesh.boundary
     flat = cut_mesh.faces.ravel()
     if len(h) == 0:
@@ -170,30 +167,7 @@ def boundary_loops(cut_mesh: CutMesh) -> Loops:
         return Loops(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0, bool))
     at = np.full(cut_mesh.n_vertices, -1)
     at[flat[h]] = np.arange(len(h))
-    follower = at[flat[next_half_edge(h)]]
-    _, components = csgraph.connected_components(
-        sps.coo_matrix(
-            (np.ones(len(h), bool), (np.arange(len(h)), follower)), shape=(len(h), len(h))
-        ),
-        directed=False,
-    )
-    labels = components.astype(np.int64)
-    head = first_of_runs(np.sort(labels))
-    head = np.argsort(labels, kind="stable")[head]  # the lowest half-edge of each loop
-    # list ranking: steps from each half-edge to its loop's head, doubled until all have arrived
-    is_head = np.zeros(len(h), bool)
-    is_head[head] = True
-    jump = np.where(is_head, np.arange(len(h)), follower)
-    steps = np.where(is_head, 0, 1)
-    while True:
-        further = jump[jump]
-        if np.array_equal(further, jump):
-            break
-        steps = steps + steps[jump]
-        jump = further
-    size = group_count(labels, len(head))
-    position = np.where(is_head, 0, size[labels] - steps)
-    order = np.lexsort((position, labels))
+    labels, order, size = cycles(at[flat[next_half_edge(h)]])
     start = np.r_[0, np.cumsum(size)].astype(np.int64)
     chart = cut_mesh.chart[h[order][start[:-1]] // 3]
     length = group_sum(cut_mesh.edge_lengths.ravel()[h], labels, len(size))

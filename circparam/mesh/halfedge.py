@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    edge_keys,
     first_of_runs,
     next_half_edge,
     ranges,
@@ -19,14 +18,14 @@ from circparam.core.arrays import (
 from circparam.core.graph import components
 
 FAN_LIMIT = 16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
-TURN_COST = 1.5  # how much straightness a pair must gain to join faces wound against each other
+TURN_COST = 1.5  # how much straightness a pair must gain to join inconsistently oriented faces
 AVOID_COST = 4.0  # of a pair that was tried and made two vertices the ends of two edges
 REPAIRINGS = 3  # other pairs tried at edges that coincide, before such pairs are let go
 
 
 class Pairs(NamedTuple):
     """Half-edges that belong together: (e, 2), whether each pair lies inside a polygon, whether its faces are
-    wound against each other; and the first half-edge of every edge with more than two faces."""
+    inconsistently oriented; and the first half-edge of every edge with more than two faces."""
 
     edges: IntArray
     locked: BoolArray
@@ -34,42 +33,77 @@ class Pairs(NamedTuple):
     crowded: IntArray
 
 
+class EdgeRuns(NamedTuple):
+    """Half-edges sorted by the edge they lie on: order (h,) half-edges, ascending on each edge; head (edges,)
+    where in ``order`` an edge begins, edges in ascending order of their two points; size (edges,)."""
+
+    order: IntArray
+    head: IntArray
+    size: IntArray
+
+    @property
+    def pairs(self) -> IntArray:
+        """(p, 2) the two half-edges, i < j, of every edge that has exactly two."""
+        two = self.head[self.size == 2]
+        return np.stack([self.order[two], self.order[two + 1]], 1)
+
+
+def sort_by_edge(faces: IntArray, n_points: int, which: BoolArray | None = None) -> EdgeRuns:
+    """The half-edges of faces (m, 3) by the two points they join, either way; which: (m,) faces to take."""
+    key = edge_keys(faces.ravel(), faces[:, [1, 2, 0]].ravel(), n_points)
+    h = np.arange(faces.size) if which is None else np.flatnonzero(np.repeat(which, 3))
+    order = h[np.argsort(key[h], kind="stable")]
+    head = first_of_runs(key[order])
+    return EdgeRuns(order, head, np.diff(np.r_[head, len(order)]))
+
+
+def run_opposite(faces: IntArray, pairs: IntArray) -> BoolArray:
+    """(p,) bool: the two half-edges of a pair (p, 2) on one edge run against each other."""
+    start, end = faces.ravel()[pairs], faces.ravel()[next_half_edge(pairs)]
+    result: BoolArray = (start[:, 0] == end[:, 1]) & (start[:, 0] != end[:, 0])
+    return result
+
+
+def shared_edges(faces: IntArray) -> IntArray:
+    """(e, 2) pairs of half-edges that run against each other between the same two vertices, and no third.
+
+    faces: (m, 3). Pairs (i, j), i < j, in ascending order of i.
+    """
+    pairs = sort_by_edge(faces, int(faces.max(initial=-1)) + 1).pairs
+    pairs = pairs[run_opposite(faces, pairs)]
+    return pairs[np.argsort(pairs[:, 0], kind="stable")]
+
+
 def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | None) -> Pairs:
     """Pair the half-edges of faces: an edge of two faces is one pair, a crowded edge several.
 
     At an edge of more than two faces those inside one polygon pair first, then the straightest pairs,
-    wound alike rather than against each other; an odd face keeps a boundary there. Two faces with the same
+    consistently oriented rather than not; an odd face keeps a boundary there. Two faces with the same
     three points never pair: joined along two edges they could not lie in the plane.
     """
     start = faces.ravel()
-    end = faces[:, [1, 2, 0]].ravel()
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    key = low * len(points) + high
-    order = np.argsort(key, kind="stable")
-    head = first_of_runs(key[order])
-    count = np.diff(np.r_[head, len(order)])
-    two = head[count == 2]
-    edges = np.stack([order[two], order[two + 1]], 1)
+    runs = sort_by_edge(faces, len(points))
+    edges = runs.pairs
     third = faces.ravel()[next_half_edge(next_half_edge(edges))]
     edges = edges[third[:, 0] != third[:, 1]]
-    many = count > 2
+    many = runs.size > 2
     if many.any():
-        fans = _Fans.at(points, faces, polygons, order, head[many], count[many])
+        fans = _Fans.at(points, faces, polygons, runs, many)
         edges = np.concatenate([edges, _apart(faces, edges, fans)])
     i, j = edges[:, 0], edges[:, 1]
     locked = np.zeros(len(edges), bool)
     if polygons is not None:
         locked = polygons[i // 3] == polygons[j // 3]
-    return Pairs(edges, locked, start[i] == start[j], order[head[many]])
+    return Pairs(edges, locked, start[i] == start[j], runs.order[runs.head[many]])
 
 
 class _Fans(NamedTuple):
     """The half-edges at crowded edges, edge after edge, and the pairs of them that may be made.
 
     h: half-edges. group: edge of each of them. x, y: (pairs,) indices into h that may be paired, straight:
-    (pairs,) −1 (one plane) .. 1 (folded together), against: whether their faces are wound against each
-    other, together: whether they lie in one polygon. large: (l, 2) pairs at edges with very many faces, which
-    are made by angle alone.
+    (pairs,) −1 (one plane) .. 1 (folded together), against: whether their faces are inconsistently
+    oriented, together: whether they lie in one polygon. large: (l, 2) pairs at edges with very many faces,
+    which are made by angle alone.
     """
 
     h: IntArray
@@ -86,13 +120,13 @@ class _Fans(NamedTuple):
         points: FloatArray,
         faces: IntArray,
         polygons: IntArray | None,
-        order: IntArray,
-        head: IntArray,
-        size: IntArray,
+        runs: EdgeRuns,
+        many: BoolArray,
     ) -> _Fans:
-        """``order[head[g] : head[g] + size[g]]`` are the half-edges of crowded edge g."""
-        h = order[np.repeat(head, size) + ranges(size)]
-        group = np.repeat(np.arange(len(head)), size)
+        """The half-edges of the crowded edges among the runs (many: (edges,) bool)."""
+        size = runs.size[many]
+        h = runs.order[np.repeat(runs.head[many], size) + ranges(size)]
+        group = np.repeat(np.arange(len(size)), size)
         start = faces.ravel()[h]
         end = faces.ravel()[next_half_edge(h)]
         low, high = np.minimum(start, end), np.maximum(start, end)
@@ -167,17 +201,20 @@ def _keys(fans: _Fans, pairs: IntArray) -> IntArray:
 def _doubled(faces: IntArray, others: IntArray, fans: _Fans, chosen: IntArray) -> BoolArray:
     """(p,) pairs chosen at crowded edges that have the same two vertices as another one there."""
     pairs = np.concatenate([others, fans.h[chosen]])
-    vertex = _vertices(faces, pairs)
+    vertex = point_corners(faces, pairs)
     i = fans.h[chosen[:, 0]]
     a, b = vertex[i], vertex[next_half_edge(i)]
-    key = np.minimum(a, b) * faces.size + np.maximum(a, b)
+    key = edge_keys(a, b, faces.size)
     _, which, count = np.unique(key, return_inverse=True, return_counts=True)
     result: BoolArray = count[which.reshape(-1)] > 1
     return result
 
 
-def _vertices(faces: IntArray, pairs: IntArray) -> IntArray:
-    """(3m,) vertex of each corner: corners at one point, joined across pairs however their faces are wound."""
+def point_corners(faces: IntArray, pairs: IntArray) -> IntArray:
+    """(3m,) class of each corner: corners at one point, joined across pairs (p, 2) of half-edges of one edge.
+
+    However their faces are wound: unlike ``corner_classes``, which joins end to start without asking.
+    """
     start = faces.ravel()
     i, j = pairs[:, 0], pairs[:, 1]
     ni, nj = next_half_edge(i), next_half_edge(j)
@@ -207,6 +244,21 @@ def _greedy(cost: FloatArray, x: IntArray, y: IntArray, n: int) -> IntArray:
     return np.concatenate(taken) if taken else np.zeros((0, 2), np.int64)
 
 
+def boundary_half_edges(n_faces: int, edges: IntArray) -> IntArray:
+    """(b,) half-edges in none of the pairs ``edges`` (e, 2), ascending."""
+    inner = np.zeros(3 * n_faces, bool)
+    inner[edges.ravel()] = True
+    return np.flatnonzero(~inner)
+
+
+def opposite_half_edges(n_faces: int, edges: IntArray) -> IntArray:
+    """(3 n_faces,) the other half-edge of the pair in ``edges`` (e, 2) each half-edge is in, −1 for none."""
+    out = np.full(3 * n_faces, -1)
+    out[edges[:, 0]] = edges[:, 1]
+    out[edges[:, 1]] = edges[:, 0]
+    return out
+
+
 def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:
     """Vertices of a cut mesh: corners joined across the given inner edges, and no others.
 
@@ -216,7 +268,5 @@ def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:
     """
     i, j = edges[:, 0], edges[:, 1]
     ni, nj = next_half_edge(i), next_half_edge(j)
-    n = 3 * n_faces
-    graph = sps.coo_matrix((np.ones(2 * len(i), bool), (np.r_[i, ni], np.r_[nj, j])), shape=(n, n))
-    count, labels = csgraph.connected_components(graph, directed=False)
-    return int(count), labels.reshape(-1, 3).astype(np.int64)
+    count, labels = components(3 * n_faces, np.r_[i, ni], np.r_[nj, j])
+    return count, labels.reshape(-1, 3)

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.graph import components
 from circparam.errors import InputError
 
 
@@ -89,10 +88,5 @@ class UVMap:
         rows = np.repeat(np.arange(m), 3)
         columns = self.uv_faces.ravel()
         ok = columns >= 0
-        graph = sps.coo_matrix(
-            (np.ones(int(ok.sum()), bool), (rows[ok], columns[ok] + m)),
-            shape=(m + len(self.uv), m + len(self.uv)),
-        )
-        _, labels = csgraph.connected_components(graph, directed=False)
-        _, charts = np.unique(labels[:m], return_inverse=True)
-        return charts.reshape(-1).astype(np.int64)
+        _, labels = components(m + len(self.uv), rows[ok], columns[ok] + m)
+        return labels[:m]  # a face is the lowest node of every chart, so no label is left out

@@ -1,4 +1,4 @@
-"""Sides of faces, chosen so that neighbours agree."""
+"""The orientation of faces, chosen so that neighbours agree."""
 
 from __future__ import annotations
 
@@ -8,23 +8,24 @@ import numpy as np
 import scipy.sparse as sps
 import scipy.sparse.csgraph as csgraph
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys
 from circparam.core.graph import components
 from circparam.mesh.halfedge import Pairs
 
 
-class Sides(NamedTuple):
-    """Sides of faces: turned (m,) where the winding is reversed, keep (e,) pairs whose faces now agree,
-    component (m,) label, and the number of components with one side only (cut where keep is False)."""
+class Orientation(NamedTuple):
+    """Windings of faces: reversed_faces (m,) where the winding is to be reversed, keep (e,) pairs whose faces
+    then agree, component (m,) label, and the number of components with one side only (cut where keep is
+    False)."""
 
-    turned: BoolArray
+    reversed_faces: BoolArray
     keep: BoolArray
     component: IntArray
     one_sided: int
 
 
-def orient(n_faces: int, areas: FloatArray, pairs: Pairs) -> Sides:
-    """Wind faces alike across the pairs; each component keeps the winding of the larger part of its area.
+def orient(n_faces: int, areas: FloatArray, pairs: Pairs) -> Orientation:
+    """Wind faces consistently across the pairs; components keep the winding of the larger part of their area.
 
     Components come from the double cover (every face twice, once for each side): where both copies of a face
     hang together the component has one side only. It is then wound along a breadth-first tree over whole
@@ -34,19 +35,19 @@ def orient(n_faces: int, areas: FloatArray, pairs: Pairs) -> Sides:
     keep = np.ones(len(i), bool)
     if not pairs.against.any():
         _, component = components(n_faces, i, j)
-        return Sides(np.zeros(n_faces, bool), keep, component, 0)
-    component, turned, two_sided = double_cover(n_faces, i, j, pairs.against)
+        return Orientation(np.zeros(n_faces, bool), keep, component, 0)
+    component, backwards, two_sided = double_cover(n_faces, i, j, pairs.against)
     one_sided = int(component.max()) + 1 - int(np.count_nonzero(two_sided))
     if one_sided:
         faces = ~two_sided[component]
         local = np.cumsum(faces) - 1
         e = faces[i]
-        turned[faces] = _along_tree(
+        backwards[faces] = _along_tree(
             int(faces.sum()), local[i[e]], local[j[e]], pairs.against[e], pairs.locked[e]
         )
-        keep = pairs.against == (turned[i] ^ turned[j])
-    balance = np.bincount(component, np.where(turned, -areas, areas))
-    return Sides(turned ^ (balance < 0)[component], keep, component, one_sided)
+        keep = pairs.against == (backwards[i] ^ backwards[j])
+    balance = np.bincount(component, np.where(backwards, -areas, areas))
+    return Orientation(backwards ^ (balance < 0)[component], keep, component, one_sided)
 
 
 def double_cover(
@@ -76,7 +77,7 @@ def _along_tree(n: int, i: IntArray, j: IntArray, flip: BoolArray, locked: BoolA
     node, inside, flat = double_cover(n, i[locked], j[locked], flip[locked])
     if (
         not flat.all()
-    ):  # a polygon that is itself one-sided: its inner edges are edges like all others
+    ):  # the inner edges of a polygon that is itself one-sided are edges like all others
         locked = locked & flat[node[i]]
         node, inside, _ = double_cover(n, i[locked], j[locked], flip[locked])
     count = int(node.max()) + 1
@@ -96,11 +97,10 @@ def _along_tree(n: int, i: IntArray, j: IntArray, flip: BoolArray, locked: BoolA
     )
     _, parent = csgraph.breadth_first_order(graph.tocsr(), count, directed=False)
     child = np.flatnonzero((parent[:count] >= 0) & (parent[:count] < count))
-    key = np.minimum(a, b) * count + np.maximum(a, b)
+    key = edge_keys(a, b, count)
     order = np.argsort(key, kind="stable")
     up = parent[child].astype(np.int64)
-    wanted = np.minimum(child, up) * count + np.maximum(child, up)
-    edge = order[np.searchsorted(key[order], wanted)]
+    edge = order[np.searchsorted(key[order], edge_keys(child, up, count))]
     _, sign, _ = double_cover(count, a[edge], b[edge], step[edge])
     result: BoolArray = sign[node] ^ inside
     return result

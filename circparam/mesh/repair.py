@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.halfedge import Pairs, pair_half_edges
 from circparam.mesh.mesh import Mesh
-from circparam.mesh.orientation import Sides, orient
+from circparam.mesh.orientation import Orientation, orient
 from circparam.mesh.surface import Surface
 from circparam.mesh.weld import degenerate_faces, first_duplicates, mesh_scale, weld_map
 
@@ -34,9 +35,9 @@ class RepairReport:
     weld: (n,) int64, vertex → the vertex it counts as. scale: the power of two by which the points of the
     surface are those of the mesh; 1 unless the mesh is so large or small that squares would leave the range
     of float64. kept: (k,) faces solved on (``Surface.source``). degenerate: (d,) faces set aside because
-    they have no area. twins: (t,) faces set aside because an earlier one, twin_of (t,), has the same three
-    points. turned: faces solved on with reversed winding. near_vertices: vertices welded only because of
-    the tolerance. nonmanifold_edges: edges with more than two faces (of the kept ones).
+    they have no area. duplicates: (t,) faces set aside because an earlier one, duplicate_of (t,), has the
+    same three points. n_reversed: faces solved on with reversed winding. near_vertices: vertices welded only
+    because of the tolerance. nonmanifold_edges: edges with more than two faces (of the kept ones).
     nonmanifold_vertices: vertices whose faces make several fans, without the ends of edges that were split.
     non_orientable: components that were cut open to have two sides, along mobius_edges edges.
     unreferenced: vertices that no face uses; never touched.
@@ -46,9 +47,9 @@ class RepairReport:
     scale: float
     kept: IntArray
     degenerate: IntArray
-    twins: IntArray
-    twin_of: IntArray
-    turned: int = 0
+    duplicates: IntArray
+    duplicate_of: IntArray
+    n_reversed: int = 0
     near_vertices: int = 0
     nonmanifold_edges: int = 0
     nonmanifold_vertices: int = 0
@@ -66,8 +67,8 @@ class RepairReport:
         """The counts, for a report."""
         return {
             "degenerate_faces": len(self.degenerate),
-            "duplicate_faces": len(self.twins),
-            "turned_faces": self.turned,
+            "duplicate_faces": len(self.duplicates),
+            "turned_faces": self.n_reversed,
             "near_vertices": self.near_vertices,
             "nonmanifold_edges": self.nonmanifold_edges,
             "nonmanifold_vertices": self.nonmanifold_vertices,
@@ -88,68 +89,92 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
     weld = weld_map(mesh, options.weld_eps)
     near = int((weld != mesh.weld).sum()) if options.weld_eps > 0 else 0
     welded = weld[mesh.faces]
-    bad = degenerate_faces(points, welded)
-    first = first_duplicates(welded, len(points))
-    twin = (first != np.arange(len(welded))) & ~bad
-    if mesh.polygons is not None:
-        twin &= ~_part_of_another_polygon(mesh.polygons, first, twin, bad)
-    kept = np.flatnonzero(~bad & ~twin)
-    if len(kept) == 0:
+    aside = _set_aside(points, welded, mesh.polygons)
+    if len(aside.kept) == 0:
         raise InputError(
             f"all {len(welded)} faces are degenerate (no area): there is nothing to unwrap"
         )
-    faces = welded[kept]
-    pairs = pair_half_edges(points, faces, None if mesh.polygons is None else mesh.polygons[kept])
+    faces = welded[aside.kept]
+    polygons = None if mesh.polygons is None else mesh.polygons[aside.kept]
+    pairs = pair_half_edges(points, faces, polygons)
     p = points[faces]
     areas = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
-    sides = orient(len(faces), areas, pairs)
-    turned_faces = np.where(sides.turned[:, None], faces[:, [0, 2, 1]], faces)
-    h = pairs.edges[sides.keep]
-    h = np.where(sides.turned[h // 3], h - h % 3 + (2 - h % 3), h)
-    h = np.sort(h, 1)
-    order = np.argsort(h[:, 0], kind="stable")
-    surface = Surface(
-        points, turned_faces, kept, sides.turned, h[order], pairs.locked[sides.keep][order]
-    )
-    fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~sides.keep, 0]])
-    used = np.zeros(len(points), bool)
-    used[mesh.faces] = True
-    twins = np.flatnonzero(twin)
-    degenerate = np.flatnonzero(bad)
-    messages = _messages(surface, degenerate, twins, first[twins], near, pairs, fans, sides)
+    orientation = orient(len(faces), areas, pairs)
+    surface = _oriented(points, faces, aside.kept, pairs, orientation)
+    fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~orientation.keep, 0]])
+    messages = [
+        *_messages_aside(near, aside),
+        *_messages_split(surface, pairs, fans),
+        *_messages_oriented(surface, orientation),
+    ]
     if messages and not options.allow:
         raise TopologyError(
             "the mesh needs repair: "
             + "; ".join(messages)
             + ". Allow it by leaving out --no-repair"
         )
+    used = np.zeros(len(points), bool)
+    used[mesh.faces] = True
     return surface, RepairReport(
         weld=weld,
         scale=scale,
-        kept=kept,
-        degenerate=degenerate,
-        twins=twins,
-        twin_of=first[twins],
-        turned=int(sides.turned.sum()),
+        kept=aside.kept,
+        degenerate=aside.degenerate,
+        duplicates=aside.duplicates,
+        duplicate_of=aside.duplicate_of,
+        n_reversed=int(orientation.reversed_faces.sum()),
         near_vertices=near,
         nonmanifold_edges=len(pairs.crowded),
         nonmanifold_vertices=len(fans),
-        non_orientable=sides.one_sided,
-        mobius_edges=int((~sides.keep).sum()),
+        non_orientable=orientation.one_sided,
+        mobius_edges=int((~orientation.keep).sum()),
         unreferenced=int((~used).sum()),
         messages=messages,
     )
 
 
-def _part_of_another_polygon(
-    polygons: IntArray, first: IntArray, twin: BoolArray, bad: BoolArray
-) -> BoolArray:
-    """(m,) bool: the polygon of the face also has a face of its own, in a place where its twin's has none.
+class _Aside(NamedTuple):
+    """Faces solved on, and those set aside; duplicate_of: the face each duplicate repeats."""
 
-    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its twin lies.
+    kept: IntArray
+    degenerate: IntArray
+    duplicates: IntArray
+    duplicate_of: IntArray
+
+
+def _set_aside(points: FloatArray, welded: IntArray, polygons: IntArray | None) -> _Aside:
+    """Which of the welded faces (m, 3) are solved on."""
+    bad = degenerate_faces(points, welded)
+    first = first_duplicates(welded, len(points))
+    duplicate = (first != np.arange(len(welded))) & ~bad
+    if polygons is not None:
+        duplicate &= ~_part_of_another_polygon(polygons, first, duplicate, bad)
+    again = np.flatnonzero(duplicate)
+    return _Aside(np.flatnonzero(~bad & ~duplicate), np.flatnonzero(bad), again, first[again])
+
+
+def _oriented(
+    points: FloatArray, faces: IntArray, source: IntArray, pairs: Pairs, orientation: Orientation
+) -> Surface:
+    """The surface wound as ``orientation`` says; reversing a face swaps its half-edges 0 and 2."""
+    back = orientation.reversed_faces
+    h = pairs.edges[orientation.keep]
+    h = np.where(back[h // 3], h - h % 3 + (2 - h % 3), h)
+    h = np.sort(h, 1)
+    order = np.argsort(h[:, 0], kind="stable")
+    wound = np.where(back[:, None], faces[:, [0, 2, 1]], faces)
+    return Surface(points, wound, source, back, h[order], pairs.locked[orientation.keep][order])
+
+
+def _part_of_another_polygon(
+    polygons: IntArray, first: IntArray, duplicate: BoolArray, bad: BoolArray
+) -> BoolArray:
+    """(m,) bool: the polygon of the face also has a face of its own, where that of its duplicate has none.
+
+    A corner of a polygon has one uv, so such a face must lie with its polygon, wherever its duplicate lies.
     """
     own = np.zeros(int(polygons.max()) + 1, bool)
-    own[polygons[~twin & ~bad]] = True
+    own[polygons[~duplicate & ~bad]] = True
     result: BoolArray = own[polygons] & (polygons != polygons[first])
     return result
 
@@ -162,37 +187,35 @@ def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:
     point[corner] = surface.faces.ravel()
     fans = np.bincount(point, minlength=len(surface.points))
     face = surface.faces
-    # turning a face swaps its corners 1 and 2: half-edge k becomes 2 − k
-    k = np.where(surface.turned[apart // 3], 2 - apart % 3, apart % 3)
+    # reversing a face swaps its corners 1 and 2: half-edge k becomes 2 − k
+    k = np.where(surface.reversed_faces[apart // 3], 2 - apart % 3, apart % 3)
     fans[face[apart // 3, k]] = 0
     fans[face[apart // 3, (k + 1) % 3]] = 0
     return np.flatnonzero(fans > 1)
 
 
-def _messages(
-    surface: Surface,
-    degenerate: IntArray,
-    twins: IntArray,
-    twin_of: IntArray,
-    near: int,
-    pairs: Pairs,
-    fans: IntArray,
-    sides: Sides,
-) -> list[str]:
-    """One line for each kind of repair, with its count and the first place."""
+def _messages_aside(near: int, aside: _Aside) -> list[str]:
+    """One line for each kind of vertex or face that does not count for itself."""
     out = []
     if near:
         out.append(f"{near} vertices within the weld tolerance of another count as one")
-    if len(degenerate):
+    if len(aside.degenerate):
         out.append(
-            f"{len(degenerate)} degenerate faces set aside (the first is face {degenerate[0]}); "
-            "they take the uv of their points"
+            f"{len(aside.degenerate)} degenerate faces set aside (the first is face "
+            f"{aside.degenerate[0]}); they take the uv of their points"
         )
-    if len(twins):
+    if len(aside.duplicates):
         out.append(
-            f"{len(twins)} duplicate faces set aside (the first is face {twins[0]}, the same three points "
-            f"as face {twin_of[0]}); they take its uv"
+            f"{len(aside.duplicates)} duplicate faces set aside (the first is face "
+            f"{aside.duplicates[0]}, the same three points as face {aside.duplicate_of[0]}); "
+            "they take its uv"
         )
+    return out
+
+
+def _messages_split(surface: Surface, pairs: Pairs, fans: IntArray) -> list[str]:
+    """One line for each kind of what was split to be manifold."""
+    out = []
     if len(pairs.crowded):
         h = int(pairs.crowded[0])
         out.append(
@@ -201,15 +224,22 @@ def _messages(
         )
     if len(fans):
         out.append(f"{len(fans)} non-manifold vertices split (the first is vertex {fans[0]})")
-    if sides.turned.any():
-        first = surface.source[int(sides.turned.argmax())]
+    return out
+
+
+def _messages_oriented(surface: Surface, orientation: Orientation) -> list[str]:
+    """One line for reversed faces, and one for components with one side only."""
+    out = []
+    back = orientation.reversed_faces
+    if back.any():
+        first = surface.source[int(back.argmax())]
         out.append(
-            f"{int(sides.turned.sum())} faces wound against their neighbours turned for the solve (the "
+            f"{int(back.sum())} faces wound against their neighbours turned for the solve (the "
             f"first is face {first}); the file keeps its winding"
         )
-    if sides.one_sided:
+    if orientation.one_sided:
         out.append(
-            f"{sides.one_sided} components with one side only (Möbius strips) cut along "
-            f"{int((~sides.keep).sum())} edges"
+            f"{orientation.one_sided} components with one side only (Möbius strips) cut along "
+            f"{int((~orientation.keep).sum())} edges"
         )
     return out

@@ -14,24 +14,24 @@ from circparam.mesh.surface import Surface
 def complete(
     mesh: Mesh, surface: Surface, repairs: RepairReport, uv: FloatArray, uv_faces: IntArray
 ) -> UVMap:
-    """The layout of the surface's faces, carried to every face of the file.
+    """The layout of the surface's faces, on every face of the file.
 
-    uv: (k, 2); uv_faces: (s, 3) into uv, for the faces of the surface. Corners of turned faces go back to
-    the order of the file, so such a uv triangle is as clockwise as the face itself is wound backwards. A twin
-    takes, corner by corner, the uv of the face that was kept. A degenerate face takes the uv of its points
-    from one chart, that of its own polygon first; where that would cover an area which is not a gap of the
-    chart, its middle corner moves to the nearer of the other two (all three lie on a line in space, so
+    uv: (k, 2); uv_faces: (s, 3) into uv, for the faces of the surface. Corners of reversed faces go back to
+    the order of the file, so such a uv triangle is as clockwise as the face itself is wound backwards. A
+    duplicate takes, corner by corner, the uv of the face that was kept. A degenerate face takes the uv of its
+    points from one chart, that of its own polygon first; where that would cover an area which is not a gap of
+    the chart, its middle corner moves to the nearer of the other two (all three lie on a line in space, so
     nothing of it shows). A degenerate face with no point on the surface takes one uv of the nearest face.
     """
     out = np.full(mesh.faces.shape, -1, np.int64)
-    corners = np.where(surface.turned[:, None], uv_faces[:, [0, 2, 1]], uv_faces)
+    corners = np.where(surface.reversed_faces[:, None], uv_faces[:, [0, 2, 1]], uv_faces)
     out[surface.source] = corners
     welded = repairs.weld[mesh.faces]
     if len(repairs.degenerate):
         out[repairs.degenerate] = _degenerate_uv(mesh, surface, repairs, uv, uv_faces)
-    if len(repairs.twins):
-        same = welded[repairs.twins][:, :, None] == welded[repairs.twin_of][:, None, :]
-        out[repairs.twins] = np.take_along_axis(out[repairs.twin_of], same.argmax(2), 1)
+    if len(repairs.duplicates):
+        same = welded[repairs.duplicates][:, :, None] == welded[repairs.duplicate_of][:, None, :]
+        out[repairs.duplicates] = np.take_along_axis(out[repairs.duplicate_of], same.argmax(2), 1)
     return UVMap(uv, out)
 
 
@@ -44,9 +44,9 @@ def _degenerate_uv(
     chart = UVMap(uv, uv_faces).charts
     polygon = np.arange(len(mesh.faces)) if mesh.polygons is None else mesh.polygons
     # corners of the surface at the points of these faces, sorted by point
-    wanted = np.zeros(len(mesh.points), bool)
-    wanted[points] = True
-    corner = np.flatnonzero(wanted[surface.faces.ravel()])
+    touched = np.zeros(len(mesh.points), bool)
+    touched[points] = True
+    corner = np.flatnonzero(touched[surface.faces.ravel()])
     at = surface.faces.ravel()[corner]
     order = np.argsort(at, kind="stable")
     corner, at = corner[order], at[order]

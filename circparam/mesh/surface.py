@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.core.graph import components
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
-from circparam.mesh.halfedge import corner_classes
+from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +20,7 @@ class Surface:
     points: (n, 3) float64, the points of the mesh, centred and scaled only where that is said.
     faces: (m, 3) int64 into points through the weld map, wound consistently for the solve.
     source: (m,) int64, the face of the mesh each face comes from (degenerate and duplicate faces are set
-    aside and missing here). turned: (m,) bool, the winding is the reverse of the file's.
+    aside and missing here). reversed_faces: (m,) bool, the winding is the reverse of the file's.
     edges: (e, 2) int64, pairs of half-edges that belong together and run against each other, i < j, in
     ascending order of i. A half-edge in no pair is on a boundary: a non-manifold edge keeps pairs of faces,
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
@@ -31,7 +30,7 @@ class Surface:
     points: FloatArray
     faces: IntArray
     source: IntArray
-    turned: BoolArray
+    reversed_faces: BoolArray
     edges: IntArray
     locked: BoolArray
 
@@ -78,22 +77,15 @@ class Surface:
     @cached_property
     def boundary(self) -> IntArray:
         """Half-edges on a boundary of the surface itself, ascending."""
-        inner = np.zeros(self.faces.size, bool)
-        inner[self.edges.ravel()] = True
-        return np.flatnonzero(~inner)
+        return boundary_half_edges(len(self.faces), self.edges)
 
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""
         e = self.edges[~cut]
-        m = len(self.faces)
-        count, labels = csgraph.connected_components(
-            sps.coo_matrix((np.ones(len(e), bool), (e[:, 0] // 3, e[:, 1] // 3)), shape=(m, m)),
-            directed=False,
-        )
-        return int(count), labels.astype(np.int64)
+        return components(len(self.faces), e[:, 0] // 3, e[:, 1] // 3)
 
     def cut_mesh(self, cut: BoolArray) -> CutMesh:
-        """The whole surface cut open along ``cut`` ((e,) bool): one patch a chart, faces in order."""
+        """The whole surface cut open along ``cut`` ((e,) bool): charts and faces in order."""
         _, chart = self.charts(cut)
         edges = self.edges[~cut]
         _, corners = corner_classes(len(self.faces), edges)
@@ -102,9 +94,9 @@ class Surface:
     def part_cut_mesh(
         self, cut: BoolArray, faces: BoolArray, chart: IntArray
     ) -> tuple[CutMesh, IntArray]:
-        """CutMesh of some faces only. chart: (m,) labels 0..n−1 on those faces (ignored elsewhere).
+        """The cut mesh of some faces only. chart: (m,) labels 0..n−1 on those faces (ignored elsewhere).
 
-        Returns (cut mesh, (k,) face of the surface that each patch face is).
+        Returns (cut mesh, (k,) face of the surface that each of its faces is).
         """
         fid = np.flatnonzero(faces)
         local = np.full(len(self.faces), -1)
@@ -126,7 +118,7 @@ class Surface:
             self.points,
             self.faces[fid],
             self.source[fid],
-            self.turned[fid],
+            self.reversed_faces[fid],
             3 * local[e // 3] + e % 3,
             self.locked[inside],
         )

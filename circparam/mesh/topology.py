@@ -1,180 +1,26 @@
-"""The report on the topology of a mesh as it stands in the file: what it is, before anything is repaired."""
+"""The topology of a mesh as it stands in the file: what it is, before anything is repaired."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    first_of_runs,
     group_count,
     group_sum,
     next_half_edge,
     relabel,
 )
+from circparam.core.graph import components
+from circparam.mesh.halfedge import point_corners, sort_by_edge
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.orientation import double_cover
+from circparam.mesh.topology_report import Component, TopologyReport
 from circparam.mesh.weld import degenerate_faces, first_duplicates, mesh_scale, weld_map
-
-
-@dataclass(frozen=True, eq=False)
-class Component:
-    """Faces that hang together through shared vertices.
-
-    faces, vertices: numbers. pieces: parts that hang together across edges (more than one where parts meet
-    in single points only). euler, genus: with every non-manifold vertex split, genus None where it is not
-    defined. boundaries: number of boundary loops; lengths: of each, in units of the mesh, longest first.
-    nonmanifold_edges, inconsistent_edges: edges of more than two faces; edges whose two faces are wound
-    against each other. orientable: whether it has two sides. first_face: the lowest face.
-    """
-
-    faces: int
-    vertices: int
-    pieces: int
-    euler: int
-    genus: int | None
-    boundaries: int
-    lengths: list[float]
-    nonmanifold_edges: int
-    nonmanifold_vertices: int
-    inconsistent_edges: int
-    orientable: bool
-    first_face: int
-
-    @property
-    def verdict(self) -> str:
-        """What it is, in a few words: 'disk', 'sphere', 'genus 2 with 3 boundaries', 'non-manifold' ..."""
-        if self.nonmanifold_edges:
-            return "non-manifold"
-        if not self.orientable:
-            return "non-orientable"
-        if self.pieces > 1:
-            return f"{self.pieces} pieces that meet in points"
-        pinched = f", pinched at {_count(self.nonmanifold_vertices, 'vertex', 'vertices')}"
-        return self._shape() + (pinched if self.nonmanifold_vertices else "")
-
-    @property
-    def is_disk(self) -> bool:
-        """Whether it is one disk: manifold, one boundary, no handle."""
-        return self.verdict == "disk"
-
-    def _shape(self) -> str:
-        if self.genus == 0 and self.boundaries < 2:
-            return "disk" if self.boundaries else "sphere"
-        if self.boundaries == 0:
-            return f"genus {self.genus}, closed"
-        return f"genus {self.genus} with {_count(self.boundaries, 'boundary', 'boundaries')}"
-
-    def as_dict(self) -> dict[str, Any]:
-        """For a report."""
-        return {
-            "verdict": self.verdict,
-            "faces": self.faces,
-            "vertices": self.vertices,
-            "pieces": self.pieces,
-            "euler": self.euler,
-            "genus": self.genus,
-            "boundaries": self.boundaries,
-            "boundary_lengths": self.lengths,
-            "borders": self.boundaries,  # the older name
-            "border_lengths": self.lengths,
-            "nonmanifold_edges": self.nonmanifold_edges,
-            "nonmanifold_vertices": self.nonmanifold_vertices,
-            "inconsistent_edges": self.inconsistent_edges,
-            "orientable": self.orientable,
-            "first_face": self.first_face,
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class TopologyReport:
-    """The topology of a mesh after welding coincident vertices (a map: nothing is edited).
-
-    vertices: welded vertices that a face uses; vertices_in_file; unreferenced: vertices of the file no face
-    uses. faces: all, as triangles. edges. euler: vertices − edges + faces, with non-manifold vertices split;
-    faces with a repeated vertex count in ``faces`` only. degenerate_faces: a repeated vertex, or an area
-    <= 1e-12 x longest edge². duplicate_faces: the same three points as an earlier face.
-    """
-
-    vertices: int
-    vertices_in_file: int
-    unreferenced: int
-    faces: int
-    edges: int
-    degenerate_faces: int
-    duplicate_faces: int
-    components: list[Component]
-
-    @cached_property
-    def euler(self) -> int:
-        """Euler characteristic of the whole, non-manifold vertices split."""
-        return sum(c.euler for c in self.components)
-
-    @cached_property
-    def genus(self) -> int | None:
-        """Sum over the components; None where one has none (non-manifold or non-orientable)."""
-        known = [c.genus for c in self.components if c.genus is not None]
-        return sum(known) if len(known) == len(self.components) else None
-
-    @cached_property
-    def boundaries(self) -> int:
-        """Number of boundary loops."""
-        return sum(c.boundaries for c in self.components)
-
-    @cached_property
-    def nonmanifold_edges(self) -> int:
-        """Edges of more than two faces."""
-        return sum(c.nonmanifold_edges for c in self.components)
-
-    @cached_property
-    def nonmanifold_vertices(self) -> int:
-        """Vertices whose faces do not hang together across the edges at the vertex."""
-        return sum(c.nonmanifold_vertices for c in self.components)
-
-    @cached_property
-    def inconsistent_edges(self) -> int:
-        """Edges whose two faces are wound against each other."""
-        return sum(c.inconsistent_edges for c in self.components)
-
-    @property
-    def is_disks(self) -> bool:
-        """Whether every component is a disk."""
-        return all(c.is_disk for c in self.components)
-
-    @property
-    def not_disks(self) -> list[int]:
-        """Numbers of the components that are no disks."""
-        return [k for k, c in enumerate(self.components) if not c.is_disk]
-
-    def as_dict(self) -> dict[str, Any]:
-        """For a report: plain numbers, strings and lists."""
-        return {
-            "vertices": self.vertices,
-            "vertices_in_file": self.vertices_in_file,
-            "unreferenced_vertices": self.unreferenced,
-            "edges": self.edges,
-            "faces": self.faces,
-            "components": len(self.components),
-            "euler": self.euler,
-            "genus": self.genus,
-            "boundaries": self.boundaries,
-            "borders": self.boundaries,  # the older name
-            "nonmanifold_edges": self.nonmanifold_edges,
-            "nonmanifold_vertices": self.nonmanifold_vertices,
-            "inconsistent_edges": self.inconsistent_edges,
-            "degenerate_faces": self.degenerate_faces,
-            "duplicate_faces": self.duplicate_faces,
-            "disk": self.is_disks,
-            "component_list": [c.as_dict() for c in self.components],
-        }
 
 
 def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
@@ -189,9 +35,9 @@ def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
     used = np.zeros(len(points), bool)
     used[mesh.faces] = True
     bad = degenerate_faces(points, welded)
-    twins = (first_duplicates(welded, len(points)) != np.arange(len(welded))) & ~bad
+    duplicate = (first_duplicates(welded, len(points)) != np.arange(len(welded))) & ~bad
     _, component = relabel(
-        _components(len(points), welded[:, 0], welded[:, 1], welded[:, 2])[welded[:, 0]]
+        components(len(points), welded[:, :2].ravel(), welded[:, 1:].ravel())[1][welded[:, 0]]
     )
     edges = _Edges.of(welded, len(points))
     return TopologyReport(
@@ -201,7 +47,7 @@ def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
         faces=len(welded),
         edges=edges.number,
         degenerate_faces=int(bad.sum()),
-        duplicate_faces=int(twins.sum()),
+        duplicate_faces=int(duplicate.sum()),
         components=_component_list(points, welded, component, edges, 1.0 / scale),
     )
 
@@ -210,132 +56,121 @@ def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
 class _Edges:
     """Edges of the faces without a repeated vertex (solid (m,) bool), from the file's winding.
 
-    pairs (p, 2): half-edges of edges of two faces, against: whether these are wound against each other. rim:
+    pairs (p, 2): half-edges of edges of two faces, against: whether these are inconsistently oriented. single:
     half-edges of edges of one face. crowded: one half-edge of each edge of more faces. chain (c, 2): neighbours
     in the list of half-edges of each edge, whatever their number.
     """
 
     solid: BoolArray
     number: int
-    first: IntArray
     pairs: IntArray
     against: BoolArray
-    rim: IntArray
+    single: IntArray
     crowded: IntArray
     chain: IntArray
 
     @staticmethod
     def of(faces: IntArray, n_points: int) -> _Edges:
-        start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+        """faces: (m, 3) welded, into n_points points."""
         solid = ~(faces == faces[:, [1, 2, 0]]).any(1)
-        h = np.flatnonzero(np.repeat(solid, 3))
-        key = (np.minimum(start, end) * n_points + np.maximum(start, end))[h]
-        order = np.argsort(key, kind="stable")
-        h, key = h[order], key[order]
-        head = first_of_runs(key)
-        count = np.diff(np.r_[head, len(h)])
-        two = head[count == 2]
-        pairs = np.stack([h[two], h[two + 1]], 1)
-        inner = np.ones(len(h), bool)
-        inner[head] = False
-        follower = np.flatnonzero(inner)
+        runs = sort_by_edge(faces, n_points, solid)
+        (h, head, size), pairs = runs, runs.pairs
+        start = faces.ravel()
+        later = np.ones(len(h), bool)
+        later[head] = False
+        follower = np.flatnonzero(later)
         return _Edges(
             solid,
             len(head),
-            h[head],
             pairs,
             start[pairs[:, 0]] == start[pairs[:, 1]],
-            h[head[count == 1]],
-            h[head[count > 2]],
+            h[head[size == 1]],
+            h[head[size > 2]],
             np.stack([h[follower - 1], h[follower]], 1),
         )
-
-
-def _components(n: int, *ends: IntArray) -> IntArray:
-    """(n,) component of nodes joined in a chain through ``ends``."""
-    rows, columns = np.concatenate(ends[:-1]), np.concatenate(ends[1:])
-    graph = sps.coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(n, n))
-    return csgraph.connected_components(graph, directed=False)[1].astype(np.int64)
-
-
-def _fans(faces: IntArray, pairs: IntArray) -> IntArray:
-    """(3m,) class of each corner: corners at one point joined across the given pairs of half-edges."""
-    start = faces.ravel()
-    i, j = pairs[:, 0], pairs[:, 1]
-    ni, nj = next_half_edge(i), next_half_edge(j)
-    same = start[i] == start[j]
-    a = np.r_[i, ni]
-    b = np.r_[np.where(same, j, nj), np.where(same, nj, j)]
-    return _components(len(start), a, b)
 
 
 def _component_list(
     points: FloatArray, faces: IntArray, component: IntArray, edges: _Edges, unit: float
 ) -> list[Component]:
     """The components, in the order of their first face; lengths are multiplied by ``unit``."""
-    n, m = int(component.max()) + 1, len(faces)
-    solid = np.repeat(edges.solid, 3)
+    n = int(component.max()) + 1
     corner = np.repeat(component, 3)
-    flat = faces.ravel()
+    vertices, fan = _vertices(faces, corner, edges, n)
+    pieces, one_sided = _pieces(component, edges, n)
+    boundaries, lengths = _boundaries(points, faces, fan, component, edges.single, unit)
 
-    def of(h: IntArray) -> IntArray:
-        return group_count(component[h // 3], n)
-
-    # vertices of the surface once it is split, and points where all edges together make several fans
-    split = _fans(faces, edges.pairs)
-    owner = np.full(int(split.max()) + 1, -1)
-    owner[split[solid]] = corner[solid]
-    vertices = group_count(owner[owner >= 0], n)
-    whole = _fans(faces, edges.chain) if len(edges.crowded) else split
-    at = np.full(int(whole.max()) + 1, -1)
-    at[whole[solid]] = flat[solid]
-    fans = group_count(at[at >= 0], len(points))
     point_component = np.full(len(points), -1)
-    point_component[flat] = corner
-    pinched = group_count(point_component[fans > 1], n)
+    point_component[faces.ravel()] = corner
+    pinched = group_count(point_component[_fans_at(faces, fan, edges, len(points)) > 1], n)
     # an edge of more than two faces comes apart into one edge for each face
-    loose = np.repeat(True, 3 * m) & solid
+    loose = np.repeat(edges.solid, 3)
     loose[edges.pairs[:, 1]] = False
     euler = vertices - group_count(corner[loose], n) + group_count(component[edges.solid], n)
+    crowded = group_count(component[edges.crowded // 3], n)
+    against = group_count(component[edges.pairs[edges.against, 0] // 3], n)
+    sizes = group_count(component, n)
+    used = group_count(point_component[point_component >= 0], n)
+    first = np.unique(component, return_index=True)[1]
+    plain = (crowded == 0) & (one_sided == 0)
+    genus = (2 * pieces - euler - boundaries) // 2
+    return [
+        Component(
+            faces=int(sizes[c]),
+            vertices=int(used[c]),
+            pieces=int(pieces[c]),
+            euler=int(euler[c]),
+            genus=int(genus[c]) if plain[c] else None,
+            boundaries=int(boundaries[c]),
+            lengths=lengths[c],
+            nonmanifold_edges=int(crowded[c]),
+            nonmanifold_vertices=int(pinched[c]),
+            inconsistent_edges=int(against[c]),
+            orientable=bool(one_sided[c] == 0),
+            first_face=int(first[c]),
+        )
+        for c in range(n)
+    ]
 
+
+def _vertices(
+    faces: IntArray, corner: IntArray, edges: _Edges, n: int
+) -> tuple[IntArray, IntArray]:
+    """((n,) vertices of each component once it is split, (3m,) fan of each corner).
+
+    Split, corners hang together across edges of two faces only; a fan hangs together across every edge.
+    corner: (3m,) component of each corner.
+    """
+    solid = np.repeat(edges.solid, 3)
+    split = point_corners(faces, edges.pairs)
+    owner = np.full(int(split.max()) + 1, -1)
+    owner[split[solid]] = corner[solid]
+    fan = point_corners(faces, edges.chain) if len(edges.crowded) else split
+    return group_count(owner[owner >= 0], n), fan
+
+
+def _fans_at(faces: IntArray, fan: IntArray, edges: _Edges, n_points: int) -> IntArray:
+    """(n_points,) number of fans at each point."""
+    solid = np.repeat(edges.solid, 3)
+    at = np.full(int(fan.max()) + 1, -1)
+    at[fan[solid]] = faces.ravel()[solid]
+    return group_count(at[at >= 0], n_points)
+
+
+def _pieces(component: IntArray, edges: _Edges, n: int) -> tuple[IntArray, IntArray]:
+    """((n,) parts of each component that hang together across edges of two faces, (n,) those with one side)."""
+    m = len(component)
     i, j = edges.pairs[:, 0] // 3, edges.pairs[:, 1] // 3
     if edges.against.any():
         piece, _, two_sided = double_cover(m, i, j, edges.against)
     else:
-        piece = _components(m, i, j)
-        two_sided = np.ones(int(piece.max()) + 1, bool)
-    piece_component = np.zeros(len(two_sided), np.int64)
-    piece_component[piece] = component
+        number, piece = components(m, i, j)
+        two_sided = np.ones(number, bool)
+    owner = np.zeros(len(two_sided), np.int64)
+    owner[piece] = component
     real = np.zeros(len(two_sided), bool)
     real[piece[edges.solid]] = True
-    pieces = group_count(piece_component[real], n)
-    one_sided = group_count(piece_component[real & ~two_sided], n)
-
-    boundaries, lengths = _boundaries(points, faces, whole, component, edges.rim, n, unit)
-    crowded, against = of(edges.crowded), of(edges.pairs[edges.against, 0])
-    sizes = group_count(component, n)
-    used = group_count(point_component[point_component >= 0], n)
-    first = np.unique(component, return_index=True)[1]
-    out = []
-    for c in range(n):
-        good = crowded[c] == 0 and one_sided[c] == 0
-        out.append(
-            Component(
-                faces=int(sizes[c]),
-                vertices=int(used[c]),
-                pieces=int(pieces[c]),
-                euler=int(euler[c]),
-                genus=int(2 * pieces[c] - euler[c] - boundaries[c]) // 2 if good else None,
-                boundaries=int(boundaries[c]),
-                lengths=lengths[c],
-                nonmanifold_edges=int(crowded[c]),
-                nonmanifold_vertices=int(pinched[c]),
-                inconsistent_edges=int(against[c]),
-                orientable=bool(one_sided[c] == 0),
-                first_face=int(first[c]),
-            )
-        )
-    return out
+    return group_count(owner[real], n), group_count(owner[real & ~two_sided], n)
 
 
 def _boundaries(
@@ -343,28 +178,24 @@ def _boundaries(
     faces: IntArray,
     fan: IntArray,
     component: IntArray,
-    rim: IntArray,
-    n: int,
+    single: IntArray,
     unit: float,
 ) -> tuple[IntArray, list[list[float]]]:
     """Boundary loops of each component: (number (n,), lengths, longest first).
 
     A loop is a chain of edges of one face; it does not jump from fan to fan at a vertex of several fans.
     """
+    n = int(component.max()) + 1
     flat = faces.ravel()
-    if len(rim) == 0:
+    if len(single) == 0:
         return np.zeros(n, np.int64), [[] for _ in range(n)]
-    label = _components(int(fan.max()) + 1, fan[rim], fan[next_half_edge(rim)])
-    loops, loop = relabel(label[fan[rim]])
-    length = np.linalg.norm(points[flat[next_half_edge(rim)]] - points[flat[rim]], axis=1)
+    _, label = components(int(fan.max()) + 1, fan[single], fan[next_half_edge(single)])
+    loops, loop = relabel(label[fan[single]])
+    length = np.linalg.norm(points[flat[next_half_edge(single)]] - points[flat[single]], axis=1)
     total = group_sum(length, loop, loops) * unit
     owner = np.zeros(loops, np.int64)
-    owner[loop] = component[rim // 3]
+    owner[loop] = component[single // 3]
     order = np.lexsort((np.arange(loops), -total, owner))
     number = group_count(owner, n)
     parts = np.split(total[order], np.cumsum(number)[:-1])
     return number, [part.tolist() for part in parts]
-
-
-def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"

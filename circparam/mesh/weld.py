@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 from scipy.spatial import cKDTree
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.core.graph import components
 from circparam.errors import OptionError
 from circparam.mesh.mesh import Mesh
 
@@ -38,9 +37,7 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
             f"the weld tolerance {eps:g} joins whole neighbourhoods of vertices: give a smaller one"
         )
     near = tree.query_pairs(radius, output_type="ndarray").astype(np.int64)
-    n = len(points)
-    graph = sps.coo_matrix((np.ones(len(near), bool), (near[:, 0], near[:, 1])), shape=(n, n))
-    count, labels = csgraph.connected_components(graph, directed=False)
+    count, labels = components(len(points), near[:, 0], near[:, 1])
     lowest = np.full(count, len(weld))
     np.minimum.at(lowest, labels, points)
     target = np.arange(len(weld))

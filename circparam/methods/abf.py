@@ -12,6 +12,7 @@ hole are all that a layout asks; on a plane the angles of the surface meet them 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import scipy.sparse as sps
@@ -21,11 +22,10 @@ from circparam.core.arrays import (
     ComplexArray,
     FloatArray,
     IntArray,
-    dot,
     group_max,
     group_sum,
 )
-from circparam.core.linalg import Factor
+from circparam.core.linalg import Factor, gradient_iterates
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
@@ -281,23 +281,13 @@ class _Solver:
     @staticmethod
     def _iterate(matrix: sps.csc_matrix, b: FloatArray, factor: Factor) -> FloatArray | None:
         """Preconditioned conjugate gradients; None where they do not get there."""
-        x = factor.solve(b)
-        r = b - matrix @ x
         target = 1e-13 * float(np.abs(b).max(initial=0.0))
-        z = factor.solve(r)
-        p, rz = z, dot(r, z)
-        for _ in range(CG_LIMIT):
-            if float(np.abs(r).max(initial=0.0)) <= target:
+        iterates = gradient_iterates(matrix, b, factor.solve, factor.solve(b))
+        for x, residual, weight in islice(iterates, CG_LIMIT):
+            if float(np.abs(residual).max(initial=0.0)) <= target:
                 return x
-            q = matrix @ p
-            curvature = dot(p, q)
-            if not (curvature > 0 and rz > 0):
-                return None
-            x = x + (rz / curvature) * p
-            r = r - (rz / curvature) * q
-            z = factor.solve(r)
-            rz, last = dot(r, z), rz
-            p = z + (rz / last) * p
+            if not weight > 0:
+                break
         return None
 
 

@@ -8,8 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, first_of_runs, group_sum
+from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.core.graph import components
 from circparam.errors import OptionError
+from circparam.mesh.halfedge import sort_by_edge
 
 _QUARTER = np.pi / 2
 
@@ -127,12 +129,9 @@ def _validate(faces: IntArray, uv: FloatArray, chart: IntArray) -> None:
 def _outline_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
     """Edges that exactly one face has; all edges of a chart that has none (a closed or doubled one)."""
     a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    key = np.minimum(a, b) * n + np.maximum(a, b)
-    order = np.argsort(key, kind="stable")
-    head = first_of_runs(key[order])
-    once = np.diff(np.r_[head, len(key)]) == 1
-    boundary = np.zeros(len(key), bool)
-    boundary[order[head[once]]] = True
+    runs = sort_by_edge(faces, n)
+    boundary = np.zeros(faces.size, bool)
+    boundary[runs.order[runs.head[runs.size == 1]]] = True
     # a face without any way to an outline still has to be packed: take all its edges
     vertex = np.full(n, False)
     vertex[a[boundary]] = True
@@ -143,16 +142,9 @@ def _outline_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
 
 def _charts_without(faces: IntArray, vertex: np.ndarray) -> np.ndarray:
     """(m,) faces of which no connected face has a vertex on an outline."""
-    import scipy.sparse as sps
-    import scipy.sparse.csgraph as csgraph
-
     m, n = len(faces), len(vertex)
-    graph = sps.coo_matrix(
-        (np.ones(3 * m, bool), (np.repeat(np.arange(m), 3), faces.ravel() + m)),
-        shape=(m + n, m + n),
-    )
-    _, labels = csgraph.connected_components(graph, directed=False)
-    has = np.zeros(labels.max() + 1, bool)
+    count, labels = components(m + n, np.repeat(np.arange(m), 3), faces.ravel() + m)
+    has = np.zeros(count, bool)
     has[labels[m:][vertex]] = True
     return np.asarray(~has[labels[:m]])
 

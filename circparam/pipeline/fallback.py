@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
+from circparam.core.graph import components, distances, nearest
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, TopologyError
 from circparam.geometry.distortion import chart_distortion
@@ -156,15 +156,10 @@ def split_charts(atlas: Atlas, charts: BoolArray) -> BoolArray:
     _, first = np.unique(label, return_index=True)
     far = _farthest(graph, first, label)
     other = _farthest(graph, far, label)
-    _, _, source = csgraph.dijkstra(
-        graph, False, np.r_[far, other], return_predecessors=True, min_only=True
-    )
+    _, _, source = nearest(graph, np.r_[far, other], symmetric=False)
     # faces of one polygon follow the first of them
     glue = surface.locked[e]
-    _, polygon = csgraph.connected_components(
-        sps.coo_matrix((np.ones(int(glue.sum()), bool), (ends[glue, 0], ends[glue, 1])), (k, k)),
-        directed=False,
-    )
+    _, polygon = components(k, ends[glue, 0], ends[glue, 1])
     _, head = np.unique(polygon, return_index=True)
     side = np.isin(source, other)[head][polygon]
     new = np.zeros(len(cut), bool)
@@ -174,7 +169,7 @@ def split_charts(atlas: Atlas, charts: BoolArray) -> BoolArray:
 
 def _farthest(graph: sps.csr_matrix, sources: IntArray, label: IntArray) -> IntArray:
     """The face of each chart that is farthest from the chart's source (the first of equals)."""
-    distance = csgraph.dijkstra(graph, False, sources, min_only=True)
+    distance = distances(graph, sources, symmetric=False)
     distance = np.where(np.isfinite(distance), distance, -1.0)
     order = np.lexsort((np.arange(len(label)), -distance, label))
     _, first = np.unique(label[order], return_index=True)

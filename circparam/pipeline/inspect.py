@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from circparam.errors import InputError, TopologyError
 from circparam.formats.document import Document
 from circparam.mesh.repair import RepairOptions, repair
-from circparam.mesh.topology import TopologyReport, describe
+from circparam.mesh.topology import describe
+from circparam.mesh.topology_report import TopologyReport
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
 

@@ -8,13 +8,20 @@ split stays only if the page is covered much better with it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    edge_keys,
+    group_sum,
+    next_half_edge,
+)
+from circparam.core.graph import nearest
 from circparam.core.monitor import Monitor
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import best_chart_scales, chart_distortion
@@ -229,17 +236,16 @@ def _cut_across(atlas: Atlas, cut_mesh: CutMesh, chart: int, start: int, end: in
     length = length + length.sum() * (rim[a].astype(float) + rim[b])
     n = cut_mesh.n_vertices
     graph = sps.csr_matrix((length, (a, b)), shape=(n, n))
-    dijkstra: Any = csgraph.dijkstra
-    _, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
+    _, before, _ = nearest(graph, np.array([start]), symmetric=False)
     path = [end]
     while path[-1] != start:
         if before[path[-1]] < 0:
             return None
         path.append(int(before[path[-1]]))
     q = np.array(path)
-    key = np.minimum(q[1:], q[:-1]) * n + np.maximum(q[1:], q[:-1])
+    key = edge_keys(q[1:], q[:-1], n)
     cut = atlas.cut.copy()
-    cut[edge[np.isin(np.minimum(a, b) * n + np.maximum(a, b), key)]] = True
+    cut[edge[np.isin(edge_keys(a, b, n), key)]] = True
     return Atlas(s, cut, atlas.corners)
 
 

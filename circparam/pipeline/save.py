@@ -102,7 +102,7 @@ def seam_pairs(result: Result) -> IntArray:
     glued = np.zeros(surface.faces.size, bool)
     glued[cut_mesh.edges.ravel()] = True
     h = surface.edges[~glued[surface.edges[:, 0]], 0]
-    corner = np.where(surface.turned[:, None], [[0, 2, 1]], [[0, 1, 2]])
+    corner = np.where(surface.reversed_faces[:, None], [[0, 2, 1]], [[0, 1, 2]])
     face = result.mesh.faces[surface.source]
     a = face[h // 3, corner[h // 3, h % 3]]
     b = face[h // 3, corner[h // 3, (h % 3 + 1) % 3]]

@@ -87,7 +87,7 @@ class Verification:
 def corners_of(surface: Surface, uvmap: UVMap) -> tuple[FloatArray, BoolArray]:
     """uv (m, 3, 2) of the corners of the surface's faces, winding as solved; and (m,) which have uv."""
     index = uvmap.uv_faces[surface.source]
-    index = np.where(surface.turned[:, None], index[:, [0, 2, 1]], index)
+    index = np.where(surface.reversed_faces[:, None], index[:, [0, 2, 1]], index)
     uv = uvmap.uv if len(uvmap.uv) else np.zeros((1, 2))
     corners = uv[np.maximum(index, 0)]
     ok = np.all((index >= 0) & np.isfinite(corners).all(axis=2), axis=1) & (len(uvmap.uv) > 0)
@@ -178,11 +178,13 @@ def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     Where both sides are as large, up to rounding, it is the side of the chart's first face.
     """
     n = cut_mesh.n_charts
-    balance = group_sum(np.where(surface.turned, -surface.areas, surface.areas), cut_mesh.chart, n)
+    balance = group_sum(
+        np.where(surface.reversed_faces, -surface.areas, surface.areas), cut_mesh.chart, n
+    )
     even = np.abs(balance) <= EVEN * group_sum(surface.areas, cut_mesh.chart, n)
     charts, first = np.unique(cut_mesh.chart, return_index=True)
     front = np.zeros(n, bool)
-    front[charts] = surface.turned[first]
+    front[charts] = surface.reversed_faces[first]
     result: BoolArray = np.where(even, front, balance < 0)
     return result
 

@@ -6,10 +6,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, relabel
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    edge_keys,
+    group_sum,
+    relabel,
+)
+from circparam.core.graph import components
 from circparam.errors import InputError
 
 
@@ -181,7 +188,7 @@ class Scene:
         b = self.uv_faces[:, [1, 2, 0]].ravel()
         ok = (a >= 0) & (b >= 0)
         n = len(self.uv) + 1
-        key = np.where(ok, np.minimum(a, b) * n + np.maximum(a, b), -1)
+        key = np.where(ok, edge_keys(a, b, n), -1)
         order = np.argsort(key, kind="stable")
         ranked = key[order]
         lone = np.ones(len(key), bool)
@@ -196,7 +203,7 @@ class Scene:
         w = self.weld[self.faces]
         a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
         h = self.seams
-        key = np.minimum(a, b)[h] * (len(self.points) + 1) + np.maximum(a, b)[h]
+        key = edge_keys(a[h], b[h], len(self.points))
         _, first, count = np.unique(key, return_index=True, return_counts=True)
         out: IntArray = np.sort(h[first[count > 1]])
         return out
@@ -283,11 +290,8 @@ def _charts(uv_faces: IntArray, mapped: BoolArray, uv: FloatArray) -> IntArray:
     rows = np.repeat(np.arange(len(fid)), 3)
     columns = uv_faces[fid].ravel()
     size = len(fid) + len(uv)
-    graph = sps.coo_matrix(
-        (np.ones(len(rows), bool), (rows, columns + len(fid))), shape=(size, size)
-    )
-    _, labels = csgraph.connected_components(graph, directed=False)
-    n, label = relabel(labels[: len(fid)].astype(np.int64))
+    _, labels = components(size, rows, columns + len(fid))
+    n, label = relabel(labels[: len(fid)])
     c = uv[uv_faces[fid]]
     area = group_sum(np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])), label, n)
     rank = np.empty(n, np.int64)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray
+from circparam.core.graph import cycles
 from circparam.render import colours as col
 from circparam.render.scene import Scene
 
@@ -29,32 +28,10 @@ def outlines(scene: Scene) -> list[tuple[int, FloatArray]]:
         return [(int(c), scene.uv[[i, j]]) for c, i, j in zip(chart, a, b, strict=True)]
     follower = np.empty(len(h), np.int64)
     follower[arriving] = leaving
-    loops = _cycles(follower)
+    _, order, size = cycles(follower)
+    loops = np.split(order, np.cumsum(size)[:-1]) if len(size) else []
     out = [(int(chart[loop[0]]), scene.uv[a[loop]]) for loop in loops]
     return sorted(out, key=lambda item: item[0])
-
-
-def _cycles(follower: IntArray) -> list[IntArray]:
-    """The cycles of a permutation, each in order, by list ranking (pointer doubling)."""
-    n = len(follower)
-    if n == 0:
-        return []
-    graph = sps.coo_matrix((np.ones(n, bool), (np.arange(n), follower)), shape=(n, n))
-    _, label = csgraph.connected_components(graph, directed=False)
-    _, head = np.unique(label, return_index=True)
-    is_head = np.zeros(n, bool)
-    is_head[head] = True
-    jump = np.where(is_head, np.arange(n), follower)
-    steps = np.where(is_head, 0, 1)
-    while True:
-        further = jump[jump]
-        if np.array_equal(further, jump):
-            break
-        steps, jump = steps + steps[jump], further
-    size = np.bincount(label)
-    position = np.where(is_head, 0, size[label] - steps)
-    order = np.lexsort((position, label))
-    return np.split(order, np.cumsum(size)[:-1])
 
 
 def layout_svg(scene: Scene, title: str = "uv layout") -> str:

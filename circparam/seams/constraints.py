@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys, next_half_edge
 from circparam.errors import OptionError
 from circparam.mesh.surface import Surface
 from circparam.seams.options import SeamOptions
@@ -21,13 +21,13 @@ def match_edges(surface: Surface, pairs: IntArray) -> tuple[BoolArray, IntArray]
     flat = surface.faces.ravel()
     h = surface.edges[:, 0]
     a, b = flat[h], flat[next_half_edge(h)]
-    key = np.minimum(a, b) * n + np.maximum(a, b)
+    key = edge_keys(a, b, n)
     low, high = np.min(pairs, 1, initial=n), np.max(pairs, 1, initial=0)
     wanted = low * n + high
     outside = (pairs < 0).any(1) | (pairs >= n).any(1)
     rim = surface.boundary
     c, d = flat[rim], flat[next_half_edge(rim)]
-    known = np.concatenate([key, np.minimum(c, d) * n + np.maximum(c, d)])
+    known = np.concatenate([key, edge_keys(c, d, n)])
     return np.isin(key, wanted[~outside]), np.flatnonzero(outside | ~np.isin(wanted, known))
 
 

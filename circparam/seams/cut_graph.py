@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import (
     BoolArray,
@@ -16,8 +14,8 @@ from circparam.core.arrays import (
     group_count,
     next_half_edge,
 )
+from circparam.core.graph import Graph, components, spanning_forest
 from circparam.core.monitor import Monitor
-from circparam.core.multigraph import Graph, spanning_forest
 from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
@@ -242,9 +240,7 @@ def _longest_arcs(
     k = np.flatnonzero(through)
     k = k[np.argsort(ends[k], kind="stable")]
     one, two = k[::2] % len(e), k[1::2] % len(e)  # the two edges at each vertex passed through
-    graph = sps.coo_matrix((np.ones(len(one), bool), (one, two)), shape=(len(e), len(e)))
-    count, labels = csgraph.connected_components(graph, directed=False)
-    arc = labels.astype(np.int64)
+    count, arc = components(len(e), one, two)
     length = np.bincount(arc, weight[e], count)
     stale = np.bincount(arc, tried[e], count) > 0
     owner = np.zeros(count, np.int64)

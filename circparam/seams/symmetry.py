@@ -178,7 +178,7 @@ def _image_edges(surface: Surface, cell: IntArray, cells: IntArray, points: IntA
 def both_sides(
     surface: Surface, mirror: Mirror, half: Atlas, other: Atlas
 ) -> tuple[Atlas, BoolArray]:
-    """Seams and layouts of both halves, apart where they meet: (cutting, (e,) bool the edges between)."""
+    """Seams and layouts of both halves, apart where they meet: (atlas, (e,) bool the edges between)."""
     side = mirror.half[surface.edges // 3]
     cut = ~surface.locked
     cut[side.all(1)] = half.cut
@@ -215,7 +215,7 @@ def about_image_of(mirror: Mirror, half: Atlas, rest: Surface) -> tuple[Atlas, P
     back = np.sort(3 * (s.edges // 3) + 2 - s.edges % 3, axis=1)
     order = np.argsort(back[:, 0], kind="stable")
     image = Surface(
-        points, s.faces[:, [0, 2, 1]], s.source, ~s.turned, back[order], s.locked[order]
+        points, s.faces[:, [0, 2, 1]], s.source, ~s.reversed_faces, back[order], s.locked[order]
     )
     corners = half.corners[:, [0, 2, 1]] * [-1.0, 1.0]
     coarse = Atlas(image, half.cut[order], corners)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, next_half_edge
-from circparam.core.graph import nearest, undirected
+from circparam.core.arrays import BoolArray, IntArray, next_half_edge
+from circparam.core.graph import Graph, nearest, spanning_forest
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import corner_classes
 
@@ -63,52 +61,16 @@ def _joining_paths(cut_mesh: CutMesh) -> BoolArray:
     a, b = flat[h], flat[next_half_edge(h)]
     length = cut_mesh.edge_lengths.ravel()[h]
     n = cut_mesh.n_vertices
-    rim = flat[loops.half_edges]
+    on_loop = flat[loops.half_edges]
     loop = np.full(n, -1)
-    loop[rim] = loops.loop_of
-    distance, before, source = nearest(undirected(n, a, b, length), rim)
+    loop[on_loop] = loops.loop_of
+    graph = Graph(n, a, b, length)
+    distance, before, source = nearest(graph.matrix, on_loop)
     region = np.where(source >= 0, loop[source], -1)
     bridge = np.flatnonzero((region[a] != region[b]) & (region[a] >= 0) & (region[b] >= 0))
     way = (distance[a] + length + distance[b])[bridge]
-    bridge = bridge[_forest(len(loops.chart), region[a[bridge]], region[b[bridge]], way)]
+    tree = spanning_forest(len(loops.chart), region[a[bridge]], region[b[bridge]], way)
+    bridge = bridge[tree]
     cut[bridge] = True
-    on_path = _ancestors(before, np.concatenate([a[bridge], b[bridge]]))
-    cut[_edges_to(before, on_path, a, b, length)] = True
+    cut[graph.trace(before, np.r_[a[bridge], b[bridge]])] = True
     return cut
-
-
-def _forest(n: int, a: IntArray, b: IntArray, length: FloatArray) -> IntArray:
-    """Which of the edges a–b between n nodes make up the shortest spanning forest; each length above 0."""
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    order = np.lexsort((np.arange(len(a)), length, low * n + high))
-    order = order[first_of_runs((low * n + high)[order])]
-    order = order[np.lexsort((order, length[order]))]
-    # ranks in place of lengths: no ties, and the entries of the tree name their edges
-    graph = sps.coo_matrix((np.arange(len(order)) + 1.0, (low[order], high[order])), shape=(n, n))
-    tree = csgraph.minimum_spanning_tree(graph.tocsr())
-    chosen: IntArray = order[np.asarray(tree.data, np.int64) - 1]
-    return chosen
-
-
-def _ancestors(before: IntArray, ends: IntArray) -> IntArray:
-    """The nodes on the paths from the ends back to the sources that have a node before; walked together."""
-    marked = np.zeros(len(before), bool)
-    front = np.unique(ends)
-    while len(front):
-        front = front[~marked[front] & (before[front] >= 0)]
-        marked[front] = True
-        front = np.unique(before[front])
-    return np.flatnonzero(marked)
-
-
-def _edges_to(
-    before: IntArray, nodes: IntArray, a: IntArray, b: IntArray, length: FloatArray
-) -> IntArray:
-    """The shortest edge from each of these nodes to the node before it."""
-    wanted = np.zeros(len(before), bool)
-    wanted[nodes] = True
-    from_a = wanted[a] & (before[a] == b)
-    edge = np.flatnonzero(from_a | (wanted[b] & (before[b] == a)))
-    child = np.where(from_a[edge], a[edge], b[edge])
-    order = np.lexsort((edge, length[edge], child))
-    return edge[order[first_of_runs(child[order])]]

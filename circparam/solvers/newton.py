@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_min, group_sum
-from circparam.core.linalg import SparseMatrix
+from circparam.core.linalg import SparseMatrix, conjugate_gradients
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
@@ -22,7 +22,6 @@ from circparam.solvers.preconditioner import (
     BlockPattern,
     TwoLevel,
     aggregates,
-    conjugate_gradients,
     solve_direct,
 )
 

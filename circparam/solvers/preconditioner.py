@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
-from circparam.core.arrays import FloatArray, IntArray, dot, group_count, group_sum, next_half_edge
+from circparam.core.arrays import FloatArray, IntArray, group_count, group_sum, next_half_edge
+from circparam.core.graph import components
 from circparam.core.linalg import Factor, SparseMatrix
 from circparam.mesh.cut_mesh import CutMesh
 
@@ -77,11 +77,7 @@ def aggregates(cut_mesh: CutMesh, pattern: BlockPattern, uv: FloatArray) -> IntA
     span = cell.max(0) + 1
     key = (chart * span[0] + cell[:, 0]) * span[1] + cell[:, 1]
     same = key[pattern.tail] == key[pattern.head]
-    graph = sps.coo_matrix(
-        (np.ones(int(same.sum()), bool), (pattern.tail[same], pattern.head[same])), shape=(n, n)
-    )
-    _, labels = csgraph.connected_components(graph, directed=False)
-    return labels.astype(np.int64)
+    return components(n, pattern.tail[same], pattern.head[same])[1]
 
 
 def _diagonal_blocks(matrix: SparseMatrix) -> FloatArray:
@@ -133,28 +129,3 @@ class TwoLevel:
         x = x + self.prolong @ self.coarse.solve(self.restrict @ (r - self.matrix @ x))
         result: FloatArray = x + self.jacobi(r - self.matrix @ x)
         return result
-
-
-def conjugate_gradients(
-    matrix: SparseMatrix, b: FloatArray, precondition: TwoLevel, tolerance: float, limit: int
-) -> FloatArray:
-    """Preconditioned conjugate gradients; every iterate is a descent direction."""
-    x = np.zeros_like(b)
-    r = b.copy()
-    z = precondition(r)
-    p = z.copy()
-    rz = start = dot(r, z)
-    for _ in range(limit):
-        q = matrix @ p
-        curvature = dot(p, q)
-        if not curvature > 0:
-            break
-        alpha = rz / curvature
-        x += alpha * p
-        r -= alpha * q
-        z = precondition(r)
-        rz, last = dot(r, z), rz
-        if not rz > tolerance**2 * start:
-            break
-        p = z + (rz / last) * p
-    return x

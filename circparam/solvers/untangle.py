@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
+from circparam.core.graph import components
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.geometry.intrinsic import signed_areas
@@ -153,7 +153,7 @@ def cut_out(
     fixed[cut_mesh.faces[~region]] = True
     region = region & ~fixed[cut_mesh.faces].all(1)
     fid = np.flatnonzero(region)
-    label = _components(cut_mesh.faces[fid], fixed, cut_mesh.n_vertices)
+    label = _moving_groups(cut_mesh.faces[fid], fixed, cut_mesh.n_vertices)
     chart = label[cut_mesh.faces[fid]].max(1)  # fixed vertices have label −1
     _, chart = np.unique(chart, return_inverse=True)
     local = np.full(len(cut_mesh.faces), -1)
@@ -182,13 +182,11 @@ def _region(cut_mesh: CutMesh, region: BoolArray, hold: BoolArray, uv: FloatArra
     return _Part(scaled, source, fixed)
 
 
-def _components(faces: IntArray, fixed: BoolArray, n: int) -> IntArray:
+def _moving_groups(faces: IntArray, fixed: BoolArray, n: int) -> IntArray:
     """(n,) label of every vertex that may move (−1 for the others): those joined by faces move together."""
     pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     pairs = pairs[~fixed[pairs].any(1)]
-    graph = sps.coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    _, labels = csgraph.connected_components(graph, directed=False)
-    return np.where(fixed, -1, labels)
+    return np.where(fixed, -1, components(n, pairs[:, 0], pairs[:, 1])[1])
 
 
 def _areas(rest_triangles: FloatArray) -> FloatArray:

@@ -22,9 +22,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from circparam.core.arrays import relabel
+from circparam.geometry.raster import free_border, owner_raster, smallest_gap
 from circparam.mesh.mesh import UVMap
 from circparam.packing import pack
-from circparam.packing.check import border_distance, least_gap, owner_raster
 from circparam.packing.options import PackOptions
 from tests.bench.common import table, write
 from tests.support.corpus import CORPUS
@@ -92,7 +92,7 @@ def measure(path: str, bound: float) -> dict[str, object]:
     packed = pack(faces, uv, chart, PackOptions(RESOLUTION, PADDING))
     seconds = time.perf_counter() - start
     grid, _ = owner_raster(packed.uv[faces] * RESOLUTION, chart, RESOLUTION)
-    gap, border = least_gap(grid, PADDING), border_distance(grid)
+    gap, border = smallest_gap(grid, PADDING + 1)[0], free_border(grid)
     theirs = xatlas_share(faces, uv, bound)
     return {
         "file": Path(path).name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 import subprocess
@@ -127,3 +128,19 @@ def test_a_helper_answers_again_and_again() -> None:
             (first, own), (second, other) = beside.map(square, [(x, ""), (x + 1, "")], Monitor())
             assert (first, second) == (x * x, (x + 1) ** 2)
             assert own == os.getpid() != other
+
+
+def test_the_process_runs_a_module_that_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command names the module as a string, and every failure of the process is made good in silence."""
+    commands: list[list[str]] = []
+
+    def popen(command: list[str], **_: object) -> None:
+        commands.append(command)
+        raise OSError
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    Worker("tests.core.test_workers").close()
+    (command,) = commands
+    name = command[command.index("-m") + 1]
+    assert name == workers.__name__
+    assert importlib.util.find_spec(name) is not None

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry.coverage import cover, label_grid, pages_of, smallest_gap
+from circparam.geometry.coverage import cover, label_grid, pages_of
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from tests.support import shapes
 
 
 def flat_patches(p: np.ndarray, f: np.ndarray, chart: np.ndarray) -> tuple[CutMesh, np.ndarray]:
-    from circparam.geometry.overlap import shared_edges
+    from circparam.mesh.halfedge import shared_edges
 
     uv = p[:, :2].copy()
     return CutMesh(f, rest_triangles_of(p[f]), chart, shared_edges(f)), uv
@@ -77,25 +77,6 @@ def test_gap_between_two_squares(texels: int, gap: float) -> None:
 def test_far_charts_have_no_gap_within_the_search() -> None:
     cut_mesh, uv = squares([(0.1, 0.1), (0.6, 0.6)], 0.2)
     assert cover(cut_mesh, uv, 100, 6).gap == np.inf
-
-
-@settings(max_examples=30)
-@given(st.integers(0, 10**6))
-def test_smallest_gap_is_that_of_all_pairs(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    grid = np.full((24, 24), -1)
-    for label in range(3):
-        y, x = rng.integers(0, 20, 2)
-        h, w = rng.integers(1, 5, 2)
-        block = grid[y : y + h, x : x + w]
-        block[block < 0] = label
-    at = np.argwhere(grid >= 0)
-    label = grid[tuple(at.T)]
-    distance = np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1))
-    distance[label[:, None] == label[None]] = np.inf
-    best = distance.min(initial=np.inf)
-    found, _ = smallest_gap(grid, 7)
-    assert found == (best if best <= 7 else np.inf)
 
 
 def test_pages_are_tiles() -> None:

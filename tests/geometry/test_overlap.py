@@ -18,11 +18,11 @@ from circparam.geometry.intersect import (
     wedge_left_of,
     wedges_meet,
 )
-from circparam.geometry.overlap import crossings, overlaps, self_overlapping, shared_edges, signs
+from circparam.geometry.overlap import crossings, overlaps, self_overlapping, signs
 from circparam.geometry.predicates import orientation
 from circparam.geometry.segment_grid import Candidates
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
-from circparam.mesh.halfedge import corner_classes
+from circparam.mesh.halfedge import corner_classes, shared_edges
 from tests.support import shapes
 
 

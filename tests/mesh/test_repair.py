@@ -35,11 +35,11 @@ def check_surface(mesh, surface, repairs):
     points = np.sort(surface.faces, 1)
     same = (points[e[:, 0] // 3] == points[e[:, 1] // 3]).all(1)
     assert not same.any(), "two faces with the same points, joined, could not lie in the plane"
-    parts = [repairs.kept, repairs.degenerate, repairs.twins]
+    parts = [repairs.kept, repairs.degenerate, repairs.duplicates]
     assert sorted(np.concatenate(parts).tolist()) == list(range(len(mesh.faces)))
     assert np.array_equal(surface.source, repairs.kept)
     file_faces = repairs.weld[mesh.faces[surface.source]]
-    back = np.where(surface.turned[:, None], surface.faces[:, [0, 2, 1]], surface.faces)
+    back = np.where(surface.reversed_faces[:, None], surface.faces[:, [0, 2, 1]], surface.faces)
     assert np.array_equal(back, file_faces), "corners are those of the file, turned or not"
 
 
@@ -127,8 +127,8 @@ def test_degenerate_and_duplicate_faces_are_set_aside_and_get_uv():
     surface, repairs = repair(mesh)
     n = len(f)
     assert repairs.degenerate.tolist() == [n, n + 1, n + 4]
-    assert repairs.twins.tolist() == [n + 2, n + 3]
-    assert repairs.twin_of.tolist() == [2, 3]
+    assert repairs.duplicates.tolist() == [n + 2, n + 3]
+    assert repairs.duplicate_of.tolist() == [2, 3]
     assert repairs.unreferenced == 1
     check_surface(mesh, surface, repairs)
     got = check_complete(mesh, surface, repairs)
@@ -180,7 +180,7 @@ def test_a_doubled_triangle_lies_with_its_polygon():
     assert not quads[0] & quads[1]
     for polygons in (None, np.array([0, 0, 1, 2]), np.array([0, 1, 0, 2])):
         _, repairs = repair(Mesh(p, f, polygons=polygons))
-        assert repairs.twins.tolist() == [2], "no face of its own ties it to another place"
+        assert repairs.duplicates.tolist() == [2], "no face of its own ties it to another place"
 
 
 def test_all_faces_degenerate_is_an_input_error():
@@ -223,8 +223,8 @@ def test_winding_is_made_consistent_and_undone_in_the_file():
     mixed = np.where(back[:, None], f[:, [0, 2, 1]], f)
     mesh = Mesh(p, mixed)
     surface, repairs = repair(mesh)
-    assert np.array_equal(surface.turned, back), "the side with more area wins"
-    assert repairs.turned == back.sum()
+    assert np.array_equal(surface.reversed_faces, back), "the side with more area wins"
+    assert repairs.n_reversed == back.sum()
     check_surface(mesh, surface, repairs)
     uv, uv_faces = layout(surface)
     got = complete(mesh, surface, repairs, uv, uv_faces)
@@ -240,8 +240,8 @@ def test_components_are_oriented_each_by_its_own_majority():
     surface, repairs = repair(
         Mesh(p + [[0, 0, 0]] * 42 + [[5, 0, 0]] * 42 if False else _apart(p), f)
     )
-    assert np.flatnonzero(surface.turned).tolist() == [81]
-    assert repairs.turned == 1
+    assert np.flatnonzero(surface.reversed_faces).tolist() == [81]
+    assert repairs.n_reversed == 1
 
 
 def _apart(p):
@@ -314,7 +314,7 @@ def test_two_cubes_that_share_an_edge_stay_wound_alike():
     mesh = Mesh(np.concatenate([p, p + step * [1, 1, 0]]), np.concatenate([f, f + len(p)]))
     surface, repairs = repair(mesh)
     assert repairs.nonmanifold_edges == 1
-    assert repairs.turned == 0
+    assert repairs.n_reversed == 0
     check_surface(mesh, surface, repairs)
 
 

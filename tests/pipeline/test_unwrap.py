@@ -258,7 +258,7 @@ def test_a_chart_lies_as_the_file_winds_most_of_it() -> None:
     q = result.uv[result.uv_faces]
     ahead, back = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
     assert side.any()
-    assert result.repair_report.turned == side.sum()
+    assert result.repair_report.n_reversed == side.sum()
     assert (ahead[:, 0] * back[:, 1] > ahead[:, 1] * back[:, 0]).all()
     assert result.measures["mirrored"] == 0
 

@@ -64,7 +64,7 @@ def test_messy_holds_what_it_promises() -> None:
     mesh = samples.load("messy").mesh
     surface, _ = repair(mesh, RepairOptions())
     assert len(surface.faces) < len(mesh.faces)  # degenerate faces and twins are set aside
-    assert surface.turned.any()
+    assert surface.reversed_faces.any()
     assert len(np.unique(mesh.faces)) < len(mesh.points)
     assert samples.info("messy").nonmanifold_edges > 0
 

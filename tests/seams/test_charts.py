@@ -71,7 +71,7 @@ def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -
     lay_out_fresh(start, None, module.ROUGH)
     monkeypatch.setattr("circparam.core.workers.HALVED", 100)
     merged = []
-    for worker in (None, Worker(module.__name__, wanted=False)):
+    for worker in (None, Worker(module.__name__, worth_it=False)):
         atlas = Atlas(surface, start.cut, start.corners)
         merger = Merger(atlas, MergeOptions(1.05), np.zeros(len(atlas.cut), bool), worker)
         assert merger.round(Monitor())

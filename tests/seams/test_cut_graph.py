@@ -8,8 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import next_half_edge
+from circparam.core.graph import Graph, spanning_forest
 from circparam.core.monitor import Monitor
-from circparam.core.multigraph import Graph, spanning_forest
 from circparam.errors import InputError, OptionError, TopologyError
 from circparam.mesh.cut_mesh import close_holes
 from circparam.mesh.mesh import Mesh

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
+from circparam.geometry.raster import row_crossings
 
 # Directions in which an outline is grown by half the gap.
 _GROW = np.array([[np.cos(t), np.sin(t)] for t in np.arange(8) * np.pi / 4])
@@ -57,13 +58,7 @@ def _fill(a: FloatArray, b: FloatArray, height: int, width: int) -> BoolArray:
     k = len(a)
     which = np.repeat(np.arange(k), a.shape[1])
     a, b = a.reshape(-1, 2), b.reshape(-1, 2)
-    r0 = np.ceil(np.minimum(a[:, 1], b[:, 1]) - 0.5).astype(np.int64)
-    r1 = np.ceil(np.maximum(a[:, 1], b[:, 1]) - 0.5).astype(np.int64)
-    count = r1 - r0
-    edge = np.repeat(np.arange(len(a)), count)
-    row = r0[edge] + ranges(count)
-    t = (row + 0.5 - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
-    x = a[edge, 0] + t * (b[edge, 0] - a[edge, 0])
+    edge, row, x = row_crossings(a, b, height)
     column = np.clip(np.ceil(x - 0.5).astype(np.int64), 0, width)
     sign = np.where(b[edge, 1] > a[edge, 1], 1, -1)
     flat = (which[edge] * height + row) * (width + 1) + column

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, next_half_edge
 from circparam.core.graph import components, nearest, undirected
 from circparam.mesh.cut_mesh import rest_triangles_of
+from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge
 from circparam.mesh.surface import Surface
 
 SMALL_COMPONENT = 300  # faces; smaller components are taken over as they are
@@ -35,18 +36,12 @@ def pair_edges(points: FloatArray, faces: IntArray) -> tuple[Surface, IntArray]:
 
     Returns (surface, (k, 2) points of the edges with several faces that are not paired).
     """
-    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    order = np.lexsort((high, low))
-    key = low[order] * len(points) + high[order]
-    run = first_of_runs(key)
-    count = np.diff(np.r_[run, len(key)])
-    two = run[count == 2]
-    i, j = order[two], order[two + 1]
-    opposite = a[i] == b[j]
-    edges = np.sort(np.stack([i, j], 1)[opposite], axis=1)
-    edges = edges[np.argsort(edges[:, 0], kind="stable")]
-    many = np.r_[order[run[count > 2]], i[~opposite]]
+    runs = sort_by_edge(faces, len(points))
+    edges = shared_edges(faces)
+    torn = runs.pairs[~run_opposite(faces, runs.pairs), 0]
+    many = np.r_[runs.order[runs.head[runs.size > 2]], torn]
+    flat = faces.ravel()
+    ends = np.stack([flat[many], flat[next_half_edge(many)]], 1)
     surface = Surface(
         points,
         faces,
@@ -55,7 +50,7 @@ def pair_edges(points: FloatArray, faces: IntArray) -> tuple[Surface, IntArray]:
         edges,
         np.zeros(len(edges), bool),
     )
-    return surface, np.stack([low[many], high[many]], 1)
+    return surface, np.sort(ends, axis=1)
 
 
 def decimate(surface: Surface, target: int) -> Proxy:

@@ -60,7 +60,7 @@ def close_small_holes(surface: Surface) -> Surface:
         surface,
         faces=np.concatenate([surface.faces, fans[at]]),
         source=np.r_[surface.source, surface.source[beside]],
-        turned=np.r_[surface.turned, surface.turned[beside]],
+        reversed_faces=np.r_[surface.reversed_faces, surface.reversed_faces[beside]],
         edges=edges[order],
         locked=locked[order],
     )

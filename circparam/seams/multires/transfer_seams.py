@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys, first_of_runs
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.decimate import Proxy
@@ -146,10 +146,10 @@ def _find_way(fine: Atlas, usable: IntArray, cost: FloatArray, start: int, end: 
     path = [end]
     while path[-1] != start:
         path.append(int(before[path[-1]]))
-    low, high = np.minimum(path[:-1], path[1:]), np.maximum(path[:-1], path[1:])
-    key = np.minimum(a[use], b[use]) * n + np.maximum(a[use], b[use])
+    on_path = edge_keys(np.array(path[:-1]), np.array(path[1:]), n)
+    key = edge_keys(a[use], b[use], n)
     order = np.lexsort((cost[use], key))
-    fine.cut[use[order[np.searchsorted(key[order], low * n + high)]]] = True
+    fine.cut[use[order[np.searchsorted(key[order], on_path)]]] = True
     return True
 
 
@@ -184,12 +184,9 @@ def _fine_bands(
     fine_value = np.where(has, value[cell], 0.0)
     # a chain of one edge has no cell of its own: it begins where its two end cells meet
     short = np.flatnonzero(chains.size == 1)
-    key = (
-        np.minimum(chains.start, chains.end)[short] * n
-        + np.maximum(chains.start, chains.end)[short]
-    )
+    key = edge_keys(chains.start[short], chains.end[short], n)
     order = np.argsort(key, kind="stable")
-    meet = np.minimum(cell[ends[0]], cell[ends[1]]) * n + np.maximum(cell[ends[0]], cell[ends[1]])
+    meet = edge_keys(cell[ends[0]], cell[ends[1]], n)
     if len(short):
         at = np.minimum(np.searchsorted(key[order], meet), len(short) - 1)
         hit = (key[order][at] == meet) & (cell[ends[0]] >= 0) & (cell[ends[1]] >= 0)

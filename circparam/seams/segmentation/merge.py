@@ -11,7 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    edge_keys,
+    group_max,
+    group_min,
+    group_sum,
+)
 from circparam.core.graph import matching
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
@@ -53,7 +61,7 @@ class _Glues:
 
 
 class Merger:
-    """Merges the charts of a cutting in rounds and remembers what was tried."""
+    """Merges the charts of an atlas in rounds and remembers what was tried."""
 
     def __init__(
         self,
@@ -178,7 +186,7 @@ class Merger:
         was[chart[main]] = before[main]
         now = arcs_of(c, chart, self.options.cone)
         left, right = was[now.left], was[now.right]
-        key = np.minimum(left, right) * width + np.maximum(left, right)
+        key = edge_keys(left, right, width)
         at = np.minimum(np.searchsorted(pairs, key), len(pairs) - 1)
         known = np.where(pairs[at] == key, least[at], 0.0)
         self.lower_bound[:] = 0

@@ -8,6 +8,7 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    edge_keys,
     first_of_runs,
     group_sum,
     next_half_edge,
@@ -49,7 +50,7 @@ def slit_charts(atlas: Atlas, laid: ChartLayouts, which: BoolArray) -> BoolArray
     order = np.lexsort((rim, distance[rim], source[rim]))
     ends = rim[order[first_of_runs(source[rim][order])]]
     index = np.flatnonzero(inner)
-    key = np.minimum(a, b) * n + np.maximum(a, b)
+    key = edge_keys(a, b, n)
     by_key = np.lexsort((cost[inner], key))
     here = ends
     done[cut_mesh.vertex_chart[ends]] = True
@@ -57,8 +58,8 @@ def slit_charts(atlas: Atlas, laid: ChartLayouts, which: BoolArray) -> BoolArray
         previous = before[here]
         going = previous >= 0
         here, previous = here[going], previous[going]
-        wanted = np.minimum(here, previous) * n + np.maximum(here, previous)
-        atlas.cut[index[by_key[np.searchsorted(key[by_key], wanted)]]] = True
+        sought = edge_keys(here, previous, n)
+        atlas.cut[index[by_key[np.searchsorted(key[by_key], sought)]]] = True
         here = previous
     return done
 

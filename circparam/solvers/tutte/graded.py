@@ -10,10 +10,9 @@ The tube then shrinks by about exp(−(2π)² L h / (2 b C²)) only, h the lengt
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.graph import distances, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import best_chart_scales, measure
 from circparam.mesh.cut_mesh import CutMesh
@@ -126,8 +125,7 @@ def boundary_depth(cut_mesh: CutMesh) -> FloatArray:
     i = cut_mesh.faces.ravel()
     j = cut_mesh.faces[:, [1, 2, 0]].ravel()
     n = cut_mesh.n_vertices
-    graph = sps.csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
-    depth = csgraph.dijkstra(graph, directed=False, indices=source, unweighted=True, min_only=True)
+    depth = distances(undirected(n, i, j, np.ones(len(i))), source)
     result: FloatArray = np.where(np.isfinite(depth), depth, 0.0)
     return result
 

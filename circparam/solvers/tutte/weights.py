@@ -16,8 +16,9 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray, group_sum
 from circparam.core.registry import Row, Table
 from circparam.geometry.intrinsic import corner_angles as angles_of
-from circparam.geometry.intrinsic import cotangents, tan_half_angles, twins, vertex_angle_sums
+from circparam.geometry.intrinsic import cotangents, tan_half_angles, vertex_angle_sums
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.halfedge import opposite_half_edges
 
 WeightPair: TypeAlias = tuple[FloatArray, FloatArray]
 
@@ -97,7 +98,7 @@ def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
     [0, 2π)). A corner that would take π or more of the plane is held below π, else the centre would lie
     outside its own ring and the weights would lose their sign; on a plane this never happens.
     """
-    twin = twins(cut_mesh)
+    twin = opposite_half_edges(len(cut_mesh.faces), cut_mesh.edges)
     flat = cut_mesh.faces.ravel()
     inner = np.ones(cut_mesh.n_vertices, bool)
     inner[flat[cut_mesh.boundary]] = False

@@ -1,0 +1,93 @@
+"""Linear systems: factorisations and conjugate gradients against dense solves, and where they stop."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import numpy as np
+import pytest
+import scipy.sparse as sps
+
+from circparam.core.arrays import FloatArray
+from circparam.core.linalg import ComplexFactor, Factor, conjugate_gradients, gradient_iterates
+from circparam.errors import NoResultError
+
+
+def system(n: int, seed: int) -> tuple[sps.csr_matrix, FloatArray]:
+    """A symmetric positive definite matrix and a right-hand side."""
+    rng = np.random.default_rng(seed)
+    a = rng.normal(size=(n, n))
+    return sps.csr_matrix(a @ a.T + np.eye(n)), rng.normal(size=n)
+
+
+def as_it_is(r: FloatArray) -> FloatArray:
+    return r.copy()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_factors_solve(seed: int) -> None:
+    matrix, b = system(12, seed)
+    dense = matrix.toarray()
+    assert np.allclose(dense @ Factor(matrix).solve(b), b)
+    both = np.stack([b, 2 * b[::-1]], 1)
+    assert np.allclose(dense @ Factor(matrix).solve(both), both)
+    hermitian = sps.csc_matrix(dense + 1j * (np.triu(dense, 1) - np.triu(dense, 1).T))
+    x = ComplexFactor(hermitian + 100 * sps.eye(12)).solve_complex(b + 1j * b[::-1])
+    assert np.allclose((hermitian + 100 * sps.eye(12)) @ x, b + 1j * b[::-1])
+
+
+def test_no_unknowns_and_no_factorisation() -> None:
+    matrix, _ = system(3, 0)
+    assert Factor(matrix).solve(np.zeros((3, 0))).shape == (3, 0)
+    with pytest.raises(NoResultError, match="2 unknowns"):
+        Factor(sps.csc_matrix((2, 2)))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_as_many_steps_as_unknowns_solve_it(seed: int) -> None:
+    matrix, b = system(6, seed)
+    last = list(islice(gradient_iterates(matrix, b, as_it_is), 7))[-1]
+    assert np.allclose(last.x, np.linalg.solve(matrix.toarray(), b))
+
+
+@pytest.mark.parametrize("started", [False, True])
+def test_iterates_tell_their_residual_and_go_down(started: bool) -> None:
+    matrix, b = system(10, 3)
+    start = np.linspace(-1, 1, 10) if started else None
+    diagonal = matrix.diagonal()
+    iterates = list(islice(gradient_iterates(matrix, b, lambda r: r / diagonal, start), 6))
+    assert np.array_equal(iterates[0].x, np.zeros(10) if start is None else start)
+    energy = []
+    for x, residual, weight in iterates:
+        assert np.allclose(residual, b - matrix @ x)
+        assert weight == pytest.approx(float((residual**2 / diagonal).sum()))
+        energy.append(float(x @ (matrix @ x) / 2 - b @ x))
+    assert (np.diff(energy) < 0).all()
+    # residuals of different steps are orthogonal in the norm of the preconditioner
+    gram = np.array([[i.residual @ (j.residual / diagonal) for j in iterates] for i in iterates])
+    assert np.abs(gram - np.diag(np.diag(gram))).max() < 1e-8 * gram.max()
+
+
+def test_the_right_preconditioner_needs_one_step() -> None:
+    matrix, b = system(9, 1)
+    x = conjugate_gradients(matrix, b, Factor(matrix).solve, 1e-9, 1)
+    assert np.allclose(matrix @ x, b)
+
+
+def test_it_stops_at_the_tolerance_or_the_limit() -> None:
+    matrix, b = system(30, 4)
+    iterates = list(islice(gradient_iterates(matrix, b, as_it_is), 31))
+    small = [k for k, i in enumerate(iterates) if not i.weight > 1e-2**2 * iterates[0].weight]
+    got = conjugate_gradients(matrix, b, as_it_is, 1e-2, 30)
+    assert np.array_equal(got, iterates[small[0]].x), "the first iterate below the tolerance"
+    assert small[0] > 3
+    assert np.array_equal(conjugate_gradients(matrix, b, as_it_is, 0.0, 3), iterates[3].x)
+    assert np.array_equal(conjugate_gradients(matrix, b, as_it_is, 0.0, 0), np.zeros(30))
+
+
+def test_it_ends_where_the_curvature_is_not_positive() -> None:
+    indefinite = sps.csr_matrix(np.diag([1.0, -1.0]))
+    assert len(list(gradient_iterates(indefinite, np.array([0.0, 1.0]), as_it_is))) == 1
+    assert not conjugate_gradients(indefinite, np.array([0.0, 1.0]), as_it_is, 1e-9, 5).any()
+    flat = sps.csr_matrix((2, 2))
+    assert len(list(gradient_iterates(flat, np.ones(2), as_it_is))) == 1
