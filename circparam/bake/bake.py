@@ -26,7 +26,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, gr
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.materials import colours, decode, texture_layout, textures
+from circparam.formats.materials import decode
 from circparam.geometry.raster import barycentric, fragments
 from circparam.mesh.mesh import Mesh, UVMap
 
@@ -162,7 +162,7 @@ def bake_document(
     origin = source or document
     notes: list[str] = []
     if kind == "vertex-colors":
-        corners = colours(origin)
+        corners = origin.colours()
         if corners is None:
             raise InputError(
                 f"{origin.source.name} has no vertex colours: bake with --from texture"
@@ -186,7 +186,7 @@ def _from_texture(
     size: int,
     notes: list[str],
 ) -> tuple[Paint, int]:
-    found = textures(origin)
+    found = origin.textures()
     name = origin.source.name
     if found is None:
         raise InputError(f"{name} names no texture: give the file that has it with --source")
@@ -198,7 +198,7 @@ def _from_texture(
             "--source, or the new set with --uv-set"
         )
     notes += found.notes
-    old = texture_layout(origin, found)
+    old = origin.texture_layout(found)
     sides = [max(decode(*p).size) for p in zip(found.images, found.names, strict=True)]
     ratio = texel_ratio(mesh, old, float(np.mean(sides)), layout, size)
     return texture_paint(found, old, ratio)

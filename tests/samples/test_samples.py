@@ -12,7 +12,7 @@ import pytest
 from circparam import errors, formats, samples
 from circparam.mesh.repair import RepairOptions, repair
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "data" / "make_samples.py"
 
 
@@ -63,7 +63,7 @@ def test_topology_of_the_manifest(name: str) -> None:
 def test_messy_holds_what_it_promises() -> None:
     mesh = samples.load("messy").mesh
     surface, _ = repair(mesh, RepairOptions())
-    assert len(surface.faces) < len(mesh.faces)  # degenerate faces and twins are set aside
+    assert len(surface.faces) < len(mesh.faces)  # degenerate and duplicate faces are set aside
     assert surface.turned.any()
     assert len(np.unique(mesh.faces)) < len(mesh.points)
     assert samples.info("messy").nonmanifold_edges > 0
