@@ -1,0 +1,145 @@
+"""Nodes place meshes, modes make triangles, shared meshes are read once or copied."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.formats.io import encode, read_data
+from circparam.mesh.mesh import UVMap
+from tests.support.formats_tools import (
+    GltfMaker,
+    assert_round_trip,
+    grid,
+    layout_with_seams,
+    smooth_layout,
+)
+from tests.support.gltf_files import (
+    instanced,
+    refused,
+    small,
+    tree_of,
+)
+
+
+@pytest.mark.parametrize("mode", [4, 5, 6])
+@pytest.mark.parametrize("indexed", [False, True])
+def test_strips_fans_and_unindexed(mode: int, indexed: bool) -> None:
+    rng = np.random.default_rng(0)
+    order = rng.permutation(9)
+    points = rng.normal(size=(9, 3)).astype("f4")
+    g = GltfMaker()
+    primitive: dict = {"attributes": {"POSITION": g.accessor(points)}, "mode": mode}
+    if indexed:
+        primitive["indices"] = g.accessor(order.astype("u4"))
+    k = order if indexed else np.arange(9)
+    g.tree["meshes"] = [{"primitives": [primitive]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    expected = {
+        4: [k[i : i + 3] for i in range(0, 9, 3)],
+        5: [k[[i + i % 2, i + 1 - i % 2, i + 2]] for i in range(7)],
+        6: [k[[0, i, i + 1]] for i in range(1, 8)],
+    }[mode]
+    np.testing.assert_array_equal(document.mesh.faces, expected)
+    assert_round_trip(document, smooth_layout(document), "glb")
+    kept = tree_of(encode(document, smooth_layout(document), "glb").data)
+    assert kept["meshes"][0]["primitives"][0]["mode"] == mode
+    uvmap = UVMap(rng.random((3 * len(expected), 2)), np.arange(3 * len(expected)).reshape(-1, 3))
+    assert_round_trip(document, uvmap, "glb")
+    out = encode(document, uvmap, "glb")
+    assert any("strip or fan" in note for note in out.notes) == (mode != 4)
+
+
+def test_nodes_place_meshes_and_a_shared_mesh_is_read_once() -> None:
+    points, _ = grid(3)
+    document = read_data(instanced().glb())
+    assert document.instances == 1
+    turned = np.stack([-points[:, 1], points[:, 0], points[:, 2]], 1).astype(float)
+    expected = np.concatenate([turned * 2 + np.array([1, 2, 3]), turned + np.array([5, 0, 0])])
+    np.testing.assert_allclose(document.mesh.points, expected, atol=1e-12)
+    assert_round_trip(document, layout_with_seams(document), "glb")
+
+
+def test_unshared_meshes_get_their_own_uv() -> None:
+    data = instanced().glb()
+    document = read_data(data, unshare=True)
+    assert document.instances == 0
+    assert len(document.mesh.faces) == 3 * 8
+    again = assert_round_trip(document, layout_with_seams(document), "glb")
+    assert again.instances == 0
+    assert len(again.mesh.faces) == 3 * 8
+    assert tree_of(data)["nodes"][3]["mesh"] == 0  # the bytes given were not edited
+
+
+def test_equal_points_stay_equal_in_world_space() -> None:
+    rng = np.random.default_rng(3)
+    base = rng.normal(size=(50, 3)).astype("f4")
+    points = np.concatenate([base, base[::-1], base])
+    g = GltfMaker()
+    g.tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": g.accessor(points)}}]}]
+    node = {
+        "mesh": 0,
+        "rotation": [0.1, 0.2, 0.3, 0.9273618495495704],
+        "translation": [1e3, 0.1, 7],
+    }
+    world = read_data(g.scene(node).glb()).mesh.points
+    np.testing.assert_array_equal(world[:50], world[100:])
+    np.testing.assert_array_equal(world[:50], world[50:100][::-1])
+
+
+def test_primitives_that_share_their_vertices_keep_sharing_them() -> None:
+    points, faces = grid(4)
+    g = GltfMaker()
+    attributes = {"POSITION": g.accessor(points), "NORMAL": g.accessor(points * 2)}
+    halves = [g.accessor(f.ravel().astype("u2")) for f in (faces[:7], faces[7:])]
+    lines = {"attributes": attributes, "mode": 1, "indices": g.accessor(np.arange(4).astype("u2"))}
+    g.tree["meshes"] = [
+        {
+            "primitives": [
+                {"attributes": dict(attributes), "indices": i, "material": k}
+                for k, i in enumerate(halves)
+            ]
+            + [lines]
+        }
+    ]
+    g.tree["materials"] = [{"name": "a"}, {}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    assert len(document.mesh.points) == 16
+    assert document.mesh.groups is not None
+    assert document.mesh.groups.tolist() == [0] * 7 + [1] * 11
+    assert document.group_names == ("a", "material_1")
+    assert document.labels("primitive").tolist() == [0] * 7 + [1] * 11
+    assert set(document.labels("mesh").tolist()) == {0}
+    again = assert_round_trip(document, layout_with_seams(document), "glb")
+    first, second, third = again.tree.json["meshes"][0]["primitives"]  # type: ignore[attr-defined]
+    assert first["attributes"] == second["attributes"]
+    assert "TEXCOORD_0" not in third["attributes"]
+    assert any("no triangles" in note for note in document.notes)
+
+
+def test_draco_is_named() -> None:
+    g = small()
+    g.tree["meshes"][0]["primitives"][0]["extensions"] = {
+        "KHR_draco_mesh_compression": {"bufferView": 0}
+    }
+    refused(g.glb(), "KHR_draco_mesh_compression")
+
+
+def test_long_cycles_end() -> None:
+    g = small()
+    n = 2000
+    g.tree["nodes"] = [{"children": [(k + 1) % n]} for k in range(n)]
+    refused(g.glb(), "cycle")
+    g.tree["nodes"] = [{"children": [k + 1]} for k in range(n - 1)] + [{"mesh": 0}]
+    g.tree["scenes"] = [{"nodes": [0]}]
+    assert len(read_data(g.glb()).mesh.faces) == 8  # deep, but a tree
+
+
+def test_few_bytes_do_not_become_many_vertices() -> None:
+    """Ten thousand meshes that all show the same big accessor."""
+    g = GltfMaker()
+    position = g.accessor(np.zeros((20_000, 3), "f4"))
+    g.tree["meshes"] = [
+        {"primitives": [{"attributes": {"POSITION": position}}]} for _ in range(10_000)
+    ]
+    refused(g.scene(*({"mesh": k} for k in range(10_000))).glb(), "more vertices than its data")
