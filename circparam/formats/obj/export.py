@@ -34,13 +34,13 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     per_face = np.bincount(polygon_of_corner(polys.start), length, len(size)).astype(np.int64)
     head = np.full(len(size), 1)
     head_text = [b"f"] * len(size)
+    some = size > 2  # fewer corners are no face
     names, label = _polygon_groups(document, polys.owner, len(size))
     if names:
-        change = np.flatnonzero(np.diff(label, prepend=-1))
-        for f in change.tolist():
+        change = np.flatnonzero(np.diff(label[some], prepend=-1))
+        for f in np.flatnonzero(some)[change].tolist():
             head_text[f] = b"usemtl " + names[label[f]] + b"\nf"
         head = np.array([len(h) for h in head_text])
-    some = size > 2
     newline = np.full(len(size), 1)
     body, lengths = interleave(
         [

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from circparam.errors import OptionError
 from circparam.formats.document import WriteOptions
 from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.gltf.editing import file_uv, index_type, stored_uv
 from circparam.formats.io import encode, read_data, stored
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
@@ -146,3 +147,54 @@ def test_the_highest_index_of_a_type_is_never_used(vertices: int, kind: str) -> 
     assert index["componentType"] == code
     again = read_data(data).mesh.faces
     assert again.max() == vertices - 1 < np.iinfo(kind).max
+
+
+@pytest.mark.parametrize(
+    ("n", "least", "code"),
+    [(255, 5121, 5121), (256, 5121, 5123), (3, 5123, 5123), (65535, 5121, 5123),
+     (65536, 5123, 5125), (3, 5125, 5125), (2**32 - 1, 5121, 5125)],
+)  # fmt: skip
+def test_index_types(n: int, least: int, code: int) -> None:
+    assert index_type(n, least) == code
+
+
+def test_uv_as_the_file_holds_them() -> None:
+    uv = np.array([[0.1, 0.3], [1.0, 1.0], [-2.0, 3.0]])
+    file = file_uv(uv)
+    assert file.dtype == np.float32
+    np.testing.assert_array_equal(file, np.stack([uv[:, 0], 1 - uv[:, 1]], 1).astype("f4"))
+    assert not np.signbit(file[1]).any()
+    np.testing.assert_array_equal(stored_uv(uv)[:, 1], 1.0 - file[:, 1].astype(float))
+
+
+@pytest.mark.parametrize(
+    ("normal", "uv_set", "lost"),
+    [
+        ({"index": 0}, None, True),
+        ({"index": 0, "texCoord": 1}, None, False),
+        ({"index": 0, "texCoord": 1}, 1, True),
+        ({"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}, None, False),
+        ({"index": 0, "texCoord": 2}, 3, True),  # set 2 is filled on the way
+        ({"index": 0}, 1, False),
+    ],
+)
+def test_tangents_go_with_the_uv_set_of_the_normal_map(
+    normal: dict, uv_set: int | None, lost: bool
+) -> None:
+    g = full_mesh()
+    g.tree["materials"][0]["normalTexture"] = normal
+    document = read_data(g.glb())
+    out = encode(document, smooth_layout(document), "glb", options=WriteOptions(uv_set=uv_set))
+    primitive = tree_of(out.data)["meshes"][0]["primitives"][0]
+    assert ("TANGENT" not in primitive["attributes"]) == lost
+    assert ("TANGENT" not in primitive["targets"][0]) == lost
+    assert any("tangents of 1 primitives" in note for note in out.notes) == lost
+
+
+def test_bounds_of_indices_are_those_of_the_new_ones() -> None:
+    document = read_data(full_mesh().glb())
+    data = encode(document, layout_with_seams(document), "glb").data
+    tree = tree_of(data)
+    index = tree["accessors"][tree["meshes"][0]["primitives"][0]["indices"]]
+    faces = read_data(data).mesh.faces
+    assert (index["min"], index["max"]) == ([faces.min()], [faces.max()])

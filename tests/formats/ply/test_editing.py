@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
+from circparam.formats.ply.editing import index_types
+from circparam.formats.ply.model import Property
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     assert_round_trip,
@@ -122,3 +124,71 @@ def test_indices_outgrow_their_type() -> None:
     uvmap = UVMap(np.random.default_rng(0).random((3 * m, 2)), np.arange(3 * m).reshape(-1, 3))
     again = assert_round_trip(document, uvmap, "ply", WriteOptions(ply_uv="vertex"))
     assert len(again.mesh.points) == 3 * m
+
+
+@pytest.mark.parametrize(
+    ("count", "kind", "longest", "n", "expected"),
+    [
+        ("u1", "u1", 255, 256, ("u1", "u1")),
+        ("u1", "u1", 256, 256, ("i4", "u1")),
+        ("u1", "u1", 3, 257, ("u1", "i4")),
+        ("i1", "i2", 127, 32768, ("i1", "i2")),
+        ("i1", "i2", 128, 32769, ("i4", "i4")),
+        ("u2", "f4", 3, 70000, ("u2", "f4")),
+        ("i4", "u4", 3, 70000, ("i4", "u4")),
+    ],
+)
+def test_index_types(
+    count: str, kind: str, longest: int, n: int, expected: tuple[str, str]
+) -> None:
+    sizes = np.array([1, longest, 2])
+    assert index_types(Property("vertex_indices", kind, count), sizes, n) == expected
+
+
+@pytest.mark.parametrize("n", [254, 255, 256])
+def test_the_last_index_of_a_type_is_used(n: int) -> None:
+    """n + 1 vertices after the split: index 255 fits a uchar, 256 does not."""
+    points: list[list[object]] = [[float(k), float(k * k % 17), 0.0] for k in range(n)]
+    data = build("binary_little_endian", {
+        "vertex": (["float x", "float y", "float z"], points),
+        "face": (["list uchar uchar vertex_indices"], [[[0, 1, 2]], [[0, 2, n - 1]]] ),
+    })  # fmt: skip
+    document = read_data(data)
+    uvmap = UVMap(np.random.default_rng(0).random((5, 2)), np.array([[0, 1, 2], [4, 2, 3]]))
+    out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv="vertex")).data
+    assert (b"list uchar int" in out) == (n + 1 > 256)
+    assert naive(out)["face"][1]["vertex_indices"] == [n, 2, n - 1]
+
+
+@pytest.mark.parametrize(("corners", "kind"), [(127, b"list uchar"), (128, b"list int")])
+def test_texcoord_lists_outgrow_a_byte(corners: int, kind: bytes) -> None:
+    """A byte counts 127 pairs."""
+    a = 2 * np.pi * np.arange(corners) / corners
+    points = np.stack([np.cos(a), np.sin(a), 0 * a], 1).astype("f4").tolist()
+    data = build("binary_big_endian", {
+        "vertex": (["float x", "float y", "float z"], points),
+        "face": (["list uchar int vertex_indices"], [[list(range(corners))]]),
+    })  # fmt: skip
+    document = read_data(data)
+    out = encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv="face")).data
+    assert b"property " + kind + b" float texcoord\n" in out
+    assert len(naive(out)["face"][0]["texcoord"]) == 2 * corners  # type: ignore[arg-type]
+
+
+def test_what_lies_behind_the_elements_is_kept() -> None:
+    data = sample("binary_little_endian", uv="face") + b"\0behind"
+    document = read_data(data)
+    for place in ("vertex", "face"):
+        out = encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv=place))
+        assert out.data.endswith(b"\0behind")
+
+
+@pytest.mark.parametrize("newline", [b"\r\n", b"\r"])
+def test_line_ends_are_kept(newline: bytes) -> None:
+    data = sample("ascii").replace(b"\n", newline)
+    document = read_data(data)
+    for uvmap in (smooth_layout(document), layout_with_seams(document)):
+        out = encode(document, uvmap, "ply").data
+        assert b"\n" not in out.replace(newline, b"")
+        back = naive(out.replace(newline, b"\n"))
+        assert plain(back["vertex"]) == plain(naive(sample("ascii"))["vertex"])
