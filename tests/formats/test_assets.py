@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from circparam.errors import OptionError
-from circparam.formats.document import WriteOptions
+from circparam.formats.assets import find_assets
+from circparam.formats.document import Encoded, WriteOptions
 from circparam.formats.io import read, write
 from circparam.formats.memory import from_arrays
+from circparam.formats.source import Source
 from tests.support.formats_tools import (
     grid,
     smooth_layout,
@@ -48,3 +51,54 @@ def test_materials_and_textures_go_along(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="two words"):
         write(out / "z.obj", doc, smooth_layout(doc), options=WriteOptions(copy_assets=True))
     assert not (out / "z.obj").exists()
+
+
+def found(tmp_path: Path, *names: str, copy: bool = False, same: bool = False):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    for each in (folder, out):
+        each.mkdir(exist_ok=True)
+    (folder / "a b.png").write_bytes(b"ab")
+    (folder / "a").write_bytes(b"a")
+    encoded = Encoded(b"", "obj", np.arange(1), np.arange(1), assets=list(names))
+    source = Source("x", folder / "x.obj")
+    return find_assets(source, encoded, (folder if same else out) / "y.obj", copy)
+
+
+def test_a_name_with_blanks_is_one_file_or_several(tmp_path: Path) -> None:
+    copies, notes = found(tmp_path, "a b.png", "a none", copy=True)
+    assert {p.name: data for p, data in copies.items()} == {"a b.png": b"ab", "a": b"a"}
+    assert notes == ["'none' is named by the file and is not there"]
+
+
+def test_the_same_folder_needs_no_copy(tmp_path: Path) -> None:
+    assert found(tmp_path, "a", "none", copy=True, same=True) == (
+        {},
+        ["'none' is named by the file and is not there"],
+    )
+
+
+def test_copies_only_when_asked_and_only_what_differs(tmp_path: Path) -> None:
+    assert found(tmp_path, "a") == ({}, ["'a' won't resolve from 'out': use --copy-assets"])
+    (tmp_path / "out" / "a").write_bytes(b"a")
+    assert found(tmp_path, "a", copy=True) == ({}, [])
+    (tmp_path / "out" / "a").write_bytes(b"other")
+    copies, _ = found(tmp_path, "a", copy=True)
+    assert list(copies.values()) == [b"a"]
+
+
+def test_what_came_from_memory_has_nothing_beside_it(tmp_path: Path) -> None:
+    encoded = Encoded(b"", "obj", np.arange(1), np.arange(1), assets=["a"])
+    assert find_assets(Source("x"), encoded, tmp_path / "y.obj", True) == ({}, [])
+
+
+def test_images_of_a_material_file_come_along_in_folders(tmp_path: Path) -> None:
+    (tmp_path / "in" / "tex").mkdir(parents=True)
+    (tmp_path / "in" / "tex" / "k.png").write_bytes(b"k")
+    (tmp_path / "in" / "m.mtl").write_bytes(
+        b"newmtl x\n\tmap_Kd -s 1 1 tex/k.png \r\nnorm a\nKd 1 1 1\nmap_Kd\n"
+    )
+    copies, notes = found(tmp_path, "m.mtl", copy=True)
+    out = (tmp_path / "out").resolve()
+    assert {p.relative_to(out).as_posix() for p in copies} == {"m.mtl", "tex/k.png", "a"}
+    assert (out / "tex").is_dir()
+    assert notes == []

@@ -49,3 +49,44 @@ def test_trimesh_objects() -> None:
     scene = trimesh.Scene([mesh])
     scene.apply_translation([1, 0, 0])
     np.testing.assert_allclose(from_trimesh(scene).mesh.points, points + np.array([1, 0, 0]))
+
+
+def test_uv_with_faces_of_their_own() -> None:
+    points, faces = grid(2)
+    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [5, 5]])
+    doc = from_arrays(points, faces, uv, [[0, 1, 2], [4, 2, 3]])
+    given = doc.uv()
+    assert given is not None
+    assert given.uv_faces.tolist() == [[0, 1, 2], [4, 2, 3]]
+    assert doc.uv_sets == (0,)
+    assert doc.uv(1) is None
+    assert from_arrays(points, faces).uv_sets == ()
+    assert from_arrays(points, faces).uv() is None
+    for wrong, says in (
+        ([[0, 1, 2]], "do not fit"),
+        ([[0, 1, 2], [3, 4, 5]], "uv_faces name row 5 of 5 uv"),
+    ):
+        with pytest.raises(InputError, match=says):
+            from_arrays(points, faces, uv, wrong)
+    with pytest.raises(InputError, match="row 3 of 3"):
+        from_arrays(points, faces, uv[:3])  # one row for each vertex is needed
+
+
+def test_labels_of_the_mesh_and_the_name_in_errors() -> None:
+    points, faces = grid(2)
+    doc = from_arrays(points, faces, polygons=np.array([0, 0]), groups=np.array([1, 0]), name="it")
+    assert doc.mesh.polygons is not None
+    assert doc.labels("primitive").tolist() == [1, 0]
+    assert doc.source.error("x").args == ("it: x",)
+    assert (doc.format, doc.path) == ("arrays", None)
+
+
+def test_trimesh_without_uv_for_each_vertex() -> None:
+    import trimesh
+
+    points, faces = grid(2)
+    plain = from_trimesh(trimesh.Trimesh(points, faces, process=False))
+    assert plain.uv_sets == ()
+    mesh = trimesh.Trimesh(points, faces, process=False)
+    mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((3, 2)))
+    assert from_trimesh(mesh).uv_sets == ()

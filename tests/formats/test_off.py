@@ -68,3 +68,21 @@ def test_bad_off(old: bytes, new: bytes) -> None:
     with pytest.raises(InputError) as caught:
         read_data(OFF.replace(old, new), format="off")
     assert "\n" not in str(caught.value)
+
+
+def test_features_and_indices_at_their_ends() -> None:
+    plain = read_data(b"OFF 3 1\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", format="off")
+    assert plain.features == ()
+    assert plain.mesh.polygons is None
+    coloured = read_data(b"OFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n", format="off")
+    assert coloured.features == ("colours or normals",)
+    assert read_data(OFF).features == ("polygons", "colours or normals")
+    for body, says in (
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "names vertex 3: there are 3"),
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 -1 2\n", "names vertex -1"),
+        (b"3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "3 vertices and 2 faces, the file has 4 rows"),
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "no faces"),
+        (b"3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "promises"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_data(b"OFF\n" + body, format="off")

@@ -41,3 +41,17 @@ def test_stl_keeps_three_points_a_face_in_order() -> None:
     for bad in (data[:-7], data[:90], b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0\n"):
         with pytest.raises(InputError):
             read_data(bad, format="stl")
+
+
+def test_scenes_of_several_solids_are_groups() -> None:
+    facet = "facet normal 0 0 1\nouter loop\n" + "vertex {0} 0 0\nvertex 1 {0} 0\nvertex 0 1 {0}\n"
+    facet += "endloop\nendfacet\n"
+    solids = [f"solid s{k}\n" + facet.format(k) * (k + 1) + f"endsolid s{k}\n" for k in range(2)]
+    mesh = read_data("".join(solids).encode()).mesh
+    assert mesh.points[mesh.faces][:, 0, 0].tolist() == [0, 1, 1]
+    assert mesh.groups is not None
+    assert mesh.groups.tolist() == [0, 1, 1]
+    one = read_data(solids[0].encode())
+    assert one.mesh.groups is None
+    with pytest.raises(InputError, match="no faces"):
+        read_data(bytes(84), format="stl")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from circparam.formats.io import encode, read, read_data
+from circparam.formats.obj.editing import compact, vt_lines
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     assert_round_trip,
@@ -105,3 +106,53 @@ def test_real_files_keep_every_other_byte(path) -> None:
     if own is not None:
         back = read_data(encode(document, own, "obj").data, format="obj").uv()
         np.testing.assert_array_equal(corners(back), corners(own))
+
+
+def test_only_the_uv_in_use_are_kept_in_order() -> None:
+    used, corner = compact(np.array([4, 1, -1, 4, 2]), 6)
+    assert used.tolist() == [1, 2, 4]
+    assert corner.tolist() == [2, 0, -1, 2, 1]
+    none, corner = compact(np.array([-1, -1]), 3)
+    assert (none.tolist(), corner.tolist()) == ([], [-1, -1])
+    assert compact(np.array([0, 2]), 3)[0].tolist() == [0, 2]
+
+
+def test_vt_lines_have_the_shortest_digits() -> None:
+    uv = np.array([[0.1, 1e-7], [1 / 3, -2.0]])
+    assert vt_lines(uv, "\r\n") == b"vt 0.1 1e-07\r\nvt 0.3333333333333333 -2.0\r\n"
+
+
+@pytest.mark.parametrize(
+    ("face", "expected"),
+    [
+        (b"f 1 2 3", b"f 1/1 2/2 3/3"),
+        (b"f 1/ 2/ 3/", b"f 1/1 2/2 3/3"),
+        (b"f 1// 2// 3//", b"f 1/1/ 2/2/ 3/3/"),
+        (b"f 1/9/1 2/9/1 3/9/1", b"f 1/1/1 2/2/1 3/3/1"),
+        (b"f 1//1 2//1 3//1", b"f 1/1/1 2/2/1 3/3/1"),
+        (b"f\t-3/-1/-1  -2/9/1 3/9 # 1/2", b"f\t-3/1/-1  -2/2/1 3/3 # 1/2"),
+    ],
+)
+def test_the_field_of_vt_in_every_form(face: bytes, expected: bytes) -> None:
+    head = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n" + b"vt 0 0\n" * 9
+    document = read_data(head + face + b"\n")
+    out = encode(document, smooth_layout(document), "obj").data
+    assert out.split(b"\n")[-2] == expected
+    assert out.count(b"vt ") == 3
+
+
+def test_vt_lines_may_stand_behind_the_faces() -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\nvt 0 0\n#x"
+    document = read_data(data)
+    out = encode(document, smooth_layout(document), "obj").data
+    lines = out.split(b"\n")
+    assert [line[:2] for line in lines] == [b"v ", b"v ", b"v ", b"vt", b"vt", b"vt", b"f ", b"#x"]
+
+
+def test_line_elements_lose_their_vt() -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nl 1/1 2/1 3\nl 1 2\n"
+    out = encode(read_data(data), smooth_layout(read_data(data)), "obj")
+    assert out.data.endswith(b"\nl 1 2 3\nl 1 2\n")
+    assert any("l elements lost their vt" in note for note in out.notes)
+    plain = read_data(data.replace(b"/1", b""))
+    assert encode(plain, smooth_layout(plain), "obj").notes == []

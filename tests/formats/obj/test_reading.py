@@ -7,6 +7,8 @@ import pytest
 
 from circparam.errors import InputError
 from circparam.formats.io import read, read_data
+from circparam.formats.obj.reading import Scan
+from circparam.formats.source import Source
 from tests.support.formats_tools import (
     assert_round_trip,
     corners,
@@ -87,3 +89,55 @@ def test_real_files_read_as_trimesh_reads_them(path) -> None:
     assert ours.shape == other.shape
     order, there = np.lexsort(ours.T), np.lexsort(other.T)  # trimesh groups faces by material
     np.testing.assert_array_equal(ours[order], other[there])
+
+
+def scan(text: bytes) -> Scan:
+    return Scan(text, Source("x"))
+
+
+def test_keywords_are_told_apart() -> None:
+    s = scan(
+        b"v 1\nvt 2\nvn 3\nvp 4\n# v 5\n\tv 6\nusemtl a b # c\nusemap x\nusemtl\n\nvertex\nf 1\n"
+    )
+    assert s.of(b"v").tolist() == [0, 5]
+    assert s.of(b"vt").tolist() == [1]
+    lines, rest = s.lines(b"usemtl")
+    assert (lines.tolist(), rest) == ([6, 8], [b"a b # c", b""])
+    assert s.face_lines.tolist() == [11]
+    assert scan(b"").of(b"v").tolist() == []
+
+
+def test_numbers_and_those_that_may_be_missing() -> None:
+    s = scan(b"vt 1\nvt 2 3\nvt 4 5 6 # 7\n")
+    assert s.numbers(s.of(b"vt"), 2, optional=1).tolist() == [[1, 0], [2, 3], [4, 5]]
+    with pytest.raises(InputError, match="x: line 1: 2 numbers are needed, 1 are there"):
+        s.numbers(s.of(b"vt"), 2)
+    with pytest.raises(InputError, match="line 2: 3 numbers are needed, 2 are there"):
+        s.numbers(s.of(b"vt")[1:], 4, optional=1)
+    bad = scan(b"vt 1 2\nvt 1 x\n")
+    with pytest.raises(InputError, match="line 2: a number is malformed"):
+        bad.numbers(bad.of(b"vt"), 2)
+
+
+def test_corners_are_cut_where_vt_stands() -> None:
+    text = b"f 12 3/45 6//7 8/9/10 11/\n"
+    s = scan(text)
+    numbers, start, end = s.cuts
+    assert numbers.tolist() == [[12, 0], [3, 45], [6, 0], [8, 9], [11, 0]]
+    cut = [text[a:b] for a, b in zip(start, end, strict=True)]
+    assert cut == [b"", b"/45", b"/", b"/9", b"/"]
+    assert s.corner_start.tolist() == [0, 5]
+
+
+def test_the_highest_index_is_the_last_line() -> None:
+    head = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n"
+    assert read_data(head + b"f 1 2 -1\n").mesh.faces.tolist() == [[0, 1, 2]]
+    assert read_data(head + b"f -3/-1 2/1 3/\n").uv_sets == (0,)
+    for face, says in ((b"f 1 2 -4", "index -4"), (b"f 1/1 2/1 3/-2", "index -2 .* the 1 vt")):
+        with pytest.raises(InputError, match=says):
+            read_data(head + face + b"\n")
+
+
+def test_libraries_are_named_once() -> None:
+    s = scan(b"mtllib a b.mtl\nmtllib c.mtl\nmtllib a b.mtl\nmtllib\nf 1\n")
+    assert s.libraries() == ["a b.mtl", "c.mtl"]
