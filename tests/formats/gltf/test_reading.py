@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import struct
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import pytest
 
 from circparam.errors import InputError
 from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.reading import Tree, element_size
 from circparam.formats.io import read, read_data
+from circparam.formats.source import Source
 from tests.support.formats_tools import (
     GltfMaker,
     assert_round_trip,
@@ -206,3 +209,92 @@ def test_no_data_for_billions_of_zeros() -> None:
     g.tree["accessors"][0].pop("bufferView")
     g.tree["accessors"][0]["count"] = 4_000_000_000
     refused(g.glb(), "promises")
+
+
+@pytest.mark.parametrize(
+    ("type_", "component", "size"),
+    [("SCALAR", 5121, 1), ("VEC3", 5126, 12), ("VEC4", 5123, 8), ("MAT4", 5126, 64),
+     ("MAT2", 5121, 8), ("MAT2", 5123, 8), ("MAT3", 5120, 12), ("MAT3", 5122, 24), ("MAT3", 5126, 36)],
+)  # fmt: skip
+def test_sizes_of_elements(type_: str, component: int, size: int) -> None:
+    """Columns of matrices begin at multiples of four bytes (glTF 2.0, 3.6.2.4)."""
+    assert element_size({"type": type_, "componentType": component}) == size
+
+
+def test_normalised_integers_are_fractions() -> None:
+    """glTF 2.0, 3.11: c / 127 and no less than −1; c / 255."""
+    g = small()
+    signed = g.accessor(np.array([-128, -127, 0, 127], "i1"), normalized=True)
+    byte = g.accessor(np.array([0, 51, 255], "u1"), normalized=True)
+    plain = g.accessor(np.array([0, 51, 255], "u1"))
+    real = g.accessor(np.array([2.0, -3.0], "f4"), normalized=True)
+    tree = Tree(g.glb(), Source("x"))
+    assert tree.values(signed)[:, 0].tolist() == [-1, -1, 0, 1]
+    np.testing.assert_allclose(tree.values(byte)[:, 0], [0, 0.2, 1])
+    assert tree.values(plain)[:, 0].tolist() == [0, 51, 255]
+    assert tree.values(real)[:, 0].tolist() == [2, -3]
+    assert tree.integers(plain).tolist() == [0, 51, 255]
+
+
+def test_accessors_may_end_with_their_view_and_no_later() -> None:
+    g = GltfMaker()
+    raw = np.arange(10, dtype="u1")
+    view = g.view(raw.tobytes(), byteStride=4)
+    entry = {"bufferView": view, "componentType": 5121, "type": "VEC2", "byteOffset": 0}
+    for count, offset, have in ((3, 0, None), (2, 4, None), (3, 1, 2), (4, 0, 3), (3, 4, 2)):
+        g.tree["accessors"] = [{**entry, "count": count, "byteOffset": offset}]
+        tree = Tree(g.glb(), Source("x"))
+        if have is None:
+            expected = [[offset + 4 * k, offset + 4 * k + 1] for k in range(count)]
+            assert tree.rows(0).tolist() == expected
+        else:
+            with pytest.raises(InputError, match=f"promises {count} .* view has {have}"):
+                tree.rows(0)
+    g.tree["bufferViews"][0]["byteLength"] = 13  # the chunk is padded to 12
+    with pytest.raises(InputError, match="reaches beyond its buffer"):
+        Tree(g.glb(), Source("x")).view(0, "x")
+
+
+def test_sparse_values_end_at_the_last_element() -> None:
+    g = GltfMaker()
+    base = np.array([1.0, 2.0, 3.0], "f4")
+    at = g.accessor(base)
+    values = {"bufferView": g.view(np.array([9.0], "f4").tobytes())}
+    for place, expected in ((0, [9, 2, 3]), (2, [1, 2, 9]), (3, None)):
+        indices = {"bufferView": g.view(bytes([place])), "componentType": 5121}
+        g.tree["accessors"][at]["sparse"] = {"count": 1, "indices": indices, "values": values}
+        tree = Tree(g.glb(), Source("x"))
+        if expected is None:
+            with pytest.raises(InputError, match="sparse index beyond its 3 elements"):
+                tree.rows(at)
+        else:
+            assert tree.values(at)[:, 0].tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("uri", "says"),
+    [
+        ("data:application/octet-stream;base64,AAEC", None),
+        ("data:,%00%01%02", None),
+        ("data:;base64,AAE", "malformed base64"),
+        ("data:;base64,AA", "malformed base64"),
+        ("data:;base64,AAE=", "promises 3 bytes and has 2"),
+    ],
+)
+def test_data_uris(uri: str, says: str | None) -> None:
+    tree = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": uri}]}
+    data = json.dumps(tree).encode()
+    if says is None:
+        assert Tree(data, Source("x")).buffer(0) == b"\0\1\2"
+    else:
+        with pytest.raises(InputError, match=says):
+            Tree(data, Source("x"))
+
+
+def test_whole_numbers_may_be_written_as_decimals() -> None:
+    g = small()
+    g.tree["accessors"][0]["count"] = 9.0
+    assert len(read_data(g.glb()).mesh.points) == 9
+    for wrong in (9.5, True, -0.5, None):
+        g.tree["accessors"][0]["count"] = wrong
+        refused(g.glb(), "whole number")

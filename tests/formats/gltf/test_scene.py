@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from circparam.formats.gltf.scene import node_matrix, transform, triangles_of
 from circparam.formats.io import encode, read_data
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
@@ -143,3 +146,89 @@ def test_few_bytes_do_not_become_many_vertices() -> None:
         {"primitives": [{"attributes": {"POSITION": position}}]} for _ in range(10_000)
     ]
     refused(g.scene(*({"mesh": k} for k in range(10_000))).glb(), "more vertices than its data")
+
+
+def test_a_node_moves_then_turns_then_scales() -> None:
+    """Column vectors, translation · rotation · scale (glTF 2.0, 3.5.3)."""
+    half = np.sqrt(0.5)
+    node = {"translation": [1, 2, 3], "rotation": [half, 0, 0, half], "scale": [2, 3, 4]}
+    m = node_matrix(node)
+    # a quarter turn about x takes y to z and z to −y
+    np.testing.assert_allclose(m @ [1, 0, 0, 1], [3, 2, 3, 1], atol=1e-12)
+    np.testing.assert_allclose(m @ [0, 1, 0, 1], [1, 2, 6, 1], atol=1e-12)
+    np.testing.assert_allclose(m @ [0, 0, 1, 1], [1, -2, 3, 1], atol=1e-12)
+    matrix = {"matrix": list(range(16))}
+    assert node_matrix(matrix).T.ravel().tolist() == list(range(16))
+    np.testing.assert_array_equal(node_matrix({}), np.eye(4))
+
+
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.hypot(*q[:2]) > 0.1))
+def test_unit_quaternions_are_rotations(q: list[float]) -> None:
+    unit = np.array(q) / np.linalg.norm(q)
+    r = node_matrix({"rotation": unit.tolist()})[:3, :3]
+    np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(r) == pytest.approx(1)
+    np.testing.assert_allclose(r @ unit[:3], unit[:3], atol=1e-12)  # the axis stays
+    assert np.trace(r) == pytest.approx(4 * unit[3] ** 2 - 1)  # 1 + 2 cos of the angle
+
+
+def test_transform_is_the_matrix() -> None:
+    rng = np.random.default_rng(0)
+    points, matrix = rng.normal(size=(5, 3)), np.vstack([rng.normal(size=(3, 4)), [0, 0, 0, 1]])
+    expected = (np.insert(points, 3, 1.0, axis=1) @ matrix.T)[:, :3]
+    np.testing.assert_allclose(transform(points, matrix), expected)
+    assert transform(points, np.eye(4)) is points
+
+
+@pytest.mark.parametrize("n", range(8))
+def test_an_incomplete_rest_is_dropped(n: int) -> None:
+    index = np.arange(10, 10 + n)
+    assert triangles_of(index, 4).tolist() == index[: n - n % 3].reshape(-1, 3).tolist()
+    assert len(triangles_of(index, 5)) == len(triangles_of(index, 6)) == max(n - 2, 0)
+
+
+def test_pools_are_numbered_through_all_meshes() -> None:
+    """Two meshes with two pools each: faces name points of their own pool."""
+    rng = np.random.default_rng(0)
+    g = GltfMaker()
+    parts = [rng.normal(size=(k, 3)).astype("f4") for k in (3, 6, 3, 9)]
+    g.tree["meshes"] = [
+        {"primitives": [{"attributes": {"POSITION": g.accessor(parts[k])}} for k in pair]}
+        for pair in ((0, 1), (2, 3))
+    ]
+    document = read_data(g.scene({"mesh": 0}, {"mesh": 1}).glb())
+    np.testing.assert_array_equal(document.mesh.points, np.concatenate(parts))
+    assert document.mesh.faces.ravel().tolist() == list(range(21))
+    assert [p.pool for p in document.primitives] == [0, 1, 2, 3]  # type: ignore[attr-defined]
+    assert [p.first for p in document.pools] == [0, 3, 9, 12]  # type: ignore[attr-defined]
+    assert document.labels("mesh").tolist() == [0] * 3 + [1] * 4
+    assert document.labels("primitive").tolist() == [0, 1, 1, 2, 3, 3, 3]
+
+
+def test_indices_end_at_the_last_vertex() -> None:
+    g = GltfMaker()
+    position = g.accessor(np.eye(3, dtype="f4"))
+    for last, ok in ((2, True), (3, False)):
+        index = g.accessor(np.array([0, 1, last], "u1"))
+        primitive = {"attributes": {"POSITION": position}, "indices": index}
+        g.tree["meshes"] = [{"primitives": [primitive]}]
+        data = g.scene({"mesh": 0}).glb()
+        if ok:
+            assert read_data(data).mesh.faces.tolist() == [[0, 1, 2]]
+        else:
+            refused(data, "mesh 0, primitive 0 names vertex 3 of 3")
+
+
+def test_the_default_scene_comes_first_and_a_root_of_two_is_shown_once() -> None:
+    g = instanced()
+    g.tree["scenes"] = [{"nodes": [1]}, {"nodes": [0, 1]}]
+    for scene, first in ((0, 1), (1, 0)):
+        g.tree["scene"] = scene
+        document = read_data(g.glb())
+        assert document.primitives[0].mesh == first  # type: ignore[attr-defined]
+        assert document.instances == 1
+    for key in ("scene", "scenes"):
+        g.tree.pop(key)
+    assert read_data(g.glb()).instances == 1  # without scenes: every node that has no parent
+    g.tree["nodes"] = []
+    assert len(read_data(g.glb()).mesh.faces) == 16  # without nodes: every mesh

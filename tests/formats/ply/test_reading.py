@@ -8,6 +8,8 @@ import pytest
 from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
+from circparam.formats.ply.reading import Layout
+from circparam.formats.source import Source
 from tests.support.formats_tools import (
     corpus_files,
     layout_with_seams,
@@ -90,3 +92,60 @@ def test_real_files_read_as_trimesh_reads_them(path) -> None:
     # trimesh splits vertices at wedge uv, and rounds the digits of an ascii file to the declared float
     ours = document.mesh.points[document.mesh.faces].astype(np.float32)
     np.testing.assert_array_equal(ours, theirs.vertices[theirs.faces].astype(np.float32))
+
+
+@pytest.mark.parametrize("encoding", ORDERS)
+def test_every_value_where_it_stands(encoding: str) -> None:
+    """Scalars and lists of every element, before and behind lists of any length."""
+    data = sample(encoding, uv="face")
+    layout, expected = Layout(data, Source("x")), naive(data)
+    assert [e.name for e in layout.elements] == list(expected)
+    for e in layout.elements:
+        for p in e.properties:
+            cells = [row[p.name] for row in expected[e.name]]
+            if p.count_type:
+                values, counts = layout.list(e, p.name)
+                assert counts.tolist() == [len(c) for c in cells]  # type: ignore[arg-type]
+                flat = [x for c in cells for x in c]  # type: ignore[attr-defined]
+                np.testing.assert_allclose(values, flat, rtol=1e-7)
+            else:
+                np.testing.assert_allclose(layout.scalar(e, p.name), cells, rtol=1e-7)
+    with pytest.raises(InputError, match="no scalar property 'vertex_indices'"):
+        layout.scalar(layout.element("face"), "vertex_indices")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="no list property 'x'"):
+        layout.list(layout.element("vertex"), "x")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["char", "short", "int"])
+def test_a_negative_length_is_refused(kind: str) -> None:
+    points: list[list[object]] = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    for encoding in ORDERS:
+        data = build(encoding, {
+            "vertex": (["float x", "float y", "float z"], points),
+            "face": ([f"list {kind} int vertex_indices"], [[[0, 1, 2]]]),
+        })  # fmt: skip
+        read_data(data)
+        size = {"char": 1, "short": 2, "int": 4}[kind]
+        head, mark, body = data.partition(b"end_header\n")
+        if encoding == "ascii":
+            bad = body.replace(b"3 0 1 2", b"-3 0 1 2")
+        else:
+            bad = body[:36] + b"\xff" * size + body[36 + size :]
+        with pytest.raises(InputError):
+            read_data(head + mark + bad)
+
+
+def test_the_last_vertex_may_be_named_and_strips_restart_at_minus_one() -> None:
+    points: list[list[object]] = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+
+    def file(face: list[int], strip: list[int]) -> bytes:
+        return build("ascii", {
+            "vertex": (["float x", "float y", "float z"], points),
+            "face": (["list uchar int vertex_index"], [[face]]),
+            "tristrips": (["list int int vertex_indices"], [[strip]]),
+        })  # fmt: skip
+
+    assert read_data(file([0, 1, 2], [2, 1, 0, -1])).mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
+    for face, strip in (([0, 1, 3], [0]), ([0, 1, -1], [0]), ([0, 1, 2], [3]), ([0, 1, 2], [-2])):
+        with pytest.raises(InputError, match="a face names vertex"):
+            read_data(file(face, strip))
