@@ -14,7 +14,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
 from circparam.mesh.mesh import UVMap
 
-# Beyond this, a polygon that no fan fits is refused: clipping its ears takes quadratic time.
+# Corners. Beyond this, a polygon that no fan fits is refused: clipping its ears takes quadratic time or more.
 MAX_CONCAVE = 20_000
 
 
@@ -174,8 +174,8 @@ def polygon_of_corner(start: IntArray) -> IntArray:
 def strips(corners: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles of strips in which −1 restarts. Returns ((m, 3) into ``corners``, (m,) strip).
 
-    The winding of every second triangle of a run is turned; triangles that repeat a vertex are the glue of
-    strips and left out.
+    Every second triangle of a run is reversed; triangles that repeat a vertex only join strips and are left
+    out.
     """
     strip = polygon_of_corner(start)
     first = np.zeros(len(corners), bool)

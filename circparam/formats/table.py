@@ -21,7 +21,7 @@ from circparam.formats.source import Source
 from circparam.formats.stl import read_stl
 from circparam.mesh.mesh import UVMap
 
-HEAD = 2048  # bytes at the beginning in which most formats are told by
+HEAD = 2048  # bytes at the beginning that most formats are recognised by
 OBJ_HEAD = 1 << 20  # an OBJ may begin with a long comment before its first v line
 
 Read = Callable[[bytes, Source], Document]
@@ -34,7 +34,7 @@ class Format:
     """One file format. Called, it reads: (data, source) → Document.
 
     suffixes: how names end. sniff: whether content is of this format. rank: rows of lower rank are asked
-    first; 0 for a magic number at the beginning, more for what is told by less.
+    first; 0 for a magic number at the beginning, more where the evidence is weaker.
     export: (document, layout, options, stem of further files) → the file; writes any document into the
     format, None where it has no place for uv. round_uv: (uv (k, 2), document or None) → the uv as they are
     after being written and read; the document only where it is of this format. output: the format that its

@@ -95,3 +95,11 @@ def test_unknown_name_names_the_nearest() -> None:
 def test_names_and_file_names_both_work() -> None:
     assert samples.path("knot") == samples.path("knot.stl")
     assert formats.read(samples.path("ribbon")).mesh.points.shape == (600, 3)
+
+
+def test_files_that_belong_together() -> None:
+    assert [p.name for p in samples.files("bracket")] == ["bracket.obj", "bracket.mtl"]
+    assert [p.name for p in samples.files("knot")] == ["knot.stl"]
+    assert [row.name for row in samples.manifest()] == samples.names()
+    assert samples.info("vase.glb") is samples.info("vase")
+    assert all(isinstance(row.vertices, int) for row in samples.manifest())

@@ -161,7 +161,7 @@ class TreeEdit(Packing):
 
     def indices(self, users: list[Primitive], split: Split) -> int:
         """New index lists of primitives; returns how many of them were strips or fans."""
-        at = turned = 0
+        at = relisted = 0
         for p in users:
             entry = self.primitive(p)
             n = p.triangles.size
@@ -182,5 +182,5 @@ class TreeEdit(Packing):
             )
             if entry.get("mode", TRIANGLES) != TRIANGLES:
                 entry["mode"] = TRIANGLES
-                turned += 1
-        return turned
+                relisted += 1
+        return relisted

@@ -52,6 +52,7 @@ class Tree:
         for number, buffer in enumerate(self.json.get("buffers", [])):
             self._check_uri(number, buffer)
         self.buffer = cache(self._buffer)
+        # a few bytes may not promise billions of elements: four for each byte there is, or ten million
         self.limit = max(
             10_000_000, 4 * sum(len(self.buffer(i)) for i in range(len(self.entries("buffers"))))
         )
