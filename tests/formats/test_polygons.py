@@ -161,6 +161,10 @@ def test_triangles_of_a_polygon_agree_at_its_corners() -> None:
     uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [1, 1], [0.5, 1]])
     assert quad(uv, [[0, 1, 2], [0, 2, 3]]).tolist() == [0, 1, 2, 3]
     assert quad(uv, [[0, 1, 2], [0, 4, 3]]).tolist() == [0, 1, 2, 3]  # equal numbers
+    first = np.concatenate([uv, uv[:2]])  # rows 6 and 7 hold the numbers of 0 and 1
+    assert quad(first, [[0, 1, 2], [6, 2, 3]]).tolist() == [0, 1, 2, 3]
+    with pytest.raises(NoResultError, match="two uv"):
+        quad(first, [[0, 1, 2], [7, 2, 3]])
     assert quad(uv, [[-1, -1, -1], [-1, -1, -1]]).tolist() == [-1] * 4
     for wrong in ([0, 5, 3], [0, -1, 3], [0, 1, 3]):
         with pytest.raises(NoResultError, match="it: polygon 0 got two uv"):

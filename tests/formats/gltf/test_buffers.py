@@ -201,3 +201,23 @@ def test_a_gltf_without_buffers_becomes_a_glb() -> None:
     for format in ("glb", "gltf"):
         again = assert_round_trip(document, smooth_layout(document), format)
         assert again.mesh.points.tolist() == [[0, 0, 0]] * 3
+
+
+@pytest.mark.parametrize("size", [4, 5, 7])
+def test_entries_left_over_have_bytes_of_their_own(size: int) -> None:
+    """Views of the dropped tangents keep their numbers; an image of any length ends the buffer."""
+    g = full_mesh()
+    image = bytes(range(1, size + 1))
+    g.tree["images"] = [{"bufferView": g.view(image), "mimeType": "image/png"}]
+    old = read_data(g.glb())
+    data = encode(old, smooth_layout(old), "glb").data
+    tree = tree_of(data)
+    spans = sorted((v.get("byteOffset", 0), v["byteLength"]) for v in tree["bufferViews"])
+    assert all(start % 4 == 0 for start, _ in spans)
+    ends = [start + length for start, length in spans]
+    assert ends[-1] <= tree["buffers"][0]["byteLength"]
+    # the two left over may share four bytes with each other, with nothing else
+    apart = sorted(set(spans))
+    assert all(a[0] + a[1] <= b[0] for a, b in itertools.pairwise(apart))
+    again = read_data(data)
+    assert again.tree.view(tree["images"][0]["bufferView"], "")[0].tobytes() == image  # type: ignore[attr-defined]

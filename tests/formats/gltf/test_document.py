@@ -20,6 +20,9 @@ from tests.support.formats_tools import (
 )
 from tests.support.gltf_files import (
     assert_same_but_uv,
+    full_mesh,
+    instanced,
+    small,
 )
 
 
@@ -122,3 +125,22 @@ def test_real_files_read_as_trimesh_reads_them(path: Path) -> None:
     # a set of triangles: the nodes may come in another order, and one of several instances may differ
     if document.instances == 0:
         np.testing.assert_allclose(key(theirs), key(ours), atol=1e-6 * size)
+
+
+def test_meshes_are_shared_unless_asked() -> None:
+    data = instanced().glb()
+    for unshare, instances, faces in ((False, 1, 16), (True, 0, 24)):
+        document = read_data(data, unshare=unshare)
+        assert (document.instances, len(document.mesh.faces)) == (instances, faces)
+
+
+def test_features() -> None:
+    expected = ("materials", "normals", "tangents", "vertex colours", "custom attributes", "morph targets",
+                "extensions")  # fmt: skip
+    g = full_mesh()
+    assert read_data(g.scene({"mesh": 0}).glb()).features == expected
+    g.scene({"mesh": 0}, {})
+    g.tree |= {"cameras": [{}], "skins": [{}], "textures": [{}], "animations": []}
+    features = read_data(g.glb()).features
+    assert set(features) - set(expected) == {"nodes", "skins", "cameras", "textures"}
+    assert read_data(small().scene({"mesh": 0}).glb()).features == ()

@@ -94,6 +94,8 @@ def test_missing_files_are_noted(folder: Path) -> None:
     assert textures(folder, FACES) is None
     found = textures(folder, b"mtllib none.mtl\n" + FACES)
     assert found.notes == ["material file none.mtl is missing: put it beside the mesh"]
+    found = textures(folder, b"mtllib none.mtl\nmtllib m.mtl\nusemtl skin\n" + FACES)
+    assert (found.face.tolist(), len(found.notes)) == ([0, 0], 1)  # the second one is read
     (folder / "s.png").unlink()
     found = textures(folder, b"mtllib m.mtl\nusemtl skin\n" + FACES)
     assert found.face.tolist() == [-1, -1]

@@ -142,3 +142,38 @@ def test_real_files_keep_every_property(path, seams: bool) -> None:
                 continue
             assert other.find(p.name).type == p.type
             np.testing.assert_array_equal(new.scalar(other, p.name), old.scalar(e, p.name)[rows])
+
+
+@pytest.mark.parametrize(
+    ("lines", "feature"),
+    [
+        ([], None),
+        (["float nx"], "normals"),
+        (["uchar alpha"], "colours"),
+        (["float quality"], "custom properties"),
+        (["float s", "float t"], None),
+    ],
+)
+def test_features(lines: list[str], feature: str | None) -> None:
+    xyz = ["float x", "float y", "float z"]
+    rows: list[list[object]] = [[k, k * k, 0] + [0] * len(lines) for k in range(3)]
+    elements: dict = {"vertex": (xyz + lines, rows)}
+    elements["face"] = (["list uchar int vertex_index"], [[[0, 1, 2]]])
+    expected = () if feature is None else (feature,)
+    assert read_data(build("ascii", elements)).features == expected
+    elements["tristrips"] = (["list int int vertex_indices"], [[[0, 1, 2]]])
+    assert read_data(build("ascii", elements)).features == (*expected, "tristrips")
+
+
+def test_strips_stand_behind_the_faces() -> None:
+    points: list[list[object]] = [[k % 3, k // 3, k * k % 5] for k in range(9)]
+    data = build("ascii", {
+        "vertex": (["float x", "float y", "float z"], points),
+        "face": (["list uchar int vertex_indices"], [[[0, 1, 4, 3]], [[1, 2, 5]]]),
+        "tristrips": (["list int int vertex_indices"], [[[3, 4, 6, 7]], [[5, 4, 8]]]),
+    })  # fmt: skip
+    polys = read_data(data).polygons()
+    assert polys.start.tolist() == [0, 4, 7, 10, 13, 16]
+    assert polys.corners[7:].tolist() == [3, 4, 6, 6, 4, 7, 5, 4, 8]
+    assert polys.owner.tolist() == [0, 0, 1, 2, 3, 4]
+    assert polys.triangles[3:].tolist() == [[7, 8, 9], [10, 11, 12], [13, 14, 15]]

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
-from circparam.formats.ply.editing import index_types
+from circparam.formats.ply.editing import break_strips, index_types
 from circparam.formats.ply.model import Property
+from circparam.formats.polygons import strips
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     assert_round_trip,
@@ -192,3 +193,21 @@ def test_line_ends_are_kept(newline: bytes) -> None:
         assert b"\n" not in out.replace(newline, b"")
         back = naive(out.replace(newline, b"\n"))
         assert plain(back["vertex"]) == plain(naive(sample("ascii"))["vertex"])
+
+
+def test_strips_break_only_where_neighbours_differ() -> None:
+    """Triangles of the strips 0 1 2 3 4 and 5 6 7: as they were, with one break, and apart."""
+    place = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4], [5, 6, 7]])
+    start = np.array([0, 5, 8])
+    lengths, values = break_strips(place + 10, place, start)
+    assert (lengths.tolist(), values.tolist()) == ([5, 3], [10, 11, 12, 13, 14, 15, 16, 17])
+    split = place.copy()
+    split[2, 0] = 99  # a new vertex for 2 in the third triangle
+    lengths, values = break_strips(split, place, start)
+    assert (lengths.tolist(), values.tolist()) == ([8, 3], [0, 1, 2, 3, -1, 99, 3, 4, 5, 6, 7])
+    split = place.copy()
+    split[1] = [92, 91, 3]  # the second, an odd one: behind an empty run
+    lengths, values = break_strips(split, place, start)
+    back, row = strips(values, np.concatenate([[0], np.cumsum(lengths)]))
+    assert values[back].tolist() == split.tolist()
+    assert row.tolist() == [0, 0, 0, 1]
