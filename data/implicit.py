@@ -36,7 +36,7 @@ def marching_tetrahedra(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The zero surface of values on a grid: six tetrahedra a cell, one or two triangles in each.
 
-    values: (a, b, c). Returns (points, faces), wound outwards (towards positive values).
+    values: (a, b, c). Returns (points, faces), oriented outwards (towards positive values).
     """
     shape = np.array(values.shape)
     flat = values.ravel()

@@ -305,7 +305,7 @@ def messy() -> Sample:
         faces += [tuple(n + i for i in q) for q in quads]
         n += 8
     points.append(np.array([[9.0, 9, 9], [8, 8, 8], [0.3, 0.3, 5]]))  # referenced by nothing
-    faces += [faces[10], faces[20][::-1], faces[30][1:] + faces[30][:1]]  # twins
+    faces += [faces[10], faces[20][::-1], faces[30][1:] + faces[30][:1]]  # duplicate faces
     faces += [(0, 0, 1), (5, 5, 5), (0, 1, 2)]  # degenerate: repeated corners, three in a line
     p = rounded(np.concatenate(points))
     s = Sample(

@@ -102,10 +102,7 @@ def png(pixels: np.ndarray) -> bytes:
     )
 
 
-def gltf(
-    parts: list[Part],
-    image: bytes,
-) -> bytes:
+def gltf(parts: list[Part], image: bytes) -> bytes:
     """A GLB with one textured material; parts: (name, points, uv, faces, node transform)."""
     blob = b""
     views: list[dict[str, int]] = []
@@ -162,6 +159,11 @@ def gltf(
         "bufferViews": views,
         "buffers": [{"byteLength": len(blob)}],
     }
+    return glb(document, blob)
+
+
+def glb(document: dict[str, object], blob: bytes) -> bytes:
+    """A GLB file of its JSON and its binary chunk (whose length is a multiple of 4)."""
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     body = (
@@ -174,7 +176,7 @@ def gltf(
 
 
 def topology(points: np.ndarray, polygons: list[tuple[int, ...]]) -> dict[str, object]:
-    """Counts on welded points: components, genus and border loops where the surface is a manifold."""
+    """Counts on welded points: components, genus and boundary loops where the surface is a manifold."""
     _, weld = np.unique(rounded(points), axis=0, return_inverse=True)
     weld = weld.reshape(-1)
     polygons = [tuple(int(weld[i]) for i in q) for q in polygons]
@@ -184,8 +186,8 @@ def topology(points: np.ndarray, polygons: list[tuple[int, ...]]) -> dict[str, o
     vertices = np.unique(sides)
     components = len(set(roots(edges, len(points))[vertices].tolist()))
     manifold = bool(count.max() <= 2 and (edges[:, 0] != edges[:, 1]).all())
-    border = edges[count == 1]
-    loops = len(set(roots(border, len(points))[border[:, 0]].tolist())) if len(border) else 0
+    boundary = edges[count == 1]
+    loops = len(set(roots(boundary, len(points))[boundary[:, 0]].tolist())) if len(boundary) else 0
     euler = len(vertices) - len(edges) + len(polygons)
     genus = (2 * components - loops - euler) // 2
     return {

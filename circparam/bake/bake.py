@@ -26,7 +26,7 @@ from circparam.core.arrays import BoolArray, IntArray, group_max, group_min
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.materials import colours, decode, texture_layout, textures
+from circparam.formats.materials import decode
 from circparam.geometry.raster import barycentric, fragments
 from circparam.mesh.mesh import UVMap
 
@@ -172,7 +172,7 @@ def bake_document(
 
 def _vertex_colours(origin: Document) -> tuple[Paint, int, list[str]]:
     """The vertex colours of a file: (paint, channels, notes)."""
-    corners = colours(origin)
+    corners = origin.colours()
     if corners is None:
         raise InputError(f"{origin.source.name} has no vertex colours: bake with --from texture")
     return corner_paint(corners), 3, []
@@ -183,7 +183,7 @@ def _texture_colours(
 ) -> tuple[Paint, int, list[str]]:
     """The textures of a file, averaged to texels of the new layout: (paint, channels, notes)."""
     origin = source or document
-    found = textures(origin)
+    found = origin.textures()
     name = origin.source.name
     if found is None:
         raise InputError(f"{name} names no texture: give the file that has it with --source")
@@ -194,7 +194,7 @@ def _texture_colours(
             f"{name}: its texture belongs to uv set {uv_set} itself: give the file as it was before with "
             "--source, or the new set with --uv-set"
         )
-    old = texture_layout(origin, found)
+    old = origin.texture_layout(found)
     sides = [max(decode(*p).size) for p in zip(found.images, found.names, strict=True)]
     paint, channels = texture_paint(
         found, old, texel_ratio(old, float(np.mean(sides)), layout, size)

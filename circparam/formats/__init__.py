@@ -4,19 +4,22 @@
 format, and nothing else imports trimesh.
 """
 
-from circparam.formats.document import Document, Encoded, Polygons, Source, WriteOptions
+from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.gltf.document import GltfDocument
-from circparam.formats.io import Written, encode, format_of, read, read_data, sniff, stored, write
+from circparam.formats.io import Written, encode, format_of, read, read_data, stored, write
 from circparam.formats.memory import PlainDocument, from_arrays, from_trimesh
 from circparam.formats.obj.document import ObjDocument
 from circparam.formats.ply.document import PlyDocument
-from circparam.formats.table import DEFAULT_OUTPUT, FORMATS
+from circparam.formats.polygons import Polygons
+from circparam.formats.source import Source
+from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, Format, sniff
 
 __all__ = [
     "DEFAULT_OUTPUT",
     "FORMATS",
     "Document",
     "Encoded",
+    "Format",
     "GltfDocument",
     "ObjDocument",
     "PlainDocument",

@@ -13,24 +13,10 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError, NoResultError, OptionError
+from circparam.formats.materials import Textures
+from circparam.formats.polygons import Polygons
+from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where bytes came from: ``name`` for messages, ``path`` None for standard input or memory."""
-
-    name: str
-    path: Path | None = None
-
-    @property
-    def folder(self) -> Path | None:
-        """The folder that relative names in the file start from; None where there is none."""
-        return None if self.path is None else self.path.resolve().parent
-
-    def error(self, cause: object) -> InputError:
-        """An InputError that names the file, in one line."""
-        return InputError(f"{self.name}: {' '.join(str(cause).split())}")
 
 
 @dataclass(frozen=True)
@@ -48,7 +34,7 @@ class WriteOptions:
     copy_assets: bool = False
 
 
-@dataclass
+@dataclass(frozen=True)
 class Encoded:
     """A document as bytes, before anything touches the disk.
 
@@ -118,6 +104,30 @@ class Document:
             np.arange(m),
         )
 
+    def colours(self) -> FloatArray | None:
+        """(m, 3, 3) sRGB colour of every corner, of vertices or faces, 0..1; None where there are none.
+
+        Raises InputError where the file's colours are malformed.
+        """
+        return None
+
+    def textures(self) -> Textures | None:
+        """The textures of the file; None where no material names one.
+
+        Raises InputError for a malformed material.
+        """
+        return None
+
+    def texture_layout(self, textures: Textures) -> UVMap:
+        """The uv that the textures refer to. Raises InputError where the file lacks that set."""
+        uvmap = self.uv(textures.uv_set)
+        if uvmap is None:
+            raise InputError(
+                f"{self.source.name}: its textures refer to uv set {textures.uv_set}, which it lacks: "
+                "give the file that has it with --source"
+            )
+        return uvmap
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
@@ -161,49 +171,15 @@ def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool)
     return number, f"uv set {number} of the file was replaced"
 
 
-@dataclass(frozen=True)
-class Polygons:
-    """Polygons of a file and the triangles made inside them.
-
-    corners: (L,) int64 vertex of every polygon corner. start: (p + 1,) int64 offsets of the polygons.
-    triangles: (m, 3) int64 into ``corners``. owner: (m,) int64 polygon of each triangle.
-    """
-
-    corners: IntArray
-    start: IntArray
-    triangles: IntArray
-    owner: IntArray
-
-    @property
-    def labels(self) -> IntArray | None:
-        """Polygon label of each triangle for ``Mesh.polygons``; None where all are triangles."""
-        return None if (np.diff(self.start) <= 3).all() else self.owner
-
-    def corner_uv(self, uvmap: UVMap, name: str) -> IntArray:
-        """(L,) int64: the uv of every polygon corner, from the first triangle that lists it; −1 for none.
-
-        Raises NoResultError where triangles of one polygon disagree: no seam may run inside a polygon.
-        """
-        out = np.full(len(self.corners), -1, np.int64)
-        out[self.triangles.ravel()[::-1]] = uvmap.uv_faces.ravel()[::-1]
-        given, kept = uvmap.uv_faces, out[self.triangles]
-        differ = (given != kept).any(1)
-        if differ.any():
-            f = np.flatnonzero(differ)
-            a, b = given[f], kept[f]
-            same = (a < 0) == (b < 0)
-            if len(uvmap.uv):
-                same &= (values(uvmap.uv, a) == values(uvmap.uv, b)).all(2)
-            wrong = f[~same.all(1)]
-            if len(wrong):
-                raise NoResultError(
-                    f"{name}: polygon {int(self.owner[wrong[0]])} got two uv at one corner: "
-                    "a seam may not run inside a polygon"
-                )
-        return out
+def check_new_set(options: WriteOptions, format: str) -> None:
+    """Raise OptionError for a uv set that a new file does not have."""
+    if options.uv_set:
+        raise OptionError(
+            f"uv set {options.uv_set}: a new {format.upper()} file gets one uv set; leave it out"
+        )
 
 
-def values(uv: FloatArray, index: IntArray) -> FloatArray:
-    """Rows of uv; zeros where the index is −1."""
-    out: FloatArray = np.where((index >= 0)[..., None], uv[np.maximum(index, 0)], 0.0)
-    return out
+def not_carried(document: Document, *kept: str) -> list[str]:
+    """A note on what of the input a new file in another format does not carry; none where it carries all."""
+    gone = [f for f in document.features if f not in kept]
+    return [f"not carried into the new format: {', '.join(gone)}"] if gone else []

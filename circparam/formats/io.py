@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,14 +11,11 @@ import numpy as np
 
 from circparam.core.arrays import IntArray
 from circparam.core.files import write_files
-from circparam.errors import InputError, NoResultError, OptionError
-from circparam.formats.assets import find_assets, read_bytes
-from circparam.formats.document import Document, Encoded, Source, WriteOptions, check_layout
-from circparam.formats.gltf.document import read_gltf
-from circparam.formats.gltf.editing import stored_uv
-from circparam.formats.gltf.export import to_glb
-from circparam.formats.ply.document import PlyDocument
-from circparam.formats.table import DEFAULT_OUTPUT, FORMATS
+from circparam.errors import InputError, OptionError
+from circparam.formats.assets import find_assets
+from circparam.formats.document import Document, Encoded, WriteOptions, check_layout
+from circparam.formats.source import Source, read_bytes
+from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, sniff, writable
 from circparam.mesh.mesh import UVMap
 
 
@@ -56,34 +52,13 @@ def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
     raise OptionError(f"{os.fspath(path)}: {what}; end it in {known} or give --format")
 
 
-def sniff(data: bytes) -> str | None:
-    """The format that the first bytes give away; None where they do not."""
-    head = data[:2048]
-    text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if head[:4] == b"glTF":
-        return "glb"
-    if re.match(rb"ply[ \t]*[\r\n]", head):
-        return "ply"
-    if re.match(rb"(?:ST)?C?N?OFF\b", text):
-        return "off"
-    if text[:1] == b"{" and b'"' in text:
-        return "gltf"
-    if len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
-        return "stl"
-    if re.match(rb"solid\b[^\0]*?\bfacet\s+normal", text, re.S):
-        return "stl"
-    if b"\0" not in head and re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[: 1 << 20], re.M):
-        return "obj"
-    return None
-
-
 def read(
     path: str | os.PathLike[str], *, format: str | None = None, unshare: bool = False
 ) -> Document:
     """Read a mesh file; ``-`` is standard input.
 
-    format: a name of ``FORMATS``; else the content tells, and where it does not, the suffix. unshare: glTF
-    meshes that several nodes use become copies, one for each node.
+    format: a name of ``FORMATS``; else the content tells, and where it does not, the suffix. unshare: meshes
+    that several nodes use (glTF) become copies, one for each node; other formats are read as ever.
     Raises InputError where the file is missing, unreadable, malformed, without faces, or holds NaN, or where
     its name says another format than its content.
     """
@@ -96,29 +71,11 @@ def read_data(
 ) -> Document:
     """Read a mesh from bytes; see ``read``."""
     source = source or Source("the given data")
-    if format is None:
-        name = sniff(data)
-        try:
-            by_suffix = format_of(source.path) if source.path is not None else None
-        except OptionError as error:
-            by_suffix = None
-            if name is None:
-                raise InputError(str(error)) from None
-        if name is None and by_suffix is None:
-            raise source.error("the content tells no mesh format; give --format")
-        if name and by_suffix and name != by_suffix:
-            raise source.error(
-                f"the name says {by_suffix.upper()}, the content is {name.upper()}: "
-                "rename it to what it holds"
-            )
-        name = name or by_suffix or ""
-    else:
-        name = format_of("", format)
+    name = _format_of_content(data, source) if format is None else format_of("", format)
+    row = FORMATS[name].function
+    read_it = row.unshare if unshare and row.unshare is not None else row.read
     try:
-        if unshare and name in ("gltf", "glb"):
-            document: Document = read_gltf(data, source, unshare=True)
-        else:
-            document = FORMATS[name].function(data, source)
+        return read_it(data, source)
     except InputError as error:
         if str(error).startswith(source.name):
             raise
@@ -127,24 +84,37 @@ def read_data(
         raise source.error(
             f"it asks for more memory than there is ({type(error).__name__})"
         ) from None
-    return document
+
+
+def _format_of_content(data: bytes, source: Source) -> str:
+    """The format by content, or else by suffix. Raises InputError where they differ or neither tells."""
+    name = sniff(data)
+    by_suffix = None
+    try:
+        by_suffix = format_of(source.path) if source.path is not None else None
+    except OptionError as error:
+        if name is None:
+            raise InputError(str(error)) from None
+    if name and by_suffix and name != by_suffix:
+        raise source.error(
+            f"the name says {by_suffix.upper()}, the content is {name.upper()}: "
+            "rename it to what it holds"
+        )
+    if found := name or by_suffix:
+        return found
+    raise source.error("the content tells no mesh format; give --format")
 
 
 def stored(uvmap: UVMap, format: str, document: Document | None = None) -> UVMap:
-    """The layout as it is after being written to a format and read back.
+    """The layout as it is after being written to a format and read back, as the row of the format rounds uv.
 
-    OBJ keeps every digit; glTF stores float32 u and 1 − v; PLY float32, or doubles where the document has
-    doubles. Flips and overlaps are to be checked on these numbers.
+    Flips and overlaps are to be checked on these numbers. Raises OptionError for a format without uv.
     """
     uv = np.ascontiguousarray(uvmap.uv, np.float64) + 0.0
-    if format in ("gltf", "glb"):
-        uv = stored_uv(uv)
-    elif format == "ply":
-        kind = document.uv_type if isinstance(document, PlyDocument) else "f4"
-        uv = uv.astype(kind).astype(np.float64) + 0.0
-    elif format != "obj":
-        raise OptionError(f"{format.upper()} has no place for uv: write obj, ply, gltf or glb")
-    return UVMap(uv, uvmap.uv_faces)
+    round_uv = FORMATS[format].function.round_uv
+    if round_uv is None:
+        raise _no_place(format)
+    return UVMap(round_uv(uv, document), uvmap.uv_faces)
 
 
 def encode(
@@ -153,32 +123,19 @@ def encode(
 ) -> Encoded:  # fmt: skip
     """The document with uv as bytes, nothing on the disk touched; ``stem`` names further files."""
     options = options or WriteOptions()
-    row = FORMATS[format]
+    export = FORMATS[format].function.export
     uvmap = check_layout(document, uvmap)
     encoded = document.rewrite(uvmap, options, format, stem)
     if encoded is not None:
         return encoded
-    if format == "gltf":
-        encoded = _as_gltf(document, uvmap, options, stem)
-    elif row.function.export is None:
-        raise OptionError(f"{format.upper()} has no place for uv: write obj, ply, gltf or glb")
-    else:
-        encoded = row.function.export(document, uvmap, options)
-    return encoded
+    if export is None:
+        raise _no_place(format)
+    return export(document, uvmap, options, stem)
 
 
-def _as_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str) -> Encoded:
-    """A new glTF: the GLB of it, taken apart."""
-    encoded = to_glb(document, uvmap, options)
-    again = read_gltf(encoded.data, Source("memory"))
-    whole = again.uv()
-    if whole is None:
-        raise NoResultError("the new glTF has no uv")
-    out = again.rewrite(whole, WriteOptions(), "gltf", stem)
-    if out is None:
-        raise NoResultError("the new glTF can't be written")
-    encoded.data, encoded.extra, encoded.format = out.data, out.extra, "gltf"
-    return encoded
+def _no_place(format: str) -> OptionError:
+    *most, last = writable()
+    return OptionError(f"{format.upper()} has no place for uv: write {', '.join(most)} or {last}")
 
 
 def write(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,9 @@ import numpy.typing as npt
 
 from circparam.core.arrays import IntArray
 from circparam.errors import InputError
-from circparam.formats.document import Document, Polygons, Source
+from circparam.formats.document import Document
+from circparam.formats.polygons import Polygons
+from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ class PlainDocument(Document):
     """Triangles or polygons, and perhaps a layout, without a file format that could be kept."""
 
     polys: Polygons | None = None
-    layout: UVMap | None = field(default=None)
+    layout: UVMap | None = None
 
     def polygons(self) -> Polygons:
         """The polygons of the file, or its triangles."""

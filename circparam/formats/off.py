@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from circparam.formats.document import Source
 from circparam.formats.memory import PlainDocument
 from circparam.formats.polygons import list_start, triangulate
+from circparam.formats.source import Source
 from circparam.formats.tokens import gather, parse_floats, parse_ints, tokenize
 from circparam.mesh.mesh import Mesh
-
-if TYPE_CHECKING:
-    pass
 
 
 def read_off(data: bytes, source: Source) -> PlainDocument:

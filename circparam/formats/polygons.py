@@ -1,4 +1,4 @@
-"""One rule that turns polygons into triangles, for every format.
+"""Polygons of a file, and one rule that turns them into triangles, for every format.
 
 The fan from the first corner whose triangles all agree with the polygon's normal (Newell's), else ear
 clipping in the coordinate plane in which the polygon is largest.
@@ -6,14 +6,64 @@ clipping in the coordinate plane in which the polygon is largest.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.errors import InputError
-from circparam.formats.document import Polygons
+from circparam.errors import InputError, NoResultError
+from circparam.mesh.mesh import UVMap
 
-# Beyond this, a polygon that no fan fits is refused: clipping its ears takes quadratic time.
+# Corners. Beyond this, a polygon that no fan fits is refused: clipping its ears takes quadratic time or more.
 MAX_CONCAVE = 20_000
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """Polygons of a file and the triangles made inside them.
+
+    corners: (L,) int64 vertex of every polygon corner. start: (p + 1,) int64 offsets of the polygons.
+    triangles: (m, 3) int64 into ``corners``. owner: (m,) int64 polygon of each triangle.
+    """
+
+    corners: IntArray
+    start: IntArray
+    triangles: IntArray
+    owner: IntArray
+
+    @property
+    def labels(self) -> IntArray | None:
+        """Polygon label of each triangle for ``Mesh.polygons``; None where all are triangles."""
+        return None if (np.diff(self.start) <= 3).all() else self.owner
+
+    def corner_uv(self, uvmap: UVMap, name: str) -> IntArray:
+        """(L,) int64: the uv of every polygon corner, from the first triangle that lists it; −1 for none.
+
+        Raises NoResultError where triangles of one polygon disagree: no seam may run inside a polygon.
+        """
+        out = np.full(len(self.corners), -1, np.int64)
+        out[self.triangles.ravel()[::-1]] = uvmap.uv_faces.ravel()[::-1]
+        given, kept = uvmap.uv_faces, out[self.triangles]
+        differ = (given != kept).any(1)
+        if differ.any():
+            f = np.flatnonzero(differ)
+            a, b = given[f], kept[f]
+            same = (a < 0) == (b < 0)
+            if len(uvmap.uv):
+                same &= (values(uvmap.uv, a) == values(uvmap.uv, b)).all(2)
+            wrong = f[~same.all(1)]
+            if len(wrong):
+                raise NoResultError(
+                    f"{name}: polygon {int(self.owner[wrong[0]])} got two uv at one corner: "
+                    "a seam may not run inside a polygon"
+                )
+        return out
+
+
+def values(uv: FloatArray, index: IntArray) -> FloatArray:
+    """Rows of uv; zeros where the index is −1."""
+    out: FloatArray = np.where((index >= 0)[..., None], uv[np.maximum(index, 0)], 0.0)
+    return out
 
 
 def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polygons:
@@ -124,8 +174,8 @@ def polygon_of_corner(start: IntArray) -> IntArray:
 def strips(corners: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles of strips in which −1 restarts. Returns ((m, 3) into ``corners``, (m,) strip).
 
-    The winding of every second triangle of a run is turned; triangles that repeat a vertex are the glue of
-    strips and left out.
+    Every second triangle of a run is reversed; triangles that repeat a vertex only join strips and are left
+    out.
     """
     strip = polygon_of_corner(start)
     first = np.zeros(len(corners), bool)

@@ -16,7 +16,8 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.files import write_files
 from circparam.errors import InputError
 
-LIMIT = 1 << 28  # bytes: a sidecar larger than this is no sidecar
+# Bytes; ten million lines of numbers, more than any mesh that is read has vertices to pin.
+LIMIT = 1 << 28
 
 
 def read_pins(path: str | os.PathLike[str]) -> FloatArray:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import io
 import logging
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from circparam.formats.document import Source
 from circparam.formats.memory import PlainDocument
+from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh
-
-if TYPE_CHECKING:
-    pass
 
 
 def read_stl(data: bytes, source: Source) -> PlainDocument:

@@ -1,63 +1,159 @@
-"""FORMATS: every file format, as one table."""
+"""FORMATS: every file format, as one table; all that the rest of the package knows of a format is its row."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from circparam.core.arrays import FloatArray
 from circparam.core.registry import Row, Table
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    Source,
-    WriteOptions,
-)
+from circparam.formats.document import Document, Encoded, WriteOptions
 from circparam.formats.gltf.document import read_gltf
-from circparam.formats.gltf.export import to_glb
+from circparam.formats.gltf.editing import stored_uv
+from circparam.formats.gltf.export import to_glb, to_gltf
 from circparam.formats.obj.document import read_obj
 from circparam.formats.obj.export import to_obj
 from circparam.formats.off import read_off
-from circparam.formats.ply.document import read_ply
+from circparam.formats.ply.document import read_ply, round_ply
 from circparam.formats.ply.export import to_ply
+from circparam.formats.source import Source
 from circparam.formats.stl import read_stl
 from circparam.mesh.mesh import UVMap
 
-Export = Callable[[Document, UVMap, WriteOptions], Encoded]
+HEAD = 2048  # bytes at the beginning that most formats are recognised by
+OBJ_HEAD = 1 << 20  # an OBJ may begin with a long comment before its first v line
+
+Read = Callable[[bytes, Source], Document]
+Export = Callable[[Document, UVMap, WriteOptions, str], Encoded]
+RoundUV = Callable[[FloatArray, Document | None], FloatArray]
 
 
 @dataclass(frozen=True)
 class Format:
     """One file format. Called, it reads: (data, source) → Document.
 
-    suffixes: how names end. export: writes any document into it; None where it has no place for uv.
-    output: the format that its meshes are written to when nothing is said.
+    suffixes: how names end. sniff: whether content is of this format. rank: rows of lower rank are asked
+    first; 0 for a magic number at the beginning, more where the evidence is weaker.
+    export: (document, layout, options, stem of further files) → the file; writes any document into the
+    format, None where it has no place for uv. round_uv: (uv (k, 2), document or None) → the uv as they are
+    after being written and read; the document only where it is of this format. output: the format that its
+    meshes are written to when nothing is said, '' for itself. unshare: reads with meshes that several nodes
+    use copied for each; None where meshes of the format cannot be shared.
     """
 
-    read: Callable[[bytes, Source], Document]
+    read: Read
     suffixes: tuple[str, ...]
-    output: str
+    sniff: Callable[[bytes], bool]
+    rank: int = 0
     export: Export | None = None
+    round_uv: RoundUV | None = None
+    output: str = ""
+    unshare: Read | None = None
 
     def __call__(self, data: bytes, source: Source) -> Document:
         """Read a file of this format."""
         return self.read(data, source)
 
 
+def _is_glb(data: bytes) -> bool:
+    return data[:4] == b"glTF"
+
+
+def _is_ply(data: bytes) -> bool:
+    return re.match(rb"ply[ \t]*[\r\n]", data[:HEAD]) is not None
+
+
+def _is_off(data: bytes) -> bool:
+    return re.match(rb"(?:ST)?C?N?OFF\b", _text(data)) is not None
+
+
+def _is_gltf(data: bytes) -> bool:
+    text = _text(data)
+    return text[:1] == b"{" and b'"' in text
+
+
+def _is_stl(data: bytes) -> bool:
+    """By the size that a binary file must have for its number of triangles, or the first words of a text."""
+    if len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        return True
+    return re.match(rb"solid\b[^\0]*?\bfacet\s+normal", _text(data), re.S) is not None
+
+
+def _is_obj(data: bytes) -> bool:
+    """By the first line with a vertex: OBJ has no beginning of its own."""
+    if b"\0" in data[:HEAD]:
+        return False
+    return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:OBJ_HEAD], re.M) is not None
+
+
+def _text(data: bytes) -> bytes:
+    """The beginning of a file without byte order mark and blanks."""
+    return data[:HEAD].lstrip(b"\xef\xbb\xbf \t\r\n")
+
+
+def _as_it_is(uv: FloatArray, document: Document | None) -> FloatArray:
+    return uv
+
+
+def _as_gltf(uv: FloatArray, document: Document | None) -> FloatArray:
+    return stored_uv(uv)
+
+
+def _read_unshared(data: bytes, source: Source) -> Document:
+    return read_gltf(data, source, unshare=True)
+
+
 FORMATS: Table[Format] = Table(
     "format",
-    Row("obj", Format(read_obj, (".obj",), "obj", to_obj),
+    Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
-    Row("ply", Format(read_ply, (".ply",), "ply", to_ply),
+    Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
-    Row("gltf", Format(read_gltf, (".gltf",), "gltf"),
+    Row("gltf", Format(read_gltf, (".gltf",), _is_gltf, rank=1, export=to_gltf, round_uv=_as_gltf,
+                       unshare=_read_unshared),
         "glTF 2.0: TEXCOORD_n; the whole tree kept"),
-    Row("glb", Format(read_gltf, (".glb", ".vrm"), "glb", to_glb),
+    Row("glb", Format(read_gltf, (".glb", ".vrm"), _is_glb, export=to_glb, round_uv=_as_gltf,
+                      unshare=_read_unshared),
         "binary glTF 2.0: TEXCOORD_n; the whole tree kept"),
-    Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), "glb"),
+    Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), _is_stl, rank=2, output="glb"),
         "STL: no place for uv, written as GLB"),
-    Row("off", Format(read_off, (".off", ".coff"), "glb"),
+    Row("off", Format(read_off, (".off", ".coff"), _is_off, output="glb"),
         "OFF: no place for uv, written as GLB"),
 )  # fmt: skip
-DEFAULT_OUTPUT: dict[str, str] = {row.name: row.function.output for row in FORMATS} | {
-    "arrays": "glb"
-}
+
+
+class _Outputs(Mapping[str, str]):
+    """The format that a document of a format is written to when nothing is said, from the rows as they are."""
+
+    def __getitem__(self, name: str) -> str:
+        if name == "arrays":  # a document from memory
+            return "glb"
+        if name not in FORMATS:
+            raise KeyError(name)
+        return FORMATS[name].function.output or name
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([*FORMATS.names(), "arrays"])
+
+    def __len__(self) -> int:
+        return len(FORMATS.names()) + 1
+
+
+DEFAULT_OUTPUT: Mapping[str, str] = _Outputs()
+
+
+def takes_unshare(format: str) -> bool:
+    """Whether meshes of a format can be shared by several nodes, and so be copied for each."""
+    return format in FORMATS and FORMATS[format].function.unshare is not None
+
+
+def writable() -> list[str]:
+    """The formats that have a place for uv, in the order of the table."""
+    return [row.name for row in FORMATS if row.function.export is not None]
+
+
+def sniff(data: bytes) -> str | None:
+    """The format that the content gives away; None where it does not."""
+    rows = sorted(FORMATS, key=lambda row: row.function.rank)
+    return next((row.name for row in rows if row.function.sniff(data)), None)

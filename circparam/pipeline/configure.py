@@ -13,7 +13,7 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import format_of, read
 from circparam.formats.memory import from_arrays, from_trimesh
-from circparam.formats.table import DEFAULT_OUTPUT
+from circparam.formats.table import DEFAULT_OUTPUT, takes_unshare
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
@@ -104,8 +104,7 @@ def seam_options(
 
 def check_scene(document: Document, o: Options) -> None:
     """Raise OptionError where an option for scenes does not fit the file."""
-    gltf = document.format in ("gltf", "glb")
-    if o.unshare and not gltf:
+    if o.unshare and not takes_unshare(document.format):
         raise OptionError(
             f"--unshare has no effect: {document.format.upper()} files share no meshes"
         )

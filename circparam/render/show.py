@@ -9,7 +9,7 @@ from PIL import Image
 
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.materials import decode, media_type, textures
+from circparam.formats.materials import decode, media_type
 from circparam.mesh.mesh import UVMap
 from circparam.render.figures import PageImages, PictureOptions
 from circparam.render.picture import save_scene
@@ -76,7 +76,7 @@ def scene_of(document: Document, uvmap: UVMap) -> Scene:
 def page_images(document: Document, uv_set: int) -> tuple[PageImages | None, str, list[str]]:
     """The textures that belong to a uv set, small enough for a page: (images, why there are none, notes)."""
     try:
-        found = textures(document)
+        found = document.textures()
     except InputError as error:
         return None, "the texture cannot be read", [str(error)]
     if found is None:

@@ -12,7 +12,7 @@ import pytest
 from circparam import errors, formats, samples
 from circparam.mesh.repair import RepairOptions, repair
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "data" / "make_samples.py"
 
 
@@ -63,7 +63,7 @@ def test_topology_of_the_manifest(name: str) -> None:
 def test_messy_holds_what_it_promises() -> None:
     mesh = samples.load("messy").mesh
     surface, _ = repair(mesh, RepairOptions())
-    assert len(surface.faces) < len(mesh.faces)  # degenerate faces and twins are set aside
+    assert len(surface.faces) < len(mesh.faces)  # degenerate and duplicate faces are set aside
     assert surface.reversed_faces.any()
     assert len(np.unique(mesh.faces)) < len(mesh.points)
     assert samples.info("messy").nonmanifold_edges > 0
@@ -95,3 +95,11 @@ def test_unknown_name_names_the_nearest() -> None:
 def test_names_and_file_names_both_work() -> None:
     assert samples.path("knot") == samples.path("knot.stl")
     assert formats.read(samples.path("ribbon")).mesh.points.shape == (600, 3)
+
+
+def test_files_that_belong_together() -> None:
+    assert [p.name for p in samples.files("bracket")] == ["bracket.obj", "bracket.mtl"]
+    assert [p.name for p in samples.files("knot")] == ["knot.stl"]
+    assert [row.name for row in samples.manifest()] == samples.names()
+    assert samples.info("vase.glb") is samples.info("vase")
+    assert all(isinstance(row.vertices, int) for row in samples.manifest())

@@ -12,10 +12,10 @@ from urllib.parse import quote, unquote
 
 import numpy as np
 
-from circparam.formats.gltf.reading import Json, Tree
+from circparam.formats.gltf.model import ARRAY_BUFFER, Json
+from circparam.formats.gltf.reading import Tree
 from circparam.formats.tokens import ByteArray
 
-ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 _DATA_KEYS = {"accessor", "accessors", "bufferView", "buffer", "attributes", "indices", "POSITION"}
 
 

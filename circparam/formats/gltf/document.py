@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
-from circparam.formats.document import Document, Encoded, Source, WriteOptions, check_uv_set
+from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set
+from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import write_uv
-from circparam.formats.gltf.reading import COMPRESSED, Json, Tree, walk
+from circparam.formats.gltf.model import Json, Pool, Primitive
+from circparam.formats.gltf.reading import COMPRESSED, Tree, sound_tree
+from circparam.formats.gltf.scene import read_meshes, unshare_meshes, walk
+from circparam.formats.materials import Textures
+from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
-
-TRIANGLES, STRIP, FAN = 4, 5, 6
-
-
-@dataclass(frozen=True, eq=False)
-class Primitive:
-    """Triangles of one primitive. triangles: (k, 3) int64 into the vertices of its pool."""
-
-    mesh: int
-    number: int
-    pool: int
-    mode: int
-    triangles: IntArray
-
-
-@dataclass(frozen=True, eq=False)
-class Pool:
-    """Vertices that primitives of one mesh share: the same accessors for every attribute and target.
-
-    first: number of its first point in ``Mesh.points``. count: number of its points.
-    """
-
-    attributes: dict[str, int]
-    targets: list[dict[str, int]]
-    first: int
-    count: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +62,16 @@ class GltfDocument(Document):
             return relabel(np.repeat(of, size))[1]
         return super().labels(kind)
 
+    def colours(self) -> FloatArray | None:
+        """COLOR_0 of the vertices."""
+        with sound_tree(self.source):
+            return materials.colours(self.tree, self.pools, self.mesh.faces)
+
+    def textures(self) -> Textures | None:
+        """The base colour textures of the materials."""
+        with sound_tree(self.source, "a material"):
+            return materials.textures(self.tree, self.primitives)
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
@@ -94,13 +80,13 @@ class GltfDocument(Document):
             return None
         number, note = check_uv_set(self, options, only_first=False)
         with sound_tree(self.source):
-            out = write_uv(self, uvmap, number, format, stem)
-        if note:
-            out.notes.insert(0, note)
-        return out
+            out = write_uv(
+                self.tree, self.primitives, self.pools, uvmap, number, format=format, stem=stem
+            )
+        return replace(out, notes=[note, *out.notes]) if note else out
 
 
-def read_gltf(data: bytes, source: Source, *, unshare: bool = False) -> GltfDocument:
+def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocument:
     """Read a glTF or GLB file.
 
     unshare: give every node that shares a mesh with another its own copy, so that each gets its own uv.
@@ -110,114 +96,23 @@ def read_gltf(data: bytes, source: Source, *, unshare: bool = False) -> GltfDocu
         return _read(Tree(data, source), source, unshare)
 
 
-@contextmanager
-def sound_tree(source: Source) -> Iterator[None]:
-    """Turn what a tree of the wrong shape makes Python raise into an InputError that names the file."""
-    try:
-        yield
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        what = f"{type(error).__name__}: {error}"
-        raise source.error(f"the glTF tree is malformed ({what[:120]})") from None
-
-
 def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     required = [k for k in tree.json.get("extensionsRequired", []) if k in COMPRESSED]
     if required:
         raise source.error(f"it is compressed with {required[0]}: decode the file first")
     shown = walk(tree)
     if unshare:
-        _unshare(tree, shown)
-    seen: set[int] = set()
-    points: list[FloatArray] = []
-    primitives: list[Primitive] = []
-    pools: list[Pool] = []
-    notes: list[str] = []
-    for node, matrix in shown:
-        mesh = -1 - node if node < 0 else tree.item("nodes", node)["mesh"]
-        if mesh in seen:
-            continue
-        seen.add(mesh)
-        _read_mesh(tree, mesh, matrix, points, primitives, pools, notes)
-    if not primitives:
-        raise source.error("it has no triangles: there is nothing to unwrap")
-    faces = np.concatenate([p.triangles + pools[p.pool].first for p in primitives])
-    groups, names = _materials(tree, primitives)
-    sets = sorted({int(k[9:]) for p in pools for k in p.attributes if k[:9] == "TEXCOORD_"})
+        unshare_meshes(tree, shown)
+    parts = read_meshes(tree, shown)
+    faces = np.concatenate([p.triangles + parts.pools[p.pool].first for p in parts.primitives])
+    groups, names = _materials(tree, parts.primitives)
+    sets = sorted({int(k[9:]) for p in parts.pools for k in p.attributes if k[:9] == "TEXCOORD_"})
+    meshes = {-1 - node if node < 0 else tree.item("nodes", node)["mesh"] for node, _ in shown}
     return GltfDocument(
-        source, "glb" if tree.is_glb else "gltf", Mesh(np.concatenate(points), faces, groups=groups),
-        tuple(sets), notes, _features(tree), names,
-        tree=tree, primitives=primitives, pools=pools, shared=len(shown) - len(seen),
+        source, "glb" if tree.is_glb else "gltf", Mesh(parts.points, faces, groups=groups),
+        tuple(sets), parts.notes, _features(tree), names,
+        tree=tree, primitives=parts.primitives, pools=parts.pools, shared=len(shown) - len(meshes),
     )  # fmt: skip
-
-
-def _read_mesh(
-    tree: Tree, mesh: int, matrix: FloatArray, points: list[FloatArray],
-    primitives: list[Primitive], pools: list[Pool], notes: list[str],
-) -> None:  # fmt: skip
-    known: dict[object, int] = {}
-    for number, p in enumerate(tree.item("meshes", mesh)["primitives"]):
-        packed = [k for k in COMPRESSED if k in p.get("extensions", {})]
-        if packed:
-            raise tree.error(f"mesh {mesh} is compressed with {packed[0]}: decode the file first")
-        mode, attributes = p.get("mode", TRIANGLES), p["attributes"]
-        if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
-            notes.append(f"mesh {mesh}, primitive {number} has no triangles and was left as it is")
-            continue
-        targets = p.get("targets", [])
-        key = (*sorted(attributes.items()), *(tuple(sorted(t.items())) for t in targets))
-        if key not in known:
-            known[key] = len(pools)
-            position = tree.values(attributes["POSITION"])
-            if position.shape[1] != 3:
-                raise tree.error(f"mesh {mesh}: POSITION is no VEC3")
-            first = pools[-1].first + pools[-1].count if pools else 0
-            if first + len(position) > tree.limit:
-                raise tree.error("its meshes expand to more vertices than its data can describe")
-            pools.append(Pool(attributes, targets, first, len(position)))
-            points.append(transform(position, matrix))
-        pool = known[key]
-        n = pools[pool].count
-        index = tree.integers(p["indices"]) if "indices" in p else np.arange(n)
-        if len(index) and index.max() >= n:
-            raise tree.error(
-                f"mesh {mesh}, primitive {number} names vertex {int(index.max())} of {n}"
-            )
-        triangles = triangles_of(index, mode)
-        if len(triangles):
-            primitives.append(Primitive(mesh, number, pool, mode, triangles))
-
-
-def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:
-    """World positions. Element by element, so that equal points stay exactly equal."""
-    if np.array_equal(matrix, np.eye(4)):
-        return points
-    x, y, z = points.T
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.stack([x * m[0] + y * m[1] + z * m[2] + m[3] for m in matrix[:3]], 1)
-
-
-def triangles_of(index: IntArray, mode: int) -> IntArray:
-    """(k, 3) triangles of an index list by primitive mode; an incomplete rest is dropped."""
-    if mode == TRIANGLES:
-        return index[: len(index) // 3 * 3].reshape(-1, 3)
-    k = np.arange(max(len(index) - 2, 0))
-    if mode == FAN:
-        return index[np.stack([np.zeros_like(k), k + 1, k + 2], 1)]
-    odd = k % 2
-    return index[np.stack([k + odd, k + 1 - odd, k + 2], 1)]
-
-
-def _unshare(tree: Tree, shown: list[tuple[int, FloatArray]]) -> None:
-    """Give every further node of a shared mesh a copy of the mesh's entry (the accessors stay shared)."""
-    taken: set[int] = set()
-    for node, _ in shown:
-        if node < 0:
-            continue
-        entry = tree.item("nodes", node)
-        if entry["mesh"] in taken:
-            tree.json["meshes"].append(copy.deepcopy(tree.item("meshes", entry["mesh"])))
-            entry["mesh"] = len(tree.json["meshes"]) - 1
-        taken.add(entry["mesh"])
 
 
 def _materials(tree: Tree, primitives: list[Primitive]) -> tuple[IntArray | None, tuple[str, ...]]:

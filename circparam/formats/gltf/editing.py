@@ -4,41 +4,50 @@ from __future__ import annotations
 
 import copy
 from collections import defaultdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.document import Encoded
-from circparam.formats.gltf.buffers import ARRAY_BUFFER, ELEMENT_BUFFER, Packing
-from circparam.formats.gltf.reading import COMPONENTS, Json
+from circparam.formats.gltf.buffers import Packing
+from circparam.formats.gltf.model import (
+    ARRAY_BUFFER,
+    COMPONENTS,
+    ELEMENT_BUFFER,
+    TRIANGLES,
+    Json,
+    Pool,
+    Primitive,
+)
+from circparam.formats.gltf.reading import Tree
 from circparam.formats.vertex_split import Split, split_vertices
 from circparam.mesh.mesh import UVMap
 
-if TYPE_CHECKING:
-    from circparam.formats.gltf.document import GltfDocument, Pool, Primitive
 
-
-def write_uv(doc: GltfDocument, uvmap: UVMap, number: int, format: str, stem: str) -> Encoded:
-    """The document with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""
-    edit = TreeEdit(doc.tree)
+def write_uv(
+    tree: Tree, primitives: list[Primitive], pools: list[Pool], uvmap: UVMap, number: int, *,
+    format: str, stem: str,
+) -> Encoded:  # fmt: skip
+    """The tree with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""
+    edit = TreeEdit(tree)
     stored = stored_uv(uvmap.uv)
-    start = np.cumsum([0, *(len(p.triangles) for p in doc.primitives)])
+    start = np.cumsum([0, *(len(p.triangles) for p in primitives)])
     sources, added, listed, dropped = [], 0, 0, 0
     users_of = defaultdict(list)
-    for i, p in enumerate(doc.primitives):
+    for i, p in enumerate(primitives):
         users_of[p.pool].append(i)
-    for k, pool in enumerate(doc.pools):
+    for k, pool in enumerate(pools):
         mine = users_of[k]
         if not mine:  # all its primitives are empty
             sources.append(pool.first + np.arange(pool.count))
             continue
-        corners = np.concatenate([doc.primitives[i].triangles.ravel() for i in mine])
+        corners = np.concatenate([primitives[i].triangles.ravel() for i in mine])
         uv_of = np.concatenate([uvmap.uv_faces[start[i] : start[i + 1]].ravel() for i in mine])
         split = split_vertices(pool.count, corners, stored, uv_of)
         sources.append(pool.first + split.source)
-        users = [doc.primitives[i] for i in mine]
+        users = [primitives[i] for i in mine]
         dropped += edit.pool(users, pool, split, file_uv(split.uv), number)
         if split.added:
             added += split.added
@@ -54,7 +63,7 @@ def write_uv(doc: GltfDocument, uvmap: UVMap, number: int, format: str, stem: st
         notes.append(f"tangents of {dropped} primitives were dropped: they belonged to the old uv")
     data, extra, assets = edit.finish(format, stem)
     return Encoded(
-        data, format, np.concatenate(sources), np.arange(len(doc.mesh.faces)), extra, assets, notes
+        data, format, np.concatenate(sources), np.arange(len(uvmap.uv_faces)), extra, assets, notes
     )
 
 
@@ -73,10 +82,16 @@ def file_uv(uv: FloatArray) -> Any:
     return np.stack([uv[:, 0], 1.0 - uv[:, 1]], 1).astype(np.float32) + np.float32(0)
 
 
+def index_type(n: int, least: int = 5123) -> int:
+    """The component type of indices of n vertices: the smallest from ``least`` on that holds them.
+
+    The highest value of a type is kept free: it restarts strips (glTF 2.0, 3.7.2.1).
+    """
+    return next(k for k in (5121, 5123, 5125) if k >= least and n <= np.iinfo(COMPONENTS[k]).max)
+
+
 class TreeEdit(Packing):
     """A copy of a tree in which vertices and uv of primitives change."""
-
-    # what a pool needs -----------------------------------------------------------------------
 
     def pool(
         self, users: list[Primitive], pool: Pool, split: Split, rows: npt.NDArray[Any], number: int
@@ -146,7 +161,7 @@ class TreeEdit(Packing):
 
     def indices(self, users: list[Primitive], split: Split) -> int:
         """New index lists of primitives; returns how many of them were strips or fans."""
-        at = turned = 0
+        at = relisted = 0
         for p in users:
             entry = self.primitive(p)
             n = p.triangles.size
@@ -154,16 +169,7 @@ class TreeEdit(Packing):
             at += n
             old = self.json["accessors"][entry["indices"]] if "indices" in entry else {}
             keep = {k: v for k, v in old.items() if k in ("name", "extras")}
-            kind = next(
-                k
-                for k in (
-                    5121,
-                    5123,
-                    5125,
-                )  # the highest value of a type is kept free: it restarts strips
-                if k >= old.get("componentType", 5123)
-                and len(split.source) <= np.iinfo(COMPONENTS[k]).max
-            )
+            kind = index_type(len(split.source), old.get("componentType", 5123))
             if "min" in old or "max" in old:
                 keep |= {"max": [int(corner.max())], "min": [int(corner.min())]}
             if "indices" in entry:
@@ -174,7 +180,7 @@ class TreeEdit(Packing):
                 raw.view(np.uint8).reshape(n, -1),
                 ELEMENT_BUFFER,
             )
-            if entry.get("mode", 4) != 4:
-                entry["mode"] = 4
-                turned += 1
-        return turned
+            if entry.get("mode", TRIANGLES) != TRIANGLES:
+                entry["mode"] = TRIANGLES
+                relisted += 1
+        return relisted

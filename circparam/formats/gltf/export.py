@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import IntArray
-from circparam.errors import OutputError
-from circparam.formats.document import Document, Encoded, WriteOptions
-from circparam.formats.export import lost, only_first_set
-from circparam.formats.gltf.buffers import ARRAY_BUFFER, ELEMENT_BUFFER, glb_bytes
-from circparam.formats.gltf.editing import file_uv, stored_uv
-from circparam.formats.gltf.reading import COMPONENTS, Json
+from circparam.errors import NoResultError, OutputError
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    WriteOptions,
+    check_new_set,
+    not_carried,
+)
+from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.document import read_gltf
+from circparam.formats.gltf.editing import file_uv, index_type, stored_uv
+from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json
+from circparam.formats.source import Source
 from circparam.formats.vertex_split import split_vertices
 from circparam.mesh.mesh import UVMap
 
 
-def to_glb(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
+def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
     """GLB: input vertices first, seam duplicates behind, one primitive for each group."""
-    only_first_set(options, "glb")
+    check_new_set(options, "glb")
     mesh = document.mesh
     n = len(mesh.points)
     split = split_vertices(n, mesh.faces.ravel(), stored_uv(uvmap.uv), uvmap.uv_faces.ravel())
@@ -30,7 +39,7 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
             f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
             "scale the mesh"
         )
-    notes = lost(document)
+    notes = not_carried(document)
     if (points != mesh.points)[np.unique(mesh.faces)].any():
         notes.append("positions were rounded to float32, all that glTF stores")
     if split.added:
@@ -40,7 +49,7 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
     count = np.bincount(groups)
     tree = _new_tree(document, points[split.source], count)
     corner = split.corner.reshape(-1, 3)[order].ravel()
-    kind = 5123 if len(split.source) <= 65535 else 5125
+    kind = index_type(len(split.source))
     parts = [
         points[split.source].tobytes(),
         file_uv(split.uv).tobytes(),
@@ -61,6 +70,19 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
         offset += 3 * k * width
     tree["buffers"] = [{"byteLength": at}]
     return Encoded(glb_bytes(tree, b"".join(parts)), "glb", split.source, order, notes=notes)
+
+
+def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
+    """glTF: the GLB of it, taken apart; ``stem`` names the file of its buffer (none: inside the JSON)."""
+    encoded = to_glb(document, uvmap, options)
+    again = read_gltf(encoded.data, Source("memory"))
+    whole = again.uv()
+    if whole is None:
+        raise NoResultError("the new glTF has no uv")
+    out = again.rewrite(whole, WriteOptions(), "gltf", stem)
+    if out is None:
+        raise NoResultError("the new glTF can't be written")
+    return replace(encoded, data=out.data, extra=out.extra, format="gltf")
 
 
 def _new_tree(document: Document, points: npt.NDArray[np.float32], count: IntArray) -> Json:

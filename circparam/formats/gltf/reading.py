@@ -7,39 +7,34 @@ import binascii
 import json
 import re
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.formats.document import Source
+from circparam.formats.gltf.model import COMPONENTS, WIDTH, Json
+from circparam.formats.source import Source, safe_path
 from circparam.formats.tokens import ByteArray, as_bytes
 
-Json: TypeAlias = dict[str, Any]
-COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-_PADDED = {
-    ("MAT2", 1): 8,
-    ("MAT3", 1): 12,
-    ("MAT3", 2): 24,
-}  # matrix columns begin at multiples of 4
+# matrix columns begin at multiples of 4 bytes (glTF 2.0, 3.6.2.4)
+_PADDED = {("MAT2", 1): 8, ("MAT3", 1): 12, ("MAT3", 2): 24}
 COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 _BIN, _JSON = 0x004E4942, 0x4E4F534A
 
 
-def safe_path(folder: Path, uri: str) -> Path | None:
-    """The file that a relative URI names inside a folder; None where it leads anywhere else."""
-    name = unquote(uri)
-    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or name.startswith(("/", "\\")):
-        return None
-    if "\\" in name or "\0" in name or ".." in name.split("/"):
-        return None
-    path = (folder / name).resolve()
-    return path if path.is_relative_to(folder.resolve()) else None
+@contextmanager
+def sound_tree(source: Source, what: str = "the glTF tree") -> Iterator[None]:
+    """Turn what a tree of the wrong shape makes Python raise into an InputError that names the file."""
+    try:
+        yield
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        cause = f"{type(error).__name__}: {error}"
+        raise source.error(f"{what} is malformed ({cause[:120]})") from None
 
 
 class Tree:
@@ -57,8 +52,9 @@ class Tree:
         for number, buffer in enumerate(self.json.get("buffers", [])):
             self._check_uri(number, buffer)
         self.buffer = cache(self._buffer)
+        # a few bytes may not promise billions of elements: four for each byte there is, or ten million
         self.limit = max(
-            10_000_000, 4 * sum(len(self.buffer(i)) for i in range(len(self._list("buffers"))))
+            10_000_000, 4 * sum(len(self.buffer(i)) for i in range(len(self.entries("buffers"))))
         )
 
     def error(self, cause: object) -> Exception:
@@ -160,7 +156,8 @@ class Tree:
 
     # access ----------------------------------------------------------------------------------
 
-    def _list(self, kind: str) -> list[Any]:
+    def entries(self, kind: str) -> list[Any]:
+        """A top-level list, empty where the tree has none; InputError where it is no list."""
         value = self.json.get(kind, [])
         if not isinstance(value, list):
             raise self.error(f"{kind!r} is no list")
@@ -168,7 +165,7 @@ class Tree:
 
     def item(self, kind: str, index: Any) -> Json:
         """An entry of a top-level list; InputError where there is none of that number."""
-        entries = self._list(kind)
+        entries = self.entries(kind)
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(entries):
             raise self.error(f"{kind} has no entry {str(index)[:20]} (it has {len(entries)})")
         entry = entries[index]
@@ -276,59 +273,3 @@ def _indent(text: bytes) -> int | str | None:
     if found is None:
         return None
     return "\t" if found.group(1).startswith(b"\t") else len(found.group(1))
-
-
-def node_matrix(node: Json) -> npt.NDArray[np.float64]:
-    """(4, 4) the local transform of a node, column vectors."""
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = map(float, node.get("rotation", (0, 0, 0, 1)))
-    out = np.eye(4)
-    out[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    out[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
-    out[:3, 3] = np.array(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
-    return out
-
-
-def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
-    """Every node with a mesh and its world transform, depth first, the default scene before the others.
-
-    Raises InputError where nodes form a cycle or a node has two parents.
-    """
-    nodes, scenes = tree._list("nodes"), tree._list("scenes")
-    parents = np.zeros(len(nodes), np.int64)
-    for node in nodes:
-        for child in node.get("children", []):
-            tree.item("nodes", child)
-            parents[child] += 1
-    if len(parents) and parents.max() > 1:
-        raise tree.error(f"node {int(parents.argmax())} has two parents: nodes must form a tree")
-    if scenes:
-        first = tree.json.get("scene", 0)
-        order = sorted(range(len(scenes)), key=lambda s: (s != first, s))
-        roots = [r for s in order for r in tree.item("scenes", s).get("nodes", [])]
-    else:
-        roots = np.flatnonzero(parents == 0).tolist()
-    found, seen = [], set()
-    for root in roots:
-        tree.item("nodes", root)
-        if parents[root]:
-            raise tree.error(f"node {root} is a scene's root and a child: nodes form a cycle")
-        stack = [(root, np.eye(4))]
-        while stack:
-            index, above = stack.pop()
-            if index in seen:  # a root of several scenes
-                continue
-            seen.add(index)
-            node = tree.item("nodes", index)
-            matrix = above @ node_matrix(node)
-            if "mesh" in node:
-                found.append((index, matrix))
-            stack += [(child, matrix) for child in reversed(node.get("children", []))]
-    if not scenes and not nodes:
-        return [(-1 - k, np.eye(4)) for k in range(len(tree._list("meshes")))]
-    return found

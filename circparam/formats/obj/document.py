@@ -12,17 +12,13 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    Polygons,
-    Source,
-    WriteOptions,
-    check_uv_set,
-)
+from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set
+from circparam.formats.materials import Textures
+from circparam.formats.obj import materials
+from circparam.formats.obj.editing import compact, element_edits, with_uv
 from circparam.formats.obj.reading import Scan
-from circparam.formats.polygons import triangulate
-from circparam.formats.tokens import as_bytes, splice
+from circparam.formats.polygons import Polygons, triangulate
+from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
 
@@ -57,6 +53,14 @@ class ObjDocument(Document):
             return relabel(np.searchsorted(lines, self.scan.face_lines)[self.polys.owner])[1]
         return super().labels(kind)
 
+    def colours(self) -> FloatArray | None:
+        """The colours behind the coordinates of ``v``, as many programs write them."""
+        return materials.colours(self.scan, self.mesh.faces)
+
+    def textures(self) -> Textures | None:
+        """The diffuse images and colours of the material files that ``mtllib`` names."""
+        return materials.textures(self.scan, self.polys.owner, self.source.folder)
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
@@ -65,37 +69,15 @@ class ObjDocument(Document):
             return None
         _, note = check_uv_set(self, options, only_first=True)
         notes = [note] if note else []
-        scan = self.scan
         corner = self.polys.corner_uv(uvmap, self.source.name)
         used, corner = compact(corner, len(uvmap.uv))
-        start, end, text, length = scan.corner_edits(corner)
-        block, drop_start, drop_end, where = scan.vt_edits(uvmap.uv[used])
-        e_start, e_end = scan.element_edits()
-        if len(e_start):
+        data = with_uv(self.scan, uvmap.uv[used], corner)
+        if len(element_edits(self.scan)[0]):
             notes.append("l elements lost their vt: they named points of the old uv set")
-        empty = np.zeros(len(drop_start) + len(e_start), np.int64)
-        starts = np.concatenate([[where], drop_start, e_start, start])
-        ends = np.concatenate([[where], drop_end, e_end, end])
-        lengths = np.concatenate([[len(block)], empty, length])
-        order = np.argsort(starts, kind="stable")  # the block comes before what is removed there
-        # the block stands before every face, so its text comes first
-        inserted = np.concatenate([as_bytes(block), text])
-        data = splice(scan.raw, starts[order], ends[order], inserted, lengths[order])
-        m = len(self.mesh.faces)
+        n, m = len(self.mesh.points), len(self.mesh.faces)
         return Encoded(
-            data, "obj", np.arange(len(self.mesh.points)), np.arange(m), assets=scan.libraries(),
-            notes=notes,
-        )  # fmt: skip
-
-
-def compact(corner: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Keep only the uv that corners use, in order: ((k,) uv kept, (L,) renumbered corners, −1 kept)."""
-    used = np.zeros(count + 1, bool)
-    used[corner] = True
-    used[count] = False
-    number = np.cumsum(used) - 1
-    number[count] = -1
-    return np.flatnonzero(used), number[corner]
+            data, "obj", np.arange(n), np.arange(m), assets=self.scan.libraries(), notes=notes
+        )
 
 
 def read_obj(data: bytes, source: Source) -> ObjDocument:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import IntArray
-from circparam.formats.document import Document, Encoded, WriteOptions
-from circparam.formats.export import lost, only_first_set
-from circparam.formats.obj.document import compact
-from circparam.formats.obj.reading import vt_lines
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    WriteOptions,
+    check_new_set,
+    not_carried,
+)
+from circparam.formats.obj.editing import compact, vt_lines
 from circparam.formats.polygons import polygon_of_corner
 from circparam.formats.tokens import as_bytes, digits, interleave
 from circparam.mesh.mesh import UVMap
 
 
-def to_obj(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
+def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
     """OBJ: points in order, polygons kept, a ``usemtl`` line where the group changes."""
-    only_first_set(options, "obj")
+    check_new_set(options, "obj")
     polys = document.polygons()
     corner = polys.corner_uv(uvmap, document.source.name)
     used, corner = compact(corner, len(uvmap.uv))
@@ -30,13 +34,13 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
     per_face = np.bincount(polygon_of_corner(polys.start), length, len(size)).astype(np.int64)
     head = np.full(len(size), 1)
     head_text = [b"f"] * len(size)
+    some = size > 2  # fewer corners are no face
     names, label = _polygon_groups(document, polys.owner, len(size))
     if names:
-        change = np.flatnonzero(np.diff(label, prepend=-1))
-        for f in change.tolist():
+        change = np.flatnonzero(np.diff(label[some], prepend=-1))
+        for f in np.flatnonzero(some)[change].tolist():
             head_text[f] = b"usemtl " + names[label[f]] + b"\nf"
         head = np.array([len(h) for h in head_text])
-    some = size > 2
     newline = np.full(len(size), 1)
     body, lengths = interleave(
         [
@@ -48,7 +52,7 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
     lines = body[np.repeat(some, lengths)].tobytes() if not some.all() else body.tobytes()
     data = points.encode() + vt_lines(uvmap.uv[used], "\n") + lines
     n, m = len(document.mesh.points), len(document.mesh.faces)
-    notes = lost(document, "polygons", "groups")
+    notes = not_carried(document, "polygons", "groups")
     return Encoded(data, "obj", np.arange(n), np.arange(m), notes=notes)
 
 

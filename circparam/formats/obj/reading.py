@@ -7,29 +7,20 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
-from circparam.formats.document import Source
 from circparam.formats.polygons import list_start
+from circparam.formats.source import Source
 from circparam.formats.tokens import (
     HASH,
-    NEWLINE,
     SLASH,
     SPACE,
-    ByteArray,
     as_bytes,
     bad_token,
-    digits,
     gather,
     line_number,
     parse_floats,
     parse_ints,
     tokenize,
 )
-
-
-def vt_lines(uv: FloatArray, newline: str) -> bytes:
-    """One vt line for each uv, with the shortest digits that read back to the same numbers."""
-    u, v = uv[:, 0].tolist(), uv[:, 1].tolist()
-    return "".join([f"vt {a!r} {b!r}{newline}" for a, b in zip(u, v, strict=True)]).encode()
 
 
 class Scan:
@@ -77,17 +68,17 @@ class Scan:
         where = int(self.tokens.start[token])
         return self.source.error(f"line {line_number(self.data, where)}: {cause}")
 
-    def numbers(self, lines: IntArray, want: int, *, optional: int = 0) -> FloatArray:
-        """(k, want) numbers behind the keyword; the last ``optional`` of them may be missing (then 0)."""
+    def numbers(self, lines: IntArray, width: int, *, optional: int = 0) -> FloatArray:
+        """(k, width) numbers behind the keyword; the last ``optional`` of them may be missing (then 0)."""
         t = self.tokens
         given = self.last[lines] - self.first[lines] - 1
-        short = np.flatnonzero(given < want - optional)
+        short = np.flatnonzero(given < width - optional)
         if len(short):
             k = int(self.first[lines[short[0]]])
             raise self.error(
-                k, f"{want - optional} numbers are needed, {given[short[0]]} are there"
+                k, f"{width - optional} numbers are needed, {given[short[0]]} are there"
             )
-        column = np.arange(want)
+        column = np.arange(width)
         index = self.first[lines][:, None] + 1 + column
         there = column < given[:, None]
         words = index[there]
@@ -182,51 +173,6 @@ class Scan:
                 f"index {int(number[k])} is outside the {count} {word.decode()} lines",
             )
         return index
-
-    def corner_edits(self, uv: IntArray) -> tuple[IntArray, IntArray, ByteArray, IntArray]:
-        """What to replace so that every corner names the given vt (from 0; −1: none)."""
-        _, start, end = self.cuts
-        text, length = digits(np.maximum(uv, 0) + 1, b"/")
-        none = uv < 0
-        if none.any():  # a corner without uv keeps "//" only where a normal follows
-            keep = np.repeat(~none, length)
-            normal = none & (self.raw_at(end) == SLASH)
-            text, length = text[keep], np.where(none, 0, length)
-            first = np.cumsum(length) - length
-            text = np.insert(text, first[normal], SLASH)
-            length = length + normal
-        return start, end, text, length
-
-    def raw_at(self, place: IntArray) -> ByteArray:
-        """The byte at each place (a blank behind the end)."""
-        result: ByteArray = self.tokens.clean[place]
-        return result
-
-    def vt_edits(self, uv: FloatArray) -> tuple[bytes, IntArray, IntArray, int]:
-        """The new vt lines, the byte ranges of the old ones, and where the new ones go."""
-        t = self.tokens
-        old = self.of(b"vt")
-        start = t.line_start[old]
-        end = np.append(t.line_start, len(self.raw))[old + 1]
-        where = int(t.line_start[self.face_lines[0]])
-        if len(start) and start[0] < where:
-            where = int(start[0])
-        head = self.raw[: int(t.line_start[1])] if len(t.line_start) > 1 else self.raw[:0]
-        newline = "\r\n" if head[-2:].tobytes() == b"\r\n" else "\n"
-        if NEWLINE not in head and len(head):
-            newline = "\r"
-        return vt_lines(uv, newline), start, end, where
-
-    def element_edits(self) -> tuple[IntArray, IntArray]:
-        """Byte ranges of the vt fields of ``l`` elements: they name points that are gone."""
-        lines = self.of(b"l")
-        count = self.last[lines] - self.first[lines] - 1
-        tokens = np.repeat(self.first[lines] + 1, count) + ranges(count)
-        if len(tokens) == 0:
-            return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        _, start, end = self.fields(tokens, 2)
-        some = end > start
-        return start[some], end[some]
 
     def libraries(self) -> list[str]:
         """The files that mtllib lines name."""

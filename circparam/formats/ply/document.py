@@ -8,49 +8,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import OptionError
-from circparam.formats.document import (
-    Document,
-    Encoded,
-    Polygons,
-    Source,
-    WriteOptions,
-    check_uv_set,
-)
-from circparam.formats.ply import editing
-from circparam.formats.ply.reading import INDICES, UV_NAMES, Layout, vertex_uv
-from circparam.formats.polygons import list_start, strips, triangulate
+from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set
+from circparam.formats.materials import Textures
+from circparam.formats.ply import editing, materials
+from circparam.formats.ply.model import INDICES, POLYGON_UV, UV_NAMES, FaceLists, vertex_uv
+from circparam.formats.ply.reading import Layout
+from circparam.formats.polygons import Polygons, list_start, strips, triangulate
+from circparam.formats.source import Source
 from circparam.formats.vertex_split import split_vertices
 from circparam.mesh.mesh import Mesh, UVMap
-
-POLYGON_UV = "some readers refuse face texcoord of polygons: --ply-uv vertex is read everywhere"
 
 
 @dataclass(frozen=True, eq=False)
 class PlyDocument(Document):
-    """A PLY file: its bytes, the place of every value, and its polygons and strips.
-
-    ``polys`` holds the faces and behind them every triangle of the strips; n_faces and n_corners count the
-    former. strip_triangles: (k, 3) into the values of the strips.
-    """
+    """A PLY file: its bytes, the place of every value, and its polygons and strips."""
 
     layout: Layout = field(kw_only=True)
-    polys: Polygons = field(kw_only=True)
-    n_faces: int = 0
-    n_corners: int = 0
-    strip_triangles: IntArray = field(default_factory=lambda: np.zeros((0, 3), np.int64))
+    lists: FaceLists = field(kw_only=True)
 
     def polygons(self) -> Polygons:
         """The faces of the file, and the triangles of its strips."""
-        return self.polys
-
-    @property
-    def strip_property(self) -> str:
-        """The name of the index list of the strips."""
-        e = self.layout.element("tristrips")
-        p = e.find(*INDICES) if e is not None else None
-        return p.name if p is not None else INDICES[0]
+        return self.lists.polys
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """Face texcoord where there is one, else vertex s, t (or u, v; texture_u, texture_v)."""
@@ -59,28 +39,26 @@ class PlyDocument(Document):
         layout = self.layout
         face = layout.element("face")
         if face is not None and face.find("texcoord"):
-            values, counts = layout.list(face, "texcoord")
-            size = np.diff(self.polys.start)[: self.n_faces]
-            start = list_start(counts)[:-1]
-            fits = counts == 2 * size
-            corner = np.full(len(self.polys.corners), -1, np.int64)
-            of = np.repeat(np.arange(self.n_faces), size)
-            running = np.arange(self.n_corners) - self.polys.start[of]
-            # pairs of one list lie side by side; a list of odd length can shift those behind it
-            at = start[of] + 2 * running
-            corner[: self.n_corners] = np.where(fits[of], np.arange(self.n_corners), -1)
-            at = np.where(fits[of], at, 0)
-            uv = (
-                np.stack([values[at], values[at + 1]], 1)
-                if len(values) > 1
-                else np.zeros((len(at), 2))
-            )
-            return UVMap(uv.astype(np.float64), corner[self.polys.triangles])
+            return self._face_uv(*layout.list(face, "texcoord"))
         vertex = layout.element("vertex")
         names = None if vertex is None else vertex_uv(vertex)
         if vertex is None or names is None:
             return None
         return UVMap(layout.columns(vertex, names), self.mesh.faces.copy())
+
+    def _face_uv(self, values: npt.NDArray[Any], counts: IntArray) -> UVMap:
+        """The layout of texcoord lists: all values one after the other, and (n,) how many each face has."""
+        polys, n = self.lists.polys, self.lists.n_corners
+        size = np.diff(polys.start)[: self.lists.n_faces]
+        fits = counts == 2 * size
+        of = np.repeat(np.arange(len(size)), size)
+        # pairs of one list lie side by side; a list of odd length can shift those behind it
+        at = list_start(counts)[:-1][of] + 2 * (np.arange(n) - polys.start[of])
+        at = np.where(fits[of], at, 0)
+        uv = np.stack([values[at], values[at + 1]], 1) if len(values) > 1 else np.zeros((n, 2))
+        corner = np.full(len(polys.corners), -1, np.int64)
+        corner[:n] = np.where(fits[of], np.arange(n), -1)
+        return UVMap(uv.astype(np.float64), corner[polys.triangles])
 
     @property
     def uv_type(self) -> str:
@@ -93,6 +71,14 @@ class PlyDocument(Document):
             held = vertex.find(names[0])
         return "f8" if held is not None and held.type == "f8" else "f4"
 
+    def colours(self) -> FloatArray | None:
+        """red, green, blue of the vertices, or else of the faces."""
+        return materials.colours(self.layout, self.mesh.faces, self.lists.polys.owner)
+
+    def textures(self) -> Textures | None:
+        """The image that a TextureFile comment names."""
+        return materials.textures(self.layout, len(self.mesh.faces), self.source.folder)
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
@@ -101,28 +87,30 @@ class PlyDocument(Document):
             return None
         _, note = check_uv_set(self, options, only_first=True)
         notes = [note] if note else []
-        kind = self.uv_type
+        kind, polys = self.uv_type, self.lists.polys
         uv = uvmap.uv.astype(kind).astype(np.float64)
-        corner_uv = self.polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
+        corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
         n = len(self.mesh.points)
-        split = split_vertices(n, self.polys.corners, uv, corner_uv)
-        has_strips = len(self.strip_triangles) > 0
-        mode = options.ply_uv or ("face" if split.added and not has_strips else "vertex")
-        if mode not in ("vertex", "face"):
-            raise OptionError(f"unknown place for uv {mode!r}: choose vertex or face")
+        split = split_vertices(n, polys.corners, uv, corner_uv)
+        has_strips = len(self.lists.strips) > 0
+        mode = editing.check_place(options.ply_uv) or (
+            "face" if split.added and not has_strips else "vertex"
+        )
         if mode == "face" and has_strips:
             raise OptionError(
                 f"{self.source.name}: tristrips have no place for uv of faces; use --ply-uv vertex"
             )
         m = len(self.mesh.faces)
         if mode == "face":
-            if self.polys.labels is not None and options.ply_uv is None:
+            if polys.labels is not None and options.ply_uv is None:
                 notes.append(POLYGON_UV)
-            data = editing.with_face_uv(self, uv, corner_uv[: self.n_corners], kind)
+            data = editing.with_face_uv(
+                self.layout, self.lists, uv, corner_uv[: self.lists.n_corners], kind
+            )
             return Encoded(data, "ply", np.arange(n), np.arange(m), notes=notes)
         if split.added:
             notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
-        data = editing.with_vertex_uv(self, split, kind)
+        data = editing.with_vertex_uv(self.layout, self.lists, split, kind)
         return Encoded(data, "ply", split.source, np.arange(m), notes=notes)
 
 
@@ -151,8 +139,15 @@ def read_ply(data: bytes, source: Source) -> PlyDocument:
     has_uv = vertex_uv(vertex) is not None or (face is not None and face.find("texcoord"))
     return PlyDocument(
         source, "ply", mesh, (0,) if has_uv else (), [], _features(layout, polys),
-        layout=layout, polys=polys, n_faces=n_faces, n_corners=n_corners, strip_triangles=tri,
+        layout=layout, lists=FaceLists(polys, n_faces, n_corners, tri, strip_counts),
     )  # fmt: skip
+
+
+def round_ply(uv: FloatArray, document: Document | None) -> FloatArray:
+    """uv as PLY stores them: float32, or doubles where the document is a PLY file with uv in doubles."""
+    kind = document.uv_type if isinstance(document, PlyDocument) else "f4"
+    rounded: FloatArray = uv.astype(kind).astype(np.float64) + 0.0
+    return rounded
 
 
 def _lists(layout: Layout, name: str) -> tuple[IntArray, IntArray]:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.formats.ply.reading import INDICES, Element, Layout, Property, vertex_uv
+from circparam.errors import OptionError
+from circparam.formats.ply.model import INDICES, Element, FaceLists, Property, vertex_uv
+from circparam.formats.ply.reading import Layout
 from circparam.formats.polygons import list_start
 from circparam.formats.tokens import ByteArray, as_bytes, interleave, take_ranges
 from circparam.formats.vertex_split import Split
-
-if TYPE_CHECKING:
-    from circparam.formats.ply.document import PlyDocument
-
 
 Piece: TypeAlias = (
     "tuple[ByteArray, IntArray]"  # bytes of all rows, and the length of each row's share
@@ -119,6 +117,13 @@ def assemble(layout: Layout, head: bytes, blocks: dict[str, bytes]) -> bytes:
     return b"".join(parts)
 
 
+def check_place(place: str | None) -> str | None:
+    """Where uv go as the user says, None where it is left open. Raises OptionError for another word."""
+    if place not in (None, "vertex", "face"):
+        raise OptionError(f"unknown place for uv {place!r}: choose vertex or face")
+    return place
+
+
 def uv_properties(layout: Layout) -> dict[str, set[str]]:
     """The properties of vertices and faces that hold uv now."""
     vertex, face = layout.element("vertex"), layout.element("face")
@@ -130,11 +135,13 @@ def uv_properties(layout: Layout) -> dict[str, set[str]]:
     return drop
 
 
-def with_face_uv(doc: PlyDocument, uv: FloatArray, corner_uv: IntArray, code: str) -> bytes:
+def with_face_uv(
+    layout: Layout, lists: FaceLists, uv: FloatArray, corner_uv: IntArray, code: str
+) -> bytes:
     """The file with a texcoord list for every face. corner_uv: (L,) of all face corners, −1 for 0, 0."""
-    layout, face, vertex = doc.layout, doc.layout.element("face"), doc.layout.element("vertex")
+    face, vertex = layout.element("face"), layout.element("vertex")
     drop = uv_properties(layout)
-    size = np.diff(doc.polys.start)[: doc.n_faces]
+    size = np.diff(lists.polys.start)[: lists.n_faces]
     count_code = "u1" if int(size.max(initial=0)) * 2 < 256 else "i4"
     text, length = scalars(layout, np.concatenate([uv, np.zeros((1, 2))]), code)
     at = np.cumsum(length) - length
@@ -152,11 +159,11 @@ def with_face_uv(doc: PlyDocument, uv: FloatArray, corner_uv: IntArray, code: st
     return assemble(layout, header(layout, drop, {"face": [line]}, {}, {}), blocks)
 
 
-def with_vertex_uv(doc: PlyDocument, split: Split, code: str) -> bytes:
+def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) -> bytes:
     """The file with uv at every vertex, vertices duplicated where a seam runs."""
-    layout, vertex = doc.layout, doc.layout.element("vertex")
+    vertex = layout.element("vertex")
     if vertex is None:  # reading has asked for vertices
-        raise doc.source.error("it has no vertices")
+        raise layout.source.error("it has no vertices")
     drop = uv_properties(layout)
     names = vertex_uv(vertex) or ("s", "t")
     uv = scalars(layout, split.uv, code)
@@ -170,7 +177,7 @@ def with_vertex_uv(doc: PlyDocument, split: Split, code: str) -> bytes:
         replace = {}
         indices = e.find(*INDICES)
         if split.added and indices is not None:
-            sizes, values = new_indices(doc, split, name)
+            sizes, values = new_indices(lists, split, name)
             code_of_count, kind = index_types(indices, sizes, len(split.source))
             retype[name, indices.name] = (
                 f"property list {_NAMES[code_of_count]} {_NAMES[kind]} {indices.name}"
@@ -195,16 +202,12 @@ def index_types(p: Property, sizes: IntArray, n: int) -> tuple[str, str]:
     return count, kind
 
 
-def new_indices(doc: PlyDocument, split: Split, name: str) -> tuple[IntArray, IntArray]:
+def new_indices(lists: FaceLists, split: Split, name: str) -> tuple[IntArray, IntArray]:
     """Index lists after a split: (length of each row, all values). Strips are broken where a seam runs."""
     if name == "face":
-        return np.diff(doc.polys.start)[: doc.n_faces], split.corner[: doc.n_corners]
-    e = doc.layout.element(name)
-    if e is None:
-        raise doc.source.error("it has no tristrips")
-    rows = e.counts[doc.strip_property]
-    corner = split.corner[doc.n_corners :].reshape(-1, 3)
-    return break_strips(corner, doc.strip_triangles, list_start(rows))
+        return np.diff(lists.polys.start)[: lists.n_faces], split.corner[: lists.n_corners]
+    corner = split.corner[lists.n_corners :].reshape(-1, 3)
+    return break_strips(corner, lists.strips, list_start(lists.strip_lengths))
 
 
 def break_strips(corner: IntArray, place: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:

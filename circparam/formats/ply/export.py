@@ -8,26 +8,30 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import IntArray
-from circparam.errors import OptionError
-from circparam.formats.document import Document, Encoded, WriteOptions
-from circparam.formats.export import lost, only_first_set
-from circparam.formats.ply.document import POLYGON_UV
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    WriteOptions,
+    check_new_set,
+    not_carried,
+)
+from circparam.formats.ply.editing import check_place
+from circparam.formats.ply.model import POLYGON_UV
 from circparam.formats.tokens import ByteArray, interleave
 from circparam.formats.vertex_split import split_vertices
 from circparam.mesh.mesh import UVMap
 
 
-def to_ply(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
+def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
     """Binary PLY: polygons kept, uv at the vertices or, where a seam would split them, at the faces."""
-    only_first_set(options, "ply")
-    if options.ply_uv not in (None, "vertex", "face"):
-        raise OptionError(f"unknown place for uv {options.ply_uv!r}: choose vertex or face")
+    check_new_set(options, "ply")
+    place = check_place(options.ply_uv)
     polys = document.polygons()
     uv = uvmap.uv.astype(np.float32).astype(np.float64)
     corner = polys.corner_uv(UVMap(uv, uvmap.uv_faces), document.source.name)
     n = len(document.mesh.points)
     split = split_vertices(n, polys.corners, uv, corner)
-    at_faces = (options.ply_uv or ("face" if split.added else "vertex")) == "face"
+    at_faces = (place or ("face" if split.added else "vertex")) == "face"
     source = np.arange(n) if at_faces else split.source
     points = document.mesh.points[source]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -65,7 +69,7 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions) -> Encoded:
     lines += [f"element face {len(size)}", f"property list {count_name} int vertex_indices"]
     lines += [f"property list {count_name} float texcoord"] if at_faces else []
     head = "\n".join([*lines, "end_header", ""]).encode()
-    notes = lost(document, "polygons")
+    notes = not_carried(document, "polygons")
     if at_faces and polys.labels is not None and options.ply_uv is None:
         notes.append(POLYGON_UV)
     if not at_faces and split.added:

@@ -3,51 +3,17 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
-from circparam.formats.document import Source
+from circparam.formats.ply.model import TYPES, Element, Property
+from circparam.formats.source import Source
 from circparam.formats.tokens import Tokens, as_bytes, gather, parse_floats, parse_ints, tokenize
 
-TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
-    "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
-    "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8",
-}  # fmt: skip
-MAX_HEADER = 1 << 20
-UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
-INDICES = ("vertex_indices", "vertex_index")
-
-
-@dataclass
-class Property:
-    """One property: ``type`` and, for a list, ``count_type`` as NumPy codes without byte order."""
-
-    name: str
-    type: str
-    count_type: str = ""
-
-
-@dataclass
-class Element:
-    """One element and where its rows are.
-
-    row: (n + 1,) int64 start of every row and the end of the last: bytes, or words where the file is ascii.
-    """
-
-    name: str
-    count: int
-    properties: list[Property] = field(default_factory=list)
-    row: IntArray = field(default_factory=lambda: np.zeros(1, np.int64))
-    counts: dict[str, IntArray] = field(default_factory=dict)
-
-    def find(self, *names: str) -> Property | None:
-        """The first of the named properties that is there."""
-        return next((p for name in names for p in self.properties if p.name == name), None)
+MAX_HEADER = 1 << 20  # bytes: the longest header of a real file is a thousandth of it
 
 
 class Layout:
@@ -303,8 +269,3 @@ class Layout:
     def place(self, e: Element, name: str) -> IntArray:
         """(n,) place of one property (of a list: of its count) in every row."""
         return self._walk(e, name)
-
-
-def vertex_uv(vertex: Element) -> tuple[str, str] | None:
-    """The names of the uv properties of the vertices."""
-    return next((names for names in UV_NAMES if all(map(vertex.find, names))), None)

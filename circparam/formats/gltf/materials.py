@@ -1,0 +1,85 @@
+"""Colours and textures of a glTF tree: COLOR_0, and base colour of its materials."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from typing import Any
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.gltf.model import Pool, Primitive
+from circparam.formats.gltf.reading import Tree
+from circparam.formats.materials import ImageFiles, Textures, srgb
+
+
+def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None:
+    """(m, 3, 3) COLOR_0 of every corner, which glTF defines as linear light; None where there is none."""
+    out = np.ones((sum(pool.count for pool in pools), 3))
+    found = False
+    for pool in pools:
+        if "COLOR_0" in pool.attributes:
+            values = tree.values(pool.attributes["COLOR_0"])
+            out[pool.first : pool.first + pool.count] = srgb(values[:, :3])
+            found = True
+    return out[faces] if found else None
+
+
+def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
+    """Base colour textures; factors without a texture as plain colours; None where all is white.
+
+    Raises what Python raises for a tree of the wrong shape.
+    """
+    files = ImageFiles(tree.source.folder)
+    faces, plain = [], []
+    known: dict[int, int] = {}
+    sets: list[int] = []
+    for p in primitives:
+        entry = tree.json["meshes"][p.mesh]["primitives"][p.number]
+        material = tree.item("materials", entry["material"]) if "material" in entry else {}
+        pbr = material.get("pbrMetallicRoughness", {})
+        texture = pbr.get("baseColorTexture")
+        image = -1
+        if texture is not None:
+            source = _texture_source(tree.item("textures", texture["index"]))
+            if source is not None:
+                if source not in known:
+                    known[source] = _image(tree, files, source)
+                image = known[source]
+                sets.append(int(texture.get("texCoord", 0)))
+        factor = srgb(np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0])[:3], float))
+        faces.append(np.full(len(p.triangles), image))
+        plain.append(np.tile(factor, (len(p.triangles), 1)))
+    colour = np.concatenate(plain)
+    if not files.images and not files.notes and np.allclose(colour, 1.0):
+        return None
+    uv_set = sets[0] if sets else 0
+    if len(set(sets)) > 1:
+        files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
+    return files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
+
+
+def _texture_source(texture: dict[str, Any]) -> int | None:
+    """The image of a texture, WebP extension included."""
+    for holder in (texture, texture.get("extensions", {}).get("EXT_texture_webp", {})):
+        if "source" in holder:
+            return int(holder["source"])
+    return None
+
+
+def _image(tree: Tree, files: ImageFiles, number: int) -> int:
+    """The number in ``files`` of an image of the tree: from a buffer view, a data URI or a file."""
+    image = tree.item("images", number)
+    name = str(image.get("name") or f"image {number}")
+    if "bufferView" in image:
+        data, _ = tree.view(image["bufferView"], name)
+        return files.add(name, bytes(data))
+    uri = str(image.get("uri", ""))
+    if uri.startswith("data:"):
+        try:
+            return files.add(name, base64.b64decode(uri.partition(",")[2]))
+        except binascii.Error:
+            files.notes.append(f"texture {name} is malformed")
+            return -1
+    return files.read(uri)

@@ -1,0 +1,39 @@
+"""Plain data that reading and editing a glTF tree share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from circparam.core.arrays import IntArray
+
+Json: TypeAlias = dict[str, Any]
+# accessor.componentType as NumPy code, and accessor.type as a number of components (glTF 2.0, 3.6.2.2)
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+TRIANGLES, STRIP, FAN = 4, 5, 6  # primitive.mode
+ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963  # bufferView.target
+
+
+@dataclass(frozen=True, eq=False)
+class Primitive:
+    """Triangles of one primitive. triangles: (k, 3) int64 into the vertices of its pool."""
+
+    mesh: int
+    number: int
+    pool: int
+    mode: int
+    triangles: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Vertices that primitives of one mesh share: the same accessors for every attribute and target.
+
+    first: number of its first point in ``Mesh.points``. count: number of its points.
+    """
+
+    attributes: dict[str, int]
+    targets: list[dict[str, int]]
+    first: int
+    count: int

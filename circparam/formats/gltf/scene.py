@@ -1,0 +1,180 @@
+"""The nodes and meshes of a glTF tree as points in the world, primitives, and the vertices they share."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.gltf.model import FAN, STRIP, TRIANGLES, Json, Pool, Primitive
+from circparam.formats.gltf.reading import COMPRESSED, Tree
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What meshes hold: (n, 3) points in the world, primitives with triangles, their pools, and notes."""
+
+    points: FloatArray
+    primitives: list[Primitive]
+    pools: list[Pool]
+    notes: list[str]
+
+
+def node_matrix(node: Json) -> npt.NDArray[np.float64]:
+    """(4, 4) the local transform of a node, column vectors."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    x, y, z, w = map(float, node.get("rotation", (0, 0, 0, 1)))
+    out = np.eye(4)
+    out[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    out[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
+    out[:3, 3] = np.array(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
+    return out
+
+
+def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
+    """Every node with a mesh and its world transform, depth first, the default scene before the others.
+
+    Raises InputError where nodes form a cycle or a node has two parents.
+    """
+    nodes, scenes = tree.entries("nodes"), tree.entries("scenes")
+    parents = np.zeros(len(nodes), np.int64)
+    for node in nodes:
+        for child in node.get("children", []):
+            tree.item("nodes", child)
+            parents[child] += 1
+    if len(parents) and parents.max() > 1:
+        raise tree.error(f"node {int(parents.argmax())} has two parents: nodes must form a tree")
+    if scenes:
+        first = tree.json.get("scene", 0)
+        order = sorted(range(len(scenes)), key=lambda s: (s != first, s))
+        roots = [r for s in order for r in tree.item("scenes", s).get("nodes", [])]
+    else:
+        roots = np.flatnonzero(parents == 0).tolist()
+    found, seen = [], set()
+    for root in roots:
+        tree.item("nodes", root)
+        if parents[root]:
+            raise tree.error(f"node {root} is a scene's root and a child: nodes form a cycle")
+        stack = [(root, np.eye(4))]
+        while stack:
+            index, above = stack.pop()
+            if index in seen:  # a root of several scenes
+                continue
+            seen.add(index)
+            node = tree.item("nodes", index)
+            matrix = above @ node_matrix(node)
+            if "mesh" in node:
+                found.append((index, matrix))
+            stack += [(child, matrix) for child in reversed(node.get("children", []))]
+    if not scenes and not nodes:
+        return [(-1 - k, np.eye(4)) for k in range(len(tree.entries("meshes")))]
+    return found
+
+
+def read_meshes(tree: Tree, shown: list[tuple[int, npt.NDArray[np.float64]]]) -> Parts:
+    """Every mesh that the nodes (from ``walk``) show, once each, where the first of its nodes puts it.
+
+    Raises InputError where a mesh is compressed, names vertices that are not there, or none has triangles.
+    """
+    parts: dict[int, Parts] = {}
+    first = pool = 0
+    for node, matrix in shown:
+        mesh = -1 - node if node < 0 else tree.item("nodes", node)["mesh"]
+        if mesh not in parts:
+            parts[mesh] = found = _read_mesh(tree, mesh, matrix, first, pool)
+            first, pool = first + len(found.points), pool + len(found.pools)
+    primitives = [p for part in parts.values() for p in part.primitives]
+    if not primitives:
+        raise tree.error("it has no triangles: there is nothing to unwrap")
+    return Parts(
+        np.concatenate([part.points for part in parts.values()]),
+        primitives,
+        [p for part in parts.values() for p in part.pools],
+        [note for part in parts.values() for note in part.notes],
+    )
+
+
+def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, first: int, first_pool: int) -> Parts:
+    """One mesh; its points are numbered from ``first`` and its pools from ``first_pool`` on."""
+    known: dict[object, int] = {}
+    points: list[FloatArray] = [np.zeros((0, 3))]
+    primitives: list[Primitive] = []
+    pools: list[Pool] = []
+    notes: list[str] = []
+    for number, p in enumerate(tree.item("meshes", mesh)["primitives"]):
+        packed = [k for k in COMPRESSED if k in p.get("extensions", {})]
+        if packed:
+            raise tree.error(f"mesh {mesh} is compressed with {packed[0]}: decode the file first")
+        mode, attributes = p.get("mode", TRIANGLES), p["attributes"]
+        if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
+            notes.append(f"mesh {mesh}, primitive {number} has no triangles and was left as it is")
+            continue
+        targets = p.get("targets", [])
+        key = (*sorted(attributes.items()), *(tuple(sorted(t.items())) for t in targets))
+        if key not in known:
+            known[key] = len(pools)
+            position = tree.values(attributes["POSITION"])
+            if position.shape[1] != 3:
+                raise tree.error(f"mesh {mesh}: POSITION is no VEC3")
+            if first + len(position) > tree.limit:
+                raise tree.error("its meshes expand to more vertices than its data can describe")
+            pools.append(Pool(attributes, targets, first, len(position)))
+            points.append(transform(position, matrix))
+            first += len(position)
+        pool = known[key]
+        index = _indices(tree, p, pools[pool].count, f"mesh {mesh}, primitive {number}")
+        triangles = triangles_of(index, mode)
+        if len(triangles):
+            primitives.append(Primitive(mesh, number, first_pool + pool, mode, triangles))
+    return Parts(np.concatenate(points), primitives, pools, notes)
+
+
+def _indices(tree: Tree, primitive: Json, n: int, what: str) -> IntArray:
+    """The vertices of a primitive in order: as its indices say, else all n of them."""
+    if "indices" not in primitive:
+        return np.arange(n)
+    index = tree.integers(primitive["indices"])
+    if len(index) and index.max() >= n:
+        raise tree.error(f"{what} names vertex {int(index.max())} of {n}")
+    return index
+
+
+def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:
+    """World positions. Element by element, so that equal points stay exactly equal."""
+    if np.array_equal(matrix, np.eye(4)):
+        return points
+    x, y, z = points.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.stack([x * m[0] + y * m[1] + z * m[2] + m[3] for m in matrix[:3]], 1)
+
+
+def triangles_of(index: IntArray, mode: int) -> IntArray:
+    """(k, 3) triangles of an index list by primitive mode; an incomplete rest is dropped."""
+    if mode == TRIANGLES:
+        return index[: len(index) // 3 * 3].reshape(-1, 3)
+    k = np.arange(max(len(index) - 2, 0))
+    if mode == FAN:
+        return index[np.stack([np.zeros_like(k), k + 1, k + 2], 1)]
+    odd = k % 2
+    return index[np.stack([k + odd, k + 1 - odd, k + 2], 1)]
+
+
+def unshare_meshes(tree: Tree, shown: list[tuple[int, FloatArray]]) -> None:
+    """Give every further node of a shared mesh a copy of the mesh's entry (the accessors stay shared)."""
+    taken: set[int] = set()
+    for node, _ in shown:
+        if node < 0:
+            continue
+        entry = tree.item("nodes", node)
+        if entry["mesh"] in taken:
+            tree.json["meshes"].append(copy.deepcopy(tree.item("meshes", entry["mesh"])))
+            entry["mesh"] = len(tree.json["meshes"]) - 1
+        taken.add(entry["mesh"])

@@ -1,0 +1,83 @@
+"""Put uv into the text of an OBJ file: new ``vt`` lines, the vt field of ``f``, every other byte kept."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.formats.obj.reading import Scan
+from circparam.formats.tokens import NEWLINE, SLASH, ByteArray, as_bytes, digits, splice
+
+
+def with_uv(scan: Scan, uv: FloatArray, corner: IntArray) -> bytes:
+    """The file with the given uv (k, 2) and, for every face corner, (L,) its number (from 0; −1: none)."""
+    start, end, text, length = corner_edits(scan, corner)
+    block, drop_start, drop_end, where = vt_edits(scan, uv)
+    e_start, e_end = element_edits(scan)
+    empty = np.zeros(len(drop_start) + len(e_start), np.int64)
+    starts = np.concatenate([[where], drop_start, e_start, start])
+    ends = np.concatenate([[where], drop_end, e_end, end])
+    lengths = np.concatenate([[len(block)], empty, length])
+    order = np.argsort(starts, kind="stable")  # the block comes before what is removed there
+    # the block stands before every face, so its text comes first
+    inserted = np.concatenate([as_bytes(block), text])
+    return splice(scan.raw, starts[order], ends[order], inserted, lengths[order])
+
+
+def vt_lines(uv: FloatArray, newline: str) -> bytes:
+    """One vt line for each uv, with the shortest digits that read back to the same numbers."""
+    u, v = uv[:, 0].tolist(), uv[:, 1].tolist()
+    return "".join([f"vt {a!r} {b!r}{newline}" for a, b in zip(u, v, strict=True)]).encode()
+
+
+def compact(corner: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Keep only the uv that corners use, in order: ((k,) uv kept, (L,) renumbered corners, −1 kept)."""
+    used = np.zeros(count + 1, bool)
+    used[corner] = True
+    used[count] = False
+    number = np.cumsum(used) - 1
+    number[count] = -1
+    return np.flatnonzero(used), number[corner]
+
+
+def corner_edits(scan: Scan, uv: IntArray) -> tuple[IntArray, IntArray, ByteArray, IntArray]:
+    """What to replace so that every corner names the given vt (from 0; −1: none)."""
+    _, start, end = scan.cuts
+    text, length = digits(np.maximum(uv, 0) + 1, b"/")
+    none = uv < 0
+    if none.any():  # a corner without uv keeps "//" only where a normal follows
+        keep = np.repeat(~none, length)
+        normal = none & (scan.tokens.clean[end] == SLASH)
+        text, length = text[keep], np.where(none, 0, length)
+        first = np.cumsum(length) - length
+        text = np.insert(text, first[normal], SLASH)
+        length = length + normal
+    return start, end, text, length
+
+
+def vt_edits(scan: Scan, uv: FloatArray) -> tuple[bytes, IntArray, IntArray, int]:
+    """The new vt lines, the byte ranges of the old ones, and where the new ones go."""
+    t = scan.tokens
+    old = scan.of(b"vt")
+    start = t.line_start[old]
+    end = np.append(t.line_start, len(scan.raw))[old + 1]
+    where = int(t.line_start[scan.face_lines[0]])
+    if len(start) and start[0] < where:
+        where = int(start[0])
+    head = scan.raw[: int(t.line_start[1])] if len(t.line_start) > 1 else scan.raw[:0]
+    newline = "\r\n" if head[-2:].tobytes() == b"\r\n" else "\n"
+    if NEWLINE not in head and len(head):
+        newline = "\r"
+    return vt_lines(uv, newline), start, end, where
+
+
+def element_edits(scan: Scan) -> tuple[IntArray, IntArray]:
+    """Byte ranges of the vt fields of ``l`` elements: they name points that are gone."""
+    lines = scan.of(b"l")
+    count = scan.last[lines] - scan.first[lines] - 1
+    tokens = np.repeat(scan.first[lines] + 1, count) + ranges(count)
+    if len(tokens) == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    _, start, end = scan.fields(tokens, 2)
+    some = end > start
+    return start[some], end[some]

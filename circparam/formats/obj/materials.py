@@ -1,0 +1,78 @@
+"""Colours and textures of an OBJ file: six numbers behind ``v``, and ``map_Kd`` of its material files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.materials import ImageFiles, Textures
+from circparam.formats.obj.reading import Scan
+from circparam.formats.source import safe_path
+
+
+def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
+    """(m, 3, 3) colour of every corner; None where no vertex has one. Vertices without one are white."""
+    lines = scan.of(b"v")
+    given = scan.last[lines] - scan.first[lines] - 1
+    if not (given >= 6).any():
+        return None
+    values = scan.numbers(lines, 6, optional=3)[:, 3:]
+    values[given < 6] = 1.0
+    # some programs write 0..255: then some value is above 1
+    return np.clip(values / (255.0 if values.max(initial=0) > 1.0 else 1.0), 0, 1)[faces]
+
+
+def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | None:
+    """The images and colours of the materials. owner: (m,) polygon of each face. None where there are none."""
+    files = ImageFiles(folder)
+    materials: dict[str, tuple[int, FloatArray]] = {}
+    for library in scan.libraries():
+        path = None if folder is None else safe_path(folder, library)
+        try:
+            text = "" if path is None else path.read_text("utf-8", "replace")
+        except OSError:
+            files.notes.append(f"material file {library} is missing: put it beside the mesh")
+            continue
+        for name, colour, image in read_mtl(text):
+            materials[name] = (-1 if image is None else files.read(image), colour)
+    lines, used = scan.lines(b"usemtl")
+    if not materials and not files.notes:
+        return None
+    names = ["", *(name.decode("utf-8", "replace") for name in used)]
+    none = (-1, np.ones(3))
+    image_of = np.array([materials.get(name, none)[0] for name in names])
+    plain: FloatArray = np.stack([materials.get(name, none)[1] for name in names])
+    if not used and len(materials) == 1:  # a file that forgets usemtl, but has one material only
+        image_of[0], plain[0] = next(iter(materials.values()))
+    at = np.searchsorted(lines, scan.face_lines)[owner]
+    return files.textures(image_of[at], plain[at])
+
+
+def read_mtl(text: str) -> Iterator[tuple[str, FloatArray, str | None]]:
+    """(name, diffuse colour, image or None) of every material of an MTL file."""
+    name: str | None = None
+    colour: FloatArray = np.ones(3)
+    image: str | None = None
+    for line in text.splitlines():
+        word, _, rest = line.strip().partition(" ")
+        rest = rest.strip()
+        if word == "newmtl":
+            if name is not None:
+                yield name, colour, image
+            name, colour, image = rest, np.ones(3), None
+        elif word == "Kd":
+            numbers = re.findall(r"[-+.\deE]+", rest)[:3]
+            try:
+                colour = np.clip(np.array([float(x) for x in numbers]), 0, 1)
+            except ValueError:
+                colour = np.ones(3)
+            colour = colour if colour.shape == (3,) else np.ones(3)
+        elif word == "map_Kd":
+            # options like "-s 1 1 1" stand before the name
+            image = re.sub(r"^(-\w+(\s+(on|off|[-+.\d]+))*\s+)+", "", rest)
+    if name is not None:
+        yield name, colour, image

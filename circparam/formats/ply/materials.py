@@ -1,0 +1,47 @@
+"""Colours and textures of a PLY file: red, green, blue of vertices or faces, and TextureFile comments."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.materials import ImageFiles, Textures
+from circparam.formats.ply.reading import Layout
+
+CHANNELS = ("red", "green", "blue")
+
+
+def colours(layout: Layout, faces: IntArray, owner: IntArray) -> FloatArray | None:
+    """(m, 3, 3) colour of every corner, of its vertex or else its face; None where there are none.
+
+    faces: (m, 3) int64 vertices. owner: (m,) int64 polygon of each face; those behind the last row of the
+    file's faces (triangles of strips) are white.
+    """
+    vertex, face = layout.element("vertex"), layout.element("face")
+    for element in (vertex, face):
+        found = [element.find(name) for name in CHANNELS] if element is not None else [None]
+        if element is None or not all(found):
+            continue
+        values = layout.columns(element, CHANNELS)
+        codes = {p.type for p in found if p is not None}
+        values = values / (255.0 if "u1" in codes else 65535.0 if "u2" in codes else 1.0)
+        values = np.clip(values, 0, 1)
+        if element is vertex:
+            return values[faces]
+        white = np.ones((max(int(owner.max(initial=-1)) + 1 - len(values), 0), 3))
+        return np.repeat(np.concatenate([values, white])[owner][:, None], 3, axis=1)
+    return None
+
+
+def textures(layout: Layout, m: int, folder: Path | None) -> Textures | None:
+    """The first TextureFile comment, as MeshLab writes it, for all m faces; None where there is none."""
+    files = ImageFiles(folder)
+    for line in layout.lines:
+        comment = re.match(r"comment\s+TextureFile\s+(.+)", line.strip(), re.IGNORECASE)
+        if comment:
+            face = np.full(m, files.read(comment.group(1).strip()), np.int64)
+            return files.textures(face, np.ones((m, 3)))
+    return None

@@ -1,0 +1,65 @@
+"""Where bytes come from: a source by name, its content, and the files that lie beside it."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+
+from circparam.errors import InputError
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where bytes came from: ``name`` for messages, ``path`` None for standard input or memory."""
+
+    name: str
+    path: Path | None = None
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder that relative names in the file start from; None where there is none."""
+        return None if self.path is None else self.path.resolve().parent
+
+    def error(self, cause: object) -> InputError:
+        """An InputError that names the file, in one line."""
+        return InputError(f"{self.name}: {' '.join(str(cause).split())}")
+
+
+def read_bytes(path: str | os.PathLike[str]) -> tuple[bytes, Source]:
+    """The content of a file, or of standard input for ``-``; InputError where it can't be read or is empty."""
+    if os.fspath(path) == "-":
+        source = Source("standard input")
+        data = sys.stdin.buffer.read()
+    else:
+        source = Source(os.fspath(path), Path(path))
+        try:
+            mode = os.stat(path).st_mode
+            if stat.S_ISDIR(mode):
+                raise source.error("this is a directory, not a mesh file")
+            if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+                raise source.error("this is a device, not a mesh file")
+            data = Path(path).read_bytes()
+        except FileNotFoundError:
+            raise source.error("no such file") from None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise source.error(f"it can't be read ({reason})") from None
+    if not data.strip():
+        raise source.error("the file is empty")
+    return data, source
+
+
+def safe_path(folder: Path, uri: str) -> Path | None:
+    """The file that a relative URI names inside a folder; None where it leads anywhere else."""
+    name = unquote(uri)
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or name.startswith(("/", "\\")):
+        return None
+    if "\\" in name or "\0" in name or ".." in name.split("/"):
+        return None
+    path = (folder / name).resolve()
+    return path if path.is_relative_to(folder.resolve()) else None

@@ -1,0 +1,92 @@
+"""What every row of FORMATS promises."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from circparam.errors import InputError, OptionError
+from circparam.formats import DEFAULT_OUTPUT, FORMATS
+from circparam.formats.io import encode, read_data, stored
+from circparam.formats.table import takes_unshare, writable
+from tests.support import format_contract as contract
+from tests.support.formats_tools import smooth_layout
+
+WRITABLE = writable()
+NAMES = FORMATS.names()
+
+
+def test_writable_rows_are_the_ones_with_a_place_for_uv() -> None:
+    assert WRITABLE == ["obj", "ply", "gltf", "glb"]
+    for row in FORMATS:
+        assert (row.function.export is None) == (row.function.round_uv is None), row.name
+        assert DEFAULT_OUTPUT[row.name] in WRITABLE
+    assert DEFAULT_OUTPUT["arrays"] == "glb"
+    assert set(DEFAULT_OUTPUT) == {*NAMES, "arrays"}
+    assert len(DEFAULT_OUTPUT) == len(NAMES) + 1
+    assert DEFAULT_OUTPUT.get("xyz", "none") == "none"
+
+
+def test_no_suffix_stands_for_two_formats() -> None:
+    suffixes = [s for row in FORMATS for s in row.function.suffixes]
+    assert len(set(suffixes)) == len(suffixes)
+    assert all(s == s.lower() and s[0] == "." for s in suffixes)
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_points_faces_and_uv_come_back(name: str) -> None:
+    contract.check_round_trip(name)
+    contract.check_rounding_is_small(name)
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_content_and_name_tell_the_format(name: str, tmp_path: Path) -> None:
+    contract.check_told_by_content_and_name(name, tmp_path)
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_files(name: str, tmp_path: Path) -> None:
+    contract.check_written_to_disk(name, tmp_path)
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_messages_name_it(name: str) -> None:
+    contract.check_named_in_messages(name)
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in WRITABLE])
+def test_no_place_for_uv(name: str) -> None:
+    doc = contract.document()
+    says = f"{name.upper()} has no place for uv: write obj, ply, gltf or glb"
+    with pytest.raises(OptionError, match=says):
+        encode(doc, smooth_layout(doc), name)
+    with pytest.raises(OptionError, match=says):
+        stored(smooth_layout(doc), name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_unshare_changes_nothing_where_nothing_is_shared(name: str) -> None:
+    assert takes_unshare(name) == (name in ("gltf", "glb"))
+    if name in WRITABLE:
+        doc = contract.document()
+        data = encode(doc, smooth_layout(doc), name).data
+        a, b = (read_data(data, unshare=unshare) for unshare in (False, True))
+        assert a.mesh.faces.tolist() == b.mesh.faces.tolist()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_garbage_is_refused_in_one_line(name: str) -> None:
+    for data in (b"x", b"\0" * 200, b"ply\nx\n", b"{}", b"glTF" + b"\xff" * 20, b"OFF\n1 1\n"):
+        with pytest.raises(InputError) as caught:
+            read_data(data, format=name)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_a_bare_mesh_has_no_colours_and_no_textures(name: str) -> None:
+    doc = contract.document()
+    again = read_data(encode(doc, smooth_layout(doc), name).data)
+    for each in (doc, again):
+        assert each.colours() is None
+        assert each.textures() is None

@@ -1,0 +1,170 @@
+"""New files from any mesh: what each format holds, what it loses and says so, judged by others too."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.errors import OptionError, OutputError
+from circparam.formats.document import WriteOptions
+from circparam.formats.io import encode, read, read_data, write
+from circparam.formats.memory import from_arrays
+from tests.support.formats_tools import (
+    assert_round_trip,
+    corpus_files,
+    grid,
+    layout_with_seams,
+    smooth_layout,
+)
+
+OFF = b"""OFF # comment
+# another
+6 3 0
+0 0 0
+1 0 0
+1 1 0 # here too
+0 1 0
+0.1 0.30000000000000004 1
+2 0 0
+
+4 0 1 2 3 255 0 0
+3 0 1 4
+3 1 5 2
+"""
+
+
+def document():
+    points, faces = grid(4)
+    return from_arrays(points, faces)
+
+
+@pytest.mark.parametrize("format", ["obj", "ply", "glb", "gltf"])
+@pytest.mark.parametrize("seams", [False, True])
+def test_new_files(format: str, seams: bool) -> None:
+    doc = document()
+    assert_round_trip(doc, layout_with_seams(doc) if seams else smooth_layout(doc), format)
+    with pytest.raises(OptionError, match="uv set 1"):
+        encode(doc, smooth_layout(doc), format, options=WriteOptions(uv_set=1))
+
+
+@pytest.mark.parametrize("format", ["ply", "glb", "gltf", "obj"])
+def test_groups_and_polygons_go_where_they_can(format: str) -> None:
+    text = (
+        b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nvn 0 0 1\nusemtl red one\nf 1//1 2//1 3//1 4//1\n"
+        b"usemtl blue\nf 2 5 3\nusemtl red one\nf 1 3 5\n"
+    )
+    doc = read_data(text)
+    again = assert_round_trip(doc, layout_with_seams(doc), format)
+    if format != "obj":
+        note = encode(doc, smooth_layout(doc), format).notes[0]
+        assert note.startswith("not carried")
+        assert "normals" in note
+        assert ("polygons" in note) == (format != "ply")
+    if format == "ply":
+        assert again.mesh.polygons is not None
+    else:
+        assert again.group_names == ("red one", "blue")
+        face_map = encode(doc, layout_with_seams(doc), format).face_map
+        named = [again.group_names[k] for k in again.mesh.groups]  # type: ignore[union-attr]
+        expected = doc.mesh.groups[face_map]  # type: ignore[index]
+        assert named == [doc.group_names[k] for k in expected]
+    back = encode(again, again.uv(), "obj").data  # type: ignore[arg-type]
+    if format == "glb":
+        assert b"usemtl red_one\n" in back
+        assert b"usemtl blue\n" in back
+
+
+def test_rounded_positions_are_noted() -> None:
+    points, faces = grid(3)
+    exact = from_arrays(points, faces)
+    assert not any("float32" in n for n in encode(exact, smooth_layout(exact), "glb").notes)
+    fine = from_arrays(points.astype(float) + 0.1, faces)
+    assert any("float32" in n for n in encode(fine, smooth_layout(fine), "glb").notes)
+    assert b"property double x" in encode(fine, smooth_layout(fine), "ply").data
+    assert b"property float x" in encode(exact, smooth_layout(exact), "ply").data
+
+
+def test_positions_beyond_float32_are_refused_for_glb(tmp_path):
+    p = np.array([[0.0, 0, 0], [1e45, 0, 0], [0, 1e45, 0]])
+    with pytest.raises(OutputError, match="1e\\+45 do not fit in float32"):
+        circparam.unwrap((p, np.array([[0, 1, 2]])), tmp_path / "o.glb")
+    assert not list(tmp_path.iterdir())
+    assert circparam.unwrap((p, np.array([[0, 1, 2]])), tmp_path / "o.obj").status == "ok"
+
+
+def test_inputs_are_not_changed() -> None:
+    doc = document()
+    uvmap = layout_with_seams(doc)
+    uv, faces, points = uvmap.uv.copy(), uvmap.uv_faces.copy(), doc.mesh.points.copy()
+    for format in ("obj", "ply", "glb", "gltf"):
+        first = encode(doc, uvmap, format).data
+        assert encode(doc, uvmap, format).data == first  # same input, same bytes
+    np.testing.assert_array_equal(uvmap.uv, uv)
+    np.testing.assert_array_equal(uvmap.uv_faces, faces)
+    np.testing.assert_array_equal(doc.mesh.points, points)
+
+
+@pytest.mark.parametrize("path", corpus_files(".off", ".stl"))
+def test_real_off_and_stl(path: Path) -> None:
+    import trimesh
+
+    doc = read(path)
+    theirs = trimesh.load(path, process=False)
+    ours = doc.mesh.points[doc.mesh.faces]
+    np.testing.assert_array_equal(ours, theirs.vertices[theirs.faces])
+    for format in ("glb", "obj"):
+        assert_round_trip(doc, layout_with_seams(doc), format)
+
+
+VALIDATE = """
+const v = require('gltf-validator'), fs = require('fs'), path = require('path');
+(async () => { for (const f of process.argv.slice(1)) {
+  const r = await v.validateBytes(new Uint8Array(fs.readFileSync(f)), {uri: f, maxIssues: 0,
+    externalResourceFunction: u => Promise.resolve(new Uint8Array(fs.readFileSync(
+      path.join(path.dirname(f), decodeURIComponent(u)))))});
+  const e = r.issues.messages.filter(m => m.severity === 0).map(m => m.code);
+  console.log(JSON.stringify([...new Set(e)].sort())); } })()
+"""
+
+
+def validate(*paths: Path) -> list[str]:
+    """The kinds of errors that the Khronos validator finds in each file."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    run = subprocess.run(
+        [node, "-e", VALIDATE, *map(str, paths)], capture_output=True, text=True, check=False
+    )
+    if "Cannot find module" in run.stderr:
+        pytest.skip(
+            "npm package gltf-validator is not found: set NODE_PATH to where it is installed"
+        )
+    assert run.returncode == 0, run.stderr
+    return run.stdout.split("\n")[:-1]
+
+
+def test_the_validator_finds_nothing_in_new_files(tmp_path: Path) -> None:
+    doc = read_data(OFF)
+    paths = []
+    for seams in (False, True):
+        for format in ("glb", "gltf"):
+            paths.append(tmp_path / f"{seams}.{format}")
+            write(paths[-1], doc, layout_with_seams(doc) if seams else smooth_layout(doc))
+    assert validate(*paths) == ["[]"] * 4
+
+
+@pytest.mark.parametrize("path", corpus_files(".glb"))
+def test_the_validator_finds_nothing_new_in_real_files(tmp_path: Path, path: Path) -> None:
+    doc = read(path)
+    paths = [path]
+    for k, uv_set in enumerate((None, 1)):
+        for format in ("glb", "gltf"):
+            paths.append(tmp_path / f"{k}.{format}")
+            write(paths[-1], doc, layout_with_seams(doc), options=WriteOptions(uv_set=uv_set))
+    found = validate(*paths)
+    assert found[1:] == [found[0]] * 4

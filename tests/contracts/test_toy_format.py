@@ -1,0 +1,120 @@
+"""One file and one row: a format made here is all that the package needs to read, unwrap and write it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.core.registry import Row
+from circparam.errors import OptionError
+from circparam.formats import FORMATS, Encoded, Format, PlainDocument, sniff
+from circparam.formats.io import read, write
+from circparam.mesh.mesh import Mesh, UVMap
+from tests.support import format_contract as contract
+from tests.support import shapes
+from tests.support.formats_tools import smooth_layout
+
+STEPS = 1 << 24  # the toy stores uv as whole numbers of such steps
+
+
+def read_toy(data, source):
+    """'p x y z', 't a b c', and 'u' with the uv of the three corners of each triangle."""
+    rows = {"p": [], "t": [], "u": []}
+    for line in data.decode().splitlines()[1:]:
+        word, *numbers = line.split()
+        rows[word].append([float(x) for x in numbers])
+    if not rows["t"]:
+        raise source.error("it has no faces: there is nothing to unwrap")
+    mesh = Mesh(np.array(rows["p"]).reshape(-1, 3), np.array(rows["t"], np.int64).reshape(-1, 3))
+    layout = None
+    if rows["u"]:
+        uv = np.array(rows["u"]).reshape(-1, 2) / STEPS
+        layout = UVMap(uv, np.arange(len(uv)).reshape(-1, 3))
+    return PlainDocument(source, "toy", mesh, (0,) if layout else (), layout=layout)
+
+
+def round_toy(uv, document):
+    return np.round(uv * STEPS) / STEPS
+
+
+def to_toy(document, uvmap, options, stem):
+    mesh = document.mesh
+    if options.uv_set:
+        raise OptionError(f"uv set {options.uv_set}: a new TOY file gets one uv set; leave it out")
+    corner = np.round(uvmap.uv[uvmap.uv_faces].reshape(-1, 6) * STEPS).astype(np.int64)
+    lines = ["TOY"]
+    lines += [f"p {x!r} {y!r} {z!r}" for x, y, z in mesh.points.tolist()]
+    lines += ["t " + " ".join(map(str, t)) for t in mesh.faces.tolist()]
+    lines += ["u " + " ".join(map(str, row)) for row in corner.tolist()]
+    n, m = len(mesh.points), len(mesh.faces)
+    return Encoded("\n".join(lines).encode(), "toy", np.arange(n), np.arange(m))
+
+
+ROW = Row(
+    "toy",
+    Format(
+        read_toy,
+        (".toy",),
+        lambda data: data.startswith(b"TOY\n"),
+        export=to_toy,
+        round_uv=round_toy,
+    ),
+    "a toy: one line for each point, triangle and layout of a triangle",
+)
+
+
+@pytest.fixture(autouse=True)
+def toy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(FORMATS._rows, "toy", ROW)
+
+
+def test_it_keeps_the_contract_of_every_format(tmp_path: Path) -> None:
+    assert "toy" in FORMATS.names()
+    contract.check_round_trip("toy")
+    contract.check_rounding_is_small("toy")
+    contract.check_told_by_content_and_name("toy", tmp_path)
+    contract.check_written_to_disk("toy", tmp_path)
+    contract.check_named_in_messages("toy")
+
+
+@pytest.mark.parametrize("output", ["out.toy", "out.glb"])
+def test_it_is_unwrapped_and_written(tmp_path: Path, output: str) -> None:
+    points, faces = shapes.cube()[:2]
+    doc = circparam.formats.from_arrays(points, faces)
+    write(tmp_path / "in.toy", doc, smooth_layout(doc))
+    result = circparam.unwrap(tmp_path / "in.toy", tmp_path / output)
+    assert result.status == "ok"
+    assert result.document.format == "toy"
+    back = read(tmp_path / output)
+    assert back.format == output.split(".")[1]
+    uvmap = back.uv()
+    assert uvmap is not None
+    np.testing.assert_array_equal(
+        uvmap.uv[uvmap.uv_faces], result.uv[result.uv_faces][result.face_map]
+    )
+    if output == "out.toy":
+        steps = uvmap.uv * STEPS
+        np.testing.assert_array_equal(steps, np.round(steps))  # judged as the file holds them
+
+
+def test_nothing_said_it_is_written_as_itself(tmp_path: Path) -> None:
+    points, faces = shapes.cube()[:2]
+    doc = circparam.formats.from_arrays(points, faces)
+    write(tmp_path / "in.toy", doc, smooth_layout(doc))
+    assert circparam.unwrap(tmp_path / "in.toy").format == "toy"
+
+
+def test_options_that_do_not_apply_name_it(tmp_path: Path) -> None:
+    points, faces = shapes.cube()[:2]
+    doc = circparam.formats.from_arrays(points, faces)
+    write(tmp_path / "in.toy", doc, smooth_layout(doc))
+    with pytest.raises(OptionError, match="TOY files share no meshes"):
+        circparam.unwrap(tmp_path / "in.toy", unshare=True)
+
+
+def test_it_is_gone_with_its_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(FORMATS._rows, "toy")
+    assert sniff(b"TOY\np 0 0 0\n") is None

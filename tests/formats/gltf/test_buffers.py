@@ -1,0 +1,223 @@
+"""New data in a tree: nothing piles up, nothing that may be in use is touched, files are whole."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from circparam.formats.document import WriteOptions
+from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.gltf.reading import Tree
+from circparam.formats.io import encode, read, read_data, stored, write
+from tests.support.formats_tools import (
+    GltfMaker,
+    assert_round_trip,
+    corners,
+    grid,
+    layout_with_seams,
+    smooth_layout,
+)
+from tests.support.gltf_files import (
+    assert_same_but_uv,
+    full_mesh,
+    tree_of,
+)
+
+
+def test_old_data_does_not_stay_in_the_file() -> None:
+    """Written twice with the same seams the file has the same size: nothing piles up."""
+    document = read_data(full_mesh(8).glb())
+    uvmap = layout_with_seams(document)
+    once = encode(document, uvmap, "glb").data
+    again = read_data(once)
+    twice = encode(again, again.uv(), "glb").data  # type: ignore[arg-type]
+    sizes = [tree_of(data)["buffers"][0]["byteLength"] for data in (once, twice)]
+    assert sizes[0] == sizes[1]
+    smaller = encode(document, smooth_layout(document), "glb").data
+    assert len(smaller) < len(full_mesh(8).glb())  # tangents are gone, with their bytes
+
+
+def test_data_that_an_extension_may_use_is_left_alone() -> None:
+    g = full_mesh()
+    g.tree["extensions"]["VENDOR_x"] = {"attributes": {"ROTATION": 2}}
+    document = read_data(g.glb())
+    assert isinstance(document, GltfDocument)
+    old = document.tree
+    new = Tree(encode(document, layout_with_seams(document), "glb").data, document.source)
+    for k, accessor in enumerate(old.json["accessors"]):
+        assert new.json["accessors"][k] == accessor
+        np.testing.assert_array_equal(new.rows(k), old.rows(k))
+
+
+def test_external_buffers_and_images(tmp_path: Path) -> None:
+    g = full_mesh()
+    (tmp_path / "a b.bin").write_bytes(g.bin)
+    (tmp_path / "t.png").write_bytes(b"png")
+    g.tree["images"] = [{"uri": "t.png"}]
+    (tmp_path / "in.gltf").write_bytes(g.gltf("a%20b.bin"))
+    document = read(tmp_path / "in.gltf")
+    uvmap = layout_with_seams(document)
+    out = tmp_path / "out"
+    out.mkdir()
+    plain = write(out / "x.gltf", document, uvmap)
+    assert sorted(p.name for p in plain.files) == ["x.bin", "x.gltf"]
+    assert sum("--copy-assets" in note for note in plain.notes) == 2
+    copied = write(out / "y.gltf", document, uvmap, options=WriteOptions(copy_assets=True))
+    assert sorted(p.name for p in copied.files) == ["a b.bin", "t.png", "y.bin", "y.gltf"]
+    assert (out / "a b.bin").read_bytes() == bytes(g.bin)
+    again = read(out / "y.gltf")
+    np.testing.assert_array_equal(corners(again.uv()), corners(stored(uvmap, "gltf")))  # type: ignore[arg-type]
+    packed = write(out / "z.glb", document, uvmap)
+    assert [p.name for p in packed.files] == ["z.glb"]
+    np.testing.assert_array_equal(read(out / "z.glb").mesh.points[:16], document.mesh.points)
+    third = write(out / "y.gltf", again, uvmap, overwrite=True)
+    assert "y_uv.bin" in [p.name for p in third.files]  # y.bin is still in use
+    assert_same_but_uv(document, read(out / "y.gltf"), "TEXCOORD_0", "TANGENT", "0:TANGENT")  # type: ignore[arg-type]
+
+
+def chunks(data: bytes) -> list[tuple[int, bytes]]:
+    """(type, body) of every chunk; the lengths must be whole words and add up."""
+    assert struct.unpack_from("<4sII", data) == (b"glTF", 2, len(data))
+    out, at = [], 12
+    while at < len(data):
+        size, kind = struct.unpack_from("<II", data, at)
+        assert size % 4 == 0
+        out.append((kind, data[at + 8 : at + 8 + size]))
+        at += 8 + size
+    assert at == len(data)
+    return out
+
+
+@pytest.mark.parametrize("size", [0, 1, 3, 4, 5])
+def test_chunks_are_whole_words(size: int) -> None:
+    body = bytes(range(size))
+    (json_kind, text), (bin_kind, padded) = chunks(glb_bytes({"é": "x" * size}, body))
+    assert (json_kind, bin_kind) == (0x4E4F534A, 0x004E4942)
+    assert json.loads(text) == {"é": "x" * size}
+    assert padded.rstrip(b"\0") == body.rstrip(b"\0")
+    assert len(padded) - size in range(4)
+    assert len(chunks(glb_bytes({}, None))) == 1
+    assert chunks(glb_bytes({}, body, struct.pack("<II", 4, 7) + b"rest"))[2] == (7, b"rest")
+
+
+def views_do_not_overlap(data: bytes) -> None:
+    """Views of accessors begin at whole words, inside the buffer, and share no byte."""
+    tree = tree_of(data)
+    size = tree["buffers"][0]["byteLength"]
+    spans = []
+    for k in {a["bufferView"] for a in tree["accessors"] if "bufferView" in a}:
+        view = tree["bufferViews"][k]
+        start = view.get("byteOffset", 0)
+        assert start % 4 == 0
+        assert start + view["byteLength"] <= size
+        spans.append((start, start + view["byteLength"]))
+    spans.sort()
+    assert all(a[1] <= b[0] for a, b in itertools.pairwise(spans))
+
+
+@pytest.mark.parametrize("seams", [False, True])
+def test_views_stay_apart_and_aligned(seams: bool) -> None:
+    document = read_data(full_mesh(5).glb())
+    uvmap = layout_with_seams(document) if seams else smooth_layout(document)
+    data = encode(document, uvmap, "glb").data
+    views_do_not_overlap(data)
+    tree = tree_of(data)
+    colour = tree["accessors"][tree["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]]
+    assert tree["bufferViews"][colour["bufferView"]]["byteStride"] == 4  # three bytes and one more
+    views_do_not_overlap(encode(read_data(data), uvmap, "glb").data)
+
+
+def test_the_freed_bytes_are_exactly_those_of_dead_views() -> None:
+    """New uv in the place of old ones: the buffer shrinks by the tangents, and by nothing else."""
+    document = read_data(full_mesh(4).glb())
+    before = tree_of(full_mesh(4).glb())
+    out = encode(document, smooth_layout(document), "glb").data
+    tree = tree_of(out)
+    tangents = 16 * 16 + 16 * 12  # of the vertices and of the morph target
+    assert before["buffers"][0]["byteLength"] - tree["buffers"][0]["byteLength"] in range(
+        tangents - 12, tangents + 1
+    )
+    assert len(tree["accessors"]) == len(before["accessors"])
+    dead = [a for a in tree["accessors"] if "bufferView" not in a]
+    assert len(dead) == 2
+    assert all(set(a) <= {"componentType", "count", "type", "name", "extras"} for a in dead)
+    for name, index in tree["meshes"][0]["primitives"][0]["attributes"].items():
+        if name != "TEXCOORD_0":  # every number that stays is the one it was
+            assert before["meshes"][0]["primitives"][0]["attributes"][name] == index
+
+
+def test_bytes_that_a_living_view_shares_stay() -> None:
+    """A view that only old uv used lies over one that an image uses: its bytes are not cut out."""
+    points, faces = grid(3)
+    g = GltfMaker()
+    uv = np.random.default_rng(0).random((9, 2)).astype("f4")
+    attributes = {"POSITION": g.accessor(points), "TEXCOORD_0": g.accessor(uv)}
+    old = dict(g.tree["bufferViews"][1])
+    g.tree["bufferViews"].append({**old, "byteOffset": old["byteOffset"] + 8, "byteLength": 10})
+    g.tree["images"] = [{"bufferView": 2, "mimeType": "image/png"}]
+    index = g.accessor(faces.ravel().astype("u2"))
+    g.tree["meshes"] = [{"primitives": [{"attributes": attributes, "indices": index}]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    again = read_data(encode(document, smooth_layout(document), "glb").data)
+    for tree in (document.tree, again.tree):  # type: ignore[attr-defined]
+        assert tree.view(2, "image")[0].tobytes() == uv.tobytes()[8:18]
+
+
+def test_further_chunks_and_extras_are_kept() -> None:
+    g = full_mesh()
+    data = g.glb()
+    rest = struct.pack("<II", 8, 0x1234) + b"whatever"
+    data = data[:8] + struct.pack("<I", len(data) + len(rest)) + data[12:] + rest
+    document = read_data(data)
+    out = encode(document, smooth_layout(document), "glb").data
+    assert chunks(out)[2] == (0x1234, b"whatever")
+
+
+@pytest.mark.parametrize("indent", [None, 1, 4, "\t"])
+def test_json_is_indented_as_it_was(indent: int | str | None) -> None:
+    g = full_mesh()
+    text = json.dumps(json.loads(g.gltf()), indent=indent)
+    document = read_data(text.encode())
+    out = encode(document, smooth_layout(document), "gltf").data.decode()
+    separators = (",", ":") if indent is None else None
+    again = json.dumps(json.loads(out), indent=indent, separators=separators, ensure_ascii=False)
+    assert out == again + ("" if indent is None else "\n")
+
+
+def test_a_gltf_without_buffers_becomes_a_glb() -> None:
+    """Positions of zeros need no data; the new uv do."""
+    g = GltfMaker()
+    g.tree["accessors"] = [{"componentType": 5126, "type": "VEC3", "count": 3}]
+    g.tree["bufferViews"] = []
+    g.tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}}]}]
+    g.scene({"mesh": 0})
+    document = read_data(json.dumps(g.tree).encode())
+    for format in ("glb", "gltf"):
+        again = assert_round_trip(document, smooth_layout(document), format)
+        assert again.mesh.points.tolist() == [[0, 0, 0]] * 3
+
+
+@pytest.mark.parametrize("size", [4, 5, 7])
+def test_entries_left_over_have_bytes_of_their_own(size: int) -> None:
+    """Views of the dropped tangents keep their numbers; an image of any length ends the buffer."""
+    g = full_mesh()
+    image = bytes(range(1, size + 1))
+    g.tree["images"] = [{"bufferView": g.view(image), "mimeType": "image/png"}]
+    old = read_data(g.glb())
+    data = encode(old, smooth_layout(old), "glb").data
+    tree = tree_of(data)
+    spans = sorted((v.get("byteOffset", 0), v["byteLength"]) for v in tree["bufferViews"])
+    assert all(start % 4 == 0 for start, _ in spans)
+    ends = [start + length for start, length in spans]
+    assert ends[-1] <= tree["buffers"][0]["byteLength"]
+    # the two left over may share four bytes with each other, with nothing else
+    apart = sorted(set(spans))
+    assert all(a[0] + a[1] <= b[0] for a, b in itertools.pairwise(apart))
+    again = read_data(data)
+    assert again.tree.view(tree["images"][0]["bufferView"], "")[0].tobytes() == image  # type: ignore[attr-defined]

@@ -1,0 +1,200 @@
+"""Uv put into a glTF tree: only what uv touches changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.errors import OptionError
+from circparam.formats.document import WriteOptions
+from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.gltf.editing import file_uv, index_type, stored_uv
+from circparam.formats.io import encode, read_data, stored
+from circparam.mesh.mesh import UVMap
+from tests.support.formats_tools import (
+    GltfMaker,
+    assert_round_trip,
+    corners,
+    grid,
+    layout_with_seams,
+    smooth_layout,
+)
+from tests.support.gltf_files import (
+    assert_same_but_uv,
+    full_mesh,
+    tree_of,
+)
+
+
+@pytest.mark.parametrize("container", ["glb", "gltf"])
+@pytest.mark.parametrize("seams", [False, True])
+def test_everything_but_uv_is_kept(container: str, seams: bool) -> None:
+    g = full_mesh()
+    data = g.glb() if container == "glb" else g.gltf()
+    document = read_data(data)
+    assert isinstance(document, GltfDocument)
+    assert document.format == container
+    uvmap = layout_with_seams(document) if seams else smooth_layout(document)
+    for format in ("glb", "gltf"):
+        again = assert_round_trip(document, uvmap, format)
+        assert isinstance(again, GltfDocument)
+        assert_same_but_uv(document, again, "TEXCOORD_0", "TANGENT", "0:TANGENT")
+        assert all("TANGENT" not in p.attributes for p in again.pools)
+    notes = " ".join(encode(document, uvmap, "glb").notes)
+    assert "tangents of 1" in notes
+    assert "uv set 0 of the file was replaced" in notes
+    assert ("duplicated" in notes) == seams
+
+
+def test_tangents_stay_where_their_uv_stays() -> None:
+    document = read_data(full_mesh().glb())
+    for seams in (smooth_layout(document), layout_with_seams(document)):
+        again = assert_round_trip(document, seams, "glb", WriteOptions(uv_set=1))
+        assert_same_but_uv(document, again, "TEXCOORD_1")  # type: ignore[arg-type]
+        assert "TANGENT" in again.pools[0].attributes  # type: ignore[attr-defined]
+
+
+def test_uv_sets() -> None:
+    g = full_mesh()
+    document = read_data(g.glb())
+    uvmap = layout_with_seams(document)
+    with pytest.raises(OptionError, match="overwrite-uv"):
+        encode(document, uvmap, "glb", options=WriteOptions(uv_set=0))
+    assert_round_trip(document, uvmap, "glb", WriteOptions(uv_set=0, overwrite_uv=True))
+    second = assert_round_trip(document, uvmap, "glb", WriteOptions(uv_set=1))
+    assert second.uv_sets == (0, 1)
+    np.testing.assert_array_equal(corners(second.uv(0)), corners(document.uv(0)))  # type: ignore[arg-type]
+    fourth = assert_round_trip(document, uvmap, "glb", WriteOptions(uv_set=3))
+    assert fourth.uv_sets == (0, 1, 2, 3)  # no gap: the lower ones get the same uv
+    for k in (1, 2):
+        np.testing.assert_array_equal(corners(fourth.uv(k)), corners(fourth.uv(3)))  # type: ignore[arg-type]
+    del g.tree["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]
+    bare = read_data(g.glb())
+    filled = assert_round_trip(bare, uvmap, "glb", WriteOptions(uv_set=1))
+    assert filled.uv_sets == (0, 1)
+
+
+@settings(max_examples=100)
+@given(st.lists(st.tuples(st.floats(-2, 3), st.floats(-2, 3)), min_size=3, max_size=3))
+def test_the_flip_of_v_is_exact(values: list[tuple[float, float]]) -> None:
+    """Reading what was written and writing it again gives the same bytes: nothing is rounded twice."""
+    uvmap = UVMap(np.array(values), np.array([[0, 1, 2]]))
+    once = stored(uvmap, "glb")
+    np.testing.assert_array_equal(stored(once, "glb").uv, once.uv)
+    file = (1.0 - once.uv[:, 1]).astype(np.float32)
+    np.testing.assert_array_equal(file, (1.0 - uvmap.uv[:, 1]).astype(np.float32))  # rounded once
+    # what lies in the file, turned exactly (negated), has the same differences as what is read
+    np.testing.assert_array_equal(np.diff(-file.astype(np.float64)), np.diff(once.uv[:, 1]))
+
+
+def test_a_tiny_triangle_near_the_top_is_not_flipped() -> None:
+    """float32 has no number between 1 − 6e-8 and 1; the file holds 1 − v, and there it has many."""
+    uv = np.array([[0.0, 1 - 3e-9], [1e-9, 1 - 3e-9], [0.0, 1 - 1e-9]])
+    p = stored(UVMap(uv, np.array([[0, 1, 2]])), "glb").uv
+    a, b = p[1] - p[0], p[2] - p[0]
+    assert a[0] * b[1] - a[1] * b[0] == pytest.approx(2e-18, rel=1e-5)
+
+
+def test_a_seam_keeps_index_types_small_and_grows_them_when_needed() -> None:
+    points, faces = grid(5)
+    g = GltfMaker()
+    primitive = {
+        "attributes": {"POSITION": g.accessor(points)},
+        "indices": g.accessor(faces.ravel().astype("u1")),
+    }
+    g.tree["meshes"] = [{"primitives": [primitive]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    for parts, code in ((2, 5121), (10**6, 5121)):
+        out = tree_of(encode(document, layout_with_seams(document, parts=parts), "glb").data)
+        index = out["meshes"][0]["primitives"][0]["indices"]
+        assert out["accessors"][index]["componentType"] == code
+    points, faces = grid(15)
+    primitive = {
+        "attributes": {"POSITION": g.accessor(points)},
+        "indices": g.accessor(faces.ravel().astype("u1")),
+    }
+    g.tree["meshes"] = [{"primitives": [primitive]}]
+    document = read_data(g.glb())
+    out = tree_of(encode(document, layout_with_seams(document, parts=10**6), "glb").data)
+    assert out["accessors"][out["meshes"][0]["primitives"][0]["indices"]]["componentType"] == 5123
+
+
+@pytest.mark.parametrize(
+    ("vertices", "kind"), [(255, "u1"), (256, "u2"), (257, "u2"), (65535, "u2"), (65536, "u4")]
+)
+def test_the_highest_index_of_a_type_is_never_used(vertices: int, kind: str) -> None:
+    """It restarts primitives (glTF 2.0, 3.7.2.1): 255 vertices go into bytes, 256 do not."""
+    before = "u1" if vertices < 1000 else "u2"
+    points = np.random.default_rng(0).random((vertices - 1, 3)).astype("f4")
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    g = GltfMaker()
+    primitive = {
+        "attributes": {"POSITION": g.accessor(points)},
+        "indices": g.accessor(faces.ravel().astype(before)),
+    }
+    g.tree["meshes"] = [{"primitives": [primitive]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    # a seam through vertex 0 alone: one vertex more, the last
+    uv = np.array([[0.0, 0.0], [1, 0], [1, 1], [0, 1], [0.5, 0.75]])
+    data = encode(document, UVMap(uv, np.array([[0, 1, 2], [4, 2, 3]])), "glb").data
+    tree = tree_of(data)
+    entry = tree["meshes"][0]["primitives"][0]
+    assert tree["accessors"][entry["attributes"]["POSITION"]]["count"] == vertices
+    index = tree["accessors"][entry["indices"]]
+    code = {"u1": 5121, "u2": 5123, "u4": 5125}[kind]
+    assert index["componentType"] == code
+    again = read_data(data).mesh.faces
+    assert again.max() == vertices - 1 < np.iinfo(kind).max
+
+
+@pytest.mark.parametrize(
+    ("n", "least", "code"),
+    [(255, 5121, 5121), (256, 5121, 5123), (3, 5123, 5123), (65535, 5121, 5123),
+     (65536, 5123, 5125), (3, 5125, 5125), (2**32 - 1, 5121, 5125)],
+)  # fmt: skip
+def test_index_types(n: int, least: int, code: int) -> None:
+    assert index_type(n, least) == code
+
+
+def test_uv_as_the_file_holds_them() -> None:
+    uv = np.array([[0.1, 0.3], [1.0, 1.0], [-2.0, 3.0]])
+    file = file_uv(uv)
+    assert file.dtype == np.float32
+    np.testing.assert_array_equal(file, np.stack([uv[:, 0], 1 - uv[:, 1]], 1).astype("f4"))
+    assert not np.signbit(file[1]).any()
+    np.testing.assert_array_equal(stored_uv(uv)[:, 1], 1.0 - file[:, 1].astype(float))
+
+
+@pytest.mark.parametrize(
+    ("normal", "uv_set", "lost"),
+    [
+        ({"index": 0}, None, True),
+        ({"index": 0, "texCoord": 1}, None, False),
+        ({"index": 0, "texCoord": 1}, 1, True),
+        ({"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}, None, False),
+        ({"index": 0, "texCoord": 2}, 3, True),  # set 2 is filled on the way
+        ({"index": 0}, 1, False),
+    ],
+)
+def test_tangents_go_with_the_uv_set_of_the_normal_map(
+    normal: dict, uv_set: int | None, lost: bool
+) -> None:
+    g = full_mesh()
+    g.tree["materials"][0]["normalTexture"] = normal
+    document = read_data(g.glb())
+    out = encode(document, smooth_layout(document), "glb", options=WriteOptions(uv_set=uv_set))
+    primitive = tree_of(out.data)["meshes"][0]["primitives"][0]
+    assert ("TANGENT" not in primitive["attributes"]) == lost
+    assert ("TANGENT" not in primitive["targets"][0]) == lost
+    assert any("tangents of 1 primitives" in note for note in out.notes) == lost
+
+
+def test_bounds_of_indices_are_those_of_the_new_ones() -> None:
+    document = read_data(full_mesh().glb())
+    data = encode(document, layout_with_seams(document), "glb").data
+    tree = tree_of(data)
+    index = tree["accessors"][tree["meshes"][0]["primitives"][0]["indices"]]
+    faces = read_data(data).mesh.faces
+    assert (index["min"], index["max"]) == ([faces.min()], [faces.max()])

@@ -1,0 +1,117 @@
+"""COLOR_0 as sRGB, and the base colour of materials: images in views, data URIs and files."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats.io import read, read_data
+from circparam.formats.materials import srgb
+from tests.support.formats_tools import GltfMaker, grid
+
+
+def two_primitives(**second: object) -> GltfMaker:
+    """Two primitives of one grid; ``second`` goes into the entry of the second."""
+    points, faces = grid(3)
+    g = GltfMaker()
+    attributes = {"POSITION": g.accessor(points)}
+    parts = [g.accessor(f.ravel().astype("u2")) for f in (faces[:3], faces[3:])]
+    g.tree["meshes"] = [
+        {
+            "primitives": [
+                {"attributes": attributes, "indices": parts[0]},
+                {"attributes": dict(attributes), "indices": parts[1], **second},
+            ]
+        }
+    ]
+    return g.scene({"mesh": 0})
+
+
+def test_colours_are_linear_light_and_white_where_a_mesh_has_none() -> None:
+    points, faces = grid(3)
+    g = two_primitives()
+    linear = np.random.default_rng(0).integers(0, 256, (9, 4)).astype("u1")
+    assert read_data(g.glb()).colours() is None
+    g.tree["meshes"].append(
+        {"primitives": [{"attributes": {"POSITION": g.accessor(points),
+                                        "COLOR_0": g.accessor(linear, normalized=True)},
+                         "indices": g.accessor(faces.ravel().astype("u2"))}]}
+    )  # fmt: skip
+    colours = read_data(g.scene({"mesh": 0}, {"mesh": 1}).glb()).colours()
+    assert colours is not None
+    assert (colours[:8] == 1).all()
+    np.testing.assert_allclose(colours[8:], srgb(linear[:, :3] / 255)[faces])
+
+
+def test_broken_colours_are_an_error_of_the_file() -> None:
+    g = two_primitives()
+    short = g.accessor(np.zeros((4, 3), "f4"))
+    for p in g.tree["meshes"][0]["primitives"]:
+        p["attributes"]["COLOR_0"] = short
+    with pytest.raises(InputError, match="malformed"):
+        read_data(g.glb()).colours()
+
+
+def test_factors_and_images_of_primitives() -> None:
+    g = two_primitives(material=1)
+    texture = {"index": 1, "texCoord": 1}
+    g.tree["materials"] = [{}, {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0, 1, 1],
+                                                         "baseColorTexture": texture}}]  # fmt: skip
+    g.tree["textures"] = [{"source": 0}, {"extensions": {"EXT_texture_webp": {"source": 1}}}]
+    g.tree["images"] = [
+        {"bufferView": g.view(b"zero")},
+        {"bufferView": g.view(b"one"), "name": "n"},
+    ]
+    found = read_data(g.glb()).textures()
+    assert found is not None
+    assert found.face.tolist() == [-1] * 3 + [0] * 5
+    np.testing.assert_allclose(found.plain[0], [1, 1, 1])
+    np.testing.assert_allclose(found.plain[3], srgb(np.array([0.5, 0, 1])))
+    assert (found.images, found.names, found.uv_set, found.notes) == ((b"one",), ("n",), 1, [])
+
+
+def test_one_image_for_two_materials_and_uv_sets_that_differ() -> None:
+    g = two_primitives(material=1)
+    g.tree["meshes"][0]["primitives"][0]["material"] = 0
+    g.tree["materials"] = [
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": k}}} for k in (2, 0)
+    ]
+    g.tree["textures"] = [{"source": 0}]
+    g.tree["images"] = [{"bufferView": g.view(b"zero")}]
+    found = read_data(g.glb()).textures()
+    assert found is not None
+    assert found.face.tolist() == [0] * 8
+    assert (found.images, found.names, found.uv_set) == ((b"zero",), ("image 0",), 2)
+    assert found.notes == ["textures refer to several uv sets: all are read with set 2"]
+
+
+def test_images_beside_the_file_and_in_the_json(tmp_path: Path) -> None:
+    g = two_primitives(material=0)
+    g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    g.tree["textures"] = [{"source": 0}]
+    for uri, image, notes in (
+        ("data:image/png;base64," + base64.b64encode(b"png").decode(), (b"png",), []),
+        ("t.png", (b"file",), []),
+        ("no.png", (), ["texture no.png is missing: put it beside the mesh"]),
+        ("data:image/png;base64,a", (), ["texture image 0 is malformed"]),
+    ):
+        (tmp_path / "t.png").write_bytes(b"file")
+        g.tree["images"] = [{"uri": uri}]
+        (tmp_path / "m.glb").write_bytes(g.glb())
+        found = read(tmp_path / "m.glb").textures()
+        assert found is not None
+        assert (found.images, found.notes) == (image, notes)
+        assert found.face.tolist() == [-1] * 3 + [len(image) - 1] * 5
+
+
+def test_white_materials_are_none_and_wrong_ones_an_error() -> None:
+    g = two_primitives(material=0)
+    g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1]}}]
+    assert read_data(g.glb()).textures() is None
+    g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {}}}]
+    with pytest.raises(InputError, match="a material is malformed"):
+        read_data(g.glb()).textures()

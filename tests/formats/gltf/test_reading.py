@@ -1,0 +1,300 @@
+"""Accessors, buffers and chunks: what the tree says is what is read, and trees that lie are refused."""
+
+from __future__ import annotations
+
+import copy
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.reading import Tree, element_size
+from circparam.formats.io import read, read_data
+from circparam.formats.source import Source
+from tests.support.formats_tools import (
+    GltfMaker,
+    assert_round_trip,
+    grid,
+    layout_with_seams,
+    smooth_layout,
+)
+from tests.support.gltf_files import (
+    assert_same_but_uv,
+    refused,
+    small,
+)
+
+
+def test_normalised_strided_sparse_and_interleaved() -> None:
+    points, faces = grid(3)
+    k = len(points)
+    uv = np.random.default_rng(0).integers(0, 65535, (k, 2)).astype("u2")
+    g = GltfMaker()
+    inter = np.zeros(k, [("p", "<f4", 3), ("uv", "<u2", 2)])
+    inter["p"], inter["uv"] = points, uv
+    view = g.view(inter.tobytes(), byteStride=16)
+    attributes = {
+        "POSITION": g.accessor(points, view),
+        "TEXCOORD_0": g.accessor(uv, view, 12, normalized=True),
+    }
+    moved = points.copy()
+    moved[[1, 4]] += 5
+    sparse = {
+        "count": 2,
+        "indices": {"bufferView": g.view(np.array([1, 4], "u1").tobytes()), "componentType": 5121},
+        "values": {"bufferView": g.view(moved[[1, 4]].tobytes())},
+    }
+    other = dict(attributes)
+    g.tree["accessors"].append({**g.tree["accessors"][attributes["POSITION"]], "sparse": sparse})
+    other["POSITION"] = len(g.tree["accessors"]) - 1
+    empty = {"componentType": 5126, "type": "VEC3", "count": k, "sparse": {**sparse}}
+    g.tree["accessors"].append(empty)
+    index = g.accessor(faces.ravel().astype("u2"))
+    zeros = len(g.tree["accessors"]) - 2
+    g.tree["meshes"] = [
+        {
+            "primitives": [
+                {"attributes": a, "indices": index, "targets": [{"POSITION": zeros}]}
+                for a in (attributes, other)
+            ]
+        }
+    ]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    np.testing.assert_array_equal(document.mesh.points, np.concatenate([points, moved]))
+    read_uv = document.uv()
+    assert read_uv is not None
+    np.testing.assert_allclose(read_uv.uv[:k, 0], uv[:, 0] / 65535, rtol=0, atol=1e-16)
+    for uvmap in (smooth_layout(document), layout_with_seams(document)):
+        again = assert_round_trip(document, uvmap, "glb")
+        assert_same_but_uv(document, again, "TEXCOORD_0")  # type: ignore[arg-type]
+
+
+def test_quantised_positions() -> None:
+    points = np.array([[0, 0, 0], [127, 0, -128], [0, 127, 5]], "i1")
+    g = GltfMaker()
+    g.view(b"")
+    view = g.view(np.pad(points, ((0, 0), (0, 1))).tobytes(), byteStride=4)
+    position = g.accessor(points, view, normalized=True)
+    g.tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": position}}]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    np.testing.assert_array_equal(document.mesh.points, np.maximum(points / 127, -1))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        (("accessors", 0, "count"), 4_000_000_000, "promises 4000000000"),
+        (("accessors", 1, "count"), 4_000_000_000, "promises 4000000000"),
+        (("accessors", 0, "count"), -1, "whole number"),
+        (("accessors", 0, "count"), 1e300, "whole number|promises"),
+        (("accessors", 0, "count"), "9", "whole number"),
+        (("accessors", 0, "componentType"), 1, "malformed"),
+        (("accessors", 0, "type"), "VEC9", "malformed"),
+        (("accessors", 0, "type"), "VEC2", "VEC3"),
+        (("accessors", 0, "bufferView"), 7, "no entry 7"),
+        (("accessors", 0, "bufferView"), -1, "no entry -1"),
+        (("accessors", 0, "byteOffset"), 4_000_000_000, "promises"),
+        (("accessors", 1, "componentType"), 5126, "whole numbers"),
+        (("bufferViews", 0, "byteLength"), 4_000_000_000, "beyond its buffer"),
+        (("bufferViews", 0, "byteOffset"), 4_000_000_000, "beyond its buffer"),
+        (("bufferViews", 0, "byteStride"), 4_000_000_000, "promises"),
+        (("bufferViews", 0, "buffer"), 3, "no entry 3"),
+        (("buffers", 0, "byteLength"), 4_000_000_000, "promises 4000000000 bytes"),
+        (("nodes", 0, "children"), [0], "cycle|two parents"),
+        (("nodes", 0, "children"), [1, 1], "two parents"),
+        (("nodes", 0, "children"), [9], "no entry 9"),
+        (("nodes", 0, "mesh"), 9, "no entry 9"),
+        (("nodes", 0, "matrix"), [1, 2], "malformed"),
+        (("nodes", 0, "translation"), [1, 2, "x"], "malformed"),
+        (("scenes", 0, "nodes"), [5], "no entry 5"),
+        (("scenes", 0, "nodes"), [1], "no triangles"),
+        (("meshes", 0, "primitives"), [], "no triangles"),
+        (("meshes", 0, "primitives", 0, "mode"), 0, "no triangles"),
+        (("meshes", 0, "primitives", 0, "attributes"), [], "malformed|no triangles"),
+        (("meshes", 0, "primitives", 0, "attributes", "POSITION"), 99, "no entry 99"),
+        (("meshes",), {}, "no list|no entry"),
+        (("meshes", 0), None, "malformed"),
+        (("asset",), {"version": "1.0"}, "version"),
+        (("asset",), None, "asset"),
+        (("extensionsRequired",), ["KHR_draco_mesh_compression"], "KHR_draco_mesh_compression"),
+        (("extensionsRequired",), ["EXT_meshopt_compression"], "EXT_meshopt_compression"),
+        (("bufferViews", 0, "extensions"), {"EXT_meshopt_compression": {}}, "EXT_meshopt_compression"),
+    ],
+)  # fmt: skip
+def test_trees_that_lie(path: tuple, value: object, says: str) -> None:
+    g = small()
+    g.glb()
+    tree = copy.deepcopy(g.tree)
+    place = tree
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    refused(glb_bytes(tree, bytes(g.bin)), says)
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["../x.bin", "/etc/passwd", "http://host/x.bin", "file:///x.bin", "a/../../x.bin", "..\\x.bin",
+     "C:\\x.bin", "%2e%2e/x.bin", "a%2F..%2F..%2Fx.bin", "//host/x.bin", "x\0.bin"],
+)  # fmt: skip
+def test_buffers_elsewhere_are_refused_and_not_read(
+    tmp_path: Path, uri: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    g = small()
+    (tmp_path / "x.bin").write_bytes(g.bin)
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "m.gltf").write_bytes(g.gltf(uri))
+    opened = []
+    real = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda p: (opened.append(p.name), real(p))[1])
+    with pytest.raises(InputError, match=r"m\.gltf.*outside"):
+        read(folder / "m.gltf")
+    assert opened == ["m.gltf"]
+
+
+def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+    g = small()
+    (tmp_path / "x.bin").write_bytes(g.bin)
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "m.gltf").write_bytes(g.gltf("x.bin"))
+    (folder / "x.bin").symlink_to(tmp_path / "x.bin")
+    with pytest.raises(InputError, match="outside"):
+        read(folder / "m.gltf")
+    (folder / "x.bin").unlink()
+    with pytest.raises(InputError, match=r"x\.bin.*No such file"):
+        read(folder / "m.gltf")
+    (folder / "x.bin").write_bytes(g.bin[:-1])
+    with pytest.raises(InputError, match="promises"):
+        read(folder / "m.gltf")
+    (folder / "x.bin").write_bytes(g.bin)
+    assert len(read(folder / "m.gltf").mesh.faces) == 8
+
+
+def test_buffers_from_standard_input_need_a_path() -> None:
+    refused(small().gltf("x.bin"), "standard input")
+
+
+def test_glb_chunks_that_lie() -> None:
+    good = bytearray(small().glb())
+    assert len(read_data(bytes(good)).mesh.faces) == 8
+    for at, value in ((8, 2**32 - 1), (12, 2**32 - 1), (16, 7), (4, 1), (4, 3)):
+        bad = good.copy()
+        struct.pack_into("<I", bad, at, value)
+        refused(bytes(bad), "GLB")
+    for end in range(4, len(good)):
+        with pytest.raises(InputError):
+            read_data(bytes(good[:end]), format="glb")
+    refused(b"glTF" + b"\xff" * 100, "GLB")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [b"{", b"[]", b"{}", b'{"asset":{"version":"2.0"}}', b'{"asset":{"version":"2.0","x":NaN}}',
+     b"[" * 100_000, b'{"asset":' * 50_000, b'{"asset":{"version":"2.0"},"meshes":[{"primitives":7}]}',
+     b'{"asset":{"version":"2.0"},"buffers":[7]}', b'{"asset":{"version":"2.0"},"buffers":7}',
+     b'{"asset":{"version":"2.0"},"nodes":7}', b'\xff\xfe{"asset":{}}'],
+)  # fmt: skip
+def test_json_that_is_no_gltf(text: bytes) -> None:
+    refused(text, ".", "gltf")
+
+
+def test_no_data_for_billions_of_zeros() -> None:
+    g = small()
+    g.tree["accessors"][0].pop("bufferView")
+    g.tree["accessors"][0]["count"] = 4_000_000_000
+    refused(g.glb(), "promises")
+
+
+@pytest.mark.parametrize(
+    ("type_", "component", "size"),
+    [("SCALAR", 5121, 1), ("VEC3", 5126, 12), ("VEC4", 5123, 8), ("MAT4", 5126, 64),
+     ("MAT2", 5121, 8), ("MAT2", 5123, 8), ("MAT3", 5120, 12), ("MAT3", 5122, 24), ("MAT3", 5126, 36)],
+)  # fmt: skip
+def test_sizes_of_elements(type_: str, component: int, size: int) -> None:
+    """Columns of matrices begin at multiples of four bytes (glTF 2.0, 3.6.2.4)."""
+    assert element_size({"type": type_, "componentType": component}) == size
+
+
+def test_normalised_integers_are_fractions() -> None:
+    """glTF 2.0, 3.11: c / 127 and no less than −1; c / 255."""
+    g = small()
+    signed = g.accessor(np.array([-128, -127, 0, 127], "i1"), normalized=True)
+    byte = g.accessor(np.array([0, 51, 255], "u1"), normalized=True)
+    plain = g.accessor(np.array([0, 51, 255], "u1"))
+    real = g.accessor(np.array([2.0, -3.0], "f4"), normalized=True)
+    tree = Tree(g.glb(), Source("x"))
+    assert tree.values(signed)[:, 0].tolist() == [-1, -1, 0, 1]
+    np.testing.assert_allclose(tree.values(byte)[:, 0], [0, 0.2, 1])
+    assert tree.values(plain)[:, 0].tolist() == [0, 51, 255]
+    assert tree.values(real)[:, 0].tolist() == [2, -3]
+    assert tree.integers(plain).tolist() == [0, 51, 255]
+
+
+def test_accessors_may_end_with_their_view_and_no_later() -> None:
+    g = GltfMaker()
+    raw = np.arange(10, dtype="u1")
+    view = g.view(raw.tobytes(), byteStride=4)
+    entry = {"bufferView": view, "componentType": 5121, "type": "VEC2", "byteOffset": 0}
+    for count, offset, have in ((3, 0, None), (2, 4, None), (3, 1, 2), (4, 0, 3), (3, 4, 2)):
+        g.tree["accessors"] = [{**entry, "count": count, "byteOffset": offset}]
+        tree = Tree(g.glb(), Source("x"))
+        if have is None:
+            expected = [[offset + 4 * k, offset + 4 * k + 1] for k in range(count)]
+            assert tree.rows(0).tolist() == expected
+        else:
+            with pytest.raises(InputError, match=f"promises {count} .* view has {have}"):
+                tree.rows(0)
+    g.tree["bufferViews"][0]["byteLength"] = 13  # the chunk is padded to 12
+    with pytest.raises(InputError, match="reaches beyond its buffer"):
+        Tree(g.glb(), Source("x")).view(0, "x")
+
+
+def test_sparse_values_end_at_the_last_element() -> None:
+    g = GltfMaker()
+    base = np.array([1.0, 2.0, 3.0], "f4")
+    at = g.accessor(base)
+    values = {"bufferView": g.view(np.array([9.0], "f4").tobytes())}
+    for place, expected in ((0, [9, 2, 3]), (2, [1, 2, 9]), (3, None)):
+        indices = {"bufferView": g.view(bytes([place])), "componentType": 5121}
+        g.tree["accessors"][at]["sparse"] = {"count": 1, "indices": indices, "values": values}
+        tree = Tree(g.glb(), Source("x"))
+        if expected is None:
+            with pytest.raises(InputError, match="sparse index beyond its 3 elements"):
+                tree.rows(at)
+        else:
+            assert tree.values(at)[:, 0].tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("uri", "says"),
+    [
+        ("data:application/octet-stream;base64,AAEC", None),
+        ("data:,%00%01%02", None),
+        ("data:;base64,AAE", "malformed base64"),
+        ("data:;base64,AA", "malformed base64"),
+        ("data:;base64,AAE=", "promises 3 bytes and has 2"),
+    ],
+)
+def test_data_uris(uri: str, says: str | None) -> None:
+    tree = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": uri}]}
+    data = json.dumps(tree).encode()
+    if says is None:
+        assert Tree(data, Source("x")).buffer(0) == b"\0\1\2"
+    else:
+        with pytest.raises(InputError, match=says):
+            Tree(data, Source("x"))
+
+
+def test_whole_numbers_may_be_written_as_decimals() -> None:
+    g = small()
+    g.tree["accessors"][0]["count"] = 9.0
+    assert len(read_data(g.glb()).mesh.points) == 9
+    for wrong in (9.5, True, -0.5, None):
+        g.tree["accessors"][0]["count"] = wrong
+        refused(g.glb(), "whole number")

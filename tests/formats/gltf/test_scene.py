@@ -1,0 +1,234 @@
+"""Nodes place meshes, modes make triangles, shared meshes are read once or copied."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circparam.formats.gltf.scene import node_matrix, transform, triangles_of
+from circparam.formats.io import encode, read_data
+from circparam.mesh.mesh import UVMap
+from tests.support.formats_tools import (
+    GltfMaker,
+    assert_round_trip,
+    grid,
+    layout_with_seams,
+    smooth_layout,
+)
+from tests.support.gltf_files import (
+    instanced,
+    refused,
+    small,
+    tree_of,
+)
+
+
+@pytest.mark.parametrize("mode", [4, 5, 6])
+@pytest.mark.parametrize("indexed", [False, True])
+def test_strips_fans_and_unindexed(mode: int, indexed: bool) -> None:
+    rng = np.random.default_rng(0)
+    order = rng.permutation(9)
+    points = rng.normal(size=(9, 3)).astype("f4")
+    g = GltfMaker()
+    primitive: dict = {"attributes": {"POSITION": g.accessor(points)}, "mode": mode}
+    if indexed:
+        primitive["indices"] = g.accessor(order.astype("u4"))
+    k = order if indexed else np.arange(9)
+    g.tree["meshes"] = [{"primitives": [primitive]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    expected = {
+        4: [k[i : i + 3] for i in range(0, 9, 3)],
+        5: [k[[i + i % 2, i + 1 - i % 2, i + 2]] for i in range(7)],
+        6: [k[[0, i, i + 1]] for i in range(1, 8)],
+    }[mode]
+    np.testing.assert_array_equal(document.mesh.faces, expected)
+    assert_round_trip(document, smooth_layout(document), "glb")
+    kept = tree_of(encode(document, smooth_layout(document), "glb").data)
+    assert kept["meshes"][0]["primitives"][0]["mode"] == mode
+    uvmap = UVMap(rng.random((3 * len(expected), 2)), np.arange(3 * len(expected)).reshape(-1, 3))
+    assert_round_trip(document, uvmap, "glb")
+    out = encode(document, uvmap, "glb")
+    assert any("strip or fan" in note for note in out.notes) == (mode != 4)
+
+
+def test_nodes_place_meshes_and_a_shared_mesh_is_read_once() -> None:
+    points, _ = grid(3)
+    document = read_data(instanced().glb())
+    assert document.instances == 1
+    turned = np.stack([-points[:, 1], points[:, 0], points[:, 2]], 1).astype(float)
+    expected = np.concatenate([turned * 2 + np.array([1, 2, 3]), turned + np.array([5, 0, 0])])
+    np.testing.assert_allclose(document.mesh.points, expected, atol=1e-12)
+    assert_round_trip(document, layout_with_seams(document), "glb")
+
+
+def test_unshared_meshes_get_their_own_uv() -> None:
+    data = instanced().glb()
+    document = read_data(data, unshare=True)
+    assert document.instances == 0
+    assert len(document.mesh.faces) == 3 * 8
+    again = assert_round_trip(document, layout_with_seams(document), "glb")
+    assert again.instances == 0
+    assert len(again.mesh.faces) == 3 * 8
+    assert tree_of(data)["nodes"][3]["mesh"] == 0  # the bytes given were not edited
+
+
+def test_equal_points_stay_equal_in_world_space() -> None:
+    rng = np.random.default_rng(3)
+    base = rng.normal(size=(50, 3)).astype("f4")
+    points = np.concatenate([base, base[::-1], base])
+    g = GltfMaker()
+    g.tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": g.accessor(points)}}]}]
+    node = {
+        "mesh": 0,
+        "rotation": [0.1, 0.2, 0.3, 0.9273618495495704],
+        "translation": [1e3, 0.1, 7],
+    }
+    world = read_data(g.scene(node).glb()).mesh.points
+    np.testing.assert_array_equal(world[:50], world[100:])
+    np.testing.assert_array_equal(world[:50], world[50:100][::-1])
+
+
+def test_primitives_that_share_their_vertices_keep_sharing_them() -> None:
+    points, faces = grid(4)
+    g = GltfMaker()
+    attributes = {"POSITION": g.accessor(points), "NORMAL": g.accessor(points * 2)}
+    halves = [g.accessor(f.ravel().astype("u2")) for f in (faces[:7], faces[7:])]
+    lines = {"attributes": attributes, "mode": 1, "indices": g.accessor(np.arange(4).astype("u2"))}
+    g.tree["meshes"] = [
+        {
+            "primitives": [
+                {"attributes": dict(attributes), "indices": i, "material": k}
+                for k, i in enumerate(halves)
+            ]
+            + [lines]
+        }
+    ]
+    g.tree["materials"] = [{"name": "a"}, {}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    assert len(document.mesh.points) == 16
+    assert document.mesh.groups is not None
+    assert document.mesh.groups.tolist() == [0] * 7 + [1] * 11
+    assert document.group_names == ("a", "material_1")
+    assert document.labels("primitive").tolist() == [0] * 7 + [1] * 11
+    assert set(document.labels("mesh").tolist()) == {0}
+    again = assert_round_trip(document, layout_with_seams(document), "glb")
+    first, second, third = again.tree.json["meshes"][0]["primitives"]  # type: ignore[attr-defined]
+    assert first["attributes"] == second["attributes"]
+    assert "TEXCOORD_0" not in third["attributes"]
+    assert any("no triangles" in note for note in document.notes)
+
+
+def test_draco_is_named() -> None:
+    g = small()
+    g.tree["meshes"][0]["primitives"][0]["extensions"] = {
+        "KHR_draco_mesh_compression": {"bufferView": 0}
+    }
+    refused(g.glb(), "KHR_draco_mesh_compression")
+
+
+def test_long_cycles_end() -> None:
+    g = small()
+    n = 2000
+    g.tree["nodes"] = [{"children": [(k + 1) % n]} for k in range(n)]
+    refused(g.glb(), "cycle")
+    g.tree["nodes"] = [{"children": [k + 1]} for k in range(n - 1)] + [{"mesh": 0}]
+    g.tree["scenes"] = [{"nodes": [0]}]
+    assert len(read_data(g.glb()).mesh.faces) == 8  # deep, but a tree
+
+
+def test_few_bytes_do_not_become_many_vertices() -> None:
+    """Ten thousand meshes that all show the same big accessor."""
+    g = GltfMaker()
+    position = g.accessor(np.zeros((20_000, 3), "f4"))
+    g.tree["meshes"] = [
+        {"primitives": [{"attributes": {"POSITION": position}}]} for _ in range(10_000)
+    ]
+    refused(g.scene(*({"mesh": k} for k in range(10_000))).glb(), "more vertices than its data")
+
+
+def test_a_node_moves_then_turns_then_scales() -> None:
+    """Column vectors, translation · rotation · scale (glTF 2.0, 3.5.3)."""
+    half = np.sqrt(0.5)
+    node = {"translation": [1, 2, 3], "rotation": [half, 0, 0, half], "scale": [2, 3, 4]}
+    m = node_matrix(node)
+    # a quarter turn about x takes y to z and z to −y
+    np.testing.assert_allclose(m @ [1, 0, 0, 1], [3, 2, 3, 1], atol=1e-12)
+    np.testing.assert_allclose(m @ [0, 1, 0, 1], [1, 2, 6, 1], atol=1e-12)
+    np.testing.assert_allclose(m @ [0, 0, 1, 1], [1, -2, 3, 1], atol=1e-12)
+    matrix = {"matrix": list(range(16))}
+    assert node_matrix(matrix).T.ravel().tolist() == list(range(16))
+    np.testing.assert_array_equal(node_matrix({}), np.eye(4))
+
+
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.hypot(*q[:2]) > 0.1))
+def test_unit_quaternions_are_rotations(q: list[float]) -> None:
+    unit = np.array(q) / np.linalg.norm(q)
+    r = node_matrix({"rotation": unit.tolist()})[:3, :3]
+    np.testing.assert_allclose(r @ r.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(r) == pytest.approx(1)
+    np.testing.assert_allclose(r @ unit[:3], unit[:3], atol=1e-12)  # the axis stays
+    assert np.trace(r) == pytest.approx(4 * unit[3] ** 2 - 1)  # 1 + 2 cos of the angle
+
+
+def test_transform_is_the_matrix() -> None:
+    rng = np.random.default_rng(0)
+    points, matrix = rng.normal(size=(5, 3)), np.vstack([rng.normal(size=(3, 4)), [0, 0, 0, 1]])
+    expected = (np.insert(points, 3, 1.0, axis=1) @ matrix.T)[:, :3]
+    np.testing.assert_allclose(transform(points, matrix), expected)
+    assert transform(points, np.eye(4)) is points
+
+
+@pytest.mark.parametrize("n", range(8))
+def test_an_incomplete_rest_is_dropped(n: int) -> None:
+    index = np.arange(10, 10 + n)
+    assert triangles_of(index, 4).tolist() == index[: n - n % 3].reshape(-1, 3).tolist()
+    assert len(triangles_of(index, 5)) == len(triangles_of(index, 6)) == max(n - 2, 0)
+
+
+def test_pools_are_numbered_through_all_meshes() -> None:
+    """Two meshes with two pools each: faces name points of their own pool."""
+    rng = np.random.default_rng(0)
+    g = GltfMaker()
+    parts = [rng.normal(size=(k, 3)).astype("f4") for k in (3, 6, 3, 9)]
+    g.tree["meshes"] = [
+        {"primitives": [{"attributes": {"POSITION": g.accessor(parts[k])}} for k in pair]}
+        for pair in ((0, 1), (2, 3))
+    ]
+    document = read_data(g.scene({"mesh": 0}, {"mesh": 1}).glb())
+    np.testing.assert_array_equal(document.mesh.points, np.concatenate(parts))
+    assert document.mesh.faces.ravel().tolist() == list(range(21))
+    assert [p.pool for p in document.primitives] == [0, 1, 2, 3]  # type: ignore[attr-defined]
+    assert [p.first for p in document.pools] == [0, 3, 9, 12]  # type: ignore[attr-defined]
+    assert document.labels("mesh").tolist() == [0] * 3 + [1] * 4
+    assert document.labels("primitive").tolist() == [0, 1, 1, 2, 3, 3, 3]
+
+
+def test_indices_end_at_the_last_vertex() -> None:
+    g = GltfMaker()
+    position = g.accessor(np.eye(3, dtype="f4"))
+    for last, ok in ((2, True), (3, False)):
+        index = g.accessor(np.array([0, 1, last], "u1"))
+        primitive = {"attributes": {"POSITION": position}, "indices": index}
+        g.tree["meshes"] = [{"primitives": [primitive]}]
+        data = g.scene({"mesh": 0}).glb()
+        if ok:
+            assert read_data(data).mesh.faces.tolist() == [[0, 1, 2]]
+        else:
+            refused(data, "mesh 0, primitive 0 names vertex 3 of 3")
+
+
+def test_the_default_scene_comes_first_and_a_root_of_two_is_shown_once() -> None:
+    g = instanced()
+    g.tree["scenes"] = [{"nodes": [1]}, {"nodes": [0, 1]}]
+    for scene, first in ((0, 1), (1, 0)):
+        g.tree["scene"] = scene
+        document = read_data(g.glb())
+        assert document.primitives[0].mesh == first  # type: ignore[attr-defined]
+        assert document.instances == 1
+    for key in ("scene", "scenes"):
+        g.tree.pop(key)
+    assert read_data(g.glb()).instances == 1  # without scenes: every node that has no parent
+    g.tree["nodes"] = []
+    assert len(read_data(g.glb()).mesh.faces) == 16  # without nodes: every mesh

@@ -1,0 +1,158 @@
+"""Uv put into the text of an OBJ file: every other byte is kept."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from circparam.formats.io import encode, read, read_data
+from circparam.formats.obj.editing import compact, vt_lines
+from circparam.mesh.mesh import UVMap
+from tests.support.formats_tools import (
+    assert_round_trip,
+    corners,
+    corpus_files,
+    layout_with_seams,
+    smooth_layout,
+)
+from tests.support.obj_files import CUBE, without_uv
+
+
+@pytest.mark.parametrize("newline", [b"\n", b"\r\n"])
+@pytest.mark.parametrize("tail", [b"", b"# no line end"])
+def test_every_other_byte_is_kept(newline: bytes, tail: bytes) -> None:
+    data = CUBE.replace(b"\n", newline) + tail + b" caf\xe9 \xff\xfe"[: 8 * bool(tail)]
+    document = read_data(data, format="obj")
+    uvmap = smooth_layout(document)
+    out = encode(document, uvmap, "obj")
+    assert without_uv(out.data) == without_uv(data)
+    assert out.data.count(newline + b"vt ") == 8
+    assert any("l elements" in note for note in out.notes)
+    assert_round_trip(document, uvmap, "obj")
+
+
+def test_old_mac_line_ends() -> None:
+    data = CUBE.replace(b"\\\n", b" ").replace(b"\n", b"\r")
+    document = read_data(data, format="obj")
+    out = encode(document, smooth_layout(document), "obj")
+    assert without_uv(out.data) == without_uv(data)
+
+
+def test_new_vt_lines_stand_where_the_old_ones_stood() -> None:
+    document = read_data(CUBE, format="obj")
+    out = encode(document, smooth_layout(document), "obj").data
+    before = out[: out.index(b"vt ")]
+    assert before.endswith(b"v 0 1 1\n")
+    plain = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nf 1 2 3\n"
+    document = read_data(plain, format="obj")
+    out = encode(document, smooth_layout(document), "obj").data
+    assert out.startswith(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nvt ")
+
+
+def test_the_shortest_digits_read_back_to_the_same_number() -> None:
+    document = read_data(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", format="obj")
+    uvmap = UVMap(np.array([[0.1, 1 / 3], [1e-9, 0.5], [-0.0, 2**-60]]), np.array([[0, 1, 2]]))
+    out = encode(document, uvmap, "obj").data
+    assert b"vt 0.1 0.3333333333333333\n" in out
+    again = read_data(out).uv()
+    assert again is not None
+    np.testing.assert_array_equal(again.uv, uvmap.uv)
+
+
+def test_corners_without_uv_get_none() -> None:
+    document = read_data(CUBE, format="obj")
+    uvmap = smooth_layout(document)
+    faces = uvmap.uv_faces.copy()
+    faces[document.mesh.polygons == 1] = -1  # f v//vn
+    faces[document.mesh.polygons == 3] = -1  # f v
+    uvmap = UVMap(uvmap.uv, faces)
+    out = encode(document, uvmap, "obj").data
+    assert b"f 5//1 6//1 7//1 8//1\n" in out
+    assert b"f 2 3 7 6\n" in out
+    assert_round_trip(document, uvmap, "obj")
+
+
+def test_short_faces_are_kept_and_give_no_triangle() -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\nf 1/1 2/1 3/1\nf 3\nvt 0 0\n"
+    document = read_data(data, format="obj")
+    assert document.mesh.faces.tolist() == [[0, 1, 2]]
+    out = encode(document, smooth_layout(document), "obj").data
+    assert without_uv(out) == without_uv(data)
+
+
+@pytest.mark.parametrize("path", corpus_files(".obj"))
+def test_real_files_keep_every_other_byte(path) -> None:
+    data = path.read_bytes()
+    document = read(path)
+    uvmap = layout_with_seams(document)
+    out = encode(document, uvmap, "obj")
+
+    def others(text: bytes) -> list[bytes]:
+        return [x for x in text.split(b"\n") if x[:2] not in (b"vt", b"f ")]
+
+    def faces(text: bytes) -> bytes:
+        found = b"\n".join(x for x in text.split(b"\n") if x[:2] == b"f ")
+        return re.sub(rb"/\d*(/?)", rb"\1", found)  # v/vt/vn and v//vn become v/vn
+
+    assert others(out.data) == others(data)
+    assert faces(out.data) == faces(data)
+    again = read_data(out.data, format="obj")
+    np.testing.assert_array_equal(again.mesh.points, document.mesh.points)
+    np.testing.assert_array_equal(again.mesh.faces, document.mesh.faces)
+    np.testing.assert_array_equal(corners(again.uv()), corners(uvmap))
+    own = document.uv()
+    if own is not None:
+        back = read_data(encode(document, own, "obj").data, format="obj").uv()
+        np.testing.assert_array_equal(corners(back), corners(own))
+
+
+def test_only_the_uv_in_use_are_kept_in_order() -> None:
+    used, corner = compact(np.array([4, 1, -1, 4, 2]), 6)
+    assert used.tolist() == [1, 2, 4]
+    assert corner.tolist() == [2, 0, -1, 2, 1]
+    none, corner = compact(np.array([-1, -1]), 3)
+    assert (none.tolist(), corner.tolist()) == ([], [-1, -1])
+    assert compact(np.array([0, 2]), 3)[0].tolist() == [0, 2]
+
+
+def test_vt_lines_have_the_shortest_digits() -> None:
+    uv = np.array([[0.1, 1e-7], [1 / 3, -2.0]])
+    assert vt_lines(uv, "\r\n") == b"vt 0.1 1e-07\r\nvt 0.3333333333333333 -2.0\r\n"
+
+
+@pytest.mark.parametrize(
+    ("face", "expected"),
+    [
+        (b"f 1 2 3", b"f 1/1 2/2 3/3"),
+        (b"f 1/ 2/ 3/", b"f 1/1 2/2 3/3"),
+        (b"f 1// 2// 3//", b"f 1/1/ 2/2/ 3/3/"),
+        (b"f 1/9/1 2/9/1 3/9/1", b"f 1/1/1 2/2/1 3/3/1"),
+        (b"f 1//1 2//1 3//1", b"f 1/1/1 2/2/1 3/3/1"),
+        (b"f\t-3/-1/-1  -2/9/1 3/9 # 1/2", b"f\t-3/1/-1  -2/2/1 3/3 # 1/2"),
+    ],
+)
+def test_the_field_of_vt_in_every_form(face: bytes, expected: bytes) -> None:
+    head = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n" + b"vt 0 0\n" * 9
+    document = read_data(head + face + b"\n")
+    out = encode(document, smooth_layout(document), "obj").data
+    assert out.split(b"\n")[-2] == expected
+    assert out.count(b"vt ") == 3
+
+
+def test_vt_lines_may_stand_behind_the_faces() -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\nvt 0 0\n#x"
+    document = read_data(data)
+    out = encode(document, smooth_layout(document), "obj").data
+    lines = out.split(b"\n")
+    assert [line[:2] for line in lines] == [b"v ", b"v ", b"v ", b"vt", b"vt", b"vt", b"f ", b"#x"]
+
+
+def test_line_elements_lose_their_vt() -> None:
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nl 1/1 2/1 3\nl 1 2\n"
+    out = encode(read_data(data), smooth_layout(read_data(data)), "obj")
+    assert out.data.endswith(b"\nl 1 2 3\nl 1 2\n")
+    assert any("l elements lost their vt" in note for note in out.notes)
+    plain = read_data(data.replace(b"/1", b""))
+    assert encode(plain, smooth_layout(plain), "obj").notes == []

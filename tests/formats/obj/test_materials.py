@@ -1,0 +1,102 @@
+"""Colours behind v, material files, and which material a face has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from circparam.formats.io import read, read_data
+from circparam.formats.obj.materials import read_mtl
+
+FACES = b"f 1 2 3\nf 3 2 1\n"
+
+
+def test_colours_of_some_vertices() -> None:
+    mesh = b"v 0 0 0 1 0 0.5\nv 1 0 0\nv 0 1 0 0 1 0\n" + FACES
+    colours = read_data(mesh).colours()
+    assert colours is not None
+    rows = [[1, 0, 0.5], [1, 1, 1], [0, 1, 0]]
+    assert colours.tolist() == [rows, rows[::-1]]
+    assert read_data(b"v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\n" + FACES).colours() is None  # x y z w
+
+
+def test_bytes_become_fractions() -> None:
+    mesh = b"v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 0 1 0 1 1 1\n" + FACES
+    colours = read_data(mesh).colours()
+    assert colours is not None
+    np.testing.assert_allclose(colours[0, 0], [1, 0, 0.2])
+    np.testing.assert_allclose(colours[0, 2], [1 / 255] * 3)
+    one = read_data(b"v 0 0 0 1 1 1\nv 1 0 0 0 0 0\nv 0 1 0 -1 0 0\n" + FACES).colours()
+    assert one is not None
+    assert one[0].tolist() == [[1, 1, 1], [0, 0, 0], [0, 0, 0]]  # 1 is no byte, −1 is cut off
+
+
+@pytest.mark.parametrize(
+    ("line", "image"),
+    [
+        ("map_Kd a.png", "a.png"),
+        ("map_Kd -s 1 1 1 -o 0.5 -0.5 two words.png", "two words.png"),
+        ("map_Kd -clamp on -blendu off a.png", "a.png"),
+        ("map_Ks a.png", None),
+        ("\tmap_Kd   a.png ", "a.png"),
+    ],
+)
+def test_images_of_materials(line: str, image: str | None) -> None:
+    ((name, colour, found),) = read_mtl(f"# head\nnewmtl my mat\nKd 0.25 .5 2\n{line}\n")
+    assert (name, found) == ("my mat", image)
+    assert colour.tolist() == [0.25, 0.5, 1]
+
+
+def test_materials_do_not_leak_into_each_other() -> None:
+    text = "Kd 0 0 0\nnewmtl a\nKd 0 0 0\nmap_Kd a.png\nnewmtl b\nnewmtl c\nKd 1 0\nnewmtl d\nKd e.e 1 1"
+    rows = [(name, colour.tolist(), image) for name, colour, image in read_mtl(text)]
+    white = [1.0, 1.0, 1.0]
+    assert rows == [
+        ("a", [0, 0, 0], "a.png"), ("b", white, None), ("c", white, None), ("d", white, None),
+    ]  # fmt: skip
+    assert list(read_mtl("Kd 1 1 1\n")) == []
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "m.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl skin\nmap_Kd s.png\n")
+    (tmp_path / "s.png").write_bytes(b"s")
+    return tmp_path
+
+
+def textures(folder: Path, text: bytes):
+    (folder / "m.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n" + text)
+    return read(folder / "m.obj").textures()
+
+
+def test_each_face_has_the_material_above_it(folder: Path) -> None:
+    found = textures(
+        folder,
+        b"mtllib m.mtl\nf 1 2 3\nusemtl red\nf 1 2 3 4\nusemtl skin\nf 1 2 3\nusemtl other\nf 3 2 1\n",
+    )
+    assert found.face.tolist() == [-1, -1, -1, 0, -1]
+    assert found.plain.tolist() == [[1, 1, 1], [1, 0, 0], [1, 0, 0], [1, 1, 1], [1, 1, 1]]
+    assert (found.images, found.names, found.uv_set, found.notes) == ((b"s",), ("s.png",), 0, [])
+
+
+def test_one_material_that_no_line_names(folder: Path) -> None:
+    (folder / "one.mtl").write_text("newmtl skin\nKd 0 0 1\nmap_Kd s.png\n")
+    found = textures(folder, b"mtllib one.mtl\nf 1 2 3\n")
+    assert found.face.tolist() == [0]
+    assert found.plain.tolist() == [[0, 0, 1]]
+    two = textures(folder, b"mtllib m.mtl\nf 1 2 3\n")
+    assert two.face.tolist() == [-1]
+
+
+def test_missing_files_are_noted(folder: Path) -> None:
+    assert textures(folder, FACES) is None
+    found = textures(folder, b"mtllib none.mtl\n" + FACES)
+    assert found.notes == ["material file none.mtl is missing: put it beside the mesh"]
+    found = textures(folder, b"mtllib none.mtl\nmtllib m.mtl\nusemtl skin\n" + FACES)
+    assert (found.face.tolist(), len(found.notes)) == ([0, 0], 1)  # the second one is read
+    (folder / "s.png").unlink()
+    found = textures(folder, b"mtllib m.mtl\nusemtl skin\n" + FACES)
+    assert found.face.tolist() == [-1, -1]
+    assert found.notes == ["texture s.png is missing: put it beside the mesh"]

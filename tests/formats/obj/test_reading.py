@@ -1,0 +1,143 @@
+"""Where lines, words and corners of an OBJ file are: against a naive reader, and bad files by their line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats.io import read, read_data
+from circparam.formats.obj.reading import Scan
+from circparam.formats.source import Source
+from tests.support.formats_tools import (
+    assert_round_trip,
+    corners,
+    corpus_files,
+    layout_with_seams,
+)
+from tests.support.obj_files import CUBE, naive
+
+
+def test_a_cube_reads_as_the_naive_reader_reads_it() -> None:
+    document = read_data(CUBE, format="obj")
+    points, polygons, uv = naive(CUBE)
+    np.testing.assert_array_equal(document.mesh.points, points)
+    assert document.polygons().corners.tolist() == [k for p in polygons for k in p]
+    read = document.uv()
+    assert read is not None
+    triangles = document.polygons().triangles
+    flat = [k for p in uv for k in p]
+    for face, corner in zip(corners(read).reshape(-1, 2), triangles.ravel(), strict=True):
+        expected = flat[corner]
+        assert np.isnan(face).all() if expected is None else tuple(face) == expected
+    assert document.group_names == ("red", "blue")
+    assert document.mesh.groups is not None
+    assert document.mesh.groups.tolist() == [0] * 4 + [1] * 4
+    assert document.scan.libraries() == ["cube.mtl"]  # type: ignore[attr-defined]
+
+
+def test_negative_indices_count_back_from_where_they_stand() -> None:
+    part = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nf -3/-2 -2/-1 -1/-2\n"
+    document = read_data(part + part, format="obj")
+    assert document.mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+    uvmap = document.uv()
+    assert uvmap is not None
+    assert uvmap.uv_faces.tolist() == [[0, 1, 0], [2, 3, 2]]
+    assert_round_trip(document, layout_with_seams(document), "obj")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "line 4.*index 0"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "line 4.*index 4"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -4\n", "line 4.*index -4"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/2\n", "line 5.*index 2"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/0\n", "line 5.*index 0"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99999999999999999999\n", "index"),
+        (b"v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "line 2.*3 numbers"),
+        (b"v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "line 2.*number"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 a\n", "line 4.*'a'"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3/1/1/1\n", "line 4"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 nan\nf 1 2 3\n", "NaN"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 inf\nf 1 2 3\n", "infinite"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
+        (b"v 0 0 0\nv 1 0 0\nf 1 2\n", "no faces"),
+        (b"hello world\n", "no OBJ mesh"),
+        (b"v 0 0 0\n\0\0\0f 1 1 1", "binary"),
+    ],
+)
+def test_bad_files_are_named_with_their_line(text: bytes, says: str) -> None:
+    with pytest.raises(InputError, match=says) as caught:
+        read_data(text, format="obj")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("path", corpus_files(".obj"))
+def test_real_files_read_as_trimesh_reads_them(path) -> None:
+    """trimesh is the independent reader: the same triangles at the same places (n-gons may differ)."""
+    import trimesh
+
+    document = read(path)
+    if document.mesh.polygons is not None:
+        pytest.skip("trimesh cuts polygons by another rule")
+    theirs = trimesh.load(
+        path, process=False, maintain_order=True, force="mesh", skip_materials=True
+    )
+    ours = document.mesh.points[document.mesh.faces].reshape(-1, 9)
+    other = np.asarray(theirs.vertices)[theirs.faces].reshape(-1, 9)
+    assert ours.shape == other.shape
+    order, there = np.lexsort(ours.T), np.lexsort(other.T)  # trimesh groups faces by material
+    np.testing.assert_array_equal(ours[order], other[there])
+
+
+def scan(text: bytes) -> Scan:
+    return Scan(text, Source("x"))
+
+
+def test_keywords_are_told_apart() -> None:
+    s = scan(
+        b"v 1\nvt 2\nvn 3\nvp 4\n# v 5\n\tv 6\nusemtl a b # c\nusemap x\nusemtl\n\nvertex\nf 1\n"
+    )
+    assert s.of(b"v").tolist() == [0, 5]
+    assert s.of(b"vt").tolist() == [1]
+    lines, rest = s.lines(b"usemtl")
+    assert (lines.tolist(), rest) == ([6, 8], [b"a b # c", b""])
+    assert s.face_lines.tolist() == [11]
+    assert scan(b"").of(b"v").tolist() == []
+
+
+def test_numbers_and_those_that_may_be_missing() -> None:
+    s = scan(b"vt 1\nvt 2 3\nvt 4 5 6 # 7\n")
+    assert s.numbers(s.of(b"vt"), 2, optional=1).tolist() == [[1, 0], [2, 3], [4, 5]]
+    with pytest.raises(InputError, match="x: line 1: 2 numbers are needed, 1 are there"):
+        s.numbers(s.of(b"vt"), 2)
+    with pytest.raises(InputError, match="line 2: 3 numbers are needed, 2 are there"):
+        s.numbers(s.of(b"vt")[1:], 4, optional=1)
+    bad = scan(b"vt 1 2\nvt 1 x\n")
+    with pytest.raises(InputError, match="line 2: a number is malformed"):
+        bad.numbers(bad.of(b"vt"), 2)
+
+
+def test_corners_are_cut_where_vt_stands() -> None:
+    text = b"f 12 3/45 6//7 8/9/10 11/\n"
+    s = scan(text)
+    numbers, start, end = s.cuts
+    assert numbers.tolist() == [[12, 0], [3, 45], [6, 0], [8, 9], [11, 0]]
+    cut = [text[a:b] for a, b in zip(start, end, strict=True)]
+    assert cut == [b"", b"/45", b"/", b"/9", b"/"]
+    assert s.corner_start.tolist() == [0, 5]
+
+
+def test_the_highest_index_is_the_last_line() -> None:
+    head = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n"
+    assert read_data(head + b"f 1 2 -1\n").mesh.faces.tolist() == [[0, 1, 2]]
+    assert read_data(head + b"f -3/-1 2/1 3/\n").uv_sets == (0,)
+    for face, says in ((b"f 1 2 -4", "index -4"), (b"f 1/1 2/1 3/-2", "index -2 .* the 1 vt")):
+        with pytest.raises(InputError, match=says):
+            read_data(head + face + b"\n")
+
+
+def test_libraries_are_named_once() -> None:
+    s = scan(b"mtllib a b.mtl\nmtllib c.mtl\nmtllib a b.mtl\nmtllib\nf 1\n")
+    assert s.libraries() == ["a b.mtl", "c.mtl"]

@@ -1,0 +1,213 @@
+"""Uv put into a PLY file: every other property is kept, strips and index types hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.errors import InputError, OptionError
+from circparam.formats.document import WriteOptions
+from circparam.formats.io import encode, read_data
+from circparam.formats.ply.editing import break_strips, index_types
+from circparam.formats.ply.model import Property
+from circparam.formats.polygons import strips
+from circparam.mesh.mesh import UVMap
+from tests.support.formats_tools import (
+    assert_round_trip,
+    layout_with_seams,
+    smooth_layout,
+)
+from tests.support.ply_files import (
+    ORDERS,
+    build,
+    naive,
+    plain,
+    sample,
+    strip_file,
+    triangles_of,
+)
+
+
+@pytest.mark.parametrize("encoding", ORDERS)
+@pytest.mark.parametrize("uv", ["", "vertex", "face"])
+@pytest.mark.parametrize("mode", ["vertex", "face", None])
+@pytest.mark.parametrize("seams", [False, True])
+def test_everything_but_uv_is_kept(encoding: str, uv: str, mode: str | None, seams: bool) -> None:
+    data = sample(encoding, uv=uv)
+    document = read_data(data)
+    assert document.uv_sets == ((0,) if uv else ())
+    uvmap = layout_with_seams(document) if seams else smooth_layout(document)
+    out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv=mode))
+    old, new = naive(data), naive(out.data)
+    at_faces = mode == "face" or (mode is None and seams)
+    assert ("texcoord" in new["face"][0]) == at_faces
+    assert ("s" in new["vertex"][0]) != at_faces
+    n = len(old["vertex"])
+    assert plain(new["vertex"])[:n] == plain(old["vertex"])
+    duplicates = plain(new["vertex"])[n:]
+    assert duplicates == [plain(old["vertex"])[k] for k in out.vertex_map[n:]]
+    assert bool(duplicates) == (seams and not at_faces)
+    for a, b in zip(plain(old["face"]), plain(new["face"]), strict=True):
+        assert [out.vertex_map[k] for k in b.pop("vertex_indices")] == a.pop("vertex_indices")  # type: ignore[attr-defined]
+        assert a == b
+    assert {k: v for k, v in new.items() if k not in ("vertex", "face")} == {
+        k: v for k, v in old.items() if k not in ("vertex", "face")
+    }
+    assert b"comment made by a test\nobj_info kept\n" in out.data
+    assert_round_trip(document, uvmap, "ply", WriteOptions(ply_uv=mode))
+
+
+@pytest.mark.parametrize("encoding", ORDERS)
+def test_doubles_stay_doubles(encoding: str) -> None:
+    data = sample(encoding, kind="double")
+    document = read_data(data)
+    out = encode(document, smooth_layout(document), "ply").data
+    assert out.count(b"property double") == data.count(b"property double") == 5
+    assert document.mesh.points.dtype == np.float64
+
+
+def test_names_of_the_uv_are_kept() -> None:
+    data = (
+        sample("ascii", uv="vertex")
+        .replace(b"float s\n", b"float texture_u\n")
+        .replace(b"float t\n", b"float texture_v\n")
+    )
+    document = read_data(data)
+    assert document.uv_sets == (0,)
+    out = encode(document, smooth_layout(document), "ply").data
+    assert b"property float texture_u\nproperty float texture_v\n" in out
+    assert b"property float s\n" not in out
+
+
+@pytest.mark.parametrize("encoding", ORDERS)
+def test_strips(encoding: str) -> None:
+    rows = [[0, 3, 1, 4, 2, 5, -1, 3, 6, 4, 7, 7, 5, 5, 8], [6, 9, 7, 10]]
+    document = read_data(strip_file(encoding, rows))
+    assert document.mesh.faces.tolist() == [t for row in rows for t in triangles_of(row)]
+    for uvmap in (smooth_layout(document), layout_with_seams(document)):
+        assert_round_trip(document, uvmap, "ply")
+    out = encode(document, smooth_layout(document), "ply").data
+    assert [r["vertex_indices"] for r in naive(out)["tristrips"]] == rows
+    with pytest.raises(OptionError, match="tristrips"):
+        encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv="face"))
+
+
+@settings(max_examples=80)
+@given(
+    st.lists(st.lists(st.integers(-1, 11), min_size=1, max_size=14), min_size=1, max_size=3),
+    st.integers(0, 5),
+)
+def test_any_strips_come_back(rows: list[list[int]], seed: int) -> None:
+    expected = [t for row in rows for t in triangles_of(row)]
+    data = strip_file("binary_little_endian", rows)
+    if not expected:
+        with pytest.raises(InputError, match="no faces"):
+            read_data(data)
+        return
+    document = read_data(data)
+    assert document.mesh.faces.tolist() == expected
+    assert_round_trip(document, layout_with_seams(document, seed), "ply")
+
+
+def test_indices_outgrow_their_type() -> None:
+    """300 separate corners do not fit a uchar: the list gets a wider type."""
+    n = 200
+    points: list[list[object]] = [[float(k), float(k * k % 17), 0.0] for k in range(n)]
+    faces: list[list[object]] = [[[k, k + 1, k + 2]] for k in range(n - 2)]
+    data = build("binary_big_endian", {
+        "vertex": (["float x", "float y", "float z"], points),
+        "face": (["list uchar uchar vertex_indices"], faces),
+    })  # fmt: skip
+    document = read_data(data)
+    m = len(document.mesh.faces)
+    uvmap = UVMap(np.random.default_rng(0).random((3 * m, 2)), np.arange(3 * m).reshape(-1, 3))
+    again = assert_round_trip(document, uvmap, "ply", WriteOptions(ply_uv="vertex"))
+    assert len(again.mesh.points) == 3 * m
+
+
+@pytest.mark.parametrize(
+    ("count", "kind", "longest", "n", "expected"),
+    [
+        ("u1", "u1", 255, 256, ("u1", "u1")),
+        ("u1", "u1", 256, 256, ("i4", "u1")),
+        ("u1", "u1", 3, 257, ("u1", "i4")),
+        ("i1", "i2", 127, 32768, ("i1", "i2")),
+        ("i1", "i2", 128, 32769, ("i4", "i4")),
+        ("u2", "f4", 3, 70000, ("u2", "f4")),
+        ("i4", "u4", 3, 70000, ("i4", "u4")),
+    ],
+)
+def test_index_types(
+    count: str, kind: str, longest: int, n: int, expected: tuple[str, str]
+) -> None:
+    sizes = np.array([1, longest, 2])
+    assert index_types(Property("vertex_indices", kind, count), sizes, n) == expected
+
+
+@pytest.mark.parametrize("n", [254, 255, 256])
+def test_the_last_index_of_a_type_is_used(n: int) -> None:
+    """n + 1 vertices after the split: index 255 fits a uchar, 256 does not."""
+    points: list[list[object]] = [[float(k), float(k * k % 17), 0.0] for k in range(n)]
+    data = build("binary_little_endian", {
+        "vertex": (["float x", "float y", "float z"], points),
+        "face": (["list uchar uchar vertex_indices"], [[[0, 1, 2]], [[0, 2, n - 1]]] ),
+    })  # fmt: skip
+    document = read_data(data)
+    uvmap = UVMap(np.random.default_rng(0).random((5, 2)), np.array([[0, 1, 2], [4, 2, 3]]))
+    out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv="vertex")).data
+    assert (b"list uchar int" in out) == (n + 1 > 256)
+    assert naive(out)["face"][1]["vertex_indices"] == [n, 2, n - 1]
+
+
+@pytest.mark.parametrize(("corners", "kind"), [(127, b"list uchar"), (128, b"list int")])
+def test_texcoord_lists_outgrow_a_byte(corners: int, kind: bytes) -> None:
+    """A byte counts 127 pairs."""
+    a = 2 * np.pi * np.arange(corners) / corners
+    points = np.stack([np.cos(a), np.sin(a), 0 * a], 1).astype("f4").tolist()
+    data = build("binary_big_endian", {
+        "vertex": (["float x", "float y", "float z"], points),
+        "face": (["list uchar int vertex_indices"], [[list(range(corners))]]),
+    })  # fmt: skip
+    document = read_data(data)
+    out = encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv="face")).data
+    assert b"property " + kind + b" float texcoord\n" in out
+    assert len(naive(out)["face"][0]["texcoord"]) == 2 * corners  # type: ignore[arg-type]
+
+
+def test_what_lies_behind_the_elements_is_kept() -> None:
+    data = sample("binary_little_endian", uv="face") + b"\0behind"
+    document = read_data(data)
+    for place in ("vertex", "face"):
+        out = encode(document, smooth_layout(document), "ply", options=WriteOptions(ply_uv=place))
+        assert out.data.endswith(b"\0behind")
+
+
+@pytest.mark.parametrize("newline", [b"\r\n", b"\r"])
+def test_line_ends_are_kept(newline: bytes) -> None:
+    data = sample("ascii").replace(b"\n", newline)
+    document = read_data(data)
+    for uvmap in (smooth_layout(document), layout_with_seams(document)):
+        out = encode(document, uvmap, "ply").data
+        assert b"\n" not in out.replace(newline, b"")
+        back = naive(out.replace(newline, b"\n"))
+        assert plain(back["vertex"]) == plain(naive(sample("ascii"))["vertex"])
+
+
+def test_strips_break_only_where_neighbours_differ() -> None:
+    """Triangles of the strips 0 1 2 3 4 and 5 6 7: as they were, with one break, and apart."""
+    place = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4], [5, 6, 7]])
+    start = np.array([0, 5, 8])
+    lengths, values = break_strips(place + 10, place, start)
+    assert (lengths.tolist(), values.tolist()) == ([5, 3], [10, 11, 12, 13, 14, 15, 16, 17])
+    split = place.copy()
+    split[2, 0] = 99  # a new vertex for 2 in the third triangle
+    lengths, values = break_strips(split, place, start)
+    assert (lengths.tolist(), values.tolist()) == ([8, 3], [0, 1, 2, 3, -1, 99, 3, 4, 5, 6, 7])
+    split = place.copy()
+    split[1] = [92, 91, 3]  # the second, an odd one: behind an empty run
+    lengths, values = break_strips(split, place, start)
+    back, row = strips(values, np.concatenate([[0], np.cumsum(lengths)]))
+    assert values[back].tolist() == split.tolist()
+    assert row.tolist() == [0, 0, 0, 1]

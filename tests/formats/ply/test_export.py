@@ -1,0 +1,118 @@
+"""A new PLY file from any mesh: where uv go, which types hold what, read by an independent reader."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+
+from circparam.errors import OptionError
+from circparam.formats import Polygons
+from circparam.formats.document import WriteOptions
+from circparam.formats.io import encode, read_data
+from circparam.formats.memory import PlainDocument, from_arrays
+from circparam.formats.ply.model import POLYGON_UV
+from circparam.formats.source import Source
+from circparam.mesh.mesh import Mesh, UVMap
+from tests.support.formats_tools import assert_round_trip, grid, layout_with_seams, smooth_layout
+from tests.support.ply_files import naive
+
+
+def fan(n: int) -> PlainDocument:
+    """One polygon of n corners."""
+    a = 2 * np.pi * np.arange(n) / n
+    points = np.stack([np.cos(a), np.sin(a), 0 * a], 1).astype("f4").astype(float)
+    k = np.arange(1, n - 1)
+    triangles = np.stack([0 * k, k, k + 1], 1)
+    polys = Polygons(np.arange(n), np.array([0, n]), triangles, np.zeros(n - 2, np.int64))
+    mesh = Mesh(points, triangles, polygons=polys.labels)
+    return PlainDocument(Source("x"), "off", mesh, polys=polys)
+
+
+def test_at_the_vertices_while_no_seam_splits_one() -> None:
+    doc = from_arrays(*grid(3))
+    rows = naive(encode(doc, smooth_layout(doc), "ply").data)
+    assert list(rows["vertex"][0]) == ["x", "y", "z", "s", "t"]
+    assert list(rows["face"][0]) == ["vertex_indices"]
+    out = encode(doc, layout_with_seams(doc), "ply")
+    rows = naive(out.data)
+    assert list(rows["vertex"][0]) == ["x", "y", "z"]
+    assert list(rows["face"][0]) == ["vertex_indices", "texcoord"]
+    assert out.notes == []
+    assert len(rows["vertex"]) == 9
+
+
+@pytest.mark.parametrize("place", ["vertex", "face"])
+@pytest.mark.parametrize("seams", [False, True])
+def test_where_the_option_says(place: str, seams: bool) -> None:
+    doc = from_arrays(*grid(3))
+    uvmap = layout_with_seams(doc) if seams else smooth_layout(doc)
+    options = WriteOptions(ply_uv=place)
+    out = encode(doc, uvmap, "ply", options=options)
+    rows = naive(out.data)
+    assert ("texcoord" in rows["face"][0]) == (place == "face")
+    added = len(rows["vertex"]) - 9
+    assert (added > 0) == (seams and place == "vertex")
+    said = f"{added} vertices were duplicated along seams, behind the input's"
+    assert out.notes == ([said] if added else [])
+    assert_round_trip(doc, uvmap, "ply", options)
+
+
+def test_another_place_is_refused() -> None:
+    doc = from_arrays(*grid(3))
+    with pytest.raises(OptionError, match="place for uv 'edge': choose vertex or face"):
+        encode(doc, smooth_layout(doc), "ply", options=WriteOptions(ply_uv="edge"))
+    again = read_data(encode(doc, smooth_layout(doc), "ply").data)
+    with pytest.raises(OptionError, match="place for uv 'edge': choose vertex or face"):
+        encode(again, smooth_layout(doc), "ply", options=WriteOptions(ply_uv="edge"))
+
+
+def test_uv_at_faces_of_polygons_come_with_a_note() -> None:
+    doc = fan(4)
+    for options, notes in ((WriteOptions(), [POLYGON_UV]), (WriteOptions(ply_uv="face"), [])):
+        uv = np.random.default_rng(0).random((5, 2))
+        faces = np.array([[0, 1, 2], [0, 2, 3]])
+        # a second uv for vertex 0 cannot come from one polygon: two quads that share it
+        points = np.concatenate([doc.mesh.points, doc.mesh.points[1:] + 5])
+        corners = np.array([0, 1, 2, 3, 0, 4, 5, 6])
+        triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+        polys = Polygons(corners, np.array([0, 4, 8]), triangles, np.array([0, 0, 1, 1]))
+        two = PlainDocument(
+            Source("x"), "off", Mesh(points, corners[triangles], polygons=polys.labels), polys=polys
+        )
+        layout = UVMap(uv, np.concatenate([faces, np.where(faces == 0, 4, faces)]))
+        assert encode(two, layout, "ply", options=options).notes == notes
+
+
+@pytest.mark.parametrize(("place", "last"), [("vertex", 255), ("face", 127)])
+def test_list_lengths_outgrow_a_byte(place: str, last: int) -> None:
+    """A byte counts 255 corners; of uv it counts pairs, so 127."""
+    for n, kind in ((last, b"list uchar"), (last + 1, b"list int")):
+        doc = fan(n)
+        uvmap = UVMap(np.random.default_rng(0).random((n, 2)), doc.mesh.faces)
+        data = encode(doc, uvmap, "ply", options=WriteOptions(ply_uv=place)).data
+        assert kind in data
+        rows = naive(data)
+        assert rows["face"][0]["vertex_indices"] == list(range(n))
+        if place == "face":
+            got = np.array(rows["face"][0]["texcoord"]).reshape(-1, 2)
+            np.testing.assert_array_equal(got, uvmap.uv.astype("f4"))
+        again = read_data(data).uv()
+        assert again is not None
+        assert len(again.uv) == n
+
+
+def test_the_bytes_of_one_triangle() -> None:
+    doc = from_arrays(np.array([[0.1, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[2, 1, 0]]))
+    uv = np.array([[0.5, 0.25], [0, 1], [1, 0]])
+    data = encode(doc, UVMap(uv, np.array([[2, 1, -1]])), "ply").data
+    head, _, body = data.partition(b"end_header\n")
+    assert head.split(b"\n")[:4] == [
+        b"ply", b"format binary_little_endian 1.0", b"comment written by circparam",
+        b"element vertex 3",
+    ]  # fmt: skip
+    assert b"property double x" in head  # 0.1 is no float32
+    rows = [(0.1, 0, 0, 0, 0), (1, 0, 0, 0, 1), (0, 1, 0, 1, 0)]  # a corner without uv gets 0, 0
+    expected = b"".join(struct.pack("<3d2f", *row) for row in rows)
+    assert body == expected + struct.pack("<B3i", 3, 2, 1, 0)

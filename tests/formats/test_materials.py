@@ -1,0 +1,90 @@
+"""Images of a file: decoded, told by their media type, each read once; linear light as sRGB."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from circparam.errors import InputError
+from circparam.formats.materials import ImageFiles, decode, media_type, srgb
+
+
+def image(kind: str, mode: str = "RGB") -> bytes:
+    out = io.BytesIO()
+    Image.new(mode, (2, 3)).save(out, kind)
+    return out.getvalue()
+
+
+def test_reading_a_mesh_loads_no_image_library() -> None:
+    code = (
+        "import sys, circparam.formats\n"
+        "d = circparam.formats.read_data(b'v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nf 1 2 3\\n')\n"
+        "d.colours(), d.textures()\nprint('PIL' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("mode", "becomes"), [("RGB", "RGB"), ("L", "RGB"), ("RGBA", "RGBA"), ("LA", "RGBA")]
+)
+def test_images_are_rgb_with_alpha_where_they_have_it(mode: str, becomes: str) -> None:
+    decoded = decode(image("PNG", mode), "x")
+    assert decoded.mode == becomes
+    assert decoded.size == (2, 3)
+
+
+def test_a_transparent_colour_is_alpha() -> None:
+    out = io.BytesIO()
+    Image.new("P", (1, 1)).save(out, "PNG", transparency=0)
+    assert decode(out.getvalue(), "x").mode == "RGBA"
+
+
+def test_bad_images_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for data in (b"", b"text", image("PNG")[:30]):
+        with pytest.raises(InputError, match=r"skin\.png: the texture cannot be read"):
+            decode(data, "skin.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 2)
+    with pytest.raises(InputError, match=r"skin\.png: the texture is too large"):
+        decode(image("PNG"), "skin.png")
+
+
+def test_media_types() -> None:
+    assert media_type(image("PNG")) == "image/png"
+    assert media_type(image("JPEG")) == "image/jpeg"
+    assert media_type(image("GIF")) == "image/gif"
+    assert media_type(image("BMP")) is None
+    assert media_type(b"text") is None
+
+
+def test_srgb_at_its_seam() -> None:
+    """IEC 61966-2-1: linear below 0.0031308, 0 and 1 stay, both pieces meet."""
+    np.testing.assert_allclose(srgb(np.array([0.0, 1.0, 0.001])), [0, 1, 0.01292], atol=1e-15)
+    np.testing.assert_allclose(srgb(np.array([0.5])), [0.7353569830524495], atol=1e-12)
+    below, above = srgb(np.array([0.0031308, np.nextafter(0.0031308, 1)]))
+    assert abs(above - below) < 1e-7
+    np.testing.assert_allclose(srgb(np.array([-1.0, 2.0])), [0, 1], atol=1e-15)
+
+
+def test_each_image_is_read_once_and_a_missing_one_noted_once(tmp_path: Path) -> None:
+    (tmp_path / "b").mkdir()
+    (tmp_path / "a.png").write_bytes(b"a")
+    (tmp_path / "b" / "c.png").write_bytes(b"c")
+    files = ImageFiles(tmp_path)
+    names = ["a.png", "./a.png", "b\\c.png", "none.png", "none.png", "../a.png", "a.png"]
+    assert [files.read(name) for name in names] == [0, 0, 1, -1, -1, -1, 0]
+    assert files.add("inside", b"i") == 2
+    out = files.textures(np.array([0]), np.ones((1, 3)), 4)
+    assert (out.images, out.names, out.uv_set) == (
+        (b"a", b"c", b"i"),
+        ("a.png", "b/c.png", "inside"),
+        4,
+    )
+    assert out.notes == [f"texture {n} is missing: put it beside the mesh" for n in names[3:6:2]]
+    assert ImageFiles(None).read("a.png") == -1

@@ -1,0 +1,92 @@
+"""Meshes that come from memory: copied, checked, with the uv that came with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats.memory import from_arrays, from_trimesh
+from tests.support.formats_tools import (
+    grid,
+)
+
+
+def test_arrays_are_copied_and_checked() -> None:
+    points, faces = grid(3)
+    points = points.astype(float)
+    uv = points[:, :2].copy()
+    doc = from_arrays(points, faces, uv)
+    points[0] = 99
+    uv[0] = 99
+    assert doc.mesh.points[0].tolist() == [0, 0, 0]
+    given = doc.uv()
+    assert given is not None
+    assert given.uv[0].tolist() == [0, 0]
+    for bad in (uv[:, :1], uv[:3]):
+        with pytest.raises(InputError):
+            from_arrays(points, faces, bad)
+    with pytest.raises(InputError):
+        from_arrays(points, faces + 100)
+
+
+def test_trimesh_objects() -> None:
+    import trimesh
+
+    points, faces = grid(3)
+    uv = np.random.default_rng(0).random((9, 2))
+    mesh = trimesh.Trimesh(
+        points, faces, process=False, visual=trimesh.visual.TextureVisuals(uv=uv)
+    )
+    doc = from_trimesh(mesh)
+    np.testing.assert_array_equal(doc.mesh.points, points)
+    np.testing.assert_array_equal(doc.mesh.faces, faces)
+    given = doc.uv()
+    assert given is not None
+    np.testing.assert_array_equal(given.uv, uv)
+    with pytest.raises(InputError, match="no faces"):
+        from_trimesh(trimesh.PointCloud(points))
+    scene = trimesh.Scene([mesh])
+    scene.apply_translation([1, 0, 0])
+    np.testing.assert_allclose(from_trimesh(scene).mesh.points, points + np.array([1, 0, 0]))
+
+
+def test_uv_with_faces_of_their_own() -> None:
+    points, faces = grid(2)
+    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [5, 5]])
+    doc = from_arrays(points, faces, uv, [[0, 1, 2], [4, 2, 3]])
+    given = doc.uv()
+    assert given is not None
+    assert given.uv_faces.tolist() == [[0, 1, 2], [4, 2, 3]]
+    assert doc.uv_sets == (0,)
+    assert doc.uv(1) is None
+    assert from_arrays(points, faces).uv_sets == ()
+    assert from_arrays(points, faces).uv() is None
+    for wrong, says in (
+        ([[0, 1, 2]], "do not fit"),
+        ([[0, 1, 2], [3, 4, 5]], "uv_faces name row 5 of 5 uv"),
+    ):
+        with pytest.raises(InputError, match=says):
+            from_arrays(points, faces, uv, wrong)
+    with pytest.raises(InputError, match="row 3 of 3"):
+        from_arrays(points, faces, uv[:3])  # one row for each vertex is needed
+
+
+def test_labels_of_the_mesh_and_the_name_in_errors() -> None:
+    points, faces = grid(2)
+    doc = from_arrays(points, faces, polygons=np.array([0, 0]), groups=np.array([1, 0]), name="it")
+    assert doc.mesh.polygons is not None
+    assert doc.labels("primitive").tolist() == [1, 0]
+    assert doc.source.error("x").args == ("it: x",)
+    assert (doc.format, doc.path) == ("arrays", None)
+
+
+def test_trimesh_without_uv_for_each_vertex() -> None:
+    import trimesh
+
+    points, faces = grid(2)
+    plain = from_trimesh(trimesh.Trimesh(points, faces, process=False))
+    assert plain.uv_sets == ()
+    mesh = trimesh.Trimesh(points, faces, process=False)
+    mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((3, 2)))
+    assert from_trimesh(mesh).uv_sets == ()

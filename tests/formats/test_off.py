@@ -1,0 +1,88 @@
+"""OFF: points and polygons kept, files that lie refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats.io import encode, read_data
+from tests.support.formats_tools import (
+    assert_round_trip,
+    layout_with_seams,
+    smooth_layout,
+)
+
+OFF = b"""OFF # comment
+# another
+6 3 0
+0 0 0
+1 0 0
+1 1 0 # here too
+0 1 0
+0.1 0.30000000000000004 1
+2 0 0
+
+4 0 1 2 3 255 0 0
+3 0 1 4
+3 1 5 2
+"""
+
+
+def test_off_keeps_points_and_polygons() -> None:
+    off = read_data(OFF)
+    assert off.format == "off"
+    assert off.mesh.points[4].tolist() == [0.1, 0.30000000000000004, 1.0]
+    assert off.mesh.polygons is not None
+    assert off.mesh.polygons.tolist() == [0, 0, 1, 2]
+    assert_round_trip(off, layout_with_seams(off), "obj")
+    assert b"\nf 1/" in encode(off, smooth_layout(off), "obj").data
+    quads = encode(off, smooth_layout(off), "obj").data.split(b"\nf ")[1]
+    assert len(quads.split()) == 4
+
+
+@pytest.mark.parametrize("header", [b"COFF", b"NOFF", b"OFF\n", b"\n OFF "])
+def test_off_headers(header: bytes) -> None:
+    data = header + b"\n3 1 0\n0 0 0 1 0 0 1\n1 0 0 1 0 0 1\n0 1 0 1 0 0 1\n3 0 1 2\n"
+    assert read_data(data, format="off").mesh.faces.tolist() == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"6 3 0", b"6 4000000000 0"),
+        (b"6 3 0", b"4000000000 3 0"),
+        (b"6 3 0", b"x 3 0"),
+        (b"6 3 0", b"-6 3 0"),
+        (b"3 0 1 4", b"3 0 1 6"),
+        (b"3 0 1 4", b"3 0 1"),
+        (b"3 0 1 4", b"-3 0 1 4"),
+        (b"1 0 0\n", b"1 0\n"),
+        (b"1 0 0\n", b"1 q 0\n"),
+        (b"1 0 0\n", b"1 nan 0\n"),
+        (b"3 0 1 4\n3 1 5 2\n", b""),
+        (b"OFF", b"4OFF"),
+    ],
+)
+def test_bad_off(old: bytes, new: bytes) -> None:
+    assert old in OFF
+    with pytest.raises(InputError) as caught:
+        read_data(OFF.replace(old, new), format="off")
+    assert "\n" not in str(caught.value)
+
+
+def test_features_and_indices_at_their_ends() -> None:
+    plain = read_data(b"OFF 3 1\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", format="off")
+    assert plain.features == ()
+    assert plain.mesh.polygons is None
+    coloured = read_data(b"OFF 3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n", format="off")
+    assert coloured.features == ("colours or normals",)
+    assert read_data(OFF).features == ("polygons", "colours or normals")
+    for body, says in (
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "names vertex 3: there are 3"),
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 -1 2\n", "names vertex -1"),
+        (b"3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "3 vertices and 2 faces, the file has 4 rows"),
+        (b"3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n", "no faces"),
+        (b"3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "promises"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_data(b"OFF\n" + body, format="off")

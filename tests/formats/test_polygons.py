@@ -1,0 +1,173 @@
+"""Polygons and the triangles made inside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError, NoResultError
+from circparam.formats import polygons
+from circparam.formats.io import read_data
+from circparam.formats.polygons import clip_ears, list_start, polygon_of_corner, strips, triangulate
+from circparam.mesh.mesh import UVMap
+
+
+def test_the_fan_starts_at_the_first_corner_that_fits() -> None:
+    """Against the rule, spelled out corner by corner."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        n = int(rng.integers(4, 8))
+        angle = np.sort(rng.random(n)) * 2 * np.pi
+        radius = rng.choice([1.0, 0.3], n)
+        p = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * rng.random(n)], 1)
+        polys = triangulate(p, np.arange(n), np.array([0, n]))
+        normal = np.cross(p, np.roll(p, -1, 0)).sum(0)
+        for r in range(n):
+            fan = [(r, (r + k) % n, (r + k + 1) % n) for k in range(1, n - 1)]
+            if all(np.cross(p[b] - p[a], p[c] - p[a]) @ normal > 0 for a, b, c in fan):
+                assert polys.triangles.tolist() == [list(t) for t in fan]
+                break
+        else:
+            area = np.cross(p[polys.triangles[:, 1]] - p[polys.triangles[:, 0]],
+                            p[polys.triangles[:, 2]] - p[polys.triangles[:, 0]])  # fmt: skip
+            np.testing.assert_allclose(area.sum(0), normal)
+
+
+def test_a_concave_polygon_is_cut_inside() -> None:
+    """An arrowhead whose first corner sees not all others: the fan starts elsewhere, areas add up."""
+    arrow = b"v 0 0 0\nv 2 -1 0\nv 0.5 0 0\nv 2 1 0\nf 2 3 4 1\n"
+    mesh = read_data(arrow, format="obj").mesh
+    p = mesh.points[mesh.faces]
+    area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])[:, 2] / 2
+    assert (area < 0).all() or (area > 0).all()
+    assert abs(area.sum()) == pytest.approx(0.5)
+
+
+def test_a_comb_needs_ear_clipping() -> None:
+    """A polygon that no fan fits: triangles still agree with it and tile it."""
+    comb = [
+        (0, 0),
+        (5, 0),
+        (5, 2),
+        (4, 2),
+        (4, 1),
+        (3, 1),
+        (3, 2),
+        (2, 2),
+        (2, 1),
+        (1, 1),
+        (1, 2),
+        (0, 2),
+    ]
+    text = "".join(f"v {x} {y} 0\n" for x, y in comb) + "f " + " ".join(map(str, range(1, 13)))
+    mesh = read_data(text.encode(), format="obj").mesh
+    p = mesh.points[mesh.faces]
+    area = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])[:, 2] / 2
+    assert len(mesh.faces) == 10
+    assert (area > 0).all()
+    assert area.sum() == pytest.approx(8.0)
+
+
+def areas(p: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    q = p[triangles]
+    return np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])[:, 2] / 2
+
+
+def test_sizes_are_mixed_and_order_is_kept() -> None:
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 2, 0]], float)
+    corners = np.array([0, 1, 0, 1, 2, 0, 1, 2, 3, 4, 0, 1, 2, 3])
+    polys = triangulate(points, corners, np.array([0, 2, 5, 9, 10, 10, 14]))
+    assert polys.triangles.tolist() == [[2, 3, 4], [5, 6, 7], [5, 7, 8], [10, 11, 12], [10, 12, 13]]
+    assert polys.owner.tolist() == [1, 2, 2, 5, 5]
+    assert polys.labels is polys.owner
+    only = triangulate(points, corners[2:5], np.array([0, 3]))
+    assert only.labels is None
+    assert only.triangles.tolist() == [[0, 1, 2]]
+    assert only.owner.tolist() == [0]
+    assert triangulate(points, corners[:2], np.array([0, 2])).triangles.shape == (0, 3)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_concave_polygons_in_every_plane(axis: int, reverse: bool) -> None:
+    """A star that no fan fits: triangles agree with its normal and tile it."""
+    a = np.arange(10) * np.pi / 5
+    r = np.where(np.arange(10) % 2, 0.2, 1.0)
+    flat = np.stack([r * np.cos(a), r * np.sin(a)], 1)
+    p = np.insert(flat, axis, 0.5, axis=1)
+    p = p[::-1] if reverse else p
+    t = triangulate(p, np.arange(10), np.array([0, 10])).triangles
+    assert t.shape == (8, 3)
+    cross = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
+    normal = np.cross(p, np.roll(p, -1, axis=0)).sum(0)
+    assert (cross @ normal > 0).all()
+    size = np.linalg.norm(cross, axis=1).sum() / 2
+    assert size == pytest.approx(10 * 0.5 * 0.2 * np.sin(np.pi / 5))
+
+
+def test_ears_hold_no_other_corner() -> None:
+    """A notch whose tip lies on a diagonal: the ear that would cover it is not cut."""
+    p = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4], [-1, 2], [0.5, 2]], float)
+    p = np.insert(p, 2, 0.0, axis=1)
+    t = clip_ears(p - p[0])
+    assert (areas(p, t) > 0).all()
+    assert areas(p, t).sum() == pytest.approx(np.cross(p, np.roll(p, -1, 0)).sum(0)[2] / 2)
+    counts = np.bincount(np.sort(t.ravel()), minlength=7)
+    assert len(t) == 5
+    assert (counts >= 1).all()
+
+
+def test_a_polygon_without_a_normal_is_a_fan_from_its_first_corner() -> None:
+    p = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 0, 0]], float)
+    assert triangulate(p, np.arange(4), np.array([0, 4])).triangles.tolist() == [
+        [0, 1, 2],
+        [0, 2, 3],
+    ]
+
+
+def test_large_concave_polygons_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    a = np.arange(10) * np.pi / 5
+    r = np.where(np.arange(10) % 2, 0.2, 1.0)
+    p = np.stack([r * np.cos(a), r * np.sin(a), 0 * a], 1)
+    monkeypatch.setattr(polygons, "MAX_CONCAVE", 10)
+    assert len(triangulate(p, np.arange(10), np.array([0, 10])).triangles) == 8
+    monkeypatch.setattr(polygons, "MAX_CONCAVE", 9)
+    with pytest.raises(InputError, match="polygon 0 is concave and has 10 corners"):
+        triangulate(p, np.arange(10), np.array([0, 10]))
+
+
+def test_strips_restart_and_alternate() -> None:
+    corners = np.array([0, 1, 2, 3, -1, 4, 5, 6, 6, 7, 8, 9, 10, 11])
+    tri, row = strips(corners, np.array([0, 11, 14]))
+    expected = [[0, 1, 2], [2, 1, 3], [4, 5, 6], [7, 6, 8], [9, 10, 11]]
+    assert corners[tri].tolist() == expected
+    assert row.tolist() == [0, 0, 0, 0, 1]
+    for short in ([], [0], [0, 1], [0, 1, -1]):
+        assert strips(np.array(short, np.int64), np.array([0, len(short)]))[0].shape == (0, 3)
+
+
+def test_offsets() -> None:
+    assert list_start(np.array([2, 0, 3])).tolist() == [0, 2, 2, 5]
+    assert polygon_of_corner(np.array([0, 2, 2, 5])).tolist() == [0, 0, 2, 2, 2]
+
+
+def quad(uv: np.ndarray, faces: list[list[int]]) -> np.ndarray:
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    polys = triangulate(points, np.arange(4), np.array([0, 4]))
+    return polys.corner_uv(UVMap(uv, np.array(faces)), "it")
+
+
+def test_triangles_of_a_polygon_agree_at_its_corners() -> None:
+    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [1, 1], [0.5, 1]])
+    assert quad(uv, [[0, 1, 2], [0, 2, 3]]).tolist() == [0, 1, 2, 3]
+    assert quad(uv, [[0, 1, 2], [0, 4, 3]]).tolist() == [0, 1, 2, 3]  # equal numbers
+    first = np.concatenate([uv, uv[:2]])  # rows 6 and 7 hold the numbers of 0 and 1
+    assert quad(first, [[0, 1, 2], [6, 2, 3]]).tolist() == [0, 1, 2, 3]
+    with pytest.raises(NoResultError, match="two uv"):
+        quad(first, [[0, 1, 2], [7, 2, 3]])
+    assert quad(uv, [[-1, -1, -1], [-1, -1, -1]]).tolist() == [-1] * 4
+    for wrong in ([0, 5, 3], [0, -1, 3], [0, 1, 3]):
+        with pytest.raises(NoResultError, match="it: polygon 0 got two uv"):
+            quad(uv, [[0, 1, 2], wrong])
+    with pytest.raises(NoResultError, match="two uv"):  # none is not the uv 0, 0
+        quad(uv, [[0, 1, 2], [-1, 2, 3]])

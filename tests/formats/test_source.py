@@ -1,0 +1,58 @@
+"""Where bytes come from: errors that name the file, and names that stay inside its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats.source import Source, read_bytes, safe_path
+
+
+def test_an_error_is_one_line_with_the_name() -> None:
+    assert str(Source("m.obj").error("a\n b\t c")) == "m.obj: a b c"
+
+
+def test_the_folder_is_that_of_the_file(tmp_path: Path) -> None:
+    assert Source("x").folder is None
+    assert Source("x", tmp_path / "a.obj").folder == tmp_path.resolve()
+
+
+@pytest.mark.parametrize("name", ["a.png", "b/c.png", "two words.png", "a%20b.png", "./x", "a..b"])
+def test_names_inside_the_folder(tmp_path: Path, name: str) -> None:
+    found = safe_path(tmp_path, name)
+    assert found is not None
+    assert found == (tmp_path / name.replace("%20", " ")).resolve()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../a", "b/../../a", "/a", "\\a", "a\\b", "C:/a", "file:a", "x\0", "%2e%2e/a", "http://h/a"],
+)
+def test_names_that_lead_elsewhere(tmp_path: Path, name: str) -> None:
+    assert safe_path(tmp_path, name) is None
+
+
+def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:
+    inner = tmp_path / "in"
+    inner.mkdir()
+    (tmp_path / "secret").write_bytes(b"s")
+    (inner / "link").symlink_to(tmp_path / "secret")
+    assert safe_path(inner, "link") is None
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"data")
+    data, source = read_bytes(tmp_path / "x")
+    assert (data, source.path, source.name) == (b"data", tmp_path / "x", str(tmp_path / "x"))
+    for path, says in ((tmp_path / "none", "no such file"), (tmp_path, "directory")):
+        with pytest.raises(InputError, match=says):
+            read_bytes(path)
+    for device in ("/dev/null", "/dev/tty"):
+        if Path(device).exists():
+            with pytest.raises(InputError, match="device"):
+                read_bytes(device)
+    (tmp_path / "x").write_bytes(b" \n")
+    with pytest.raises(InputError, match="empty"):
+        read_bytes(tmp_path / "x")

@@ -1,0 +1,57 @@
+"""STL: three points a face, in the order of the file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats.io import read_data
+from tests.support.formats_tools import (
+    grid,
+)
+
+
+def stl() -> tuple[bytes, np.ndarray]:
+    points, faces = grid(4)
+    corner = points[faces]
+    rows = np.zeros(len(faces), [("n", "<f4", 3), ("p", "<f4", 9), ("a", "<u2")])
+    rows["p"] = corner.reshape(-1, 9)
+    return b"solid not ascii".ljust(80) + np.uint32(len(faces)).tobytes() + rows.tobytes(), corner
+
+
+def test_stl_keeps_three_points_a_face_in_order() -> None:
+    data, corner = stl()
+    mesh = read_data(data).mesh
+    np.testing.assert_array_equal(mesh.points[mesh.faces], corner)
+    assert len(mesh.points) == 3 * len(mesh.faces)
+    text = (
+        "solid x\n"
+        + "".join(
+            "facet normal 0 0 1\nouter loop\n"
+            + "".join(f"vertex {a} {b} {c}\n" for a, b, c in t.tolist())
+            + "endloop\nendfacet\n"
+            for t in corner
+        )
+        + "endsolid x\n"
+    )
+    ascii_mesh = read_data(text.encode())
+    assert ascii_mesh.format == "stl"
+    np.testing.assert_array_equal(ascii_mesh.mesh.points[ascii_mesh.mesh.faces], corner)
+    for bad in (data[:-7], data[:90], b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0\n"):
+        with pytest.raises(InputError):
+            read_data(bad, format="stl")
+
+
+def test_scenes_of_several_solids_are_groups() -> None:
+    facet = "facet normal 0 0 1\nouter loop\n" + "vertex {0} 0 0\nvertex 1 {0} 0\nvertex 0 1 {0}\n"
+    facet += "endloop\nendfacet\n"
+    solids = [f"solid s{k}\n" + facet.format(k) * (k + 1) + f"endsolid s{k}\n" for k in range(2)]
+    mesh = read_data("".join(solids).encode()).mesh
+    assert mesh.points[mesh.faces][:, 0, 0].tolist() == [0, 1, 1]
+    assert mesh.groups is not None
+    assert mesh.groups.tolist() == [0, 1, 1]
+    one = read_data(solids[0].encode())
+    assert one.mesh.groups is None
+    with pytest.raises(InputError, match="no faces"):
+        read_data(bytes(84), format="stl")

@@ -1,0 +1,128 @@
+"""glTF trees with everything that must be kept, and comparisons of what comes back."""
+
+from __future__ import annotations
+
+import copy
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError
+from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.io import read_data
+from tests.support.formats_tools import (
+    GltfMaker,
+    grid,
+)
+
+
+def tree_of(data: bytes) -> dict:
+    """The JSON of a GLB or glTF."""
+    if data[:4] == b"glTF":
+        (size,) = struct.unpack_from("<I", data, 12)
+        data = data[20 : 20 + size]
+    return json.loads(data)
+
+
+def full_mesh(n: int = 4, *, mode: int = 4, material: bool = True) -> GltfMaker:
+    """A grid with normals, tangents, colours, joints, weights, a custom attribute and a morph target."""
+    points, faces = grid(n)
+    rng = np.random.default_rng(1)
+    k = len(points)
+    g = GltfMaker()
+    attributes = {
+        "POSITION": g.accessor(points),
+        "NORMAL": g.accessor(rng.normal(size=(k, 3)).astype("f4")),
+        "TANGENT": g.accessor(rng.normal(size=(k, 4)).astype("f4")),
+        "TEXCOORD_0": g.accessor(rng.random((k, 2)).astype("f4")),
+        "COLOR_0": g.accessor(rng.integers(0, 255, (k, 3)).astype("u1"), g.view(
+            np.pad(rng.integers(0, 255, (k, 3)), ((0, 0), (0, 1))).astype("u1").tobytes(), byteStride=4
+        ), normalized=True),
+        "JOINTS_0": g.accessor(rng.integers(0, 9, (k, 4)).astype("u2")),
+        "WEIGHTS_0": g.accessor(rng.random((k, 4)).astype("f4")),
+        "_CUSTOM": g.accessor(rng.random(k).astype("f4")),
+    }  # fmt: skip
+    targets = [{"POSITION": g.accessor(points[::-1]), "TANGENT": g.accessor(points * 2)}]
+    index = faces.ravel().astype("u2")
+    primitive = {
+        "attributes": attributes,
+        "targets": targets,
+        "indices": g.accessor(index, min=[0], max=[k - 1]),
+        "extras": {"kept": [1, 2.5, None, "é"]},
+    }
+    if material:
+        primitive["material"] = 0
+    g.tree["materials"] = [{"name": "m", "normalTexture": {"index": 0}}]
+    g.tree["meshes"] = [{"primitives": [primitive], "weights": [0.5], "name": "mesh"}]
+    g.tree |= {"extensionsUsed": ["VENDOR_x"], "extensions": {"VENDOR_x": {"v": 1}}}
+    return g.scene({"mesh": 0, "name": "node"}, {"camera": 0})
+
+
+def corner_values(document: GltfDocument) -> list[dict[str, np.ndarray]]:
+    """For every primitive, the raw bytes of every attribute and target at every corner."""
+    out = []
+    for p in document.primitives:
+        pool = document.pools[p.pool]
+        named = dict(pool.attributes)
+        for k, target in enumerate(pool.targets):
+            named |= {f"{k}:{name}": index for name, index in target.items()}
+        out.append({n: document.tree.rows(i)[p.triangles] for n, i in named.items()})
+    return out
+
+
+def assert_same_but_uv(old: GltfDocument, new: GltfDocument, *changed: str) -> None:
+    """Every attribute of every corner is equal, but for those named (by the beginning of the name)."""
+    for a, b in zip(corner_values(old), corner_values(new), strict=True):
+        for name in a:
+            if not name.startswith(changed):
+                np.testing.assert_array_equal(a[name], b[name], name)
+    skip = ("accessors", "bufferViews", "buffers", "meshes")
+    before, after = old.tree.json, new.tree.json
+    assert {k: v for k, v in before.items() if k not in skip} == {
+        k: v for k, v in after.items() if k not in skip
+    }
+
+    def bare(tree: dict) -> list:
+        meshes = copy.deepcopy(tree["meshes"])
+        for mesh in meshes:
+            for p in mesh["primitives"]:
+                for key in ("attributes", "targets", "indices", "mode"):
+                    p.pop(key, None)
+        return meshes
+
+    assert bare(before) == bare(after)
+
+
+def instanced() -> GltfMaker:
+    points, faces = grid(3)
+    g = GltfMaker()
+    primitive = {
+        "attributes": {"POSITION": g.accessor(points)},
+        "indices": g.accessor(faces.ravel().astype("u2")),
+    }
+    g.tree["meshes"] = [{"primitives": [primitive]}, {"primitives": [copy.deepcopy(primitive)]}]
+    nodes = [
+        {"children": [2], "translation": [1, 2, 3], "scale": [2, 2, 2]},
+        {"mesh": 1, "matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1]},
+        {"mesh": 0, "rotation": [0, 0, 0.7071067811865476, 0.7071067811865476], "children": [3]},
+        {"mesh": 0, "translation": [10, 0, 0]},
+    ]
+    g.tree |= {"nodes": nodes, "scenes": [{"nodes": [1]}, {"nodes": [0, 1]}], "scene": 1}
+    return g
+
+
+def small() -> GltfMaker:
+    points, faces = grid(3)
+    g = GltfMaker()
+    position = g.accessor(points)
+    index = g.accessor(faces.ravel().astype("u2"))
+    g.tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": position}, "indices": index}]}]
+    return g.scene({"mesh": 0}, {"name": "empty"})
+
+
+def refused(data: bytes, says: str, format: str | None = None) -> None:
+    with pytest.raises(InputError, match=says) as caught:
+        read_data(data, format=format)
+    assert "\n" not in str(caught.value)
