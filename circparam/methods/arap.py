@@ -19,7 +19,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
 from circparam.methods.pins import check_pins
 from circparam.methods.untangled import untangle_layout
-from circparam.solvers.lbfgs import descend
+from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.tutte.graded import embed_start
 
 LIMIT = 1000
@@ -47,18 +47,21 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
             out[free] = factor.solve(g[free])
             return out
 
-        uv, steps, reasons = descend(
+        found = descend(
             lambda x: rigid_energy(cut_mesh, x, hold),
             uv,
-            cut_mesh.vertex_chart,
-            cut_mesh.n_charts,
+            Groups(cut_mesh.vertex_chart, cut_mesh.n_charts),
             precondition,
-            TOLERANCE if options.tolerance is None else options.tolerance,
-            LIMIT if options.max_iterations is None else options.max_iterations,
-            monitor=monitor,
+            DescentOptions(
+                TOLERANCE if options.tolerance is None else options.tolerance,
+                LIMIT if options.max_iterations is None else options.max_iterations,
+            ),
+            monitor,
         )
-    uv, told = untangle_layout(cut_mesh, uv, "arap", options, monitor, hold, conformal=False)
-    return Layout(uv, steps, reasons, notes + told)
+    uv, repairs = untangle_layout(
+        cut_mesh, found.x, "arap", options, monitor, hold, conformal=False
+    )
+    return Layout(uv, found.steps, found.reasons, notes + repairs)
 
 
 def rigid_energy(

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from circparam.core.arrays import FloatArray, cross2
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from circparam.solvers import dirichlet
-from circparam.solvers.newton import RelaxOptions, System, newton_step, relax
+from circparam.solvers.newton import Iterate, NewtonStep, RelaxOptions, newton_step, relax
+from circparam.solvers.objective import Objective, chart_energies
 from circparam.solvers.poisson import clamp_stretch, from_jacobians
 from circparam.solvers.preconditioner import BlockPattern
 from circparam.solvers.tutte.embed import tutte_embedding
@@ -175,18 +176,18 @@ def test_fixed_vertices_stay_and_the_energy_falls(
 ) -> None:
     """To the last bit, also where the system is solved by iteration and groups of vertices share a step."""
     if not direct:
-        monkeypatch.setattr("circparam.solvers.newton.DIRECT_LIMIT", 0)
-        monkeypatch.setattr("circparam.solvers.newton.SMALL_CHART", 0)
+        monkeypatch.setattr("circparam.solvers.objective.DIRECT_LIMIT", 0)
+        monkeypatch.setattr("circparam.solvers.objective.SMALL_CHART", 0)
     cut_mesh = _developable("cone")
     uv, _ = tutte_embedding(cut_mesh, "circle")
     fixed = np.zeros(cut_mesh.n_vertices, bool)
     fixed[[5, 40]] = True
-    before = relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
+    before = chart_energies(cut_mesh, uv)
     moved = []
 
-    def watched(system: System, u: FloatArray, *more: Any) -> tuple[FloatArray, ...]:
-        found = newton_step(system, u, *more)
-        moved.append(np.abs(found[0] - u)[fixed].max())
+    def watched(objective: Objective, before: Iterate, *more: Any) -> NewtonStep:
+        found = newton_step(objective, before, *more)
+        moved.append(np.abs(found.to.uv - before.uv)[fixed].max())
         return found
 
     monkeypatch.setattr("circparam.solvers.newton.newton_step", watched)
@@ -203,7 +204,7 @@ def test_the_direct_and_the_iterative_solver_reach_the_same_minimum(
     start, _ = tutte_embedding(cut_mesh, "circle")
     options = RelaxOptions(tolerance=1e-10, max_iterations=200, blend=0.2)
     direct = relax(cut_mesh, start, options)
-    monkeypatch.setattr("circparam.solvers.newton.DIRECT_LIMIT", 0)
+    monkeypatch.setattr("circparam.solvers.objective.DIRECT_LIMIT", 0)
     iterative = relax(cut_mesh, start, options)
     assert iterative.energy[0] == pytest.approx(direct.energy[0], rel=1e-7)
 

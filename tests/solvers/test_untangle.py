@@ -8,9 +8,11 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
-from circparam.solvers.lbfgs import descend
+from circparam.solvers.foldover import FoldoverEnergy
+from circparam.solvers.lbfgs import DescentOptions, Groups, descend
+from circparam.solvers.region import moving_region
 from circparam.solvers.tutte.embed import tutte_embedding
-from circparam.solvers.untangle import _Problem, _region, flipped, untangle
+from circparam.solvers.untangle import flipped, untangle
 from tests.support import shapes
 from tests.support.charts import patches_of, rim
 
@@ -72,8 +74,8 @@ def test_a_chart_without_flips_is_returned_as_it_is():
 @pytest.mark.parametrize("epsilon", [1.0, 1e-3])
 def test_the_gradient_is_that_of_the_energy(epsilon):
     cut_mesh, uv = tangled(60)
-    part = _region(cut_mesh, np.ones(len(cut_mesh.faces), bool), np.zeros(len(uv), bool), uv)
-    problem = _Problem(part, np.full(part.n, epsilon))
+    part = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), np.zeros(len(uv), bool), uv)
+    problem = FoldoverEnergy(part, np.full(part.n_groups, epsilon))
     x = uv[part.source]
     _, gradient = problem.energy(x)
     direction = np.random.default_rng(1).normal(size=x.shape)
@@ -92,12 +94,16 @@ def test_descent_finds_the_minimum_of_quadratics_of_different_size_together():
         d = x - target
         return np.bincount(group, (weight * d * d).sum(1)) / 2, weight * d
 
-    x, steps, reasons = descend(
-        energy, np.zeros((10, 2)), group, 2, lambda g: g / scale[:, None], 1e-14, 200
+    found = descend(
+        energy,
+        np.zeros((10, 2)),
+        Groups(group, 2),
+        lambda g: g / scale[:, None],
+        DescentOptions(1e-14, 200),
     )
-    np.testing.assert_allclose(x, target, atol=1e-5)
-    assert (steps > 1).all()
-    assert set(reasons) <= {"converged", "no lower step"}
+    np.testing.assert_allclose(found.x, target, atol=1e-5)
+    assert (found.steps > 1).all()
+    assert set(found.reasons) <= {"converged", "no lower step"}
 
 
 def test_flips_that_stay_on_request_are_told():
