@@ -32,7 +32,7 @@ from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
-from circparam.methods.conformal import conformal_spectral, scaled, start_modes
+from circparam.methods.conformal import at_surface_area, conformal_spectral, start_modes
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices
 
@@ -56,10 +56,12 @@ def abf(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
                 "Linear ABF took its place there"
             )
         z, _ = conformal_spectral(with_angles(cut_mesh, angles), start_modes(cut_mesh))
-        uv = scaled(cut_mesh, np.stack([z.real, z.imag], 1), np.ones(cut_mesh.n_charts, bool))
-    uv, told = untangle_layout(cut_mesh, uv, "abf", options, monitor)
+        uv = at_surface_area(
+            cut_mesh, np.stack([z.real, z.imag], 1), np.ones(cut_mesh.n_charts, bool)
+        )
+    uv, repairs = untangle_layout(cut_mesh, uv, "abf", options, monitor)
     reasons = ["solved" if options.linear or not c else "converged" for c in converged]
-    return Layout(uv, steps, reasons, notes + told)
+    return Layout(uv, steps, reasons, notes + repairs)
 
 
 def with_angles(cut_mesh: CutMesh, angles: FloatArray) -> CutMesh:
@@ -75,7 +77,7 @@ def with_angles(cut_mesh: CutMesh, angles: FloatArray) -> CutMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rims:
+class _HoleBoundaries:
     """The boundaries of holes, walked: vertices (k,) in order, hole after hole, size (h,) of each."""
 
     cut_mesh: CutMesh
@@ -140,9 +142,9 @@ class _Rims:
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
+class _AngleSystem:
     """target β (m, 3), weight 2/β² (m, 3). row: (n_vertices,) conditions of each vertex: inner vertices one row
-    each, all vertices of a hole one row behind them, −1 on the outer boundary. goal: (rows,) wanted angle sums.
+    each, all vertices of a hole one row behind them, −1 on the outer boundary. goal: (rows,) angle sum of each.
     holes: the walks that must close.
     """
 
@@ -151,7 +153,7 @@ class _System:
     weight: FloatArray
     row: IntArray
     goal: FloatArray
-    holes: _Rims
+    holes: _HoleBoundaries
 
     @property
     def rows(self) -> int:
@@ -194,7 +196,7 @@ class _System:
         )
 
 
-def _system(cut_mesh: CutMesh) -> _System:
+def _system(cut_mesh: CutMesh) -> _AngleSystem:
     """Targets: the angles on the surface, rescaled to 2π round inner vertices.
 
     Round a hole of k boundary edges the corners add up to (k + 2)π in every layout: the boundary turns by −2π.
@@ -210,7 +212,9 @@ def _system(cut_mesh: CutMesh) -> _System:
     vertices, hole, size = hole_vertices(cut_mesh)
     row[vertices] = int(inner.sum()) + hole
     goal = np.concatenate([np.full(int(inner.sum()), 2 * np.pi), (size + 2) * np.pi])
-    return _System(cut_mesh, target, 2 / target**2, row, goal, _Rims(cut_mesh, vertices, size))
+    return _AngleSystem(
+        cut_mesh, target, 2 / target**2, row, goal, _HoleBoundaries(cut_mesh, vertices, size)
+    )
 
 
 def solve_angles(
@@ -230,9 +234,9 @@ def solve_angles(
     open_charts = np.ones(n, bool)
     converged = np.zeros(n, bool)
     best, best_at = np.full(n, np.inf), np.zeros(n, np.int64)
-    solver = _Solver()
+    solver = _StepSolver()
     row_chart = np.zeros(system.rows, np.int64)
-    rim_chart = cut_mesh.loops.chart[~cut_mesh.loops.outer]
+    hole_chart = cut_mesh.loops.chart[~cut_mesh.loops.outer]
     row_chart[system.row[system.row >= 0]] = cut_mesh.vertex_chart[system.row >= 0]
     for iteration in range(limit):
         try:
@@ -249,7 +253,7 @@ def solve_angles(
         for violation in (angle, wheel):
             worst = np.maximum(worst, group_max(np.abs(violation), row_chart, n))
         gap = np.abs(system.holes.gaps(alpha))
-        worst = np.maximum(worst, group_max(gap, np.tile(rim_chart, 2), n))
+        worst = np.maximum(worst, group_max(gap, np.tile(hole_chart, 2), n))
         size = group_max(np.abs(delta).max(1), chart, n)
         worst = np.where(np.isfinite(worst), worst, np.inf)
         converged |= open_charts & (worst < CONVERGED) & (size < 1e-6)
@@ -263,7 +267,7 @@ def solve_angles(
     return alpha, np.where(converged, steps, 1), converged
 
 
-class _Solver:
+class _StepSolver:
     """Solves the systems of successive steps: they change little, so the factor of an earlier one is a good
     preconditioner for conjugate gradients, and a new one is made only where those take long."""
 
@@ -302,7 +306,7 @@ class _Solver:
         return None
 
 
-def _newton_step(system: _System, alpha: FloatArray, solver: _Solver) -> FloatArray:
+def _newton_step(system: _AngleSystem, alpha: FloatArray, solver: _StepSolver) -> FloatArray:
     """δα (m, 3) of one step.
 
     With the Hessian Λ = diag(2/β²) the multipliers enter only through their new values, so the step solves

@@ -13,8 +13,8 @@ from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.pins import Pins
-from circparam.solvers.tutte.boundary import TutteOptions
 from circparam.solvers.tutte.embed import require_boundary
+from circparam.solvers.tutte.outer import TutteOptions
 
 __all__ = [
     "CHECKED",
@@ -58,7 +58,7 @@ class MethodOptions:
 
     @property
     def tutte(self) -> TutteOptions:
-        """What of these the convex map is told."""
+        """Those that the convex map takes."""
         return TutteOptions(self.boundary, self.spacing, self.polygon, self.clamp, self.repair)
 
 

@@ -10,7 +10,9 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
-CRUSHED = 1e6  # distortion at which a chart counts as faulty whatever was promised
+# Distortion at which a chart counts as faulty whatever was promised: that of one scaled by 1 : 1400 throughout,
+# since (s² + s⁻²) / 2 = 10⁶; not even a page of the largest size shows more than a texel or two of it.
+FAULTY = 1e6
 
 
 @dataclass(eq=False)
@@ -29,7 +31,7 @@ class Cascade:
     corners: FloatArray
     tries: IntArray
     again: bool = True
-    bound: float = CRUSHED
+    bound: float = FAULTY
     laid: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     stopped: list[str] = field(default_factory=list)
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))

@@ -157,7 +157,7 @@ class _Relaxation:
         self.energy[self.charts], self.jacobian = self.objective.energies(self.uv[self.vertices])
 
     def _raise_floor(self, before: FloatArray, step: NewtonStep, inside: BoolArray) -> None:
-        """What each chart will hardly fall below, told by its last full step; other steps tell nothing."""
+        """What each chart will hardly fall below, as its last full step says; other steps tell nothing."""
         after = step.to.energy
         gain = np.where(inside, before, 0.0) - np.where(inside, after, 0.0)
         expected = np.where(step.length > 0.5, after - HOPE * gain, 1.0)

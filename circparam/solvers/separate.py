@@ -128,8 +128,8 @@ def push_apart(
     fine = np.zeros(n, bool)
     # what costs more than the bound allows is not worth a round, nor what is hardly more than its boundary
     limit = 1 + AFFORDED * (bound - 1)
-    rim = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, n)
-    todo = rim * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
+    around = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, n)
+    todo = around * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
     conflicts: list[IntArray] = []
     for turn in range(ROUNDS + 1):
         energy, _ = objective.energies(u)

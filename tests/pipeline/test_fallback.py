@@ -97,13 +97,13 @@ def test_a_chart_beyond_its_bound_is_split_until_its_parts_are_below() -> None:
     s = surface_of(*shapes.bumped_disk(400, height=1.5))
     top = METHODS["mean-value"].function(s.cut_mesh(s.edges[:, 0] < 0), MethodOptions(), Monitor())
     start = top.uv[s.cut_mesh(s.edges[:, 0] < 0).faces]
-    for bound in (cascade.CRUSHED, 1.1):
+    for bound in (cascade.FAULTY, 1.1):
         atlas = atlas_of(s, start.copy())
         atlas.bound = bound
         fallback.settle(atlas, True, MethodOptions(), Monitor())
         assert sound(atlas)
         assert (chart_distortion(*atlas.open()) <= bound).all()
-        assert (s.charts(atlas.cut)[0] == 1) == (bound == cascade.CRUSHED)
+        assert (s.charts(atlas.cut)[0] == 1) == (bound == cascade.FAULTY)
     assert "distorted" in atlas.repairs[0]
     atlas = atlas_of(s, start.copy())
     atlas.bound = 1.1

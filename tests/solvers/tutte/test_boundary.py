@@ -8,8 +8,10 @@ import pytest
 from circparam.core.arrays import cross2
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import signed_areas
-from circparam.solvers.tutte.boundary import BOUNDARIES, TutteOptions, check_polygon, outer_ring
+from circparam.solvers.tutte.boundary import BOUNDARIES
 from circparam.solvers.tutte.embed import tutte_embedding
+from circparam.solvers.tutte.outer import TutteOptions, outer_boundary
+from circparam.solvers.tutte.polygon import check_polygon
 from tests.support import shapes
 from tests.support.charts import patches_of
 
@@ -31,7 +33,7 @@ def test_a_circle_has_the_area_of_the_chart_and_the_spacing_asked_for(spacing):
     radius = np.hypot(*boundary.uv.T)
     np.testing.assert_allclose(np.pi * radius**2, cut_mesh.chart_areas[0])
     steps = np.mod(np.diff(np.arctan2(boundary.uv[:, 1], boundary.uv[:, 0])), 2 * np.pi)
-    ring = outer_ring(cut_mesh, spacing)
+    ring = outer_boundary(cut_mesh, spacing)
     length = cut_mesh.edge_lengths.ravel()[ring.half_edge]
     wanted = np.ones_like(length) if spacing == "uniform" else length
     np.testing.assert_allclose(steps, (2 * np.pi * wanted / wanted.sum())[:-1], rtol=1e-9)
