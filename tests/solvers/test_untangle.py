@@ -8,9 +8,6 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
-from circparam.solvers.foldover import FoldoverEnergy
-from circparam.solvers.lbfgs import DescentOptions, Groups, descend
-from circparam.solvers.region import moving_region
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import flipped, untangle
 from tests.support import shapes
@@ -69,41 +66,6 @@ def test_a_chart_without_flips_is_returned_as_it_is():
     np.testing.assert_array_equal(new[own], uv[own])
     assert report.after.tolist() == [0, 0]
     assert report.before[0] == 0
-
-
-@pytest.mark.parametrize("epsilon", [1.0, 1e-3])
-def test_the_gradient_is_that_of_the_energy(epsilon):
-    cut_mesh, uv = tangled(60)
-    part = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), np.zeros(len(uv), bool), uv)
-    problem = FoldoverEnergy(part, np.full(part.n_groups, epsilon))
-    x = uv[part.source]
-    _, gradient = problem.energy(x)
-    direction = np.random.default_rng(1).normal(size=x.shape)
-    h = 1e-7 * epsilon
-    up, down = problem.energy(x + h * direction)[0], problem.energy(x - h * direction)[0]
-    assert (gradient * direction).sum() == pytest.approx(((up - down) / (2 * h)).sum(), rel=1e-4)
-
-
-def test_descent_finds_the_minimum_of_quadratics_of_different_size_together():
-    scale = np.repeat([1.0, 1e6], 5)
-    group = np.repeat([0, 1], 5)
-    target = np.random.default_rng(0).normal(size=(10, 2))
-    weight = scale[:, None] * np.linspace(1, 20, 10)[:, None]
-
-    def energy(x):
-        d = x - target
-        return np.bincount(group, (weight * d * d).sum(1)) / 2, weight * d
-
-    found = descend(
-        energy,
-        np.zeros((10, 2)),
-        Groups(group, 2),
-        lambda g: g / scale[:, None],
-        DescentOptions(1e-14, 200),
-    )
-    np.testing.assert_allclose(found.x, target, atol=1e-5)
-    assert (found.steps > 1).all()
-    assert set(found.reasons) <= {"converged", "no lower step"}
 
 
 def test_flips_that_stay_on_request_are_told():
