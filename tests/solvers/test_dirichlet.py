@@ -101,3 +101,47 @@ def test_the_largest_step_on_degenerate_quadratics(
     corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]
     t = dirichlet.largest_step(corners, np.array(direction, float)[:, :, None])
     assert t[0] == pytest.approx(expected) if np.isfinite(expected) else t[0] == np.inf
+
+
+def test_an_isometry_has_energy_one_and_no_other_map_less() -> None:
+    t = np.linspace(0, 6, 30)
+    rotations = np.stack([np.stack([np.cos(t), -np.sin(t)]), np.stack([np.sin(t), np.cos(t)])])
+    for blend in (0.0, 0.5, 1.0):
+        np.testing.assert_allclose(dirichlet.energy(rotations, blend), 1.0)
+        assert np.abs(dirichlet.gradient(rotations, blend)).max() < 1e-12
+        assert (dirichlet.energy(_jacobians(5), blend) >= 1 - 1e-12).all()
+    j = np.array([[3.0, 0.0], [0.0, 0.5]])[:, :, None]
+    assert dirichlet.energy(j)[0] == pytest.approx((9 + 1 / 9 + 0.25 + 4) / 4)
+    assert dirichlet.energy(j, 1.0)[0] == pytest.approx((6 + 1 / 6) / 2)
+
+
+@pytest.mark.parametrize("bad", [[[1, 0], [0, -1]], [[1, 1], [1, 1]], [[0, 0], [0, 0]]])
+def test_flipped_and_collapsed_faces_have_infinite_energy(bad: list[list[float]]) -> None:
+    j = np.array(bad, float)[:, :, None]
+    for blend in (0.0, 0.5, 1.0):
+        assert dirichlet.energy(j, blend)[0] == np.inf
+
+
+def test_the_largest_step_is_the_smaller_positive_root() -> None:
+    """Corner 2 at height 1 sinks to −1 and the base shrinks: zero at t = 1 and again at t = 2."""
+    corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]
+    direction = np.array([[0.0, -0.5, 0.0], [0.0, 0.0, -1.0]])[:, :, None]
+    assert dirichlet.largest_step(corners, direction)[0] == pytest.approx(1.0)
+    assert dirichlet.largest_step(corners, direction * [[[2.0]], [[0.5]]])[0] == pytest.approx(1.0)
+    # backwards both roots are negative: it never collapses
+    assert dirichlet.largest_step(corners, -direction)[0] == np.inf
+
+
+def test_edge_blocks_are_the_off_diagonal_blocks_of_the_hessian_of_a_face() -> None:
+    j = _jacobians(7, 5)
+    values, modes = dirichlet.newton_modes(j)
+    rng = np.random.default_rng(0)
+    gradients = rng.normal(size=(2, 3, 5))
+    gradients[:, 0] = -gradients[:, 1] - gradients[:, 2]
+    blocks = dirichlet.edge_blocks(values, modes, gradients)
+    hessian = np.einsum("km,kabm,kcdm->mabcd", values, modes, modes)
+    for k in range(3):
+        expected = np.einsum(
+            "mabcd,bm,dm->acm", hessian, gradients[:, k], gradients[:, (k + 1) % 3]
+        )
+        np.testing.assert_allclose(blocks[:, :, k], expected, atol=1e-9)

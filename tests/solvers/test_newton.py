@@ -20,7 +20,7 @@ from tests.support.charts import developable
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "cone", "sheet"])
-def testdevelopable_strips_unroll_without_distortion(kind: str) -> None:
+def test_developable_strips_unroll_without_distortion(kind: str) -> None:
     cut_mesh = developable(kind)
     start, _ = tutte_embedding(cut_mesh, "circle")
     relaxed = relax(cut_mesh, start, RelaxOptions(tolerance=1e-12, max_iterations=200))
