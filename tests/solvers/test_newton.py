@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from circparam.core.arrays import FloatArray, cross2
-from circparam.mesh.cut_mesh import rest_triangles_of
+from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from circparam.solvers.newton import Iterate, NewtonStep, RelaxOptions, newton_step, relax
 from circparam.solvers.objective import Objective, chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
-from tests.support.charts import developable
+from tests.support import shapes
+from tests.support.charts import developable, patches_of
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "cone", "sheet"])
@@ -125,3 +126,68 @@ def test_the_same_numbers_whatever_the_number_of_threads() -> None:
         env = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
         found.add(subprocess.check_output([sys.executable, "-c", RELAXED], cwd=root, env=env))
     assert len(found) == 1
+
+
+def mixed_charts() -> tuple[CutMesh, FloatArray]:
+    """Three charts: flat and exactly laid out, curved, and curved with a start upside down."""
+    disk, curved = shapes.delaunay_disk(60), shapes.bumped_disk(150, height=0.6)
+    parts = [disk, (curved[0] + 5, curved[1]), (curved[0] + 10, curved[1])]
+    cut_mesh, points = patches_of(shapes.join(*parts))
+    uv, _ = tutte_embedding(cut_mesh, "circle")
+    chart = cut_mesh.vertex_chart
+    uv[chart == 0] = points[chart == 0][:, :2]
+    uv[chart == 2] *= [1, -1]
+    return cut_mesh, uv
+
+
+def test_every_chart_stops_for_a_reason_of_its_own() -> None:
+    cut_mesh, uv = mixed_charts()
+    relaxed = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-8))
+    assert relaxed.stopped == ["converged", "converged", "flipped start"]
+    assert relaxed.iterations[0] == 1
+    assert 2 < relaxed.iterations[1] < 100
+    assert relaxed.iterations[2] == 0
+    own = cut_mesh.vertex_chart == 2
+    np.testing.assert_allclose(relaxed.uv[own], uv[own], rtol=1e-12)
+    assert relaxed.energy[2] == np.inf
+    np.testing.assert_allclose(chart_energies(cut_mesh, relaxed.uv), relaxed.energy, rtol=1e-9)
+    short = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-8, max_iterations=2))
+    assert short.stopped == ["converged", "iterations", "flipped start"]
+    assert short.iterations.tolist() == [1, 2, 0]
+
+
+def test_a_chart_takes_the_same_steps_alone_and_beside_others() -> None:
+    cut_mesh, uv = mixed_charts()
+    together = relax(cut_mesh, uv, RelaxOptions())
+    part, vertices, _ = cut_mesh.subset(np.array([False, True, False]))
+    alone = relax(part, uv[vertices], RelaxOptions())
+    assert together.iterations[1] == alone.iterations[0]
+    assert together.energy[1] == pytest.approx(alone.energy[0], rel=1e-9)
+
+
+def test_a_chart_stops_at_the_bound_and_not_before() -> None:
+    cut_mesh, uv = mixed_charts()
+    least = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10)).energy[1]
+    start = chart_energies(cut_mesh, uv)[1]
+    bound = float((least + start) / 2)
+    relaxed = relax(cut_mesh, uv, RelaxOptions(bound=bound))
+    assert relaxed.stopped == ["bound", "bound", "flipped start"]
+    assert relaxed.iterations[0] == 0, "it began there"
+    assert least < relaxed.energy[1] <= bound
+    before = relax(cut_mesh, uv, RelaxOptions(max_iterations=int(relaxed.iterations[1]) - 1))
+    assert before.energy[1] > bound
+    out_of_reach = relax(cut_mesh, uv, RelaxOptions(bound=float(1 + 0.9 * (least - 1))))
+    assert out_of_reach.stopped[1] == "converged"
+
+
+def test_a_chart_is_given_up_only_where_its_floor_lies_above() -> None:
+    cut_mesh, uv = mixed_charts()
+    full = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10))
+    least = full.energy[1]
+    hopeless = relax(cut_mesh, uv, RelaxOptions(give_up=float(1 + 0.5 * (least - 1))))
+    assert hopeless.stopped[1] == "gave up"
+    assert 1 < hopeless.iterations[1] < full.iterations[1]
+    kept = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10, give_up=float(1.01 * least)))
+    assert kept.stopped[1] == "converged"
+    assert (full.floor[:2] <= full.energy[:2] * (1 + 1e-12)).all()
+    assert full.floor[1] > 1 + 0.9 * (least - 1), "the last steps tell nearly all"

@@ -119,3 +119,10 @@ def test_energy_gradient_and_hessian_of_springs_fit_together() -> None:
 
 def sparse(matrix: np.ndarray) -> sps.bsr_matrix:
     return sps.bsr_matrix(matrix, blocksize=(2, 2))
+
+
+def test_a_separate_chart_above_the_bound_is_not_fine() -> None:
+    cut_mesh, uv = ring_of(5.0)
+    energy = float(chart_energies(cut_mesh, 1.2 * uv)[0])
+    assert not push_apart(cut_mesh, 1.2 * uv, MARGIN, 0.99 * energy)[1].any()
+    assert push_apart(cut_mesh, 1.2 * uv, MARGIN, 1.01 * energy)[1].all()

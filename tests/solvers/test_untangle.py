@@ -84,3 +84,10 @@ def test_a_sliver_counts_as_flipped_only_where_its_sign_is_not_certain():
     assert flipped(faces, uv).tolist() == [False, True, True, True]
     plain, _ = tutte_embedding(patches_of(shapes.grid())[0])
     assert np.isfinite(plain).all()
+
+
+def test_a_thin_face_off_the_axes_counts_as_flipped_below_rounding_only():
+    faces = np.array([[0, 1, 2]])
+    for height, bad in ((1e-12, False), (1e-16, True), (-1e-12, True)):
+        uv = np.array([[0, 0], [1, 1], [0.5, 0.5 + height]])
+        assert flipped(faces, uv).tolist() == [bad]
