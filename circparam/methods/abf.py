@@ -143,10 +143,8 @@ class _HoleBoundaries:
 
 @dataclass(frozen=True, eq=False)
 class _AngleSystem:
-    """target β (m, 3), weight 2/β² (m, 3). row: (n_vertices,) conditions of each vertex: inner vertices one row
-    each, all vertices of a hole one row behind them, −1 on the outer boundary. goal: (rows,) angle sum of each.
-    holes: the walks that must close.
-    """
+    """target β, weight 2/β² (m, 3). row (n_vertices,): of inner vertices one each, then of holes one each,
+    −1 on the outer boundary. goal (rows,): angle sum of each. holes: the walks that must close."""
 
     cut_mesh: CutMesh
     target: FloatArray
