@@ -12,10 +12,11 @@ import numpy.typing as npt
 from circparam.bake.bake import Baked, to_image
 from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
-from circparam.formats.document import Document, Source, WriteOptions
+from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode
+from circparam.formats.source import Source
 
 
 def check_target(path: Path) -> None:

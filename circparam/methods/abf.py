@@ -27,11 +27,12 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import Factor, gradient_iterates
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import Layout, MethodOptions, require_boundary
-from circparam.methods.conformal import conformal_spectral, scaled, start_modes
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
+from circparam.methods.conformal import at_surface_area, conformal_spectral, start_modes
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices
 
@@ -45,20 +46,22 @@ SMALLEST = 1e-8  # targets stay so far from 0 and π; angles above a twentieth o
 def abf(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """ABF++ on all charts; a chart on which Newton does not converge takes Linear ABF, which a note says."""
     require_boundary(cut_mesh)
-    limit = 1 if options.linear_abf else options.max_iterations or LIMIT
+    limit = 1 if options.linear else options.max_iterations or LIMIT
     with monitor.stage("solve"):
         angles, steps, converged = solve_angles(cut_mesh, limit, monitor)
         notes = []
-        if not options.linear_abf and not converged.all():
+        if not options.linear and not converged.all():
             notes.append(
                 f"abf: ABF++ did not converge on {int((~converged).sum())} charts; "
                 "Linear ABF took its place there"
             )
         z, _ = conformal_spectral(with_angles(cut_mesh, angles), start_modes(cut_mesh))
-        uv = scaled(cut_mesh, np.stack([z.real, z.imag], 1), np.ones(cut_mesh.n_charts, bool))
-    uv, told = untangle_layout(cut_mesh, uv, "abf", options, monitor)
-    reasons = ["solved" if options.linear_abf or not c else "converged" for c in converged]
-    return Layout(uv, steps, reasons, notes + told)
+        uv = at_surface_area(
+            cut_mesh, np.stack([z.real, z.imag], 1), np.ones(cut_mesh.n_charts, bool)
+        )
+    uv, repairs = untangle_layout(cut_mesh, uv, "abf", options, monitor)
+    reasons = ["solved" if options.linear or not c else "converged" for c in converged]
+    return Layout(uv, steps, reasons, notes + repairs)
 
 
 def with_angles(cut_mesh: CutMesh, angles: FloatArray) -> CutMesh:
@@ -74,7 +77,7 @@ def with_angles(cut_mesh: CutMesh, angles: FloatArray) -> CutMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rims:
+class _HoleBoundaries:
     """The boundaries of holes, walked: vertices (k,) in order, hole after hole, size (h,) of each."""
 
     cut_mesh: CutMesh
@@ -139,18 +142,16 @@ class _Rims:
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
-    """target β (m, 3), weight 2/β² (m, 3). row: (n_vertices,) conditions of each vertex: inner vertices one row
-    each, all vertices of a hole one row behind them, −1 on the outer boundary. goal: (rows,) wanted angle sums.
-    holes: the walks that must close.
-    """
+class _AngleSystem:
+    """target β, weight 2/β² (m, 3). row (n_vertices,): of inner vertices one each, then of holes one each,
+    −1 on the outer boundary. goal (rows,): angle sum of each. holes: the walks that must close."""
 
     cut_mesh: CutMesh
     target: FloatArray
     weight: FloatArray
     row: IntArray
     goal: FloatArray
-    holes: _Rims
+    holes: _HoleBoundaries
 
     @property
     def rows(self) -> int:
@@ -193,7 +194,7 @@ class _System:
         )
 
 
-def _system(cut_mesh: CutMesh) -> _System:
+def _system(cut_mesh: CutMesh) -> _AngleSystem:
     """Targets: the angles on the surface, rescaled to 2π round inner vertices.
 
     Round a hole of k boundary edges the corners add up to (k + 2)π in every layout: the boundary turns by −2π.
@@ -209,7 +210,9 @@ def _system(cut_mesh: CutMesh) -> _System:
     vertices, hole, size = hole_vertices(cut_mesh)
     row[vertices] = int(inner.sum()) + hole
     goal = np.concatenate([np.full(int(inner.sum()), 2 * np.pi), (size + 2) * np.pi])
-    return _System(cut_mesh, target, 2 / target**2, row, goal, _Rims(cut_mesh, vertices, size))
+    return _AngleSystem(
+        cut_mesh, target, 2 / target**2, row, goal, _HoleBoundaries(cut_mesh, vertices, size)
+    )
 
 
 def solve_angles(
@@ -229,9 +232,9 @@ def solve_angles(
     open_charts = np.ones(n, bool)
     converged = np.zeros(n, bool)
     best, best_at = np.full(n, np.inf), np.zeros(n, np.int64)
-    solver = _Solver()
+    solver = _StepSolver()
     row_chart = np.zeros(system.rows, np.int64)
-    rim_chart = cut_mesh.loops.chart[~cut_mesh.loops.outer]
+    hole_chart = cut_mesh.loops.chart[~cut_mesh.loops.outer]
     row_chart[system.row[system.row >= 0]] = cut_mesh.vertex_chart[system.row >= 0]
     for iteration in range(limit):
         try:
@@ -248,7 +251,7 @@ def solve_angles(
         for violation in (angle, wheel):
             worst = np.maximum(worst, group_max(np.abs(violation), row_chart, n))
         gap = np.abs(system.holes.gaps(alpha))
-        worst = np.maximum(worst, group_max(gap, np.tile(rim_chart, 2), n))
+        worst = np.maximum(worst, group_max(gap, np.tile(hole_chart, 2), n))
         size = group_max(np.abs(delta).max(1), chart, n)
         worst = np.where(np.isfinite(worst), worst, np.inf)
         converged |= open_charts & (worst < CONVERGED) & (size < 1e-6)
@@ -262,7 +265,7 @@ def solve_angles(
     return alpha, np.where(converged, steps, 1), converged
 
 
-class _Solver:
+class _StepSolver:
     """Solves the systems of successive steps: they change little, so the factor of an earlier one is a good
     preconditioner for conjugate gradients, and a new one is made only where those take long."""
 
@@ -291,7 +294,7 @@ class _Solver:
         return None
 
 
-def _newton_step(system: _System, alpha: FloatArray, solver: _Solver) -> FloatArray:
+def _newton_step(system: _AngleSystem, alpha: FloatArray, solver: _StepSolver) -> FloatArray:
     """δα (m, 3) of one step.
 
     With the Hessian Λ = diag(2/β²) the multipliers enter only through their new values, so the step solves
@@ -324,3 +327,14 @@ def _newton_step(system: _System, alpha: FloatArray, solver: _Solver) -> FloatAr
     correction = (J.T @ multipliers).reshape(-1, 3) * w
     correction -= w * (correction.sum(1) / total)[:, None]
     return step + correction
+
+
+ROW: MethodRow = Row(
+    "abf",
+    abf,
+    "angle based flattening: angles",
+    "Sheffer et al. 2005 (ABF++); Zayer et al. 2007 (linear)",
+    FREE,
+    CHECKED,
+    frozenset({"linear"}),
+)

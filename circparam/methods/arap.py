@@ -13,12 +13,13 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.geometry.intrinsic import cotangent_laplacian, jacobians
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import Layout, MethodOptions, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
 from circparam.methods.pins import check_pins
 from circparam.methods.untangled import untangle_layout
-from circparam.solvers.lbfgs import descend
+from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.tutte.graded import embed_start
 
 LIMIT = 1000
@@ -46,18 +47,21 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
             out[free] = factor.solve(g[free])
             return out
 
-        uv, steps, reasons = descend(
+        found = descend(
             lambda x: rigid_energy(cut_mesh, x, hold),
             uv,
-            cut_mesh.vertex_chart,
-            cut_mesh.n_charts,
+            Groups(cut_mesh.vertex_chart, cut_mesh.n_charts),
             precondition,
-            TOLERANCE if options.tolerance is None else options.tolerance,
-            LIMIT if options.max_iterations is None else options.max_iterations,
-            monitor=monitor,
+            DescentOptions(
+                TOLERANCE if options.tolerance is None else options.tolerance,
+                LIMIT if options.max_iterations is None else options.max_iterations,
+            ),
+            monitor,
         )
-    uv, told = untangle_layout(cut_mesh, uv, "arap", options, monitor, hold, conformal=False)
-    return Layout(uv, steps, reasons, notes + told)
+    uv, repairs = untangle_layout(
+        cut_mesh, found.x, "arap", options, monitor, hold, conformal=False
+    )
+    return Layout(uv, found.steps, found.reasons, notes + repairs)
 
 
 def rigid_energy(
@@ -123,3 +127,14 @@ def fit_pins(cut_mesh: CutMesh, uv: FloatArray, options: MethodOptions) -> Float
     out = np.where(pinned[of][:, None], moved, uv)
     out[pins.vertices] = pins.uv
     return out
+
+
+ROW: MethodRow = Row(
+    "arap",
+    arap,
+    "as rigid as possible",
+    "Liu et al. 2008",
+    FREE,
+    CHECKED,
+    frozenset({"tolerance", "pins"}),
+)

@@ -24,6 +24,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import (
     corner_angles,
@@ -32,41 +33,40 @@ from circparam.geometry.intrinsic import (
     vertex_angle_sums,
 )
 from circparam.mesh.cut_mesh import CutMesh, close_holes
-from circparam.methods.base import Layout, MethodOptions, require_boundary
-from circparam.methods.conformal import scaled
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
+from circparam.methods.conformal import at_surface_area
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices, open_holes
 from circparam.solvers.poisson import from_jacobians
-from circparam.solvers.tutte.boundary import Ring, outer_ring
+from circparam.solvers.tutte.outer import OuterBoundary, outer_boundary
 
 ROUNDS = 40  # of the fixed point iteration for the disk
-SHORTEST = 1e-3  # a boundary edge keeps at least this share of its wanted length when the boundary is closed
+SHORTEST = 1e-3  # a boundary edge keeps at least this share of its target length when the boundary is closed
 
 
 @dataclass(frozen=True, eq=False)
-class _Boundary:
-    """ring: the outer boundaries; follower (b,) entry after each; length (b,) of each edge on the surface."""
+class _Walk:
+    """outer: the outer boundaries; follower (b,) entry after each; length (b,) of each edge on the surface."""
 
-    ring: Ring
+    outer: OuterBoundary
     follower: IntArray
     length: FloatArray
 
     def sums(self, values: FloatArray) -> FloatArray:
         """(n,) sum over each boundary."""
-        return group_sum(values, self.ring.index, len(self.ring.size))
+        return group_sum(values, self.outer.index, len(self.outer.size))
 
     def running(self, values: FloatArray) -> FloatArray:
         """(b,) running sum along each boundary, the entry's own value included."""
         total = np.cumsum(values)
-        first = self.ring.start
-        result: FloatArray = total - (total[first] - values[first])[self.ring.index]
+        first = self.outer.start
+        result: FloatArray = total - (total[first] - values[first])[self.outer.index]
         return result
 
 
 def bff(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """Flatten with a free boundary: automatic (least area change at the boundary), onto a disk, or with the
-    boundary
-    lengths of the options. All charts in one system. Raises OptionError for lengths that do not fit.
+    boundary lengths of the options. All charts in one system. Raises OptionError for lengths that do not fit.
     """
     require_boundary(cut_mesh)
     with monitor.stage("solve"):
@@ -83,7 +83,7 @@ def bff(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
             uv = _flatten(cut_mesh, factors, conjugate=False)
         uv = uv[: cut_mesh.n_vertices]
         own_size = np.full(cut_mesh.n_charts, target is None or isinstance(target, str))
-        uv = scaled(cut_mesh, uv, own_size)
+        uv = at_surface_area(cut_mesh, uv, own_size)
     uv, notes = untangle_layout(cut_mesh, uv, "bff", options, monitor)
     steps = np.ones(cut_mesh.n_charts, np.int64)
     return Layout(uv, steps, ["solved"] * cut_mesh.n_charts, notes)
@@ -102,35 +102,32 @@ def _flatten(cut_mesh: CutMesh, u: FloatArray, conjugate: bool) -> FloatArray:
     return uv
 
 
-def _boundary(cut_mesh: CutMesh) -> _Boundary:
+def _boundary(cut_mesh: CutMesh) -> _Walk:
     """The outer boundaries of all charts."""
-    ring = outer_ring(cut_mesh)
-    index = ring.index
-    local = np.arange(len(index)) - ring.start[index]
-    follower = ring.start[index] + (local + 1) % ring.size[index]
-    return _Boundary(ring, follower, cut_mesh.edge_lengths.ravel()[ring.half_edge])
+    outer = outer_boundary(cut_mesh)
+    return _Walk(outer, outer.neighbour(1), cut_mesh.edge_lengths.ravel()[outer.half_edge])
 
 
 def _log_factors(cut_mesh: CutMesh, lengths: FloatArray) -> FloatArray:
     """(n_vertices,) log scale factor on the outer boundaries for target lengths, by half-edge number."""
     boundary = _boundary(cut_mesh)
-    h = boundary.ring.half_edge
+    h = boundary.outer.half_edge
     if lengths.shape != h.shape:
         raise OptionError(
             f"bff has {len(h)} outer boundary edges and got lengths of shape {lengths.shape}"
         )
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
         raise OptionError("the boundary lengths for bff must be finite and above 0")
-    wanted = np.empty(len(h))
-    wanted[np.argsort(h, kind="stable")] = lengths
-    ratio = np.log(wanted / boundary.length)
+    target = np.empty(len(h))
+    target[np.argsort(h, kind="stable")] = lengths
+    ratio = np.log(target / boundary.length)
     # each vertex takes the mean of its two edges, weighted by their lengths on the surface
     after, total = boundary.length * ratio, boundary.length.copy()
     sums = after.copy()
     sums[boundary.follower] += after
     total[boundary.follower] += boundary.length
     result = np.zeros(cut_mesh.n_vertices)
-    result[boundary.ring.vertices] = sums / total
+    result[boundary.outer.vertices] = sums / total
     return result
 
 
@@ -139,28 +136,28 @@ class _Flattening:
 
     def __init__(self, cut_mesh: CutMesh) -> None:
         self.cut_mesh, self.boundary = cut_mesh, _boundary(cut_mesh)
-        self.rim = self.boundary.ring.vertices
+        self.on_outer = self.boundary.outer.vertices
         self.inner = np.ones(cut_mesh.n_vertices, bool)
         self.inner[cut_mesh.faces.ravel()[cut_mesh.boundary]] = False
         self.L = sps.csr_matrix(cotangent_laplacian(cut_mesh))
         sums = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
         self.defect = 2 * np.pi - sums[self.inner]
-        self.turning = np.pi - sums[self.rim]
+        self.turning = np.pi - sums[self.on_outer]
 
     def automatic(self, u: FloatArray, conjugate: bool) -> FloatArray:
         """The flattening with log scale factor u (n_vertices,) on the boundary: curvature, curve, inside."""
-        u = u[self.rim]
+        u = u[self.on_outer]
         inside = self.L[self.inner]
         factor = Factor(sps.csc_matrix(inside[:, self.inner]))
-        to_rim = inside[:, self.rim]
-        a = factor.solve(-self.defect - to_rim @ u)
-        flux = -(to_rim.T @ a + self.L[self.rim][:, self.rim] @ u)
+        to_outer = inside[:, self.on_outer]
+        a = factor.solve(-self.defect - to_outer @ u)
+        flux = -(to_outer.T @ a + self.L[self.on_outer][:, self.on_outer] @ u)
         boundary = self.boundary
         lengths = boundary.length * np.exp((u + u[boundary.follower]) / 2)
         curve = _closed_curve(boundary, lengths, self.turning - flux)
         uv = np.empty((self.cut_mesh.n_vertices, 2))
-        uv[self.rim] = curve
-        uv[self.inner] = factor.solve(-(to_rim @ curve))
+        uv[self.on_outer] = curve
+        uv[self.inner] = factor.solve(-(to_outer @ curve))
         if conjugate:
             uv[:, 1] = self._conjugate(uv[:, 0])
         return uv
@@ -173,35 +170,35 @@ class _Flattening:
         b[self.inner] = -self.defect
         lengths = boundary.length
         for _ in range(ROUNDS):
-            share = lengths / boundary.sums(lengths)[boundary.ring.index]
+            share = lengths / boundary.sums(lengths)[boundary.outer.index]
             curvature = share.copy()
             curvature[boundary.follower] += share
-            b[self.rim] = np.pi * curvature - self.turning
+            b[self.on_outer] = np.pi * curvature - self.turning
             v = np.zeros(self.cut_mesh.n_vertices)
             v[keep] = pinned.solve(b[keep])
-            u = v[self.rim]
-            u = u - (boundary.sums(u) / boundary.ring.size)[boundary.ring.index]
+            u = v[self.on_outer]
+            u = u - (boundary.sums(u) / boundary.outer.size)[boundary.outer.index]
             new = boundary.length * np.exp((u + u[boundary.follower]) / 2)
             change = np.abs(np.log(new / lengths)).max()
             lengths = np.sqrt(new * lengths) if change > 0.1 else new
             if change < 1e-10:
                 break
-        share = lengths / boundary.sums(lengths)[boundary.ring.index]
+        share = lengths / boundary.sums(lengths)[boundary.outer.index]
         angle = 2 * np.pi * (boundary.running(share) - share)
-        radius = np.sqrt(self.cut_mesh.chart_areas / np.pi)[boundary.ring.chart]
+        radius = np.sqrt(self.cut_mesh.chart_areas / np.pi)[boundary.outer.chart]
         curve = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
         inside = self.L[self.inner]
         uv = np.empty((self.cut_mesh.n_vertices, 2))
-        uv[self.rim] = curve
+        uv[self.on_outer] = curve
         uv[self.inner] = Factor(sps.csc_matrix(inside[:, self.inner])).solve(
-            -(inside[:, self.rim] @ curve)
+            -(inside[:, self.on_outer] @ curve)
         )
         return uv
 
     def _pinned(self) -> tuple[Factor, BoolArray]:
         """Factor of the Laplacian with the first boundary vertex of every chart held at 0."""
         keep = np.ones(self.cut_mesh.n_vertices, bool)
-        keep[self.rim[self.boundary.ring.start]] = False
+        keep[self.on_outer[self.boundary.outer.start]] = False
         return Factor(sps.csc_matrix(self.L[keep][:, keep])), keep
 
     def _conjugate(self, x: FloatArray) -> FloatArray:
@@ -228,7 +225,7 @@ class _HoledFlattening(_Flattening):
         cut_mesh, opened = self.cut_mesh, open_holes(self.cut_mesh)
         scale = self._scale(u)[opened.origin]
         walk = _boundary(opened.cut_mesh)
-        at = walk.ring.vertices
+        at = walk.outer.vertices
         L = sps.csr_matrix(cotangent_laplacian(opened.cut_mesh))
         sums = vertex_angle_sums(opened.cut_mesh, corner_angles(opened.cut_mesh))
         turning = np.pi - sums[at] + (L @ scale)[at]
@@ -242,8 +239,8 @@ class _HoledFlattening(_Flattening):
             uv[:, 1] = self._conjugate(uv[:, 0])
             return uv
         outer = np.zeros(cut_mesh.faces.size, bool)
-        outer[self.boundary.ring.half_edge] = True
-        held = outer[walk.ring.half_edge]
+        outer[self.boundary.outer.half_edge] = True
+        held = outer[walk.outer.half_edge]
         curve = _closed_curve(walk, np.where(held, lengths, 0.0), turning)
         return from_jacobians(cut_mesh, targets, held=(opened.origin[at[held]], curve[held]))[0]
 
@@ -263,37 +260,37 @@ class _HoledFlattening(_Flattening):
         turning = group_sum(np.pi - sums[vertices], hole, len(size))
         excess = np.concatenate([self.defect, turning + 2 * np.pi])
         given = np.zeros(n)
-        given[self.rim] = u[self.rim]
+        given[self.on_outer] = u[self.on_outer]
         matrix = sps.csc_matrix(tie.T @ self.L @ tie)
         result: FloatArray = given + tie @ Factor(matrix).solve(-excess - tie.T @ (self.L @ given))
         return result
 
 
-def _extended(L: sps.csr_matrix, rim: IntArray, curve: FloatArray) -> FloatArray:
-    """(n, 2) harmonic with respect to the Laplacian L, the places ``curve`` (b, 2) on the rim (b,)."""
+def _extended(L: sps.csr_matrix, on: IntArray, curve: FloatArray) -> FloatArray:
+    """(n, 2) harmonic with respect to the Laplacian L, the places ``curve`` at vertices ``on`` (b,)."""
     inner = np.ones(L.shape[0], bool)
-    inner[rim] = False
+    inner[on] = False
     uv = np.empty((L.shape[0], 2))
-    uv[rim] = curve
+    uv[on] = curve
     inside = L[inner]
-    uv[inner] = Factor(sps.csc_matrix(inside[:, inner])).solve(-(inside[:, rim] @ curve))
+    uv[inner] = Factor(sps.csc_matrix(inside[:, inner])).solve(-(inside[:, on] @ curve))
     return uv
 
 
-def _closed_curve(boundary: _Boundary, lengths: FloatArray, turning: FloatArray) -> FloatArray:
+def _closed_curve(boundary: _Walk, lengths: FloatArray, turning: FloatArray) -> FloatArray:
     """(b, 2) the polygon with these turning angles at its vertices and edge lengths changed as little as closes
     it (Sawhney, Crane 2017, section 4.4). Edges of length 0 keep it."""
-    ring = boundary.ring
-    index = ring.index
+    outer = boundary.outer
+    index = outer.index
     # angles that add up to 2π on every boundary, whatever the rounding
-    turning = turning + ((2 * np.pi - boundary.sums(turning)) / ring.size)[index]
+    turning = turning + ((2 * np.pi - boundary.sums(turning)) / outer.size)[index]
     direction = boundary.running(turning)
     T = np.stack([np.cos(direction), np.sin(direction)], 1)
     floor = SHORTEST * lengths
     weight = np.where(lengths > 0, boundary.length, 0.0)
     for _ in range(20):
         gap = np.stack([boundary.sums(lengths * t) for t in T.T], 1)
-        G = np.empty((len(ring.size), 2, 2))
+        G = np.empty((len(outer.size), 2, 2))
         for i in range(2):
             for j in range(2):
                 G[:, i, j] = boundary.sums(weight * T[:, i] * T[:, j])
@@ -305,3 +302,14 @@ def _closed_curve(boundary: _Boundary, lengths: FloatArray, turning: FloatArray)
     step = lengths[:, None] * T
     result: FloatArray = np.stack([boundary.running(s) - s for s in step.T], 1)
     return result
+
+
+ROW: MethodRow = Row(
+    "bff",
+    bff,
+    "boundary first flattening: angles, with least area change or a boundary of your own",
+    "Sawhney and Crane 2017",
+    FREE,
+    CHECKED,
+    frozenset({"bff_boundary"}),
+)

@@ -17,8 +17,8 @@ from circparam.core.arrays import (
 from circparam.core.linalg import ComplexFactor
 from circparam.geometry.intrinsic import cotangent_laplacian, signed_areas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.tutte.boundary import outer_ring
 from circparam.solvers.tutte.embed import tutte_embedding
+from circparam.solvers.tutte.outer import outer_boundary
 
 MODES = 4  # vectors of the subspace of each chart: eigenvalues come close together on smooth charts
 SHIFT = 1e-11  # below the smallest eigenvalue that is not zero, above rounding
@@ -60,25 +60,25 @@ def conformal_spectral(
     """
     matrix = conformal_matrix(cut_mesh)
     chart, n = cut_mesh.vertex_chart, cut_mesh.n_charts
-    rim = np.zeros(cut_mesh.n_vertices)
-    rim[cut_mesh.faces.ravel()[cut_mesh.boundary]] = 1.0
+    on_boundary = np.zeros(cut_mesh.n_vertices)
+    on_boundary[cut_mesh.faces.ravel()[cut_mesh.boundary]] = 1.0
     shift = SHIFT * float(np.median(matrix.diagonal().real))
-    factor = ComplexFactor(sps.csc_matrix(matrix + sps.diags(shift * rim)))
-    rim_count = group_sum(rim, chart, n)
+    factor = ComplexFactor(sps.csc_matrix(matrix + sps.diags(shift * on_boundary)))
+    boundary_count = group_sum(on_boundary, chart, n)
     x = modes.copy()
     steps = np.zeros(n, np.int64)
     open_charts = np.ones(n, bool)
     last_move = np.full(n, np.inf)
     for _ in range(limit):
         before = x[:, 0]
-        x = factor.solve_complex(rim[:, None] * x)
-        x -= (_chart_sums(rim[:, None] * x, chart, n) / rim_count[:, None])[chart]
-        x = _rayleigh_ritz(cut_mesh, matrix, rim, x)
-        # how far the wanted vector has turned, its free phase taken out
-        phase = _chart_sums(rim * before.conj() * x[:, 0], chart, n)
+        x = factor.solve_complex(on_boundary[:, None] * x)
+        x -= (_chart_sums(on_boundary[:, None] * x, chart, n) / boundary_count[:, None])[chart]
+        x = _rayleigh_ritz(cut_mesh, matrix, on_boundary, x)
+        # how far the lowest mode has turned, its free phase taken out
+        phase = _chart_sums(on_boundary * before.conj() * x[:, 0], chart, n)
         phase = phase / np.maximum(np.abs(phase), 1e-300)
         x[:, 0] *= phase.conj()[chart]
-        move = np.sqrt(group_sum(rim * np.abs(x[:, 0] - before) ** 2, chart, n))
+        move = np.sqrt(group_sum(on_boundary * np.abs(x[:, 0] - before) ** 2, chart, n))
         steps += open_charts
         rounding = (move < 1e-6) & (move > 0.7 * last_move)
         open_charts &= ~((move < 1e-10) | rounding)
@@ -100,13 +100,13 @@ def _chart_sums(values: ComplexArray, chart: IntArray, n: int) -> ComplexArray:
 
 
 def _rayleigh_ritz(
-    cut_mesh: CutMesh, matrix: sps.csc_matrix, rim: FloatArray, x: ComplexArray
+    cut_mesh: CutMesh, matrix: sps.csc_matrix, on_boundary: FloatArray, x: ComplexArray
 ) -> ComplexArray:
     """Rotate the subspace of each chart to its B-normalised Ritz vectors, smallest value first."""
     chart, n, k = cut_mesh.vertex_chart, cut_mesh.n_charts, x.shape[1]
-    size = np.sqrt(_chart_sums(rim[:, None] * np.abs(x) ** 2 + 0j, chart, n).real)
+    size = np.sqrt(_chart_sums(on_boundary[:, None] * np.abs(x) ** 2 + 0j, chart, n).real)
     x = x / np.maximum(size, 1e-300)[chart]
-    bx = rim[:, None] * x
+    bx = on_boundary[:, None] * x
     gram = _chart_sums(x.conj()[:, :, None] * bx[:, None, :], chart, n)
     weight, basis = np.linalg.eigh(gram)
     # directions that the vectors do not span come back as zero vectors with a huge value
@@ -121,7 +121,7 @@ def _rayleigh_ritz(
     return result
 
 
-def scaled(cut_mesh: CutMesh, uv: FloatArray, charts: BoolArray) -> FloatArray:
+def at_surface_area(cut_mesh: CutMesh, uv: FloatArray, charts: BoolArray) -> FloatArray:
     """uv with these charts centred, turned to a fixed direction, and scaled to their area on the surface.
 
     Turned so that the outer boundary's first vertex lies on the positive x axis from the centre.
@@ -132,8 +132,8 @@ def scaled(cut_mesh: CutMesh, uv: FloatArray, charts: BoolArray) -> FloatArray:
     z = z - (_chart_sums(z, chart, n) / count)[chart]
     size = np.sqrt(group_max(np.abs(z) ** 2, chart, n))
     z = z / np.maximum(size, 1e-300)[chart]
-    ring = outer_ring(cut_mesh)
-    towards = z[ring.vertices[ring.start]]
+    outer = outer_boundary(cut_mesh)
+    towards = z[outer.vertices[outer.start]]
     far = np.abs(towards) > 1e-12
     z = z * np.where(far, np.conj(towards) / np.where(far, np.abs(towards), 1.0), 1.0)[chart]
     unit = np.stack([z.real, z.imag], 1)

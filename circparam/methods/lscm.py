@@ -13,19 +13,25 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, ComplexArray, IntArray
 from circparam.core.linalg import ComplexFactor
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import Layout, MethodOptions, require_boundary
-from circparam.methods.conformal import conformal_matrix, conformal_spectral, scaled, start_modes
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
+from circparam.methods.conformal import (
+    at_surface_area,
+    conformal_matrix,
+    conformal_spectral,
+    start_modes,
+)
 from circparam.methods.pins import Pins, check_pins
 from circparam.methods.untangled import untangle_layout
-from circparam.solvers.tutte.boundary import outer_ring
+from circparam.solvers.tutte.outer import outer_boundary
 
 VARIANTS = ("spectral", "pinned")
 
 
 def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
-    """The conformal map with a free boundary; charts are scaled to their area on the surface.
+    """The conformal map with a free boundary; charts are at_surface_area to their area on the surface.
 
     Spectral without pins, by the option ``lscm`` or where points are pinned the pinned form: a chart without
     pins of the user's then holds two opposite points of its boundary. Raises OptionError for bad pins.
@@ -40,7 +46,7 @@ def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
         else:
             z, steps = conformal_spectral(cut_mesh, start_modes(cut_mesh))
             held = np.zeros(cut_mesh.n_charts, bool)
-        uv = scaled(cut_mesh, np.stack([z.real, z.imag], 1), ~held)
+        uv = at_surface_area(cut_mesh, np.stack([z.real, z.imag], 1), ~held)
     uv, notes = untangle_layout(cut_mesh, uv, "lscm", options, monitor)
     return Layout(uv, steps, ["solved"] * cut_mesh.n_charts, notes)
 
@@ -73,12 +79,23 @@ def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray
 
 
 def _opposite_points(cut_mesh: CutMesh, charts: BoolArray) -> tuple[IntArray, ComplexArray]:
-    """Two boundary vertices of each of these charts, half of it apart, laid as far apart as a disk is wide."""
-    ring = outer_ring(cut_mesh)
-    first = ring.start[charts]
-    distance = np.abs(ring.place - 0.5)
-    order = np.lexsort((distance, ring.index))
+    """Two boundary vertices of each of these charts, half of it apart, placed a disk's width apart."""
+    outer = outer_boundary(cut_mesh)
+    first = outer.start[charts]
+    distance = np.abs(outer.place - 0.5)
+    order = np.lexsort((distance, outer.index))
     second = order[first]
     width = 2 * np.sqrt(cut_mesh.chart_areas / np.pi)[charts]
-    vertices = np.concatenate([ring.vertices[first], ring.vertices[second]])
+    vertices = np.concatenate([outer.vertices[first], outer.vertices[second]])
     return vertices, np.concatenate([np.zeros(len(first)), width]).astype(np.complex128)
+
+
+ROW: MethodRow = Row(
+    "lscm",
+    lscm,
+    "least squares conformal map: angles",
+    "Lévy et al. 2002; spectral: Mullen et al. 2008",
+    FREE,
+    CHECKED,
+    frozenset({"lscm", "pins"}),
+)

@@ -1,4 +1,4 @@
-"""Check the result of a method that gives no guarantee, and mend it: what was done is always told."""
+"""Untangle the result of a method that gives no guarantee; a note always says what was done."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def untangle_layout(
     hold: BoolArray | None = None,
     conformal: bool = True,
 ) -> tuple[FloatArray, list[str]]:
-    """Unfold what a method without a guarantee has flipped, and say so in one line.
+    """Untangle what a method without a guarantee has flipped, and say so in one line.
 
     hold: (n_vertices,) vertices that keep their places. conformal: the map keeps angles. A chart that does
     not untangle becomes the isometric map from its convex start, where no vertex of it is held. With
-    ``options.repair`` off the flips stay, and are told. Returns (uv, notes).
+    ``options.repair`` off the flips stay, and a note says so. Returns (uv, notes).
     """
     bad = flipped(cut_mesh.faces, uv)
     if not bad.any():
@@ -45,9 +45,9 @@ def untangle_layout(
         left[cut_mesh.vertex_chart[hold]] = False
     if left.any():
         part, vertices, _ = cut_mesh.subset(left)
-        start, told = embed_start(part, options.start, options.tutte, monitor)
+        start, more = embed_start(part, options.start, options.tutte, monitor)
         uv = uv.copy()
         with monitor.stage("relax"):
             uv[vertices] = relax(part, start, RelaxOptions(), monitor).uv
-        notes += [f"{name}: {int(left.sum())} charts are the isometric map instead", *told]
+        notes += [f"{name}: {int(left.sum())} charts are the isometric map instead", *more]
     return uv, notes

@@ -11,7 +11,9 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import MethodOptions
 
-CRUSHED = 1e6  # distortion at which a chart counts as faulty whatever was promised
+# Distortion at which a chart counts as faulty whatever was promised: that of one scaled by 1 : 1400 throughout,
+# since (s² + s⁻²) / 2 = 10⁶, which fills one and a half texels where it should fill 2048.
+FAULTY = 1e6
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class CascadeRules:
 
     may_split: bool = True
     remap: bool = True
-    bound: float = CRUSHED
+    bound: float = FAULTY
     method: MethodOptions = field(default_factory=MethodOptions)
 
 

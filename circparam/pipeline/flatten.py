@@ -15,7 +15,7 @@ from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.methods.pins import Pins
-from circparam.pipeline.cascade import CRUSHED, Cascade, CascadeRules
+from circparam.pipeline.cascade import FAULTY, Cascade, CascadeRules
 from circparam.pipeline.configure import method_options, seam_options
 from circparam.pipeline.job import Job
 from circparam.pipeline.options import Options
@@ -69,7 +69,7 @@ def rules(options: Options) -> CascadeRules:
     return CascadeRules(
         may_split=options.cut == "charts",
         remap=options.cut == "charts" or not convex,
-        bound=CRUSHED if bound is None else bound,
+        bound=FAULTY if bound is None else bound,
         method=method_options(options),
     )
 

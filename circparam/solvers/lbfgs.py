@@ -12,10 +12,49 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.monitor import Monitor
 
 Energy: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-
 Precondition: TypeAlias = Callable[[FloatArray], FloatArray]
-ARMIJO = 1e-4
-HALVINGS = 40
+ARMIJO = 1e-4  # share of the decrease that the slope promises which a step must win
+HALVINGS = 40  # of a step: to 1e-12 of it
+MEMORY = 8  # pairs that are remembered; Nocedal and Wright (2006, section 7.2) advise 3 to 20
+CURVED = 1e-12  # sᵀy / ‖s‖‖y‖ from which a pair tells a curvature above rounding
+IDLE = 2  # steps on end below the tolerance after which a group stops
+
+
+@dataclass(frozen=True)
+class DescentOptions:
+    """tolerance: a group stops when its energy falls by less than this share in two steps on end.
+
+    limit: bound on the steps.
+    """
+
+    tolerance: float
+    limit: int
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Vertices of independent problems: of (v,) int64, the group of each; count, the number of groups."""
+
+    of: IntArray
+    count: int
+
+    def dot(self, a: FloatArray, b: FloatArray) -> FloatArray:
+        """(count,) inner product of vectors (v, 2) in each group."""
+        return group_sum((a * b).sum(1), self.of, self.count)
+
+    def spread(self, values: FloatArray) -> FloatArray:
+        """(v, 1) the value (count,) of its group for every vertex."""
+        result: FloatArray = values[self.of][:, None]
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """x (v, 2); steps (count,) taken by each group; reasons: why each stopped."""
+
+    x: FloatArray
+    steps: IntArray
+    reasons: list[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,117 +67,120 @@ class _Pair:
     length: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """x (v, 2), the energies of the groups and the gradient (v, 2)."""
+
+    x: FloatArray
+    value: FloatArray
+    gradient: FloatArray
+
+
+def _evaluated(energy: Energy, x: FloatArray) -> _Point:
+    value, gradient = energy(x)
+    return _Point(x, value, gradient)
+
+
 def descend(
     energy: Energy,
     x: FloatArray,
-    group: IntArray,
-    n: int,
+    groups: Groups,
     precondition: Precondition,
-    tolerance: float,
-    limit: int,
-    memory: int = 8,
+    options: DescentOptions,
     monitor: Monitor | None = None,
-) -> tuple[FloatArray, IntArray, list[str]]:
-    """Minimise the energy of every group of vertices (Nocedal, Wright 2006, algorithm 7.4).
+) -> Descent:
+    """Minimise the energy of every group of vertices (Nocedal, Wright 2006, algorithm 7.5).
 
-    energy: x (v, 2) → (energies (n,), gradient (v, 2), zero where a vertex is held). group: (v,) int64.
-    precondition: an approximate inverse Hessian, block diagonal over the groups. tolerance: a group stops when
-    its energy falls by less than this share in two steps on end. Returns (x, iterations (n,), reasons).
+    energy: x (v, 2) → (energies (count,), gradient (v, 2), zero where a vertex is held). precondition: an
+    approximate inverse Hessian, block diagonal over the groups.
     """
-    value, gradient = energy(x)
-    open_groups = np.ones(n, bool)
-    steps = np.zeros(n, np.int64)
-    idle = np.zeros(n, np.int64)
+    at = _evaluated(energy, x)
+    n = groups.count
+    going = np.ones(n, bool)
+    steps, idle = np.zeros(n, np.int64), np.zeros(n, np.int64)
     reasons = np.full(n, "iterations", dtype="<U16")
     pairs: list[_Pair] = []
-    for iteration in range(limit):
-        direction = -_two_loop(gradient, pairs, group, n, precondition)
-        slope = _dot(gradient, direction, group, n)
-        uphill = ~(slope < 0)
-        if uphill.any():  # forget the memory where it misleads: steepest descent
-            plain = -precondition(gradient)
-            direction = np.where(uphill[group][:, None], plain, direction)
-            slope = _dot(gradient, direction, group, n)
-        trial, new_value, new_gradient, moved = _line_search(
-            energy, x, value, direction, slope, group, open_groups
-        )
-        s, y = trial - x, new_gradient - gradient
-        curvature = _dot(s, y, group, n)
-        norm = np.sqrt(_dot(s, s, group, n) * _dot(y, y, group, n))
-        inverse = np.where(curvature > 1e-12 * norm, 1 / np.where(curvature > 0, curvature, 1), 0)
-        length = _dot(y, precondition(y), group, n)
-        pairs = [*pairs, _Pair(s, y, inverse, length)][-memory:]
-        gain = value - new_value
-        steps += open_groups & moved
-        idle = np.where(gain > tolerance * np.abs(new_value), 0, idle + 1)
-        reasons[open_groups & (idle >= 2)] = "converged"
-        reasons[open_groups & ~moved] = "no lower step"
-        open_groups &= moved & (idle < 2)
-        x, value, gradient = trial, new_value, new_gradient
+    for iteration in range(options.limit):
+        direction, slope = _direction(at.gradient, pairs, groups, precondition)
+        new, moved = _line_search(energy, at, direction, np.where(going, slope, 0.0), groups)
+        pairs = [*pairs, _pair(at, new, groups, precondition)][-MEMORY:]
+        steps += going & moved
+        gain = at.value - new.value
+        idle = np.where(gain > options.tolerance * np.abs(new.value), 0, idle + 1)
+        reasons[going & (idle >= IDLE)] = "converged"
+        reasons[going & ~moved] = "no lower step"
+        going &= moved & (idle < IDLE)
+        at = new
         if monitor is not None:
-            monitor.update(iteration / limit, f"energy {value.sum():.6g}")
+            monitor.update(iteration / options.limit, f"energy {at.value.sum():.6g}")
             if monitor.expired:
-                reasons[open_groups] = "out of time"
+                reasons[going] = "out of time"
                 break
-        if not open_groups.any():
+        if not going.any():
             break
-    return x, steps, [str(r) for r in reasons]
+    return Descent(at.x, steps, [str(r) for r in reasons])
 
 
-def _dot(a: FloatArray, b: FloatArray, group: IntArray, n: int) -> FloatArray:
-    """(n,) inner product of each group."""
-    return group_sum((a * b).sum(1), group, n)
+def _pair(before: _Point, after: _Point, groups: Groups, precondition: Precondition) -> _Pair:
+    """What a step tells of the curvature; nothing in a group where it is negative, or that has not moved."""
+    s, y = after.x - before.x, after.gradient - before.gradient
+    curvature = groups.dot(s, y)
+    norm = np.sqrt(groups.dot(s, s) * groups.dot(y, y))
+    inverse = np.where(curvature > CURVED * norm, 1 / np.where(curvature > 0, curvature, 1), 0)
+    return _Pair(s, y, inverse, groups.dot(y, precondition(y)))
+
+
+def _direction(
+    gradient: FloatArray, pairs: list[_Pair], groups: Groups, precondition: Precondition
+) -> tuple[FloatArray, FloatArray]:
+    """(direction (v, 2), its slope (count,)): steepest descent where the memory misleads uphill."""
+    direction = -_two_loop(gradient, pairs, groups, precondition)
+    slope = groups.dot(gradient, direction)
+    uphill = ~(slope < 0)
+    if uphill.any():
+        direction = np.where(uphill[groups.of][:, None], -precondition(gradient), direction)
+        slope = groups.dot(gradient, direction)
+    return direction, slope
 
 
 def _two_loop(
-    gradient: FloatArray,
-    pairs: list[_Pair],
-    group: IntArray,
-    n: int,
-    precondition: Precondition,
+    gradient: FloatArray, pairs: list[_Pair], groups: Groups, precondition: Precondition
 ) -> FloatArray:
-    """The inverse Hessian of the memory times the gradient; a pair without curvature has no effect."""
+    """The inverse Hessian of the memory times the gradient (algorithm 7.4); a pair without curvature has no
+    effect."""
     q = gradient.copy()
     alphas = []
     for pair in reversed(pairs):
-        alpha = pair.inverse * _dot(pair.s, q, group, n)
+        alpha = pair.inverse * groups.dot(pair.s, q)
         alphas.append(alpha)
-        q -= alpha[group][:, None] * pair.y
+        q -= groups.spread(alpha) * pair.y
     r = precondition(q)
     if pairs:
         last = pairs[-1]
         good = (last.inverse > 0) & (last.length > 0)
         scale = np.where(good, 1 / np.where(good, last.inverse * last.length, 1.0), 1.0)
-        r *= scale[group][:, None]
+        r *= groups.spread(scale)
     for pair, alpha in zip(pairs, reversed(alphas), strict=True):
-        beta = pair.inverse * _dot(pair.y, r, group, n)
-        r += (alpha - beta)[group][:, None] * pair.s
+        beta = pair.inverse * groups.dot(pair.y, r)
+        r += groups.spread(alpha - beta) * pair.s
     return r
 
 
 def _line_search(
-    energy: Energy,
-    x: FloatArray,
-    value: FloatArray,
-    direction: FloatArray,
-    slope: FloatArray,
-    group: IntArray,
-    open_groups: BoolArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-    """Armijo backtracking for each group; returns (x, energies, gradient, which groups have moved)."""
-    step = np.where(open_groups & (slope < 0), 1.0, 0.0)
+    energy: Energy, at: _Point, direction: FloatArray, slope: FloatArray, groups: Groups
+) -> tuple[_Point, BoolArray]:
+    """Armijo backtracking for each group with a negative slope; (where it led, which groups have moved)."""
+    step = np.where(slope < 0, 1.0, 0.0)
     for _ in range(HALVINGS):
-        trial = x + step[group][:, None] * direction
-        new_value, gradient = energy(trial)
+        trial = _evaluated(energy, at.x + groups.spread(step) * direction)
         with np.errstate(invalid="ignore"):
-            enough = new_value <= value + ARMIJO * step * slope
+            enough = trial.value <= at.value + ARMIJO * step * slope
         enough |= step == 0
         if enough.all():
             break
         step = np.where(enough, step, step / 2)
     else:
         step = np.where(enough, step, 0.0)
-        trial = x + step[group][:, None] * direction
-        new_value, gradient = energy(trial)
+        trial = _evaluated(energy, at.x + groups.spread(step) * direction)
     still = step == 0
-    return trial, np.where(still, value, new_value), gradient, ~still
+    return _Point(trial.x, np.where(still, at.value, trial.value), trial.gradient), ~still

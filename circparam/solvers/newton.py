@@ -1,39 +1,32 @@
 """Relax layouts by projected Newton on the symmetric Dirichlet energy, all charts in one system.
 
 Every chart has its own step length, energy and stopping test; the Hessian is one block matrix. A step never
-reaches the first collapse of a face, so a layout that starts without a flipped face ends without one.
+reaches the first collapse of a face (Smith and Schaefer 2015), so a layout that starts without a flipped face
+ends without one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_min, group_sum
-from circparam.core.linalg import SparseMatrix, conjugate_gradients
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
-from circparam.solvers.preconditioner import (
-    DIRECT_LIMIT,
-    SMALL_CHART,
-    BlockPattern,
-    TwoLevel,
-    aggregates,
-    solve_direct,
-)
+from circparam.solvers.objective import Objective, in_units_of_faces
 
-ARMIJO = 1e-4
+ARMIJO = 1e-4  # share of the decrease that the slope promises which a step must win (Nocedal, Wright 2006, 3.4)
+HALVINGS = 40  # of a step: to 1e-12 of it
+SHORTEST_STEP = 1e-10  # share of the Newton step below which a chart is said to find no descent
 SAFETY = 0.9  # share of the way to the first collapse that a step may go
 BAD_START = 20.0  # energy above which the SLIM proxy leads better than the Hessian
 PROXY_STEPS = 4
 HOPE = 1.2  # a chart is not expected to win more than this many times its last full step again
-STRIDE = (
-    1.15  # a full step that wins this many times what the model said is followed by longer ones
-)
+STRIDE = 1.15  # a full step that wins so many times what the model said is followed by longer ones
 STRIDES = (2.0, 4.0, 8.0)
+SMALLER = 0.8  # the system is made anew when the faces of charts that still move are below this share of it
 
 
 @dataclass(frozen=True)
@@ -68,98 +61,23 @@ class Relaxed:
     stopped: list[str]
 
 
-class System:
-    """The charts that still move: cut mesh in components-first arrays, with their pattern."""
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A layout: uv (nv, 2), the energy (n_charts,) of each chart, the Jacobians (2, 2, m)."""
 
-    def __init__(self, cut_mesh: CutMesh, fixed: BoolArray | None, blend: float) -> None:
-        self.cut_mesh = cut_mesh
-        self.blend = blend
-        self.fixed = fixed
-        self.gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
-        self.weight = cut_mesh.areas / cut_mesh.chart_areas[cut_mesh.chart]
-        self.corners = cut_mesh.faces.T.copy()
-        self.pattern: BlockPattern | None = None
-        self.agg: IntArray | None = None
-        self.large: BoolArray | None = None  # (nv,) vertices of charts that are solved by iteration
-
-    def gather(self, uv: FloatArray) -> FloatArray:
-        """(2, 3, m) uv of the corners."""
-        return np.stack([uv[:, 0][self.corners], uv[:, 1][self.corners]])
-
-    def energies(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n_charts,) energy of each chart, and the Jacobians."""
-        jacobian = dirichlet.jacobians(self.gradients, self.gather(uv))
-        value = self.weight * dirichlet.energy(jacobian, self.blend)
-        return group_sum(value, self.cut_mesh.chart, self.cut_mesh.n_charts), jacobian
-
-    def vertex_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
-        """(nv, 2) gradient of the energies."""
-        p = dirichlet.gradient(jacobian, self.blend) * self.weight
-        corner = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]
-        flat = self.corners.ravel()
-        n = self.cut_mesh.n_vertices
-        return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
-
-    def direction(
-        self, uv: FloatArray, jacobian: FloatArray, g: FloatArray, proxy: bool
-    ) -> FloatArray:
-        """(nv, 2) the Newton direction (or the SLIM proxy's)."""
-        if self.pattern is None:
-            self.pattern = BlockPattern(self.cut_mesh)
-        if proxy:
-            values, directions = dirichlet.proxy_modes(jacobian)
-        else:
-            values, directions = dirichlet.newton_modes(jacobian, self.blend)
-        blocks = dirichlet.edge_blocks(values * self.weight, directions, self.gradients)
-        matrix = self.stiffened(self.pattern.assemble(blocks))
-        if self.fixed is not None:
-            matrix = _hold(matrix, self.fixed)
-            g = np.where(self.fixed[:, None], 0.0, g)
-        if self.cut_mesh.n_vertices <= DIRECT_LIMIT:
-            return -solve_direct(matrix, g)
-        if self.large is None:
-            count = group_count(self.cut_mesh.vertex_chart, self.cut_mesh.n_charts)
-            self.large = (count > SMALL_CHART)[self.cut_mesh.vertex_chart]
-        if self.large.all():
-            return -self._iterated(matrix, g, uv, self.pattern, self.large)
-        # with one tolerance for all, the charts that are worst off decide how well the small are solved
-        step = np.empty_like(g)
-        small = np.repeat(~self.large, 2)
-        rows = sps.csr_matrix(matrix)
-        step[~self.large] = solve_direct(rows[small][:, small], g[~self.large])
-        if self.large.any():
-            step[self.large] = self._iterated(
-                rows[~small][:, ~small], g[self.large], uv, self.pattern, self.large
-            )
-        return -step
-
-    def _iterated(
-        self,
-        matrix: SparseMatrix,
-        g: FloatArray,
-        uv: FloatArray,
-        pattern: BlockPattern,
-        large: BoolArray,
-    ) -> FloatArray:
-        """About matrix⁻¹ g by conjugate gradients, for the vertices of large charts."""
-        if self.agg is None:
-            agg = aggregates(self.cut_mesh, pattern, uv)[large]
-            self.agg = np.unique(agg, return_inverse=True)[1].reshape(-1)
-        precondition = TwoLevel(matrix, self.agg, uv[large])
-        step = conjugate_gradients(matrix, g.ravel(), precondition, 2e-2, 60)
-        return step.reshape(-1, 2)
-
-    def stiffened(self, matrix: sps.bsr_matrix) -> SparseMatrix:
-        """The Hessian with whatever else resists the motion; here nothing does."""
-        return matrix
+    uv: FloatArray
+    energy: FloatArray
+    jacobian: FloatArray
 
 
-def _hold(matrix: SparseMatrix, fixed: BoolArray) -> SparseMatrix:
-    """The matrix with identity rows and columns (times a number) for fixed vertices."""
-    held = np.repeat(fixed, 2)
-    moves = sps.diags(np.where(held, 0.0, 1.0))
-    size = float(np.abs(matrix.diagonal()).mean())
-    return sps.csr_matrix(moves @ matrix @ moves + sps.diags(np.where(held, size, 0.0)))
+@dataclass(frozen=True, eq=False)
+class NewtonStep:
+    """to: the layout after the step. predicted (n_charts,): what the energy falls by in Newton's model.
+    length (n_charts,): the step as a multiple of Newton's, 0 where none lowers the energy."""
+
+    to: Iterate
+    predicted: FloatArray
+    length: FloatArray
 
 
 def relax(
@@ -169,155 +87,158 @@ def relax(
 
     uv: (nv, 2) in the units of the mesh. Charts that start with a flipped or collapsed face are left as they
     are and their energy is infinite. Source of the steps: Smith and Schaefer (2015); of the eigensystem: Smith,
-    Goes and Kim (2019).
+    Goes and Kim (2019); of the proxy for bad starts: Rabinovich et al. (2017).
     """
-    scale = np.sqrt(cut_mesh.areas.mean())
-    work = replace(cut_mesh, rest_triangles=cut_mesh.rest_triangles / scale)
-    out = uv / scale
-    n = cut_mesh.n_charts
-    iterations = np.zeros(n, np.int64)
-    stopped = np.full(n, "iterations", dtype=object)
-    floor = np.ones(n)
-    system = System(work, options.fixed, options.blend)
-    energy, jacobian = system.energies(out)
-    stopped[~np.isfinite(energy)] = "flipped start"
-    active = np.isfinite(energy)
-    if options.bound is not None:
-        stopped[active & (energy <= options.bound)] = "bound"
-        active &= energy > options.bound
-    charts = np.arange(n)  # charts, vertices of the whole that the system holds
-    vertices = np.arange(cut_mesh.n_vertices)
-    fresh = True
-    for step in range(options.max_iterations):
-        if not active.any():
+    work, start, scale = in_units_of_faces(cut_mesh, uv)
+    state = _Relaxation(work, start, options)
+    for number in range(options.max_iterations):
+        if not state.active.any():
             break
         if monitor is not None and monitor.expired:
-            stopped[active] = "time"
+            state.stopped[state.active] = "time"
             break
-        inside = active[charts]
-        share = (
-            work.areas.size
-            and np.bincount(system.cut_mesh.chart, minlength=len(charts))[inside].sum()
-        )
-        if share < 0.8 * len(system.cut_mesh.faces):
-            sub, vid, _ = system.cut_mesh.subset(inside)
-            charts, vertices = charts[inside], vertices[vid]
-            held = None if options.fixed is None else options.fixed[vertices]
-            system = System(sub, held, options.blend)
-            inside = np.ones(len(charts), bool)
-            fresh = True
-        u = out[vertices]
-        e = energy[charts]
-        if fresh:
-            e, jacobian = system.energies(u)
-            fresh = False
-        proxy = bool(step < PROXY_STEPS and e[inside].max() > BAD_START)
-        moved = newton_step(system, u, e, jacobian, inside, proxy)
-        u, e1, jacobian, predicted, lengths = moved
-        progress, full = lengths > 0, lengths > 0.5
-        gain = np.where(inside, e, 0.0) - np.where(inside, e1, 0.0)
-        expected = np.where(full, e1 - HOPE * gain, 1.0)
-        floor[charts] = np.where(inside, np.maximum(floor[charts], expected), floor[charts])
-        out[vertices] = u
-        iterations[charts] += inside
-        energy[charts] = e1
-        done = inside & (predicted <= options.tolerance * e1) & (not proxy)
-        stuck = inside & ~progress & ~done
-        stopped[charts[done]] = "converged"
-        stopped[charts[stuck]] = "no descent"
-        finished = done | stuck
-        if options.give_up is not None and step > 0:
-            hopeless = inside & full & ~finished & (floor[charts] > options.give_up)
-            stopped[charts[hopeless]] = "gave up"
-            finished |= hopeless
-        if options.bound is not None:
-            reached = inside & (e1 <= options.bound) & ~finished
-            stopped[charts[reached]] = "bound"
-            finished |= reached
-        active[charts[finished]] = False
+        state.step(number)
         if monitor is not None:
-            monitor.update(
-                1 - active.mean(), f"energy {energy[np.isfinite(energy)].max(initial=0):.5g}"
-            )
-    out *= scale
+            highest = state.energy[np.isfinite(state.energy)].max(initial=0)
+            monitor.update(1 - state.active.mean(), f"energy {highest:.5g}")
+    out = state.uv * scale
     if options.fixed is not None:  # to scale and back changes last bits
         out[options.fixed] = uv[options.fixed]
-    return Relaxed(out, energy, floor, iterations, [str(s) for s in stopped])
+    reasons = [str(s) for s in state.stopped]
+    return Relaxed(out, state.energy, state.floor, state.iterations, reasons)
+
+
+class _Relaxation:
+    """The charts on their way to the minimum: layout, energy, floor and reason to stop of each.
+
+    objective, jacobian: of those that still move; charts, vertices: their numbers in the whole.
+    """
+
+    def __init__(self, cut_mesh: CutMesh, uv: FloatArray, options: RelaxOptions) -> None:
+        n = cut_mesh.n_charts
+        self.options, self.uv = options, uv
+        self.iterations = np.zeros(n, np.int64)
+        self.stopped = np.full(n, "iterations", dtype=object)
+        self.floor = np.ones(n)
+        self.objective = Objective(cut_mesh, options.fixed, options.blend)
+        self.energy, self.jacobian = self.objective.energies(self.uv)
+        self.stopped[~np.isfinite(self.energy)] = "flipped start"
+        self.active = np.isfinite(self.energy)
+        if options.bound is not None:
+            self.stopped[self.active & (self.energy <= options.bound)] = "bound"
+            self.active &= self.energy > options.bound
+        self.charts, self.vertices = np.arange(n), np.arange(cut_mesh.n_vertices)
+
+    def step(self, number: int) -> None:
+        """One step of every active chart; those that are done then stop."""
+        self._narrow()
+        inside = self.active[self.charts]
+        energy = self.energy[self.charts]
+        proxy = bool(number < PROXY_STEPS and energy[inside].max() > BAD_START)
+        before = Iterate(self.uv[self.vertices], energy, self.jacobian)
+        step = newton_step(self.objective, before, inside, proxy)
+        self.jacobian = step.to.jacobian
+        self.uv[self.vertices] = step.to.uv
+        self.energy[self.charts] = step.to.energy
+        self.iterations[self.charts] += inside
+        self._raise_floor(energy, step, inside)
+        self._stop(step, inside, proxy, first=number == 0)
+
+    def _narrow(self) -> None:
+        """Leave out the charts that have stopped, where that makes the system clearly smaller."""
+        part = self.objective.cut_mesh
+        inside = self.active[self.charts]
+        if np.count_nonzero(inside[part.chart]) >= SMALLER * len(part.faces):
+            return
+        part, kept, _ = part.subset(inside)
+        self.charts, self.vertices = self.charts[inside], self.vertices[kept]
+        fixed = None if self.options.fixed is None else self.options.fixed[self.vertices]
+        self.objective = Objective(part, fixed, self.options.blend)
+        self.energy[self.charts], self.jacobian = self.objective.energies(self.uv[self.vertices])
+
+    def _raise_floor(self, before: FloatArray, step: NewtonStep, inside: BoolArray) -> None:
+        """What each chart will hardly fall below, as its last full step says; other steps tell nothing."""
+        after = step.to.energy
+        gain = np.where(inside, before, 0.0) - np.where(inside, after, 0.0)
+        expected = np.where(step.length > 0.5, after - HOPE * gain, 1.0)
+        floor = self.floor[self.charts]
+        self.floor[self.charts] = np.where(inside, np.maximum(floor, expected), floor)
+
+    def _stop(self, step: NewtonStep, inside: BoolArray, proxy: bool, first: bool) -> None:
+        """Stop the charts that have converged, are stuck, are hopeless or have reached the bound; say which."""
+        options, energy = self.options, step.to.energy
+        going = inside.copy()
+
+        def stop(reason: str, which: BoolArray) -> None:
+            self.stopped[self.charts[which & going]] = reason
+            going[which] = False
+
+        if not proxy:
+            stop("converged", step.predicted <= options.tolerance * energy)
+        stop("no descent", step.length <= 0)
+        if options.give_up is not None and not first:
+            stop("gave up", (step.length > 0.5) & (self.floor[self.charts] > options.give_up))
+        if options.bound is not None:
+            stop("bound", energy <= options.bound)
+        self.active[self.charts[inside & ~going]] = False
 
 
 def newton_step(
-    system: System,
-    u: FloatArray,
-    e: FloatArray,
-    jacobian: FloatArray,
-    inside: BoolArray,
-    proxy: bool,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """One damped step of every active chart: (uv, energies, Jacobians, predicted decrease, step lengths)."""
-    p = system.cut_mesh
-    n = p.n_charts
-    safe = np.where(np.isfinite(e)[p.chart], jacobian, np.eye(2)[:, :, None])
-    g = system.vertex_gradient(safe, u)
-    if system.fixed is not None:
-        g = np.where(system.fixed[:, None], 0.0, g)
-    d = system.direction(u, safe, g, proxy)
-    if system.fixed is not None:
-        # the coarse space of the iterative solver moves whole aggregates, and with them what is fixed
-        d = np.where(system.fixed[:, None], 0.0, d)
-    else:
-        # no energy sees a chart move as a whole; rounding would let it drift until its faces lose their digits
-        count = group_count(p.vertex_chart, n)
-        drift = np.stack([group_sum(d[:, k], p.vertex_chart, n) / count for k in range(2)], 1)
-        d = d - drift[p.vertex_chart]
-    slope = group_sum((g * d).sum(1), p.vertex_chart, n)
+    objective: Objective, before: Iterate, active: BoolArray, proxy: bool
+) -> NewtonStep:
+    """One damped step of every active chart ((n_charts,) bool); the others stay.
+
+    proxy: take the quadratic of SLIM in place of the Hessian. The step ends before a face collapses, and is
+    halved until the energy falls by Armijo's rule; a full one may be lengthened (see ``_stride``).
+    """
+    part, u = objective.cut_mesh, before.uv
+    n = part.n_charts
+    sound = np.isfinite(before.energy)
+    jacobian = np.where(sound[part.chart], before.jacobian, np.eye(2)[:, :, None])
+    g = objective.gradient(jacobian, u)
+    d = objective.direction(u, jacobian, g, proxy)
+    slope = group_sum((g * d).sum(1), part.vertex_chart, n)
     bad = ~(slope <= 0)
     if bad.any():  # the model failed (rounding): go down the gradient instead
-        d = np.where(bad[p.vertex_chart][:, None], -g, d)
-        slope = group_sum((g * d).sum(1), p.vertex_chart, n)
-    reach = group_min(dirichlet.largest_step(system.gather(u), system.gather(d)), p.chart, n)
-    t = np.where(inside & np.isfinite(e), np.minimum(1.0, SAFETY * reach), 0.0)
-    for _ in range(40):
-        trial = u + t[p.vertex_chart][:, None] * d
-        e1, j1 = system.energies(trial)
+        d = np.where(bad[part.vertex_chart][:, None], -g, d)
+        slope = group_sum((g * d).sum(1), part.vertex_chart, n)
+    collapse = dirichlet.largest_step(objective.gather(u), objective.gather(d))
+    reach = SAFETY * group_min(collapse, part.chart, n)
+    t = np.where(active & sound, np.minimum(1.0, reach), 0.0)
+    for _ in range(HALVINGS):
+        trial = u + t[part.vertex_chart][:, None] * d
+        energy, jacobian = objective.energies(trial)
         with np.errstate(invalid="ignore"):
-            bad = (t > 0) & ~(e1 <= e + ARMIJO * t * slope)
+            bad = (t > 0) & ~(energy <= before.energy + ARMIJO * t * slope)
         if not bad.any():
             break
-        t[bad] = np.where(t[bad] < 1e-10, 0.0, t[bad] / 2)
-    if not proxy:
-        trial, e1, j1, t = _stride(system, u, d, (trial, e1, j1, t), e, slope, reach)
-    return trial, e1, j1, -slope / 2, t
+        t[bad] = np.where(t[bad] < SHORTEST_STEP, 0.0, t[bad] / 2)
+    step = NewtonStep(Iterate(trial, energy, jacobian), -slope / 2, t)
+    return step if proxy else _stride(objective, before, d, step, reach)
 
 
 def _stride(
-    system: System,
-    u: FloatArray,
-    d: FloatArray,
-    found: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    e: FloatArray,
-    slope: FloatArray,
-    reach: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    objective: Objective, before: Iterate, d: FloatArray, step: NewtonStep, reach: FloatArray
+) -> NewtonStep:
     """Longer steps for charts whose full step won more than the model said.
 
     A face that is nearly collapsed, at width x, has the energy 1/x², of which a Newton step wins 7/16 where
     its model promises 1/3: it only grows x by a third, and a start with such faces needs dozens of full steps.
     """
-    trial, e1, j1, t = found
-    p = system.cut_mesh
+    part = objective.cut_mesh
+    uv, energy, jacobian, t = step.to.uv, step.to.energy, step.to.jacobian, step.length
     with np.errstate(invalid="ignore"):
-        far = (t == 1) & (e - e1 > -STRIDE * slope / 2)
+        far = (t == 1) & (before.energy - energy > STRIDE * step.predicted)
     for length in STRIDES:
-        far &= SAFETY * reach >= length
+        far &= reach >= length
         if not far.any():
             break
         longer = np.where(far, length, t)
-        u2 = u + longer[p.vertex_chart][:, None] * d
-        e2, j2 = system.energies(u2)
+        longer_uv = before.uv + longer[part.vertex_chart][:, None] * d
+        longer_energy, longer_jacobian = objective.energies(longer_uv)
         with np.errstate(invalid="ignore"):
-            far &= e2 < e1
-        keep = far[p.vertex_chart]
-        trial = np.where(keep[:, None], u2, trial)
-        j1 = np.where(far[p.chart], j2, j1)
-        e1, t = np.where(far, e2, e1), np.where(far, length, t)
-    return trial, e1, j1, t
+            far &= longer_energy < energy
+        uv = np.where(far[part.vertex_chart][:, None], longer_uv, uv)
+        jacobian = np.where(far[part.chart], longer_jacobian, jacobian)
+        energy, t = np.where(far, longer_energy, energy), np.where(far, length, t)
+    return NewtonStep(Iterate(uv, energy, jacobian), step.predicted, t)

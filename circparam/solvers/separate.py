@@ -1,14 +1,14 @@
 """Push parts of one chart's boundary apart where they overlap or nearly touch, at the least cost in distortion.
 
 Each round finds the boundary vertices that lie beyond (or too near to) a part of the boundary that faces them
-and adds one-sided springs, w (1 − s / wanted)² while the signed distance s is below what is wanted, to the
+and adds one-sided springs, w (1 − s / d)² while the signed distance s is below the distance d asked for, to the
 symmetric Dirichlet energy; the weights rise until nothing overlaps. A penalty rather than the barrier of Smith
 and Schaefer (2015), because the layouts that come here overlap already.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sps
@@ -29,8 +29,9 @@ from circparam.geometry.boundary import BoundarySegments, boundary_of
 from circparam.geometry.intersect import meeting, nearby, segment_distance, windings
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.newton import System, newton_step
-from circparam.solvers.untangle import cut_out
+from circparam.solvers.newton import Iterate, newton_step
+from circparam.solvers.objective import Objective, in_units_of_faces
+from circparam.solvers.region import cut_out
 
 ROUNDS = 6
 STEPS = 2  # Newton steps between two looks at the boundaries
@@ -42,70 +43,72 @@ STIFFER = 8.0  # times a round
 ASIDE = 1e-6  # share of the root of a chart's area; a point so far outside its boundary tells what covers it
 AFFORDED = 1.5  # times the bound's excess over 1: charts above it are not pushed
 ALL_BOUNDARY = 0.5  # charts whose boundary is over this over the margin, in roots of area, are left
-PATIENCE, HEADWAY = (
-    3,
-    0.9,
-)  # charts whose conflicts do not fall by this factor in so many rounds are left
-HOPELESS = (
-    0.13  # of 113 charts of 9 meshes that came apart, at most 0.114 of the boundary was in conflict
-)
-WANTED = 1.5  # times the margin: what the springs pull for, so that the margin is reached
+PATIENCE = 3  # rounds in which the conflicts of a chart must fall by this factor, else it is left
+HEADWAY = 0.9
+# Share of the boundary in conflict from which a chart is left: of 113 charts of 9 meshes that came apart, the
+# worst had 0.114 of it in conflict.
+HOPELESS = 0.13
+PULL = 1.5  # times the margin: the distance the springs pull for, so that the margin is reached
 
 
 @dataclass(frozen=True, eq=False)
 class _Springs:
-    """(k,) springs: vertex against the point (1 − t) tail + t head, along the outward normal (k, 2) there."""
+    """(k,) springs: vertex against the point (1 − t) tail + t head, along the outward normal (k, 2) there.
+
+    A spring pulls while the signed distance s between the two along the normal is below ``distance``; its
+    strain is 1 − s / distance then, its energy weight · strain². chart: of the vertex.
+    """
 
     vertex: IntArray
     tail: IntArray
     head: IntArray
     t: FloatArray
     normal: FloatArray
-    wanted: FloatArray
+    distance: FloatArray
     weight: FloatArray
     chart: IntArray
 
     def strain(self, uv: FloatArray) -> FloatArray:
-        """(k,) 1 − s / wanted, not below 0."""
+        """(k,) 1 − s / distance, not below 0."""
         t = self.t[:, None]
         foot = (1 - t) * uv[self.tail] + t * uv[self.head]
         s = ((uv[self.vertex] - foot) * self.normal).sum(1)
-        result: FloatArray = np.maximum(1 - s / self.wanted, 0.0)
+        result: FloatArray = np.maximum(1 - s / self.distance, 0.0)
         return result
 
     def rows(self, n: int) -> sps.csr_matrix:
         """(k, 2n) derivative of the strains (where they pull) by the coordinates."""
-        c = np.stack([np.ones(len(self.t)), self.t - 1, -self.t], 1) / -self.wanted[:, None]
+        c = np.stack([np.ones(len(self.t)), self.t - 1, -self.t], 1) / -self.distance[:, None]
         data = c[:, :, None] * self.normal[:, None]
         column = 2 * np.stack([self.vertex, self.tail, self.head], 1)[:, :, None] + np.arange(2)
         start = 6 * np.arange(len(self.t) + 1)
         return sps.csr_matrix((data.ravel(), column.ravel(), start), shape=(len(self.t), 2 * n))
 
 
-class _Pushed(System):
-    """The charts with springs between parts of their boundaries."""
+class _SpringObjective(Objective):
+    """The symmetric Dirichlet energy of charts, with springs between parts of their boundaries."""
 
-    springs: _Springs
+    def __init__(self, cut_mesh: CutMesh, fixed: BoolArray | None, springs: _Springs) -> None:
+        super().__init__(cut_mesh, fixed, 0.0)
+        self.springs = springs
 
     def energies(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Energies with the springs', and the Jacobians."""
+        """Energies with those of the springs, w strain², and the Jacobians."""
         value, jacobian = super().energies(uv)
         k = self.springs
         return value + group_sum(k.weight * k.strain(uv) ** 2, k.chart, len(value)), jacobian
 
-    def vertex_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
+    def free_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
         """(nv, 2) gradient of the energies."""
         k = self.springs
-        pull = 2 * k.weight * k.strain(uv)
-        added: FloatArray = k.rows(len(uv)).T @ pull
-        self.pulling = pull > 0
-        return super().vertex_gradient(jacobian, uv) + added.reshape(-1, 2)
+        added: FloatArray = k.rows(len(uv)).T @ (2 * k.weight * k.strain(uv))
+        return super().free_gradient(jacobian, uv) + added.reshape(-1, 2)
 
-    def stiffened(self, matrix: sps.bsr_matrix) -> SparseMatrix:
-        """The Hessian with that of the springs that pull."""
+    def stiffened(self, matrix: sps.bsr_matrix, uv: FloatArray) -> SparseMatrix:
+        """The Hessian with that of the springs that pull: 2 w times the squared derivative of the strain."""
         k = self.springs
-        rows = k.rows(matrix.shape[0] // 2)
-        weighted = sps.diags(2 * k.weight * self.pulling) @ rows
+        rows = k.rows(len(uv))
+        weighted = sps.diags(2 * k.weight * (k.strain(uv) > 0)) @ rows
         return sps.csr_matrix(matrix.tocsr() + rows.T @ weighted)
 
 
@@ -118,24 +121,22 @@ def push_apart(
     boundary should keep apart. Returns (uv, (n_charts,) bool: nothing meets or comes nearer than the margin and
     the energy is within the bound). The input is not changed.
     """
-    scale = np.sqrt(cut_mesh.areas.mean())
-    work = replace(cut_mesh, rest_triangles=cut_mesh.rest_triangles / scale)
-    u = uv / scale
+    work, u, scale = in_units_of_faces(cut_mesh, uv)
     n = cut_mesh.n_charts
     weight = np.full(n, WEIGHT)
-    system = System(work, None, 0.0)
+    objective = Objective(work, None, 0.0)
     fine = np.zeros(n, bool)
     # what costs more than the bound allows is not worth a round, nor what is hardly more than its boundary
     limit = 1 + AFFORDED * (bound - 1)
-    rim = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, n)
-    todo = rim * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
+    around = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, n)
+    todo = around * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
     conflicts: list[IntArray] = []
     for turn in range(ROUNDS + 1):
-        energy, _ = system.energies(u)
+        energy, _ = objective.energies(u)
         todo &= energy <= limit
         boundary = boundary_of(work.faces, u, work.chart, work.edges, n)
         i, _, _ = meeting(boundary, between=False)
-        near = nearby(boundary, WANTED * margin * boundary.size, todo)
+        near = nearby(boundary, PULL * margin * boundary.size, todo)
         close = segment_distance(*(x[k] for k in near for x in (boundary.start, boundary.end)))
         tight = near[0][close < margin * boundary.size[boundary.chart[near[0]]]]
         free = todo & (energy <= bound)
@@ -168,36 +169,42 @@ def _moved(cut_mesh: CutMesh, uv: FloatArray, springs: _Springs, reach: FloatArr
     far, _ = tree.query(middle, distance_upper_bound=float(reach.max()))
     region = far < reach[cut_mesh.chart]
     part, source, fixed = cut_out(cut_mesh, region, np.zeros(len(uv), bool))
-    system = _Pushed(part, fixed if fixed.any() else None, 0.0)
-    place = np.full(len(uv), -1)
-    place[source] = np.arange(len(source))
-    vertex, tail, head = (place[x] for x in (springs.vertex, springs.tail, springs.head))
-    # a spring whose other side lies outside the region is left to a later, wider one
-    ok = (vertex >= 0) & (tail >= 0) & (head >= 0)
-    if not ok.any():
+    local = _in_part(springs, cut_mesh, part, source)
+    if len(local.vertex) == 0:
         return uv
-    of = part.vertex_chart[np.where(ok, vertex, 0)]
-    whole = (
-        cut_mesh.chart_areas[springs.chart] / part.chart_areas[of]
-    )  # energies are means over charts
-    system.springs = _Springs(
-        vertex[ok],
-        tail[ok],
-        head[ok],
-        springs.t[ok],
-        springs.normal[ok],
-        springs.wanted[ok],
-        (springs.weight * whole)[ok],
-        of[ok],
-    )
-    x = uv[source]
-    value, jacobian = system.energies(x)
+    objective = _SpringObjective(part, fixed if fixed.any() else None, local)
+    at = Iterate(uv[source], *objective.energies(uv[source]))
     active = np.ones(part.n_charts, bool)
     for _ in range(STEPS):
-        x, value, jacobian, _, _ = newton_step(system, x, value, jacobian, active, False)
+        at = newton_step(objective, at, active, proxy=False).to
     out = uv.copy()
-    out[source[~fixed]] = x[~fixed]
+    out[source[~fixed]] = at.uv[~fixed]
     return out
+
+
+def _in_part(springs: _Springs, whole: CutMesh, part: CutMesh, source: IntArray) -> _Springs:
+    """The springs between vertices of a part, whose vertices are those of the whole in ``source`` (k,).
+
+    One whose other side lies outside is left to a later, wider part. Energies are means over charts, so that
+    the weights grow by the share of the chart that the part is.
+    """
+    place = np.full(whole.n_vertices, -1)
+    place[source] = np.arange(len(source))
+    ends = np.stack([place[x] for x in (springs.vertex, springs.tail, springs.head)])
+    inside = (ends >= 0).all(0)
+    vertex, tail, head = ends[:, inside]
+    chart = part.vertex_chart[vertex]
+    larger = whole.chart_areas[springs.chart[inside]] / part.chart_areas[chart]
+    return _Springs(
+        vertex,
+        tail,
+        head,
+        springs.t[inside],
+        springs.normal[inside],
+        springs.distance[inside],
+        springs.weight[inside] * larger,
+        chart,
+    )
 
 
 def _layer(chart: IntArray, uv: FloatArray) -> FloatArray:
@@ -219,9 +226,8 @@ def _find(
     near: pairs of segments. Returns the springs, the nearest of each vertex, and the charts ((n,) bool) where
     a vertex lies so deep in another part that no segment within reach faces it.
     """
-    live = np.flatnonzero(
-        todo[boundary.chart]
-    )  # a vertex is named by the segment that begins there
+    # a vertex is named by the segment that begins there
+    live = np.flatnonzero(todo[boundary.chart])
     outward, covered = _outward(boundary, live)
     beyond = live[covered]
     a, b = _within_reach(boundary, beyond)
@@ -239,7 +245,7 @@ def _find(
     distance = np.linalg.norm(offset - t[:, None] * along[b], axis=1)
     side = (offset * normal[b]).sum(1)
     size = boundary.size[boundary.chart[b]]
-    wanted = WANTED * margin * size
+    target = PULL * margin * size
     keep = (normal[b] * out[a]).sum(1) < FACING
     keep &= np.where(over[a], (side < 0) & (distance < REACH * size), side >= 0)
     order = np.flatnonzero(keep)
@@ -260,7 +266,7 @@ def _find(
         flat[next_half_edge(tail)],
         t[k],
         away,
-        wanted[k],
+        target[k],
         weight[chart],
         chart,
     )

@@ -10,8 +10,8 @@ from circparam.errors import OptionError, TopologyError
 from circparam.geometry.intrinsic import signed_areas
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
-from circparam.solvers.tutte.boundary import TutteOptions
 from circparam.solvers.tutte.embed import tutte_embedding
+from circparam.solvers.tutte.outer import TutteOptions
 from tests.support import shapes
 from tests.support.charts import apart, complex_of, patches_of
 

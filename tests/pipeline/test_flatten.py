@@ -8,7 +8,7 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
-from circparam.pipeline.cascade import CRUSHED
+from circparam.pipeline.cascade import FAULTY
 from circparam.pipeline.flatten import first_layout, rules
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.options import Options
@@ -62,7 +62,7 @@ def test_a_pin_on_a_seam_is_refused() -> None:
 def test_the_bound_holds_only_where_splitting_can_reach_it() -> None:
     assert rules(Options(max_distortion=1.02)).bound == 1.02
     for free in ({"max_charts": 2}, {"no_seams": [[0, 1]]}, {"blend": 0.5}, {"method": "lscm"}):
-        assert rules(Options(**free)).bound == CRUSHED
+        assert rules(Options(**free)).bound == FAULTY
     assert rules(Options()).may_split
     assert not rules(Options(cut="disk")).may_split
 

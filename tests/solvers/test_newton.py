@@ -10,132 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from circparam.core.arrays import FloatArray, cross2
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
-from circparam.solvers import dirichlet
-from circparam.solvers.newton import RelaxOptions, System, newton_step, relax
-from circparam.solvers.poisson import clamp_stretch, from_jacobians
-from circparam.solvers.preconditioner import BlockPattern
+from circparam.solvers.newton import Iterate, NewtonStep, RelaxOptions, newton_step, relax
+from circparam.solvers.objective import Objective, chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
-from tests.support.charts import patches_of
-
-
-def _jacobians(seed: int, count: int = 60) -> FloatArray:
-    """Random Jacobians (2, 2, count) with a positive determinant, some of them nearly collapsed."""
-    rng = np.random.default_rng(seed)
-    j = rng.normal(size=(2, 2, 4 * count))
-    j[:, 1, : count // 4] *= 0.05
-    return j[:, :, dirichlet.determinants(j) > 1e-2][:, :, :count]
-
-
-@pytest.mark.parametrize("blend", [0.0, 0.4, 1.0])
-def test_the_gradient_is_that_of_the_energy(blend: float) -> None:
-    j = _jacobians(1)
-    g = dirichlet.gradient(j, blend)
-    for d in range(2):
-        for c in range(2):
-            step = np.zeros_like(j)
-            step[d, c] = 1e-6
-            slope = (dirichlet.energy(j + step, blend) - dirichlet.energy(j - step, blend)) / 2e-6
-            assert np.abs(slope - g[d, c]).max() <= 1e-5 * np.abs(g).max()
-
-
-@pytest.mark.parametrize("blend", [0.0, 0.4, 1.0])
-def test_the_modes_are_the_hessian_without_its_negative_part(blend: float) -> None:
-    j = _jacobians(2)
-    values, modes = dirichlet.newton_modes(j, blend)
-    assert values.min() >= 0
-    assembled = np.einsum("km,kabm,kcdm->mabcd", values, modes, modes).reshape(-1, 4, 4)
-    hessian = np.zeros((2, 2, 2, 2, j.shape[2]))
-    for d in range(2):
-        for c in range(2):
-            step = np.zeros_like(j)
-            step[d, c] = 1e-6
-            slope = dirichlet.gradient(j + step, blend) - dirichlet.gradient(j - step, blend)
-            hessian[:, :, d, c] = slope / 2e-6
-    full = hessian.reshape(4, 4, -1).transpose(2, 0, 1)
-    value, vector = np.linalg.eigh((full + full.transpose(0, 2, 1)) / 2)
-    positive = np.einsum("mij,mj,mkj->mik", vector, np.maximum(value, 0), vector)
-    scale = np.abs(positive).max(axis=(1, 2), keepdims=True)
-    assert (np.abs(assembled - positive) / scale).max() < 1e-4
-
-
-def test_the_proxy_has_the_gradient_of_the_energy_at_its_centre() -> None:
-    """SLIM chooses its weights so that W (J − R) is the gradient: that is what makes its step a descent."""
-    j = _jacobians(3)
-    values, modes = dirichlet.proxy_modes(j)
-    (a, b), (c, d) = j
-    length = np.hypot(a + d, c - b)
-    cosine, sine = (a + d) / length, (c - b) / length
-    rotation = np.stack([np.stack([cosine, -sine]), np.stack([sine, cosine])])
-    along = np.einsum("kdcm,dcm->km", modes, j - rotation)
-    pull = np.einsum("km,km,kdcm->dcm", values, along, modes)
-    assert np.allclose(pull, dirichlet.gradient(j), rtol=1e-8, atol=1e-8 * np.abs(pull).max())
-
-
-@given(st.integers(0, 10_000))
-@settings(max_examples=40)
-def test_the_largest_step_is_where_a_face_first_collapses(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    corners = np.array([[0.0, 1.0, 0.2], [0.0, 0.1, 1.0]])[:, :, None] + rng.normal(
-        scale=0.1, size=(2, 3, 30)
-    )
-    direction = rng.normal(size=(2, 3, 30))
-    t = dirichlet.largest_step(corners, direction)
-
-    def area(s: FloatArray) -> FloatArray:
-        p = (corners + s * direction).transpose(2, 1, 0)
-        return cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-
-    hit = np.isfinite(t)
-    assert np.abs(area(np.where(hit, t, 0.0))[hit]).max(initial=0) < 1e-6
-    for share in (0.1, 0.5, 0.9, 0.99):
-        assert (area(np.where(hit, share * t, share * 50.0)) > 0).all()
-
-
-@pytest.mark.parametrize(
-    ("direction", "expected"),
-    [
-        ([[0, 0, 0], [0, 0, 0]], np.inf),  # no motion: all coefficients vanish
-        ([[1, 1, 1], [2, 2, 2]], np.inf),  # a translation: no linear and no quadratic term
-        ([[0, 0, 0], [0, 0, -1]], 1.0),  # linear: corner 2 drops onto the base
-        ([[0, -1, 0], [0, 0, -1]], 1.0),  # quadratic with a double root: shrinks to a point
-        ([[0, 1, 0], [0, 0, 1]], np.inf),  # grows
-        ([[0, 0, 1], [0, 0, 0]], np.inf),  # slides along its base
-    ],
-)
-def test_the_largest_step_on_degenerate_quadratics(
-    direction: list[list[float]], expected: float
-) -> None:
-    corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]
-    t = dirichlet.largest_step(corners, np.array(direction, float)[:, :, None])
-    assert t[0] == pytest.approx(expected) if np.isfinite(expected) else t[0] == np.inf
-
-
-def _developable(kind: str) -> CutMesh:
-    """A strip that can be unrolled: from a cylinder, a cone or a bent sheet."""
-    u, v = np.meshgrid(np.linspace(0, 1.2, 25), np.linspace(0, 1, 13))
-    if kind == "cylinder":
-        p = np.stack([np.cos(2 * u), np.sin(2 * u), v], -1)
-    elif kind == "cone":
-        r = 0.3 + v
-        p = np.stack([r * np.cos(2 * u), r * np.sin(2 * u), 1.5 * r], -1)
-    else:
-        p = np.stack([u, v, 0 * u], -1)
-        p[..., 2] = np.where(u > 0.6, 1.7 * (u - 0.6), 0.0)
-    points = p.reshape(-1, 3)
-    index = np.arange(points.shape[0]).reshape(u.shape)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
-    return patches_of((points, faces))[0]
+from tests.support import shapes
+from tests.support.charts import developable, patches_of
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "cone", "sheet"])
 def test_developable_strips_unroll_without_distortion(kind: str) -> None:
-    cut_mesh = _developable(kind)
+    cut_mesh = developable(kind)
     start, _ = tutte_embedding(cut_mesh, "circle")
     relaxed = relax(cut_mesh, start, RelaxOptions(tolerance=1e-12, max_iterations=200))
     # the triangles of a cone or cylinder are chords: exactly developable between straight rulings
@@ -143,7 +30,7 @@ def test_developable_strips_unroll_without_distortion(kind: str) -> None:
 
 
 def test_no_face_is_ever_flipped_from_a_start_with_a_nearly_flat_triangle() -> None:
-    cut_mesh = _developable("cylinder")
+    cut_mesh = developable("cylinder")
     plain, _ = tutte_embedding(cut_mesh, "mean-value")
     on_boundary = np.zeros(cut_mesh.n_vertices, bool)
     on_boundary[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
@@ -175,18 +62,18 @@ def test_fixed_vertices_stay_and_the_energy_falls(
 ) -> None:
     """To the last bit, also where the system is solved by iteration and groups of vertices share a step."""
     if not direct:
-        monkeypatch.setattr("circparam.solvers.newton.DIRECT_LIMIT", 0)
-        monkeypatch.setattr("circparam.solvers.newton.SMALL_CHART", 0)
-    cut_mesh = _developable("cone")
+        monkeypatch.setattr("circparam.solvers.objective.DIRECT_LIMIT", 0)
+        monkeypatch.setattr("circparam.solvers.objective.SMALL_CHART", 0)
+    cut_mesh = developable("cone")
     uv, _ = tutte_embedding(cut_mesh, "circle")
     fixed = np.zeros(cut_mesh.n_vertices, bool)
     fixed[[5, 40]] = True
-    before = relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
+    before = chart_energies(cut_mesh, uv)
     moved = []
 
-    def watched(system: System, u: FloatArray, *more: Any) -> tuple[FloatArray, ...]:
-        found = newton_step(system, u, *more)
-        moved.append(np.abs(found[0] - u)[fixed].max())
+    def watched(objective: Objective, before: Iterate, *more: Any) -> NewtonStep:
+        found = newton_step(objective, before, *more)
+        moved.append(np.abs(found.to.uv - before.uv)[fixed].max())
         return found
 
     monkeypatch.setattr("circparam.solvers.newton.newton_step", watched)
@@ -199,46 +86,13 @@ def test_fixed_vertices_stay_and_the_energy_falls(
 def test_the_direct_and_the_iterative_solver_reach_the_same_minimum(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    cut_mesh = _developable("cylinder")
+    cut_mesh = developable("cylinder")
     start, _ = tutte_embedding(cut_mesh, "circle")
     options = RelaxOptions(tolerance=1e-10, max_iterations=200, blend=0.2)
     direct = relax(cut_mesh, start, options)
-    monkeypatch.setattr("circparam.solvers.newton.DIRECT_LIMIT", 0)
+    monkeypatch.setattr("circparam.solvers.objective.DIRECT_LIMIT", 0)
     iterative = relax(cut_mesh, start, options)
     assert iterative.energy[0] == pytest.approx(direct.energy[0], rel=1e-7)
-
-
-def test_the_assembled_matrix_is_symmetric_and_blind_to_translations() -> None:
-    cut_mesh = _developable("cone")
-    uv, _ = tutte_embedding(cut_mesh, "mean-value")
-    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
-    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
-    blocks = dirichlet.edge_blocks(*dirichlet.newton_modes(jac), gradients)
-    matrix = BlockPattern(cut_mesh).assemble(blocks).toarray()
-    assert np.allclose(matrix, matrix.T, atol=1e-9 * np.abs(matrix).max())
-    shift = np.tile([1.0, 0.0], cut_mesh.n_vertices)
-    assert np.abs(matrix @ shift).max() <= 1e-7 * np.abs(matrix).max()
-
-
-def test_a_poisson_layout_returns_the_layout_its_jacobians_came_from() -> None:
-    cut_mesh = _developable("cone")
-    uv, _ = tutte_embedding(cut_mesh, "mean-value")
-    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
-    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
-    again, fine = from_jacobians(cut_mesh, jac)
-    assert fine.all()
-    assert np.allclose(again - again[0], uv - uv[0], atol=1e-9)
-
-
-@given(st.integers(0, 1000), st.floats(0.1, 0.9))
-@settings(max_examples=30)
-def test_clamped_jacobians_are_never_flipped(seed: int, low: float) -> None:
-    j = np.random.default_rng(seed).normal(size=(2, 2, 50))
-    clamped = clamp_stretch(j, low)
-    s = np.linalg.svd(clamped.transpose(2, 0, 1), compute_uv=False)
-    assert (dirichlet.determinants(clamped) > 0).all()
-    assert s.min() >= low * (1 - 1e-9)
-    assert s.max() <= (1 + 1e-9) / low
 
 
 def test_frames_keep_the_lengths() -> None:
@@ -272,3 +126,68 @@ def test_the_same_numbers_whatever_the_number_of_threads() -> None:
         env = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
         found.add(subprocess.check_output([sys.executable, "-c", RELAXED], cwd=root, env=env))
     assert len(found) == 1
+
+
+def mixed_charts() -> tuple[CutMesh, FloatArray]:
+    """Three charts: flat and exactly laid out, curved, and curved with a start upside down."""
+    disk, curved = shapes.delaunay_disk(60), shapes.bumped_disk(150, height=0.6)
+    parts = [disk, (curved[0] + 5, curved[1]), (curved[0] + 10, curved[1])]
+    cut_mesh, points = patches_of(shapes.join(*parts))
+    uv, _ = tutte_embedding(cut_mesh, "circle")
+    chart = cut_mesh.vertex_chart
+    uv[chart == 0] = points[chart == 0][:, :2]
+    uv[chart == 2] *= [1, -1]
+    return cut_mesh, uv
+
+
+def test_every_chart_stops_for_a_reason_of_its_own() -> None:
+    cut_mesh, uv = mixed_charts()
+    relaxed = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-8))
+    assert relaxed.stopped == ["converged", "converged", "flipped start"]
+    assert relaxed.iterations[0] == 1
+    assert 2 < relaxed.iterations[1] < 100
+    assert relaxed.iterations[2] == 0
+    own = cut_mesh.vertex_chart == 2
+    np.testing.assert_allclose(relaxed.uv[own], uv[own], rtol=1e-12)
+    assert relaxed.energy[2] == np.inf
+    np.testing.assert_allclose(chart_energies(cut_mesh, relaxed.uv), relaxed.energy, rtol=1e-9)
+    short = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-8, max_iterations=2))
+    assert short.stopped == ["converged", "iterations", "flipped start"]
+    assert short.iterations.tolist() == [1, 2, 0]
+
+
+def test_a_chart_takes_the_same_steps_alone_and_beside_others() -> None:
+    cut_mesh, uv = mixed_charts()
+    together = relax(cut_mesh, uv, RelaxOptions())
+    part, vertices, _ = cut_mesh.subset(np.array([False, True, False]))
+    alone = relax(part, uv[vertices], RelaxOptions())
+    assert together.iterations[1] == alone.iterations[0]
+    assert together.energy[1] == pytest.approx(alone.energy[0], rel=1e-9)
+
+
+def test_a_chart_stops_at_the_bound_and_not_before() -> None:
+    cut_mesh, uv = mixed_charts()
+    least = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10)).energy[1]
+    start = chart_energies(cut_mesh, uv)[1]
+    bound = float((least + start) / 2)
+    relaxed = relax(cut_mesh, uv, RelaxOptions(bound=bound))
+    assert relaxed.stopped == ["bound", "bound", "flipped start"]
+    assert relaxed.iterations[0] == 0, "it began there"
+    assert least < relaxed.energy[1] <= bound
+    before = relax(cut_mesh, uv, RelaxOptions(max_iterations=int(relaxed.iterations[1]) - 1))
+    assert before.energy[1] > bound
+    out_of_reach = relax(cut_mesh, uv, RelaxOptions(bound=float(1 + 0.9 * (least - 1))))
+    assert out_of_reach.stopped[1] == "converged"
+
+
+def test_a_chart_is_given_up_only_where_its_floor_lies_above() -> None:
+    cut_mesh, uv = mixed_charts()
+    full = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10))
+    least = full.energy[1]
+    hopeless = relax(cut_mesh, uv, RelaxOptions(give_up=float(1 + 0.5 * (least - 1))))
+    assert hopeless.stopped[1] == "gave up"
+    assert 1 < hopeless.iterations[1] < full.iterations[1]
+    kept = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10, give_up=float(1.01 * least)))
+    assert kept.stopped[1] == "converged"
+    assert (full.floor[:2] <= full.energy[:2] * (1 + 1e-12)).all()
+    assert full.floor[1] > 1 + 0.9 * (least - 1), "the last steps tell nearly all"

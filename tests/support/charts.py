@@ -40,3 +40,21 @@ def rim(cut_mesh) -> np.ndarray:
     out = np.zeros(cut_mesh.n_vertices, bool)
     out[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
     return out
+
+
+def developable(kind: str) -> CutMesh:
+    """A strip that can be unrolled: from a cylinder, a cone or a bent sheet."""
+    u, v = np.meshgrid(np.linspace(0, 1.2, 25), np.linspace(0, 1, 13))
+    if kind == "cylinder":
+        p = np.stack([np.cos(2 * u), np.sin(2 * u), v], -1)
+    elif kind == "cone":
+        r = 0.3 + v
+        p = np.stack([r * np.cos(2 * u), r * np.sin(2 * u), 1.5 * r], -1)
+    else:
+        p = np.stack([u, v, 0 * u], -1)
+        p[..., 2] = np.where(u > 0.6, 1.7 * (u - 0.6), 0.0)
+    points = p.reshape(-1, 3)
+    index = np.arange(points.shape[0]).reshape(u.shape)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
+    return patches_of((points, faces))[0]

@@ -25,6 +25,7 @@ from circparam.seams.segmentation.overlap_cut import split_layers
 from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.objective import chart_energies
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import untangle
@@ -226,7 +227,7 @@ def _map_again(
     uv = atlas.gather(cut_mesh)
     todo = np.zeros(cut_mesh.n_charts, bool)
     todo[cut_mesh.chart[(changed & ~cut)[laid.cut_mesh.chart]]] = True
-    energy = relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
+    energy = chart_energies(cut_mesh, uv)
     over = ~(energy <= bound)
     todo[cut_mesh.chart[over[cut_mesh.chart] & changed[laid.cut_mesh.chart]]] = True
     if todo.any():
@@ -245,7 +246,7 @@ def lay_out_sound(
     if len(alone):  # a single face lies as it is
         uv = uv.copy()
         uv[cut_mesh.faces[alone]] = cut_mesh.rest_triangles[alone]
-    bad = ~np.isfinite(relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy)
+    bad = ~np.isfinite(chart_energies(cut_mesh, uv))
     wild = bad & _wild(cut_mesh, uv)
     bad &= ~wild
     if wild.any():

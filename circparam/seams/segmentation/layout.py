@@ -19,6 +19,7 @@ from circparam.seams.segmentation.grow import DualGraph, make_disks
 from circparam.seams.segmentation.shorten import Proposal, propose
 from circparam.seams.segmentation.state import main_parts
 from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.objective import chart_energies
 from circparam.solvers.poisson import from_jacobians
 from circparam.solvers.tutte.embed import tutte_embedding
 
@@ -88,7 +89,7 @@ def embed_and_relax(
 
 def judge(cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0) -> ChartLayouts:
     """Energies and overlaps of a layout."""
-    energy = relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
+    energy = chart_energies(cut_mesh, uv)
     overlapping = ~np.isfinite(energy)
     fine = ~overlapping
     if fine.any():

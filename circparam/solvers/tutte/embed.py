@@ -16,7 +16,8 @@ from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
 from circparam.errors import TopologyError
 from circparam.mesh.cut_mesh import CutMesh, close_holes
-from circparam.solvers.tutte.boundary import BOUNDARIES, TutteOptions
+from circparam.solvers.tutte.boundary import BOUNDARIES
+from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.tutte.weights import WEIGHTS, clamp_negative, half_edge_weights
 
 

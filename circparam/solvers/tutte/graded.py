@@ -16,12 +16,14 @@ from circparam.core.graph import distances, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import best_chart_scales, measure
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.tutte.boundary import TutteOptions
 from circparam.solvers.tutte.embed import TutteReport, tutte_embedding
+from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.untangle import flipped, untangle
 
-GRADES = (0.5, 1.0, 2.0, 3.0)
-CRUSHED = 1e5  # symmetric Dirichlet energy above which a convex map makes a poor start
+GRADES = (0.5, 1.0, 2.0, 3.0)  # strengths b, tried in turn
+# Symmetric Dirichlet energy / 4 above which a convex map makes a poor start. A full Newton step leaves 9/16 of
+# the energy of a nearly collapsed face: from here that takes about 20 steps, from the 10¹⁵ of a long tube 60.
+POOR_START = 1e5
 
 
 def embed(
@@ -38,9 +40,9 @@ def embed(
     if not bad.any() or not options.repair:
         return uv, notes
     if not report.negative[bad].any() or options.clamp:
-        uv, told = _graded(cut_mesh, weights, options, monitor, uv, bad)
-        notes += told
-    hold = None if options.boundary == "virtual" else _rim(cut_mesh)
+        uv, solved = _graded(cut_mesh, weights, options, monitor, uv, bad)
+        notes += solved
+    hold = None if options.boundary == "virtual" else _outer_vertices(cut_mesh)
     left = int(_flips(cut_mesh, uv).sum())
     if left:
         with monitor.stage("unfold"):
@@ -61,7 +63,7 @@ def embed_start(
     """
     uv, notes = embed(cut_mesh, weights, options, monitor)
     energy = _energies(cut_mesh, uv)
-    crushed = energy > CRUSHED
+    crushed = energy > POOR_START
     if crushed.any():
         part, vertices, _ = cut_mesh.subset(crushed)
         depth = boundary_depth(part)
@@ -93,9 +95,9 @@ def _graded(
     uv: FloatArray,
     bad: BoolArray,
 ) -> tuple[FloatArray, list[str]]:
-    """Solve these charts again with graded weights, more so until nothing is flipped."""
+    """Solve these charts ((n_charts,) bool) again, weights graded more and more until nothing is flipped."""
     uv = uv.copy()
-    wanted = bad.copy()
+    first = bad
     for strength in GRADES:
         part, vertices, _ = cut_mesh.subset(bad)
         new, _ = tutte_embedding(part, weights, options, monitor, strength * boundary_depth(part))
@@ -107,10 +109,10 @@ def _graded(
         bad[np.flatnonzero(bad)[after == 0]] = False
         if not bad.any():
             break
-    done = int((wanted & ~bad).sum())
+    done = int((first & ~bad).sum())
     if not done:
         return uv, []
-    names = ", ".join(str(c) for c in np.flatnonzero(wanted & ~bad)[:5])
+    names = ", ".join(str(c) for c in np.flatnonzero(first & ~bad)[:5])
     return uv, [
         f"{weights}: {done} charts ({names}{', ...' if done > 5 else ''}) have protrusions too long for "
         "double precision; weights graded towards the boundary keep their faces apart"
@@ -141,7 +143,7 @@ def _bad_charts(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     return _flips(cut_mesh, uv) > 0
 
 
-def _rim(cut_mesh: CutMesh) -> BoolArray:
+def _outer_vertices(cut_mesh: CutMesh) -> BoolArray:
     """(n_vertices,) on the outer boundary: a convex boundary stays where it is."""
     loops = cut_mesh.loops
     out = np.zeros(cut_mesh.n_vertices, bool)

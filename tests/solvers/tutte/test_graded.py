@@ -9,9 +9,9 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import measure
-from circparam.solvers.tutte.boundary import TutteOptions
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.tutte.graded import boundary_depth, embed, embed_start
+from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.untangle import flipped
 from tests.support import shapes
 from tests.support.charts import patches_of, rim

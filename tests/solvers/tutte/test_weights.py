@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from circparam.core.arrays import group_sum
 from circparam.geometry.intrinsic import corner_angles, signed_areas, tan_half_angles
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.tutte.boundary import TutteOptions
 from circparam.solvers.tutte.embed import tutte_embedding
+from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.tutte.weights import WEIGHTS, clamp_negative, flat_rings, half_edge_weights
 from tests.support import shapes, strategies
 from tests.support.charts import patches_of, rim

@@ -1,0 +1,157 @@
+"""What Newton's method minimises: the symmetric Dirichlet energies of many charts at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.linalg import SparseMatrix, conjugate_gradients
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers import dirichlet
+from circparam.solvers.preconditioner import (
+    DIRECT_LIMIT,
+    SMALL_CHART,
+    BlockPattern,
+    TwoLevel,
+    aggregates,
+    solve_direct,
+)
+
+# The direction of large charts need not be exact, since a line search follows: conjugate gradients end when the
+# residual has fallen to this share (in the norm of the preconditioner), or after so many steps.
+CG_TOLERANCE = 2e-2
+CG_LIMIT = 60
+
+
+class Objective:
+    """The energy of every chart, Σ A E(J) / Σ A, its gradient and its Newton direction.
+
+    cut_mesh: the charts, with n vertices and m faces. fixed: (n,) bool, vertices that stay where they are, or
+    None. blend: share of the conformal energy. The pattern of the Hessian and the aggregates of its
+    preconditioner are made when first used, and kept.
+    """
+
+    def __init__(self, cut_mesh: CutMesh, fixed: BoolArray | None, blend: float) -> None:
+        self.cut_mesh = cut_mesh
+        self.blend = blend
+        self.fixed = fixed
+        self.gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+        self.weight = cut_mesh.areas / cut_mesh.chart_areas[cut_mesh.chart]
+        self.corners = cut_mesh.faces.T.copy()
+        self._pattern: BlockPattern | None = None
+        self._aggregates: IntArray | None = None
+
+    def gather(self, uv: FloatArray) -> FloatArray:
+        """(2, 3, m) uv of the corners."""
+        return np.stack([uv[:, 0][self.corners], uv[:, 1][self.corners]])
+
+    def energies(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """((n_charts,) energy of each chart, infinite with a flipped face; Jacobians (2, 2, m))."""
+        jacobian = dirichlet.jacobians(self.gradients, self.gather(uv))
+        value = self.weight * dirichlet.energy(jacobian, self.blend)
+        return group_sum(value, self.cut_mesh.chart, self.cut_mesh.n_charts), jacobian
+
+    def gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
+        """(n, 2) gradient of the energies, zero at fixed vertices."""
+        g = self.free_gradient(jacobian, uv)
+        return g if self.fixed is None else np.where(self.fixed[:, None], 0.0, g)
+
+    def free_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
+        """(n, 2) gradient as if no vertex were fixed."""
+        p = dirichlet.gradient(jacobian, self.blend) * self.weight
+        corner = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]
+        flat = self.corners.ravel()
+        n = self.cut_mesh.n_vertices
+        return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
+
+    def stiffened(self, matrix: sps.bsr_matrix, uv: FloatArray) -> SparseMatrix:
+        """The Hessian at ``uv`` with whatever else resists the motion; here nothing does."""
+        return matrix
+
+    def direction(
+        self, uv: FloatArray, jacobian: FloatArray, g: FloatArray, proxy: bool
+    ) -> FloatArray:
+        """(n, 2) −H⁻¹ g, H the projected Hessian (or the quadratic proxy of SLIM); zero at fixed vertices."""
+        matrix = self._hessian(uv, jacobian, proxy)
+        if self.cut_mesh.n_vertices <= DIRECT_LIMIT:
+            step = solve_direct(matrix, g)
+        else:
+            step = self._by_size(matrix, g, uv)
+        if self.fixed is not None:
+            # the coarse space of the iterative solver moves whole aggregates, and with them what is fixed
+            return np.where(self.fixed[:, None], 0.0, -step)
+        # no energy sees a chart move as a whole; rounding would let it drift until its faces lose their digits
+        chart, n = self.cut_mesh.vertex_chart, self.cut_mesh.n_charts
+        d, count = -step, group_count(chart, n)
+        drift = np.stack([group_sum(d[:, k], chart, n) / count for k in range(2)], 1)
+        result: FloatArray = d - drift[chart]
+        return result
+
+    def _hessian(self, uv: FloatArray, jacobian: FloatArray, proxy: bool) -> SparseMatrix:
+        """(2n, 2n) positive semidefinite, with unit rows (times a number) for fixed vertices."""
+        if self._pattern is None:
+            self._pattern = BlockPattern(self.cut_mesh)
+        if proxy:
+            values, modes = dirichlet.proxy_modes(jacobian)
+        else:
+            values, modes = dirichlet.newton_modes(jacobian, self.blend)
+        blocks = dirichlet.edge_blocks(values * self.weight, modes, self.gradients)
+        matrix = self.stiffened(self._pattern.assemble(blocks), uv)
+        return matrix if self.fixed is None else _hold(matrix, self.fixed)
+
+    def _by_size(self, matrix: SparseMatrix, g: FloatArray, uv: FloatArray) -> FloatArray:
+        """About matrix⁻¹ g: small charts are factored, large ones iterated.
+
+        With one tolerance for all, the charts that are worst off would decide how well the small are solved.
+        """
+        count = group_count(self.cut_mesh.vertex_chart, self.cut_mesh.n_charts)
+        large = (count > SMALL_CHART)[self.cut_mesh.vertex_chart]
+        if large.all():
+            return self._iterated(matrix, g, uv, large)
+        step = np.empty_like(g)
+        small = np.repeat(~large, 2)
+        rows = sps.csr_matrix(matrix)
+        step[~large] = solve_direct(rows[small][:, small], g[~large])
+        if large.any():
+            step[large] = self._iterated(rows[~small][:, ~small], g[large], uv, large)
+        return step
+
+    def _iterated(
+        self, matrix: SparseMatrix, g: FloatArray, uv: FloatArray, large: BoolArray
+    ) -> FloatArray:
+        """About matrix⁻¹ g by conjugate gradients, for the vertices of large charts ((n,) bool)."""
+        if self._aggregates is None:
+            # _hessian, which gave the matrix, made the pattern
+            pattern = self._pattern or BlockPattern(self.cut_mesh)
+            groups = aggregates(self.cut_mesh, pattern, uv)[large]
+            self._aggregates = np.unique(groups, return_inverse=True)[1].reshape(-1)
+        precondition = TwoLevel(matrix, self._aggregates, uv[large])
+        step = conjugate_gradients(matrix, g.ravel(), precondition, CG_TOLERANCE, CG_LIMIT)
+        return step.reshape(-1, 2)
+
+
+def _hold(matrix: SparseMatrix, fixed: BoolArray) -> SparseMatrix:
+    """The matrix with identity rows and columns (times a number) for fixed vertices."""
+    held = np.repeat(fixed, 2)
+    moves = sps.diags(np.where(held, 0.0, 1.0))
+    size = float(np.abs(matrix.diagonal()).mean())
+    return sps.csr_matrix(moves @ matrix @ moves + sps.diags(np.where(held, size, 0.0)))
+
+
+def in_units_of_faces(cut_mesh: CutMesh, uv: FloatArray) -> tuple[CutMesh, FloatArray, float]:
+    """(cut mesh, layout, scale): both divided by the scale, the root of the mean area of a face."""
+    scale = float(np.sqrt(cut_mesh.areas.mean()))
+    return replace(cut_mesh, rest_triangles=cut_mesh.rest_triangles / scale), uv / scale, scale
+
+
+def chart_energies(cut_mesh: CutMesh, uv: FloatArray, blend: float = 0.0) -> FloatArray:
+    """(n_charts,) symmetric Dirichlet energy of every chart, mean over its area: 1 for an isometry.
+
+    uv: (n_vertices, 2) in the units of the mesh. blend: share of the conformal energy. Infinite where a face is
+    flipped or collapsed.
+    """
+    work, scaled, _ = in_units_of_faces(cut_mesh, uv)
+    return Objective(work, None, blend).energies(scaled)[0]

@@ -1,0 +1,123 @@
+"""The options of an embedding, and the outer boundary of every chart in order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.errors import OptionError
+from circparam.geometry.intrinsic import corner_angles
+from circparam.mesh.cut_mesh import CutMesh
+
+SPACINGS = ("arc-length", "uniform")
+
+# Boundary edges shorter than this share of their mean are spaced as if they were so long: on a circle the
+# triangle of an arc δ has area δ³/16, which must stay far above the rounding of the coordinates.
+SHORTEST = 1e-3
+
+
+@dataclass(frozen=True)
+class TutteOptions:
+    """How a chart is embedded: its boundary, and what is done where weights or numbers fail.
+
+    boundary: row of BOUNDARIES. spacing: ``arc-length`` (as far apart as on the surface) or ``uniform``.
+    polygon: (k, 2) corners of a convex polygon, either way round, for the boundary ``polygon``. clamp: lift
+    negative weights to small positive ones. repair: untangle what double precision flips (see ``embed``).
+    """
+
+    boundary: str = "circle"
+    spacing: str = "arc-length"
+    polygon: FloatArray | None = None
+    clamp: bool = False
+    repair: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class OuterBoundary:
+    """Outer boundaries of all charts, in order: vertices (b,), their chart (b,), the half-edge (b,) that leaves
+    each, and place (b,): its parameter along the boundary, from 0 at the start of the loop to below 1.
+
+    size: (n,) number of vertices of each boundary.
+    """
+
+    vertices: IntArray
+    chart: IntArray
+    half_edge: IntArray
+    place: FloatArray
+    size: IntArray
+
+    @property
+    def start(self) -> IntArray:
+        """(n,) first entry of each chart."""
+        return np.cumsum(self.size) - self.size
+
+    @property
+    def index(self) -> IntArray:
+        """(b,) chart of each entry, counted among the charts that have one."""
+        return np.repeat(np.arange(len(self.size)), self.size)
+
+    def neighbour(self, step: int) -> IntArray:
+        """(b,) the entry so many steps further along the same boundary, backwards for negative steps."""
+        start, index = self.start, self.index
+        return start[index] + (np.arange(len(index)) - start[index] + step) % self.size[index]
+
+
+@dataclass(frozen=True, eq=False)
+class FixedBoundary:
+    """cut_mesh: the charts to solve, real faces and vertices first. vertices (b,): the fixed ones, in order
+    along each chart's boundary. uv (b, 2): their places, in units of the mesh.
+    """
+
+    cut_mesh: CutMesh
+    vertices: IntArray
+    uv: FloatArray
+
+
+def outer_boundary(cut_mesh: CutMesh, spacing: str = "arc-length") -> OuterBoundary:
+    """The outer boundary of every chart, charts in ascending order, begun at its sharpest corner.
+
+    Raises OptionError for an unknown spacing. Every chart must have a boundary.
+    """
+    if spacing not in SPACINGS:
+        raise OptionError(f"unknown spacing {spacing!r}: choose one of {', '.join(SPACINGS)}")
+    loops = cut_mesh.loops
+    outer = np.flatnonzero(loops.outer)
+    outer = outer[np.argsort(loops.chart[outer], kind="stable")]
+    size = np.diff(loops.start)[outer]
+    chart = np.repeat(np.arange(len(outer)), size)
+    first = np.cumsum(size) - size
+    local = np.arange(len(chart)) - first[chart]
+    h = loops.half_edges[loops.start[outer][chart] + local]
+    # begin where the surface's corner is sharpest: a choice that no renumbering changes
+    sharp = _angles_at(cut_mesh, cut_mesh.faces.ravel()[h])
+    order = np.lexsort((local, np.round(sharp, 9), chart))
+    begin = local[order[first]]
+    h = h[first[chart] + (local + begin[chart]) % size[chart]]
+    length = np.ones(len(h))
+    if spacing == "arc-length":
+        length = cut_mesh.edge_lengths.ravel()[h]
+        mean = group_sum(length, chart, len(size)) / size
+        length = np.maximum(length, SHORTEST * mean[chart])
+    total = group_sum(length, chart, len(size))
+    share = length / total[chart]
+    run = np.cumsum(share) - share
+    place = np.clip(run - run[first[chart]], 0, 1)
+    labels = loops.chart[outer][chart]
+    return OuterBoundary(cut_mesh.faces.ravel()[h], labels, h, place, size)
+
+
+def _angles_at(cut_mesh: CutMesh, vertices: IntArray) -> FloatArray:
+    """(k,) sum of the corner angles at these vertices, from the faces that touch them only."""
+    asked = np.zeros(cut_mesh.n_vertices, bool)
+    asked[vertices] = True
+    near = np.flatnonzero(asked[cut_mesh.faces].any(1))
+    part = CutMesh(
+        cut_mesh.faces[near],
+        cut_mesh.rest_triangles[near],
+        cut_mesh.chart[near],
+        cut_mesh.edges[:0],
+    )
+    sums = group_sum(corner_angles(part).ravel(), part.faces.ravel(), cut_mesh.n_vertices)
+    return sums[vertices]

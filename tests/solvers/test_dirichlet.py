@@ -1,0 +1,147 @@
+"""The symmetric Dirichlet energy face by face: its derivatives and the largest step without a collapse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.core.arrays import FloatArray, cross2
+from circparam.solvers import dirichlet
+
+
+def _jacobians(seed: int, count: int = 60) -> FloatArray:
+    """Random Jacobians (2, 2, count) with a positive determinant, some of them nearly collapsed."""
+    rng = np.random.default_rng(seed)
+    j = rng.normal(size=(2, 2, 4 * count))
+    j[:, 1, : count // 4] *= 0.05
+    return j[:, :, dirichlet.determinants(j) > 1e-2][:, :, :count]
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.4, 1.0])
+def test_the_gradient_is_that_of_the_energy(blend: float) -> None:
+    j = _jacobians(1)
+    g = dirichlet.gradient(j, blend)
+    for d in range(2):
+        for c in range(2):
+            step = np.zeros_like(j)
+            step[d, c] = 1e-6
+            slope = (dirichlet.energy(j + step, blend) - dirichlet.energy(j - step, blend)) / 2e-6
+            assert np.abs(slope - g[d, c]).max() <= 1e-5 * np.abs(g).max()
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.4, 1.0])
+def test_the_modes_are_the_hessian_without_its_negative_part(blend: float) -> None:
+    j = _jacobians(2)
+    values, modes = dirichlet.newton_modes(j, blend)
+    assert values.min() >= 0
+    assembled = np.einsum("km,kabm,kcdm->mabcd", values, modes, modes).reshape(-1, 4, 4)
+    hessian = np.zeros((2, 2, 2, 2, j.shape[2]))
+    for d in range(2):
+        for c in range(2):
+            step = np.zeros_like(j)
+            step[d, c] = 1e-6
+            slope = dirichlet.gradient(j + step, blend) - dirichlet.gradient(j - step, blend)
+            hessian[:, :, d, c] = slope / 2e-6
+    full = hessian.reshape(4, 4, -1).transpose(2, 0, 1)
+    value, vector = np.linalg.eigh((full + full.transpose(0, 2, 1)) / 2)
+    positive = np.einsum("mij,mj,mkj->mik", vector, np.maximum(value, 0), vector)
+    scale = np.abs(positive).max(axis=(1, 2), keepdims=True)
+    assert (np.abs(assembled - positive) / scale).max() < 1e-4
+
+
+def test_the_proxy_has_the_gradient_of_the_energy_at_its_centre() -> None:
+    """SLIM chooses its weights so that W (J − R) is the gradient: that is what makes its step a descent."""
+    j = _jacobians(3)
+    values, modes = dirichlet.proxy_modes(j)
+    (a, b), (c, d) = j
+    length = np.hypot(a + d, c - b)
+    cosine, sine = (a + d) / length, (c - b) / length
+    rotation = np.stack([np.stack([cosine, -sine]), np.stack([sine, cosine])])
+    along = np.einsum("kdcm,dcm->km", modes, j - rotation)
+    pull = np.einsum("km,km,kdcm->dcm", values, along, modes)
+    assert np.allclose(pull, dirichlet.gradient(j), rtol=1e-8, atol=1e-8 * np.abs(pull).max())
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=40)
+def test_the_largest_step_is_where_a_face_first_collapses(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corners = np.array([[0.0, 1.0, 0.2], [0.0, 0.1, 1.0]])[:, :, None] + rng.normal(
+        scale=0.1, size=(2, 3, 30)
+    )
+    direction = rng.normal(size=(2, 3, 30))
+    t = dirichlet.largest_step(corners, direction)
+
+    def area(s: FloatArray) -> FloatArray:
+        p = (corners + s * direction).transpose(2, 1, 0)
+        return cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+
+    hit = np.isfinite(t)
+    assert np.abs(area(np.where(hit, t, 0.0))[hit]).max(initial=0) < 1e-6
+    for share in (0.1, 0.5, 0.9, 0.99):
+        assert (area(np.where(hit, share * t, share * 50.0)) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("direction", "expected"),
+    [
+        ([[0, 0, 0], [0, 0, 0]], np.inf),  # no motion: all coefficients vanish
+        ([[1, 1, 1], [2, 2, 2]], np.inf),  # a translation: no linear and no quadratic term
+        ([[0, 0, 0], [0, 0, -1]], 1.0),  # linear: corner 2 drops onto the base
+        ([[0, -1, 0], [0, 0, -1]], 1.0),  # quadratic with a double root: shrinks to a point
+        ([[0, 1, 0], [0, 0, 1]], np.inf),  # grows
+        ([[0, 0, 1], [0, 0, 0]], np.inf),  # slides along its base
+    ],
+)
+def test_the_largest_step_on_degenerate_quadratics(
+    direction: list[list[float]], expected: float
+) -> None:
+    corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]
+    t = dirichlet.largest_step(corners, np.array(direction, float)[:, :, None])
+    assert t[0] == pytest.approx(expected) if np.isfinite(expected) else t[0] == np.inf
+
+
+def test_an_isometry_has_energy_one_and_no_other_map_less() -> None:
+    t = np.linspace(0, 6, 30)
+    rotations = np.stack([np.stack([np.cos(t), -np.sin(t)]), np.stack([np.sin(t), np.cos(t)])])
+    for blend in (0.0, 0.5, 1.0):
+        np.testing.assert_allclose(dirichlet.energy(rotations, blend), 1.0)
+        assert np.abs(dirichlet.gradient(rotations, blend)).max() < 1e-12
+        assert (dirichlet.energy(_jacobians(5), blend) >= 1 - 1e-12).all()
+    j = np.array([[3.0, 0.0], [0.0, 0.5]])[:, :, None]
+    assert dirichlet.energy(j)[0] == pytest.approx((9 + 1 / 9 + 0.25 + 4) / 4)
+    assert dirichlet.energy(j, 1.0)[0] == pytest.approx((6 + 1 / 6) / 2)
+
+
+@pytest.mark.parametrize("bad", [[[1, 0], [0, -1]], [[1, 1], [1, 1]], [[0, 0], [0, 0]]])
+def test_flipped_and_collapsed_faces_have_infinite_energy(bad: list[list[float]]) -> None:
+    j = np.array(bad, float)[:, :, None]
+    for blend in (0.0, 0.5, 1.0):
+        assert dirichlet.energy(j, blend)[0] == np.inf
+
+
+def test_the_largest_step_is_the_smaller_positive_root() -> None:
+    """Corner 2 at height 1 sinks to −1 and the base shrinks: zero at t = 1 and again at t = 2."""
+    corners = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]
+    direction = np.array([[0.0, -0.5, 0.0], [0.0, 0.0, -1.0]])[:, :, None]
+    assert dirichlet.largest_step(corners, direction)[0] == pytest.approx(1.0)
+    assert dirichlet.largest_step(corners, direction * [[[2.0]], [[0.5]]])[0] == pytest.approx(1.0)
+    # backwards both roots are negative: it never collapses
+    assert dirichlet.largest_step(corners, -direction)[0] == np.inf
+
+
+def test_edge_blocks_are_the_off_diagonal_blocks_of_the_hessian_of_a_face() -> None:
+    j = _jacobians(7, 5)
+    values, modes = dirichlet.newton_modes(j)
+    rng = np.random.default_rng(0)
+    gradients = rng.normal(size=(2, 3, 5))
+    gradients[:, 0] = -gradients[:, 1] - gradients[:, 2]
+    blocks = dirichlet.edge_blocks(values, modes, gradients)
+    hessian = np.einsum("km,kabm,kcdm->mabcd", values, modes, modes)
+    for k in range(3):
+        expected = np.einsum(
+            "mabcd,bm,dm->acm", hessian, gradients[:, k], gradients[:, (k + 1) % 3]
+        )
+        np.testing.assert_allclose(blocks[:, :, k], expected, atol=1e-9)

@@ -1,0 +1,126 @@
+"""Descent on many independent problems at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.monitor import Monitor
+from circparam.solvers.lbfgs import DescentOptions, Groups, descend
+
+
+def test_descent_finds_the_minimum_of_quadratics_of_different_size_together():
+    scale = np.repeat([1.0, 1e6], 5)
+    group = np.repeat([0, 1], 5)
+    target = np.random.default_rng(0).normal(size=(10, 2))
+    weight = scale[:, None] * np.linspace(1, 20, 10)[:, None]
+
+    def energy(x):
+        d = x - target
+        return np.bincount(group, (weight * d * d).sum(1)) / 2, weight * d
+
+    found = descend(
+        energy,
+        np.zeros((10, 2)),
+        Groups(group, 2),
+        lambda g: g / scale[:, None],
+        DescentOptions(1e-14, 200),
+    )
+    np.testing.assert_allclose(found.x, target, atol=1e-5)
+    assert (found.steps > 1).all()
+    assert set(found.reasons) <= {"converged", "no lower step"}
+
+
+def bowls(weight, target, group):
+    """Σ w (x − target)² / 2 of every group, as an energy for ``descend``."""
+
+    def energy(x):
+        d = x - target
+        return np.bincount(group, (weight * d * d).sum(1)) / 2, weight * d
+
+    return energy
+
+
+def descended(count, weight, target, group, options, precondition=lambda g: g):
+    energy = bowls(weight, target, group)
+    return descend(energy, np.zeros_like(target), Groups(group, count), precondition, options)
+
+
+def test_groups_are_independent_to_the_last_bit():
+    generator = np.random.default_rng(3)
+    target = generator.normal(size=(12, 2))
+    weight = generator.uniform(1, 30, (12, 1))
+    group = np.repeat([0, 1, 2], 4)
+    options = DescentOptions(1e-13, 100)
+    together = descended(3, weight, target, group, options)
+    for k in range(3):
+        own = group == k
+        alone = descended(1, weight[own], target[own], np.zeros(4, int), options)
+        np.testing.assert_array_equal(together.x[own], alone.x)
+        assert together.steps[k] == alone.steps[0]
+        assert together.reasons[k] == alone.reasons[0]
+
+
+def test_the_exact_inverse_hessian_needs_one_step_and_two_to_see_it():
+    target = np.random.default_rng(1).normal(size=(6, 2))
+    weight = np.linspace(1, 100, 6)[:, None]
+    group = np.zeros(6, int)
+    one = descended(1, weight, target, group, DescentOptions(1e-9, 1), lambda g: g / weight)
+    np.testing.assert_allclose(one.x, target, rtol=1e-12)
+    assert one.steps.tolist() == [1]
+    assert one.reasons == ["iterations"]
+    more = descended(1, weight, target, group, DescentOptions(1e-9, 50), lambda g: g / weight)
+    assert more.steps[0] <= 3
+    assert more.reasons[0] in ("converged", "no lower step")
+
+
+def test_a_start_in_the_minimum_stays_there_while_others_descend():
+    target = np.zeros((4, 2))
+    target[2:] = 1.0
+    found = descended(2, np.ones((4, 1)), target, np.array([0, 0, 1, 1]), DescentOptions(1e-12, 50))
+    np.testing.assert_allclose(found.x, target, atol=1e-9)
+    assert found.steps[0] == 0
+    assert found.reasons[0] == "no lower step"
+
+
+def test_memory_turns_a_narrow_valley_into_few_steps():
+    """Rosenbrock's valley, where steepest descent needs thousands of steps."""
+
+    def energy(x):
+        a, b = x[0]
+        value = (1 - a) ** 2 + 100 * (b - a * a) ** 2
+        slope = [-2 * (1 - a) - 400 * a * (b - a * a), 200 * (b - a * a)]
+        return np.array([value]), np.array([slope])
+
+    groups = Groups(np.zeros(1, int), 1)
+    found = descend(
+        energy, np.array([[-1.2, 1.0]]), groups, lambda g: g / 100, DescentOptions(1e-12, 100)
+    )
+    np.testing.assert_allclose(found.x, [[1.0, 1.0]], atol=1e-5)
+
+
+def test_every_accepted_step_lowers_the_energy_of_its_group_and_time_ends_it():
+    seen = []
+    target = np.random.default_rng(2).normal(size=(8, 2))
+    weight = np.linspace(1, 50, 8)[:, None]
+    group = np.repeat([0, 1], 4)
+
+    class Watch(Monitor):
+        def update(self, fraction, detail=""):
+            seen.append(float(detail.split()[-1]))
+
+        @property
+        def expired(self):
+            return len(seen) == 4
+
+    found = descend(
+        bowls(weight, target, group),
+        np.zeros((8, 2)),
+        Groups(group, 2),
+        lambda g: g,
+        DescentOptions(1e-15, 100),
+        Watch(),
+    )
+    assert len(seen) == 4
+    assert (np.diff(seen) < 0).all()
+    assert found.reasons == ["out of time"] * 2
+    assert found.steps.tolist() == [4, 4]

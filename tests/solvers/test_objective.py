@@ -1,0 +1,111 @@
+"""The energies of many charts as one objective."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.objective import Objective, chart_energies, in_units_of_faces
+from tests.support import shapes
+from tests.support.charts import patches_of
+
+
+def two_disks():
+    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(60), 2))
+    return cut_mesh, np.ascontiguousarray(points[:, :2])
+
+
+def test_an_isometry_has_energy_one_and_a_scaling_what_the_formula_says():
+    cut_mesh, uv = two_disks()
+    np.testing.assert_allclose(chart_energies(cut_mesh, uv), 1.0, rtol=1e-9)
+    for s in (0.5, 3.0):
+        np.testing.assert_allclose(chart_energies(cut_mesh, s * uv), (s**2 + s**-2) / 2, rtol=1e-9)
+    stretched = uv * [2.0, 1.0]
+    np.testing.assert_allclose(chart_energies(cut_mesh, stretched), (4 + 1 + 0.25 + 1) / 4)
+    np.testing.assert_allclose(chart_energies(cut_mesh, stretched, 1.0), (2 + 0.5) / 2)
+    half = chart_energies(cut_mesh, stretched, 0.5)
+    np.testing.assert_allclose(half, (6.25 / 4 + 1.25) / 2)
+
+
+def test_a_flipped_face_makes_its_chart_infinite_and_no_other():
+    cut_mesh, uv = two_disks()
+    uv = uv.copy()
+    uv[cut_mesh.vertex_chart == 1] *= [1, -1]
+    energy = chart_energies(cut_mesh, uv)
+    assert energy[0] == pytest.approx(1)
+    assert energy[1] == np.inf
+
+
+def test_the_energies_are_those_that_relax_starts_from():
+    cut_mesh, _ = patches_of(shapes.bumped_disk(100))
+    uv = np.random.default_rng(0).normal(0, 0.01, (cut_mesh.n_vertices, 2))
+    uv += patches_of(shapes.bumped_disk(100))[1][:, :2]
+    for blend in (0.0, 0.3):
+        start = relax(cut_mesh, uv, RelaxOptions(max_iterations=0, blend=blend))
+        np.testing.assert_array_equal(start.energy, chart_energies(cut_mesh, uv, blend))
+        assert start.iterations.tolist() == [0]
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e5])
+def test_energies_do_not_depend_on_the_unit(size):
+    points, faces = shapes.bumped_disk(100)
+    one, places = patches_of((points, faces))
+    other, _ = patches_of((size * points, faces))
+    uv = places[:, :2]
+    np.testing.assert_allclose(chart_energies(other, size * uv), chart_energies(one, uv), rtol=1e-9)
+    scaled, u, scale = in_units_of_faces(other, size * uv)
+    assert scaled.areas.mean() == pytest.approx(1)
+    np.testing.assert_allclose(u * scale, size * uv)
+
+
+def test_the_gradient_is_that_of_the_energies_and_zero_where_fixed():
+    cut_mesh, uv = two_disks()
+    uv = uv + 0.01 * np.random.default_rng(1).normal(size=uv.shape)
+    step = np.random.default_rng(2).normal(size=uv.shape)
+    fixed = np.zeros(len(uv), bool)
+    fixed[::7] = True
+    for held in (None, fixed):
+        objective = Objective(cut_mesh, held, 0.2)
+        d = step if held is None else np.where(held[:, None], 0.0, step)
+        g = objective.gradient(objective.energies(uv)[1], uv)
+        h = 1e-6
+        up, down = objective.energies(uv + h * d)[0], objective.energies(uv - h * d)[0]
+        slope = np.bincount(cut_mesh.vertex_chart, (g * d).sum(1))
+        np.testing.assert_allclose(slope, (up - down) / (2 * h), rtol=1e-5)
+    assert not g[fixed].any()
+
+
+@pytest.mark.parametrize("limits", [(10**6, 0), (0, 10**6), (0, 0)])
+@pytest.mark.parametrize("proxy", [False, True])
+def test_directions_descend_and_move_no_chart_as_a_whole(monkeypatch, limits, proxy):
+    """Whatever solves the system: one factor, a factor for small charts, iteration."""
+    monkeypatch.setattr("circparam.solvers.objective.DIRECT_LIMIT", limits[0])
+    monkeypatch.setattr("circparam.solvers.objective.SMALL_CHART", limits[1])
+    cut_mesh, uv = two_disks()
+    uv = uv * [1.5, 0.8] + 0.005 * np.random.default_rng(1).normal(size=uv.shape)
+    objective = Objective(cut_mesh, None, 0.0)
+    jacobian = objective.energies(uv)[1]
+    g = objective.gradient(jacobian, uv)
+    d = objective.direction(uv, jacobian, g, proxy)
+    chart = cut_mesh.vertex_chart
+    assert (np.bincount(chart, (g * d).sum(1)) < 0).all()
+    for k in range(2):
+        assert np.abs(np.bincount(chart, d[:, k])).max() < 1e-9 * np.abs(d).max() * len(d)
+
+
+def test_small_and_large_charts_beside_each_other_are_solved_as_one_system(monkeypatch):
+    small = shapes.delaunay_disk(30)
+    both = shapes.join(shapes.delaunay_disk(200), (small[0] + 5, small[1]))
+    cut_mesh, points = patches_of(both)
+    uv = points[:, :2] * [1.2, 0.9]
+    objective = Objective(cut_mesh, None, 0.0)
+    jacobian = objective.energies(uv)[1]
+    g = objective.gradient(jacobian, uv)
+    exact = objective.direction(uv, jacobian, g, False)
+    monkeypatch.setattr("circparam.solvers.objective.DIRECT_LIMIT", 0)
+    monkeypatch.setattr("circparam.solvers.objective.SMALL_CHART", 100)
+    monkeypatch.setattr("circparam.solvers.objective.CG_TOLERANCE", 1e-12)
+    monkeypatch.setattr("circparam.solvers.objective.CG_LIMIT", 3000)
+    mixed = Objective(cut_mesh, None, 0.0).direction(uv, jacobian, g, False)
+    assert np.abs(mixed - exact).max() < 1e-4 * np.abs(exact).max()

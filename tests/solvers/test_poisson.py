@@ -1,0 +1,117 @@
+"""Layouts from the Jacobians that faces should have."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.geometry.intrinsic import cotangent_laplacian, jacobians
+from circparam.solvers import dirichlet
+from circparam.solvers.poisson import clamp_stretch, first_vertices, from_jacobians, laplacian
+from circparam.solvers.tutte.embed import tutte_embedding
+from tests.support import shapes
+from tests.support.charts import developable, patches_of
+
+
+def test_a_poisson_layout_returns_the_layout_its_jacobians_came_from() -> None:
+    cut_mesh = developable("cone")
+    uv, _ = tutte_embedding(cut_mesh, "mean-value")
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
+    again, fine = from_jacobians(cut_mesh, jac)
+    assert fine.all()
+    assert np.allclose(again - again[0], uv - uv[0], atol=1e-9)
+
+
+@given(st.integers(0, 1000), st.floats(0.1, 0.9))
+@settings(max_examples=30)
+def test_clamped_jacobians_are_never_flipped(seed: int, low: float) -> None:
+    j = np.random.default_rng(seed).normal(size=(2, 2, 50))
+    clamped = clamp_stretch(j, low)
+    s = np.linalg.svd(clamped.transpose(2, 0, 1), compute_uv=False)
+    assert (dirichlet.determinants(clamped) > 0).all()
+    assert s.min() >= low * (1 - 1e-9)
+    assert s.max() <= (1 + 1e-9) / low
+
+
+@pytest.mark.parametrize("a", [[[2.0, 0.3], [-0.4, 0.7]], [[0.0, -1.0], [1.0, 0.0]]])
+def test_one_target_for_all_faces_is_met_exactly_on_a_plane(a: list[list[float]]) -> None:
+    cut_mesh = developable("sheet")
+    flat = from_jacobians(cut_mesh, np.repeat(np.eye(2)[:, :, None], len(cut_mesh.faces), 2))[0]
+    jac = jacobians(cut_mesh, flat)
+    assert (dirichlet.determinants(jac.transpose(1, 2, 0)) > 0).all()
+    own = np.einsum("ij,mjk->mik", np.array(a), jac).transpose(1, 2, 0)
+    uv, fine = from_jacobians(cut_mesh, own)
+    assert fine.all()
+    np.testing.assert_allclose(uv, flat @ np.array(a).T, atol=1e-9)
+
+
+def test_held_vertices_lie_where_they_are_held_and_the_rest_is_the_minimum() -> None:
+    cut_mesh = developable("cone")
+    uv, _ = tutte_embedding(cut_mesh, "mean-value")
+    targets = np.ascontiguousarray(jacobians(cut_mesh, uv).transpose(1, 2, 0))
+    vertices = np.array([3, 40, 90])
+    places = uv[vertices] + [[0.1, 0.0], [0.0, -0.1], [0.0, 0.0]]
+    held, _ = from_jacobians(cut_mesh, targets, held=(vertices, places))
+    np.testing.assert_array_equal(held[vertices], places)
+
+    def error(x: np.ndarray) -> float:
+        gap = jacobians(cut_mesh, x).transpose(1, 2, 0) - targets
+        return float((cut_mesh.areas * (gap * gap).sum((0, 1))).sum())
+
+    least = error(held)
+    generator = np.random.default_rng(0)
+    for _ in range(5):
+        step = generator.normal(size=held.shape)
+        step[vertices] = 0.0
+        # a minimum: both ways cost the same, and more
+        up, down = error(held + 1e-4 * step), error(held - 1e-4 * step)
+        assert up > least
+        assert up - least == pytest.approx(down - least, rel=1e-4)
+
+
+def test_first_vertices_lie_one_in_every_chart() -> None:
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(60), 3))
+    first = first_vertices(cut_mesh)
+    np.testing.assert_array_equal(cut_mesh.vertex_chart[first], [0, 1, 2])
+    uv, fine = from_jacobians(
+        cut_mesh, np.repeat(np.eye(2)[:, :, None], len(cut_mesh.faces), axis=2)
+    )
+    np.testing.assert_array_equal(uv[first], 0.0)
+    assert fine.shape == (3,)
+
+
+def test_flips_are_cleared_in_their_charts_only() -> None:
+    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(80), 2))
+    targets = np.ascontiguousarray(jacobians(cut_mesh, points[:, :2]).transpose(1, 2, 0))
+    inner = np.flatnonzero(cut_mesh.chart == 1)[10:14]
+    targets[:, :, inner] *= np.array([[1.0], [-3.0]])[:, :, None]
+    plain, fine = from_jacobians(cut_mesh, targets)
+    assert fine.tolist() == [True, False]
+    cleared, fine = from_jacobians(cut_mesh, targets, untangle=30)
+    assert fine.all()
+    np.testing.assert_array_equal(
+        cleared[cut_mesh.vertex_chart == 0], plain[cut_mesh.vertex_chart == 0]
+    )
+
+
+def test_the_laplacian_is_that_of_the_cotangents() -> None:
+    cut_mesh = developable("cone")
+    ours, theirs = laplacian(cut_mesh), cotangent_laplacian(cut_mesh)
+    size = np.abs(theirs).max()
+    assert np.abs(ours - theirs).max() < 1e-12 * size
+
+
+def test_what_lies_within_the_clamp_is_not_touched() -> None:
+    generator = np.random.default_rng(4)
+    u, v = (np.linalg.qr(generator.normal(size=(40, 2, 2)))[0] for _ in range(2))
+    s = generator.uniform(0.55, 1.9, (40, 2))
+    j = np.einsum("mij,mj,mkj->ikm", u, s, v)
+    j = j[:, :, dirichlet.determinants(j) > 0]
+    np.testing.assert_allclose(clamp_stretch(j, 0.5), j, atol=1e-12)
+    wide = np.array([[3.0, 0.0], [0.0, 0.1]])[:, :, None]
+    np.testing.assert_allclose(clamp_stretch(wide, 0.5)[:, :, 0], np.diag([2.0, 0.5]))
+    mirror = np.array([[1.0, 0.0], [0.0, -1.0]])[:, :, None]
+    np.testing.assert_allclose(clamp_stretch(mirror, 0.5)[:, :, 0], np.diag([1.0, 0.5]))

@@ -1,0 +1,138 @@
+"""The block matrix of all charts, and the two-level preconditioner."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.graph import components
+from circparam.solvers import dirichlet
+from circparam.solvers.objective import Objective
+from circparam.solvers.preconditioner import (
+    AGGREGATE_SIZE,
+    BlockPattern,
+    TwoLevel,
+    aggregates,
+    conjugate_gradients,
+    solve_direct,
+)
+from circparam.solvers.tutte.embed import tutte_embedding
+from tests.support import shapes
+from tests.support.charts import developable, patches_of
+
+
+def test_the_assembled_matrix_is_symmetric_and_blind_to_translations() -> None:
+    cut_mesh = developable("cone")
+    uv, _ = tutte_embedding(cut_mesh, "mean-value")
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
+    blocks = dirichlet.edge_blocks(*dirichlet.newton_modes(jac), gradients)
+    matrix = BlockPattern(cut_mesh).assemble(blocks).toarray()
+    assert np.allclose(matrix, matrix.T, atol=1e-9 * np.abs(matrix).max())
+    shift = np.tile([1.0, 0.0], cut_mesh.n_vertices)
+    assert np.abs(matrix @ shift).max() <= 1e-7 * np.abs(matrix).max()
+
+
+def hessian(cut_mesh, uv):
+    """A projected Hessian with its pattern."""
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
+    pattern = BlockPattern(cut_mesh)
+    return pattern, pattern.assemble(dirichlet.edge_blocks(*dirichlet.newton_modes(jac), gradients))
+
+
+def layout():
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(500), 2))
+    return cut_mesh, tutte_embedding(cut_mesh, "mean-value")[0]
+
+
+def balanced(cut_mesh, g):
+    """Forces that move no chart as a whole, which no energy resists."""
+    chart = cut_mesh.vertex_chart
+    mean = np.stack([np.bincount(chart, x) for x in g.T], 1) / np.bincount(chart)[:, None]
+    return g - mean[chart]
+
+
+def test_conjugate_gradients_with_two_levels_equal_a_direct_solve():
+    cut_mesh, uv = layout()
+    pattern, matrix = hessian(cut_mesh, uv)
+    g = balanced(cut_mesh, np.random.default_rng(0).normal(size=uv.shape))
+    direct = solve_direct(matrix, g)
+    np.testing.assert_allclose(matrix @ direct.ravel(), g.ravel(), atol=1e-6)
+    precondition = TwoLevel(matrix, aggregates(cut_mesh, pattern, uv), uv)
+    x = conjugate_gradients(matrix, g.ravel(), precondition, 1e-12, 2000).reshape(-1, 2)
+    error = balanced(cut_mesh, x - direct)
+    assert np.abs(error).max() < 1e-5 * np.abs(direct).max()
+    rough = conjugate_gradients(matrix, g.ravel(), precondition, 1e-2, 2000)
+    assert rough @ g.ravel() > 0, "a descent direction"
+    gap = [np.abs(matrix @ y - g.ravel()).max() for y in (x.ravel(), rough)]
+    assert gap[0] < 1e-3 * gap[1], "the tolerance is heeded"
+
+
+def test_both_levels_are_of_use():
+    """Steps to a tolerance: fewer with the coarse space than with block Jacobi alone."""
+    cut_mesh, uv = layout()
+    pattern, matrix = hessian(cut_mesh, uv)
+    g = balanced(cut_mesh, np.random.default_rng(0).normal(size=uv.shape)).ravel()
+    two = TwoLevel(matrix, aggregates(cut_mesh, pattern, uv), uv)
+
+    def error(precondition, steps):
+        x = conjugate_gradients(matrix, g, precondition, 1e-14, steps)
+        return np.sqrt(np.sum((matrix @ x - g) ** 2))
+
+    assert error(two, 20) < 0.1 * error(two.jacobi, 20)
+
+
+def test_the_preconditioner_is_symmetric_and_positive():
+    cut_mesh, uv = layout()
+    pattern, matrix = hessian(cut_mesh, uv)
+    precondition = TwoLevel(matrix, aggregates(cut_mesh, pattern, uv), uv)
+    a, b = np.random.default_rng(1).normal(size=(2, 2 * len(uv)))
+    assert precondition(a) @ b == pytest.approx(precondition(b) @ a, rel=1e-8)
+    assert precondition(a) @ a > 0
+
+
+def test_no_step_is_taken_without_steps_or_curvature():
+    cut_mesh, uv = layout()
+    pattern, matrix = hessian(cut_mesh, uv)
+    precondition = TwoLevel(matrix, aggregates(cut_mesh, pattern, uv), uv)
+    g = np.ones(2 * len(uv))
+    assert not conjugate_gradients(matrix, g, precondition, 1e-9, 0).any()
+    assert not conjugate_gradients(-matrix.tocsr(), g, precondition, 1e-9, 9).any()
+
+
+def test_aggregates_are_connected_parts_of_one_chart_of_about_the_size_asked_for():
+    cut_mesh, uv = layout()
+    pattern, _ = hessian(cut_mesh, uv)
+    group = aggregates(cut_mesh, pattern, uv)
+    charts = {(g, c) for g, c in zip(group, cut_mesh.vertex_chart, strict=True)}
+    assert len(charts) == group.max() + 1, "no group spans two charts"
+    tail, head = pattern.tail, pattern.head
+    same = group[tail] == group[head]
+    count, _ = components(len(group), tail[same], head[same])
+    assert count == group.max() + 1, "connected"
+    size = np.bincount(group)
+    assert size.max() <= 2.5 * AGGREGATE_SIZE
+    assert len(uv) / len(size) > AGGREGATE_SIZE / 8
+
+
+def test_the_assembled_matrix_is_the_second_derivative_of_the_energy():
+    """At an isometry, where nothing has to be projected, and whatever charts stand beside each other."""
+    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(40), 2))
+    uv = points[:, :2]
+    objective = Objective(cut_mesh, None, 0.0)
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    jac = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
+    values, modes = dirichlet.newton_modes(jac)
+    matrix = BlockPattern(cut_mesh).assemble(
+        dirichlet.edge_blocks(values * objective.weight, modes, gradients)
+    )
+    step = np.random.default_rng(0).normal(size=uv.shape)
+    h = 1e-5
+
+    def slope(x):
+        return objective.gradient(objective.energies(x)[1], x)
+
+    found = (slope(uv + h * step) - slope(uv - h * step)) / (2 * h)
+    got = (matrix @ step.ravel()).reshape(-1, 2)
+    np.testing.assert_allclose(got, found, atol=1e-5 * np.abs(found).max())

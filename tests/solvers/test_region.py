@@ -1,0 +1,105 @@
+"""Parts of a cut mesh that move while the rest stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.geometry.intrinsic import signed_areas
+from circparam.solvers.region import THINNEST, WHOLE, cut_out, grow, moving_region
+from tests.support import shapes
+from tests.support.charts import patches_of, rim
+
+
+def seed_at(cut_mesh, face):
+    seed = np.zeros(len(cut_mesh.faces), bool)
+    seed[face] = True
+    return seed
+
+
+@pytest.mark.parametrize("rings", [0, 1, 2, 3])
+def test_a_region_grows_ring_by_ring(rings):
+    cut_mesh, _ = patches_of(shapes.grid(12, 12))
+    face = len(cut_mesh.faces) // 2
+    region = grow(cut_mesh, seed_at(cut_mesh, face), rings)
+    # by hand: faces that can be reached over so many shared vertices
+    near = {face}
+    for _ in range(rings):
+        v = set(cut_mesh.faces[sorted(near)].ravel().tolist())
+        near = {f for f, corners in enumerate(cut_mesh.faces.tolist()) if v & set(corners)}
+    assert set(np.flatnonzero(region).tolist()) == near
+
+
+def test_the_whole_of_a_chart_and_of_no_other():
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.grid(5, 5), 2))
+    region = grow(cut_mesh, seed_at(cut_mesh, 3), WHOLE)
+    np.testing.assert_array_equal(region, cut_mesh.chart == cut_mesh.chart[3])
+
+
+def test_vertices_of_other_faces_and_held_ones_are_fixed():
+    cut_mesh, _ = patches_of(shapes.grid(12, 12))
+    region = grow(cut_mesh, seed_at(cut_mesh, 100), 2)
+    hold = np.zeros(cut_mesh.n_vertices, bool)
+    hold[cut_mesh.faces[100, 0]] = True
+    part, source, fixed = cut_out(cut_mesh, region, hold)
+    outside = np.unique(cut_mesh.faces[~region])
+    expected = np.isin(source, outside) | hold[source]
+    np.testing.assert_array_equal(fixed, expected)
+    assert (~fixed).any()
+    # its faces are faces of the whole, with their own shape
+    whole = {
+        tuple(f): r for f, r in zip(cut_mesh.faces.tolist(), cut_mesh.rest_triangles, strict=True)
+    }
+    for corners, rest in zip(source[part.faces].tolist(), part.rest_triangles, strict=True):
+        np.testing.assert_array_equal(whole[tuple(corners)], rest)
+    assert not fixed[part.faces].all(1).any(), "a face that cannot move is no part of it"
+
+
+def test_groups_that_share_fixed_vertices_only_move_apart_from_each_other():
+    cut_mesh, points = patches_of(shapes.grid(21, 9))
+    x = points[:, 0]
+    hold = np.abs(x - 0.5) < 1e-9
+    part, source, fixed = cut_out(cut_mesh, np.ones(len(cut_mesh.faces), bool), hold)
+    assert part.n_charts == 2
+    side = x[source][~fixed] > 0.5
+    np.testing.assert_array_equal(
+        part.vertex_chart[~fixed] == part.vertex_chart[~fixed][0], side == side[0]
+    )
+    assert (np.bincount(source)[hold] == 2).all(), "each group has its own copy of them"
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 7.0])
+def test_the_rest_triangles_have_the_area_of_the_layout(size):
+    cut_mesh, points = patches_of(shapes.delaunay_disk(100))
+    uv = size * points[:, :2]
+    none = np.zeros(len(uv), bool)
+    region = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), none, uv)
+    area = np.abs(signed_areas(cut_mesh.faces, uv)).sum()
+    assert region.cut_mesh.areas.sum() == pytest.approx(area)
+    assert region.n_groups == 1
+    # what the boundary encloses counts, not what folds inside it
+    tangled = uv.copy()
+    inner = np.flatnonzero(~rim(cut_mesh))[:10]
+    tangled[inner] += 0.2 * size
+    region = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), none, tangled)
+    assert region.cut_mesh.areas.sum() == pytest.approx(area)
+    # a layout upside down has a boundary that tells nothing: its faces share their own area
+    region = moving_region(cut_mesh, np.ones(len(cut_mesh.faces), bool), none, uv * [1, -1])
+    assert region.cut_mesh.areas.sum() == pytest.approx(area)
+
+
+def test_thin_rest_triangles_are_raised_to_the_least_height_and_others_stay():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.3, 1e-5, 0], [0.5, -1, 0], [0.4, 0.6, 0]])
+    faces = np.array([[0, 1, 2], [1, 0, 3], [0, 2, 4]])
+    cut_mesh, _ = patches_of((points, faces))
+    uv = np.random.default_rng(0).normal(size=(cut_mesh.n_vertices, 2))
+    none = np.zeros(len(uv), bool)
+    region = moving_region(cut_mesh, np.ones(3, bool), none, uv)
+    rest = region.cut_mesh.rest_triangles
+    longest = np.linalg.norm(rest - np.roll(rest, 1, 1), axis=2).max(1)
+    height = 2 * region.cut_mesh.areas / longest / longest
+    assert height.min() == pytest.approx(THINNEST)
+    assert (region.cut_mesh.areas > 0).all()
+    fine = height > 1.01 * THINNEST
+    ratio = region.cut_mesh.areas[fine] / cut_mesh.areas[fine]
+    np.testing.assert_allclose(ratio, ratio[0])

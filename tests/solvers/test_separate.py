@@ -1,0 +1,128 @@
+"""Parts of one chart that lie on each other are pushed apart; the law of the springs that do it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sps
+
+from circparam.geometry.overlap import self_overlapping
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers.objective import Objective, chart_energies
+from circparam.solvers.separate import _SpringObjective, _Springs, push_apart
+from tests.support import shapes
+from tests.support.charts import patches_of
+
+MARGIN = 0.002
+
+
+def ring_of(turn: float, around: int = 96, along: int = 6) -> tuple[CutMesh, np.ndarray]:
+    """A flat ring of this angle that rises a little, and its layout seen from above."""
+    points, faces = shapes.grid(around, along)
+    t, r = turn * points[:, 0], 1.0 - 0.3 * points[:, 1]
+    p = np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1)
+    cut_mesh, places = patches_of((p, faces))
+    uv = np.ascontiguousarray(places[:, :2])
+    return cut_mesh, uv if np.isfinite(chart_energies(cut_mesh, uv)).all() else uv * [-1, 1]
+
+
+@pytest.mark.parametrize("beyond", [0.004, 0.012])
+def test_a_ring_that_overlaps_itself_a_little_is_separated_within_the_bound(beyond: float) -> None:
+    cut_mesh, uv = ring_of(2 * np.pi + beyond)
+    before = uv.copy()
+    assert self_overlapping(cut_mesh, uv).all()
+    pushed, fine = push_apart(cut_mesh, uv, MARGIN, 1.05)
+    np.testing.assert_array_equal(uv, before)
+    assert fine.all()
+    assert not self_overlapping(cut_mesh, pushed, margin=MARGIN).any()
+    assert chart_energies(cut_mesh, pushed).max() <= 1.05
+
+
+def test_ends_that_are_nearer_than_the_margin_are_separated_too() -> None:
+    cut_mesh, uv = ring_of(2 * np.pi - 0.001)
+    assert not self_overlapping(cut_mesh, uv).any()
+    assert self_overlapping(cut_mesh, uv, margin=MARGIN).all()
+    pushed, fine = push_apart(cut_mesh, uv, MARGIN, 1.05)
+    assert fine.all()
+    assert not self_overlapping(cut_mesh, pushed, margin=MARGIN).any()
+
+
+def test_what_has_no_room_under_the_bound_or_lies_deep_is_not_said_to_be_separate() -> None:
+    cut_mesh, uv = ring_of(2 * np.pi + 0.012)
+    assert not push_apart(cut_mesh, uv, MARGIN, 1 + 1e-9)[1].any()
+    cut_mesh, uv = ring_of(2 * np.pi + 1.5)
+    assert not push_apart(cut_mesh, uv, MARGIN, 1.05)[1].any()
+
+
+def test_a_chart_that_is_separate_stays_where_it_is() -> None:
+    cut_mesh, uv = ring_of(5.0)
+    pushed, fine = push_apart(cut_mesh, uv, MARGIN, 1.05)
+    assert fine.all()
+    np.testing.assert_allclose(pushed, uv, atol=1e-12)
+
+
+def spring(t: float = 0.25, distance: float = 0.5, weight: float = 3.0) -> _Springs:
+    """Vertex 2 against a point between vertices 0 and 1, along y."""
+    at = [np.array([k]) for k in (2, 0, 1)]
+    normal = np.array([[0.0, 1.0]])
+    numbers = [np.array([x]) for x in (distance, weight)]
+    return _Springs(*at, np.array([t]), normal, *numbers, np.array([0]))
+
+
+@pytest.mark.parametrize(
+    ("height", "strain"), [(0.6, 0.0), (0.5, 0.0), (0.25, 0.5), (0.0, 1.0), (-0.5, 2.0)]
+)
+def test_a_spring_pulls_below_its_distance_only(height: float, strain: float) -> None:
+    uv = np.array([[0.0, 0.0], [1.0, 0.0], [0.25, height]])
+    assert spring().strain(uv) == pytest.approx(strain, abs=1e-12)
+
+
+def test_the_foot_of_a_spring_lies_between_tail_and_head() -> None:
+    uv = np.array([[0.0, 0.0], [1.0, 0.4], [0.7, 0.3]])
+    # the foot is at height 0.1, or 0.4 at the head itself
+    assert spring(0.25).strain(uv) == pytest.approx(1 - 0.2 / 0.5)
+    assert spring(1.0).strain(uv) == pytest.approx(1 + 0.1 / 0.5)
+
+
+def test_energy_gradient_and_hessian_of_springs_fit_together() -> None:
+    cut_mesh, points = patches_of(shapes.delaunay_disk(30))
+    uv = points[:, :2] + 0.01 * np.random.default_rng(0).normal(size=(len(points), 2))
+    far = int(np.argmax(uv[:, 1]))
+    a, b = (int(k) for k in np.argsort(uv[:, 1])[:2])
+    k = _Springs(
+        *(np.array([x, x]) for x in (far, a, b)),
+        np.array([0.3, 0.6]),
+        np.array([[0.6, 0.8], [0.0, -1.0]]),
+        np.array([9.0, 0.1]),  # both pull: the second is on its wrong side
+        np.array([0.2, 0.1]),
+        np.array([0, 0]),
+    )
+    objective = _SpringObjective(cut_mesh, None, k)
+    plain = Objective(cut_mesh, None, 0.0)
+    value, jacobian = objective.energies(uv)
+    extra = value - plain.energies(uv)[0]
+    assert extra[0] == pytest.approx((k.weight * k.strain(uv) ** 2).sum())
+    g = objective.gradient(jacobian, uv)
+    step = np.random.default_rng(1).normal(size=uv.shape)
+    h = 1e-6
+    up, down = objective.energies(uv + h * step)[0], objective.energies(uv - h * step)[0]
+    assert (g * step).sum() == pytest.approx(((up - down) / (2 * h))[0], rel=1e-6)
+    # the springs are quadratic where they pull: their Hessian is exact
+    n = len(uv)
+    zero = np.zeros((2 * n, 2 * n))
+    added = objective.stiffened(sparse(zero), uv).toarray()
+    change = [objective.gradient(objective.energies(x)[1], x) - plain.gradient(
+        plain.energies(x)[1], x) for x in (uv + h * step, uv - h * step)]  # fmt: skip
+    along = (change[0] - change[1]).ravel() / (2 * h)
+    np.testing.assert_allclose(added @ step.ravel(), along, rtol=1e-6, atol=1e-7)
+
+
+def sparse(matrix: np.ndarray) -> sps.bsr_matrix:
+    return sps.bsr_matrix(matrix, blocksize=(2, 2))
+
+
+def test_a_separate_chart_above_the_bound_is_not_fine() -> None:
+    cut_mesh, uv = ring_of(5.0)
+    energy = float(chart_energies(cut_mesh, 1.2 * uv)[0])
+    assert not push_apart(cut_mesh, 1.2 * uv, MARGIN, 0.99 * energy)[1].any()
+    assert push_apart(cut_mesh, 1.2 * uv, MARGIN, 1.01 * energy)[1].all()
