@@ -31,6 +31,7 @@ class Row(Generic[F]):
 
     summary: one line for help texts. citation: author, year, equation. tags: keys of ``TAGS``.
     condition: what the guarantee depends on, in one sentence (empty where it depends on nothing).
+    accepts: names of the options that the user may give with this entry; all others have no effect on it.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Row(Generic[F]):
     citation: str = ""
     tags: frozenset[str] = field(default_factory=frozenset)
     condition: str = ""
+    accepts: frozenset[str] = field(default_factory=frozenset)
 
     def __post_init__(self) -> None:
         unknown = self.tags - set(TAGS)

@@ -27,10 +27,11 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.errors import NoResultError
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import Layout, MethodOptions, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
 from circparam.methods.conformal import conformal_spectral, scaled, start_modes
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices
@@ -45,11 +46,11 @@ SMALLEST = 1e-8  # targets stay so far from 0 and π; angles above a twentieth o
 def abf(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """ABF++ on all charts; a chart on which Newton does not converge takes Linear ABF, which a note says."""
     require_boundary(cut_mesh)
-    limit = 1 if options.linear_abf else options.max_iterations or LIMIT
+    limit = 1 if options.linear else options.max_iterations or LIMIT
     with monitor.stage("solve"):
         angles, steps, converged = solve_angles(cut_mesh, limit, monitor)
         notes = []
-        if not options.linear_abf and not converged.all():
+        if not options.linear and not converged.all():
             notes.append(
                 f"abf: ABF++ did not converge on {int((~converged).sum())} charts; "
                 "Linear ABF took its place there"
@@ -57,7 +58,7 @@ def abf(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
         z, _ = conformal_spectral(with_angles(cut_mesh, angles), start_modes(cut_mesh))
         uv = scaled(cut_mesh, np.stack([z.real, z.imag], 1), np.ones(cut_mesh.n_charts, bool))
     uv, told = untangle_layout(cut_mesh, uv, "abf", options, monitor)
-    reasons = ["solved" if options.linear_abf or not c else "converged" for c in converged]
+    reasons = ["solved" if options.linear or not c else "converged" for c in converged]
     return Layout(uv, steps, reasons, notes + told)
 
 
@@ -334,3 +335,14 @@ def _newton_step(system: _System, alpha: FloatArray, solver: _Solver) -> FloatAr
     correction = (J.T @ multipliers).reshape(-1, 3) * w
     correction -= w * (correction.sum(1) / total)[:, None]
     return step + correction
+
+
+ROW: MethodRow = Row(
+    "abf",
+    abf,
+    "angle based flattening: angles",
+    "Sheffer et al. 2005 (ABF++); Zayer et al. 2007 (linear)",
+    FREE,
+    CHECKED,
+    frozenset({"linear"}),
+)

@@ -13,9 +13,10 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.geometry.intrinsic import cotangent_laplacian, jacobians
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import Layout, MethodOptions, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
 from circparam.methods.pins import check_pins
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.lbfgs import descend
@@ -123,3 +124,14 @@ def fit_pins(cut_mesh: CutMesh, uv: FloatArray, options: MethodOptions) -> Float
     out = np.where(pinned[of][:, None], moved, uv)
     out[pins.vertices] = pins.uv
     return out
+
+
+ROW: MethodRow = Row(
+    "arap",
+    arap,
+    "as rigid as possible",
+    "Liu et al. 2008",
+    FREE,
+    CHECKED,
+    frozenset({"tolerance", "pins"}),
+)

@@ -10,15 +10,19 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.pins import Pins
 from circparam.solvers.tutte.boundary import TutteOptions
 from circparam.solvers.tutte.embed import require_boundary
 
 __all__ = [
+    "CHECKED",
+    "FREE",
     "Layout",
     "Method",
     "MethodOptions",
+    "MethodRow",
     "Pins",
     "direct",
     "require_boundary",
@@ -33,7 +37,7 @@ class MethodOptions:
     ``circparam.solvers.tutte.boundary``. clamp: lift negative weights to small positive ones.
     tolerance: stop when the energy falls by less than this share in a step; max_iterations (both None: the
     method's own). pins: fixed points, for lscm, arap and isometric. blend: 0 isometric .. 1 conformal.
-    lscm: ``spectral`` or ``pinned``. linear_abf: the one-solve form of abf. bff_border: None (automatic),
+    lscm: ``spectral`` or ``pinned``. linear: the one-solve form of abf. bff_boundary: None (automatic),
     ``disk``, or (b,) target lengths of the outer boundary's edges in order of their half-edge number.
     repair: mend flipped faces by the foldover-free energy.
     """
@@ -48,7 +52,7 @@ class MethodOptions:
     pins: Pins | None = None
     blend: float = 0.0
     lscm: str = "spectral"
-    linear_abf: bool = False
+    linear: bool = False
     bff_boundary: str | FloatArray | None = None
     repair: bool = True
 
@@ -71,6 +75,11 @@ class Layout:
 
 
 Method: TypeAlias = Callable[[CutMesh, MethodOptions, Monitor], Layout]
+MethodRow: TypeAlias = Row[Method]
+
+# what the rows of several methods with a free boundary have in common
+FREE = frozenset({"free-boundary", "reproduces-plane"})
+CHECKED = "flips are possible; the result is checked, and mended by the foldover-free energy"
 
 
 def direct(cut_mesh: CutMesh, uv: FloatArray, notes: list[str]) -> Layout:

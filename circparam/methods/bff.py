@@ -24,6 +24,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.errors import OptionError
 from circparam.geometry.intrinsic import (
     corner_angles,
@@ -32,7 +33,7 @@ from circparam.geometry.intrinsic import (
     vertex_angle_sums,
 )
 from circparam.mesh.cut_mesh import CutMesh, close_holes
-from circparam.methods.base import Layout, MethodOptions, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
 from circparam.methods.conformal import scaled
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.holes import hole_vertices, open_holes
@@ -305,3 +306,14 @@ def _closed_curve(boundary: _Boundary, lengths: FloatArray, turning: FloatArray)
     step = lengths[:, None] * T
     result: FloatArray = np.stack([boundary.running(s) - s for s in step.T], 1)
     return result
+
+
+ROW: MethodRow = Row(
+    "bff",
+    bff,
+    "boundary first flattening: angles, with least area change or a boundary of your own",
+    "Sawhney and Crane 2017",
+    FREE,
+    CHECKED,
+    frozenset({"bff_boundary"}),
+)

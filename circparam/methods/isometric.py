@@ -6,10 +6,11 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.errors import NoResultError, OptionError
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.arap import fit_pins
-from circparam.methods.base import Layout, MethodOptions, require_boundary
+from circparam.methods.base import FREE, Layout, MethodOptions, MethodRow, require_boundary
 from circparam.methods.pins import check_pins
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.tutte.graded import embed_start
@@ -71,3 +72,13 @@ def _start_at_pins(
             "move the pins nearer to where the chart lies without them"
         )
     return uv
+
+
+ROW: MethodRow = Row(
+    "isometric",
+    isometric,
+    "symmetric Dirichlet energy: angles and areas together",
+    "Smith and Schaefer 2015; Smith et al. 2019; Rabinovich et al. 2017",
+    FREE | {"flip-free"},
+    accepts=frozenset({"start", "blend", "tolerance", "pins"}),
+)

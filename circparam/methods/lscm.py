@@ -13,9 +13,10 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, ComplexArray, IntArray
 from circparam.core.linalg import ComplexFactor
 from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
 from circparam.errors import OptionError
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.base import Layout, MethodOptions, require_boundary
+from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
 from circparam.methods.conformal import conformal_matrix, conformal_spectral, scaled, start_modes
 from circparam.methods.pins import Pins, check_pins
 from circparam.methods.untangled import untangle_layout
@@ -82,3 +83,14 @@ def _opposite_points(cut_mesh: CutMesh, charts: BoolArray) -> tuple[IntArray, Co
     width = 2 * np.sqrt(cut_mesh.chart_areas / np.pi)[charts]
     vertices = np.concatenate([ring.vertices[first], ring.vertices[second]])
     return vertices, np.concatenate([np.zeros(len(first)), width]).astype(np.complex128)
+
+
+ROW: MethodRow = Row(
+    "lscm",
+    lscm,
+    "least squares conformal map: angles",
+    "Lévy et al. 2002; spectral: Mullen et al. 2008",
+    FREE,
+    CHECKED,
+    frozenset({"lscm", "pins"}),
+)

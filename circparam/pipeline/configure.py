@@ -144,7 +144,7 @@ def method_options(o: Options) -> MethodOptions:
         "tolerance": o.tolerance,
         "blend": o.blend,
         "lscm": o.lscm,
-        "linear_abf": o.linear,
+        "linear": o.linear,
         "bff_boundary": o.bff_boundary,
     }
     return MethodOptions(**{k: v for k, v in given.items() if v is not None})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -16,6 +17,7 @@ from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
+from circparam.methods.pins import Pins
 from tests.support import shapes, strategies
 from tests.support.charts import apart, patches_of
 
@@ -173,3 +175,56 @@ def test_one_triangle_is_a_map(name):
     cut_mesh, _ = patches_of(shapes.triangle())
     uv = run(name, cut_mesh, MethodOptions()).uv
     assert (signed_areas(cut_mesh.faces, uv) > 0).all()
+
+
+# a value other than the default for every option that some row accepts
+UNUSUAL = {
+    "boundary": {"boundary": "square"},
+    "polygon": {"boundary": "polygon", "polygon": np.array([[0, 0], [3, 0], [1, 2.0]])},
+    "spacing": {"spacing": "uniform"},
+    "clamp": {"clamp": True},
+    "start": {"start": "uniform"},
+    "blend": {"blend": 0.7},
+    "tolerance": {"tolerance": 0.1},
+    "pins": {"pins": Pins(np.array([0, 1]), np.array([[0, 0], [2, 1.0]]))},
+    "lscm": {"lscm": "pinned"},
+    "linear": {"linear": True},
+    "bff_boundary": {"bff_boundary": "disk"},
+}
+ACCEPTED = [
+    (row.name, option)
+    for row in METHODS
+    for option in sorted(row.accepts)
+    if not (option == "clamp" and "positive" in row.tags)  # where there is nothing to lift
+]
+
+
+def test_rows_accept_fields_of_the_options_only():
+    fields = {field.name for field in dataclasses.fields(MethodOptions)}
+    accepted = {option for row in METHODS for option in row.accepts}
+    assert accepted <= fields
+    assert accepted == set(UNUSUAL), "every option is of use to some method"
+
+
+@pytest.mark.parametrize(("name", "option"), ACCEPTED)
+def test_a_row_depends_on_what_it_accepts(name, option):
+    points, faces = shapes.spiked_disk(60) if option == "clamp" else mild()
+    cut_mesh, _ = patches_of((points * [3, 1, 1], faces))
+    plain = run(name, cut_mesh, MethodOptions(repair=False))
+    other = run(name, cut_mesh, MethodOptions(repair=False, **UNUSUAL[option]))
+    changed = np.abs(plain.uv - other.uv).max() / np.abs(plain.uv).max()
+    # all starts lead to one minimum, by ways of different length
+    assert changed > 1e-6 or (option == "start" and plain.iterations[0] != other.iterations[0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_row_does_not_depend_on_what_it_does_not_accept(name):
+    cut_mesh, _ = patches_of(mild())
+    plain = run(name, cut_mesh, MethodOptions())
+    rest = sorted(set(UNUSUAL) - METHODS[name].accepts - {"boundary"})
+    settings_ = {k: v for option in rest for k, v in UNUSUAL[option].items()}
+    other = run(name, cut_mesh, MethodOptions(**settings_))
+    if name in ITERATIVE:  # these move their start: they end near the same minimum
+        assert apart(other.uv, plain.uv) < 1e-2
+    else:
+        np.testing.assert_array_equal(other.uv, plain.uv)

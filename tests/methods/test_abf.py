@@ -58,7 +58,7 @@ def test_frames_take_the_angles_they_are_given():
 def test_angles_are_nearer_to_their_targets_than_those_of_lscm(height):
     cut_mesh, _ = patches_of(shapes.bumped_disk(500, height))
     full = angle_cost(cut_mesh, abf(cut_mesh, MethodOptions(), Monitor()).uv)
-    linear = angle_cost(cut_mesh, abf(cut_mesh, MethodOptions(linear_abf=True), Monitor()).uv)
+    linear = angle_cost(cut_mesh, abf(cut_mesh, MethodOptions(linear=True), Monitor()).uv)
     conformal = angle_cost(
         cut_mesh, METHODS["lscm"].function(cut_mesh, MethodOptions(), Monitor()).uv
     )
@@ -70,7 +70,7 @@ def test_angles_are_nearer_to_their_targets_than_those_of_lscm(height):
 def test_a_chart_that_does_not_converge_takes_the_linear_form_and_is_told():
     cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(200), 2))
     layout = abf(cut_mesh, MethodOptions(max_iterations=2), Monitor())
-    linear = abf(cut_mesh, MethodOptions(linear_abf=True), Monitor())
+    linear = abf(cut_mesh, MethodOptions(linear=True), Monitor())
     assert any("did not converge on 2 charts" in note for note in layout.notes)
     np.testing.assert_allclose(layout.uv, linear.uv, atol=1e-9)
     assert linear.notes == []

@@ -100,7 +100,7 @@ def test_curved_charts_with_holes_keep_angles_about_as_well_as_lscm(holes, heigh
     cut_mesh, _ = patches_of(shapes.waved(shapes.planar_holes(holes, seed=holes), height))
     least = run("lscm", cut_mesh)
     for name in ("abf",) if linear else ("abf", "bff"):
-        m = run(name, cut_mesh, MethodOptions(linear_abf=linear))
+        m = run(name, cut_mesh, MethodOptions(linear=linear))
         assert m.flips == 0
         assert m.whole["angle"] - 1 < 1.3 * (least.whole["angle"] - 1) + 1e-3
 
