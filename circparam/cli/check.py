@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from circparam.cli import options, progress
+from circparam.cli import common, progress
 
 _EPILOG = """\b
 Examples:
@@ -19,20 +19,20 @@ Examples:
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("mesh", metavar="MESH", type=options.MESH)
-@options.apply(
+@click.argument("mesh", metavar="MESH", type=common.MESH)
+@common.apply(
     click.option("--uv", is_flag=True, help="Judge the uv that the file has."),
-    options.uv_set,
-    options.resolution,
-    options.padding,
+    common.library_option("uv_set"),
+    common.library_option("resolution"),
+    common.library_option("padding"),
     click.option(
         "--require", type=click.Choice(["disk"]), help="Exit 4 unless every component is one."
     ),
-    click.option("--weld", type=float, metavar="EPS", help="Weld vertices up to this distance."),
-    options.gates,
-    options.format_option,
-    options.json_option,
-    options.quiet,
+    common.library_option("weld"),
+    common.gates,
+    common.format_option,
+    common.json_option,
+    common.quiet,
 )
 def command(mesh: str, **given: Any) -> None:
     """Report topology, and with --uv judge a uv set that is there.

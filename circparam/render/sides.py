@@ -82,7 +82,7 @@ class Drawn:
 
 
 def sides_of(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto") -> Sides:
-    """The sides of a ``circparam.compare.compare.Comparison`` whose rows keep their layout as ``uvmap``."""
+    """The sides of a ``circparam.compare.rows.Comparison`` whose rows keep their layout as ``uvmap``."""
     rows = []
     for row in comparison.rows:
         figures = dict(row.figures) | {"seconds": row.seconds, "peak_bytes": row.peak_bytes}

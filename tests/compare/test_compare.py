@@ -10,14 +10,10 @@ import pytest
 
 from circparam import errors, samples
 from circparam.compare import process, xatlas
-from circparam.compare.compare import (
-    FIGURES,
-    INPUT,
-    Comparison,
-    compare,
-    flatten_task,
-    method_names,
-)
+from circparam.compare.compare import compare
+from circparam.compare.names import method_names
+from circparam.compare.rows import FIGURES, INPUT, Comparison
+from circparam.compare.task import flatten_task
 from circparam.methods import METHODS
 from tests.support import shapes
 from tests.support.charts import patches_of
@@ -72,7 +68,7 @@ def test_stages_and_memory_are_measured(disk: Comparison) -> None:
 
 
 def test_the_stages_of_one_run_are_parts_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("circparam.compare.compare.REPEATS", 1)
+    monkeypatch.setattr("circparam.compare.task.REPEATS", 1)
     cut_mesh, _ = patches_of(shapes.bumped_disk(300))
     arrays = {
         name: getattr(cut_mesh, name) for name in ("faces", "rest_triangles", "chart", "edges")
