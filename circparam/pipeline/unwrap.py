@@ -25,7 +25,6 @@ from circparam.packing import pack
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import (
-    check_names,
     method_options,
     open_source,
     pack_options,
@@ -65,7 +64,6 @@ def unwrap(
         options = from_keywords(keywords)
     elif keywords:
         options = replace(options, **keywords)
-    check_names(options)
     monitor = Monitor(listener, options.timeout)
     with monitor.stage("read"):
         document = open_source(source, options)
