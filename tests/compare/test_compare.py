@@ -11,12 +11,8 @@ import pytest
 from circparam import errors, samples
 from circparam.compare import process, xatlas
 from circparam.compare.compare import compare
-from circparam.compare.names import method_names
 from circparam.compare.rows import FIGURES, INPUT, Comparison
-from circparam.compare.task import flatten_task
-from circparam.methods import METHODS
 from tests.support import shapes
-from tests.support.charts import patches_of
 
 has_xatlas = True
 try:
@@ -65,18 +61,6 @@ def test_stages_and_memory_are_measured(disk: Comparison) -> None:
         assert r.peak_bytes is not None
         assert r.peak_bytes >= 0
     assert {"weights", "solve"} <= set(disk.rows[0].stages)
-
-
-def test_the_stages_of_one_run_are_parts_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("circparam.compare.task.REPEATS", 1)
-    cut_mesh, _ = patches_of(shapes.bumped_disk(300))
-    arrays = {
-        name: getattr(cut_mesh, name) for name in ("faces", "rest_triangles", "chart", "edges")
-    }
-    settings = {"method": "circle", "options": {}, "timeout": None}
-    _, info = flatten_task(arrays, settings)
-    assert info["runs"] == 1
-    assert 0 < sum(info["stages"].values()) <= info["seconds"]
 
 
 def test_figures_agree_with_an_unwrap(disk: Comparison) -> None:
@@ -167,18 +151,6 @@ def test_a_layout_with_flips_is_invalid(monkeypatch: pytest.MonkeyPatch) -> None
     c = quick(shapes.bumped_disk(100), "mean-value")
     assert c.rows[0].status == "invalid"
     assert row(c, "mean-value")["flips"] > 0
-
-
-def test_names_are_checked() -> None:
-    assert method_names("all") == METHODS.names()
-    assert method_names(" circle, floater ") == ["circle", "floater"]
-    assert method_names(["circle"]) == ["circle"]
-    with pytest.raises(errors.OptionError, match="did you mean circle"):
-        method_names("circel")
-    with pytest.raises(errors.OptionError, match="twice"):
-        method_names("circle,all")
-    with pytest.raises(errors.OptionError, match="names no method"):
-        method_names(" , ")
 
 
 def test_options_go_where_they_apply() -> None:
