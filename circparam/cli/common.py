@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from circparam.core.fields import Spec, specs
 from circparam.core.registry import unknown_name
@@ -62,10 +63,9 @@ class Name(click.ParamType[str]):
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[click.shell_completion.CompletionItem]:
+    ) -> list[CompletionItem]:
         """Names that begin so."""
-        item = click.shell_completion.CompletionItem
-        return [item(name) for name in self.names() if name.startswith(incomplete)]
+        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
 def _formats() -> list[str]:
