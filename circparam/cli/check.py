@@ -46,13 +46,13 @@ def command(mesh: str, **given: Any) -> None:
     from circparam.pipeline.inspect import inspect, require_disks
     from circparam.pipeline.summary import summarise_check
 
-    wants_uv = given["uv"] or given["uv_set"] is not None
+    judge_uv = given["uv"] or given["uv_set"] is not None
     for name in ("resolution", "padding", "fail_if"):
-        if given[name] is not None and not wants_uv:
+        if given[name] is not None and not judge_uv:
             raise OptionError(f"--{name.replace('_', '-')} has no effect without --uv")
     gates = parse_gates(given["fail_if"])
     keywords = {k: given[k] for k in ("weld", "resolution", "padding") if given[k] is not None}
-    if wants_uv:
+    if judge_uv:
         keywords["uv_set"] = given["uv_set"] or 0
     with progress.listener(mesh, given["quiet"]):
         found = inspect(read(mesh, format=given["format"]), **keywords)

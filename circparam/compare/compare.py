@@ -57,8 +57,8 @@ def compare(
     a mesh whose components are disks already (holes allowed) stays whole (the cut ``disk`` makes no seam
     there), any other is cut into charts.
     timeout: seconds for each method. isolate: False runs the methods in this process: quicker for small
-    meshes, but no peak memory is known. keywords: other fields of ``Options``; those of convex maps (boundary,
-    spacing, clamp) go to the convex methods. Row ``input`` is the uv that the file has, where it has one.
+    meshes, but no peak memory is known. keywords: other fields of ``Options``; those of methods go to
+    the methods that accept them. Row ``input`` is the uv that the file has, where it has one.
 
     Returns a Comparison; a method that fails is a row with status ``failed``. Raises OptionError for an
     unknown name, InputError where the source cannot be read, TopologyError where the cut does not suit it.
@@ -115,10 +115,11 @@ def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, 
     """Options of each method: those of methods go to the rows that accept them; OptionError where none does."""
     given = {k: v for k, v in keywords.items() if v is not None}
     rows = [METHODS[name] for name in names if name in METHODS]
-    for_methods = {k for k in given if any(k in row.accepts for row in METHODS)}
+    for_methods = [k for k in given if any(k in row.accepts for row in METHODS)]
     for name in for_methods:
-        if rows and not any(name in row.accepts for row in rows):
-            Options(method=rows[0].name, **{name: given[name]})  # says why it has no effect
+        if not any(name in row.accepts for row in rows):
+            refuses = next(row for row in (*rows, *METHODS) if name not in row.accepts)
+            Options(method=refuses.name, **{name: given[name]})  # says why it has no effect
     out = {}
     for name in names:
         method = name if name in METHODS else DEFAULT_METHOD

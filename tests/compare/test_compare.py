@@ -158,8 +158,28 @@ def test_options_go_where_they_apply() -> None:
     round_ = quick(shapes.bumped_disk(100), "circle,lscm")
     assert row(square, "circle")["distortion"] != row(round_, "circle")["distortion"]
     assert row(square, "lscm")["distortion"] == row(round_, "lscm")["distortion"]
+    for methods, keywords in (
+        ("lscm", {"boundary": "square"}),
+        ("circle,lscm", {"blend": 0.5}),
+        ("circle", {"tolerance": 0.5}),
+    ):
+        with pytest.raises(errors.OptionError, match="no effect"):
+            quick(shapes.bumped_disk(100), methods, **keywords)
+
+
+def test_each_row_gets_the_options_that_it_accepts() -> None:
+    shape = shapes.bumped_disk(100)
+    plain = quick(shape, "circle,arap,isometric")
+    rough = quick(shape, "circle,arap,isometric", tolerance=0.5)
+    assert row(rough, "circle")["distortion"] == row(plain, "circle")["distortion"]
+    for name in ("arap", "isometric"):
+        assert row(rough, name)["iterations"] < row(plain, name)["iterations"]
+
+
+@needs_xatlas
+def test_an_option_that_no_baseline_takes_is_refused() -> None:
     with pytest.raises(errors.OptionError, match="no effect"):
-        quick(shapes.bumped_disk(100), "lscm", boundary="square")
+        quick(shapes.bumped_disk(100), "xatlas", boundary="square")
 
 
 def test_bad_requests() -> None:
