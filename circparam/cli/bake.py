@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from circparam.cli import options, progress
+from circparam.cli import common, progress
+from circparam.core.limits import RESOLUTION
 from circparam.errors import OptionError
 
 _EPILOG = """\b
@@ -21,7 +22,7 @@ Examples:
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("mesh", type=options.MESH)
+@click.argument("mesh", type=common.MESH)
 @click.option(
     "--from",
     "kind",
@@ -31,13 +32,13 @@ Examples:
 )
 @click.option(
     "--source",
-    type=options.MESH,
+    type=common.MESH,
     metavar="OTHER",
     help="The file that has the colours: the mesh before it was unwrapped, or another mesh.",
 )
 @click.option(
     "--size",
-    type=click.IntRange(1, 16384),
+    type=click.IntRange(int(RESOLUTION.low), int(RESOLUTION.high)),
     default=2048,
     show_default=True,
     metavar="TEXELS",
@@ -54,25 +55,15 @@ Examples:
 @click.option(
     "--output",
     "-o",
-    type=options.FILE,
+    type=common.FILE,
     metavar="FILE",
     required=True,
     help="An image (.png), or the mesh with the image inside (.glb).",
 )
-@options.overwrite
-@options.json_option
-@options.quiet
-def command(
-    mesh: str,
-    kind: str,
-    source: str | None,
-    size: int,
-    uv_set: int,
-    output: str,
-    overwrite: bool,
-    as_json: bool,
-    quiet: bool,
-) -> None:
+@common.overwrite
+@common.json_option
+@common.quiet
+def command(mesh: str, **given: Any) -> None:
     """Carry vertex colours or an old texture into the uv of a mesh, so that the new atlas can be used at once.
 
     Where MESH and OTHER hold the same triangles, colours go from face to face; otherwise every texel takes
@@ -83,19 +74,20 @@ def command(
     from circparam.core.monitor import Monitor
     from circparam.formats.io import read
 
-    path = Path(output)
+    path = Path(given["output"])
     check_target(path)
-    if path.exists() and not overwrite:
+    if path.exists() and not given["overwrite"]:
         raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
     document = read(mesh)
-    other = read(source) if source is not None else None
-    with progress.listener(Path(mesh).name, quiet) as listener:
+    kind, uv_set, size = given["kind"], given["uv_set"], given["size"]
+    other = read(given["source"]) if given["source"] is not None else None
+    with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         baked = bake_document(
             document, kind, uv_set=uv_set, source=other, size=size, monitor=Monitor(listener)
         )
     files, notes = write_baked(path, baked, document, uv_set, kind)
     for line in [*document.notes, *baked.notes, *notes]:
-        progress.warn(f"{mesh}: {line}", quiet)
+        progress.warn(f"{mesh}: {line}", given["quiet"])
     report: dict[str, Any] = {
         "schema": "circparam/bake/1",
         "input": mesh,
@@ -104,7 +96,7 @@ def command(
         "covered": baked.covered,
         "notes": [*baked.notes, *notes],
     }
-    if as_json:
+    if given["as_json"]:
         click.echo(json.dumps(report, ensure_ascii=False))
-    elif not quiet:
+    elif not given["quiet"]:
         click.echo("\n".join(str(f) for f in files))

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from circparam.cli import options, progress
+from circparam.cli import common, progress
 
 _EPILOG = """\b
 Examples:
@@ -19,20 +19,20 @@ Examples:
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("mesh", metavar="MESH", type=options.MESH)
-@options.apply(
+@click.argument("mesh", metavar="MESH", type=common.MESH)
+@common.apply(
     click.option("--uv", is_flag=True, help="Judge the uv that the file has."),
-    options.uv_set,
-    options.resolution,
-    options.padding,
+    common.library_option("uv_set"),
+    common.library_option("resolution"),
+    common.library_option("padding"),
     click.option(
         "--require", type=click.Choice(["disk"]), help="Exit 4 unless every component is one."
     ),
-    click.option("--weld", type=float, metavar="EPS", help="Weld vertices up to this distance."),
-    options.gates,
-    options.format_option,
-    options.json_option,
-    options.quiet,
+    common.library_option("weld"),
+    common.gates,
+    common.format_option,
+    common.json_option,
+    common.quiet,
 )
 def command(mesh: str, **given: Any) -> None:
     """Report topology, and with --uv judge a uv set that is there.
@@ -46,13 +46,13 @@ def command(mesh: str, **given: Any) -> None:
     from circparam.pipeline.inspect import inspect, require_disks
     from circparam.pipeline.summary import summarise_check
 
-    wants_uv = given["uv"] or given["uv_set"] is not None
+    judge_uv = given["uv"] or given["uv_set"] is not None
     for name in ("resolution", "padding", "fail_if"):
-        if given[name] is not None and not wants_uv:
+        if given[name] is not None and not judge_uv:
             raise OptionError(f"--{name.replace('_', '-')} has no effect without --uv")
     gates = parse_gates(given["fail_if"])
     keywords = {k: given[k] for k in ("weld", "resolution", "padding") if given[k] is not None}
-    if wants_uv:
+    if judge_uv:
         keywords["uv_set"] = given["uv_set"] or 0
     with progress.listener(mesh, given["quiet"]):
         found = inspect(read(mesh, format=given["format"]), **keywords)

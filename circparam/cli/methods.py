@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import textwrap
 from typing import Any
 
 import click
 
-from circparam.cli import options
+from circparam.cli import common
 
 _EPILOG = """\b
 Examples:
@@ -20,7 +19,7 @@ Examples:
 
 @click.command(epilog=_EPILOG)
 @click.argument("name", required=False)
-@options.json_option
+@common.json_option
 def command(name: str | None, as_json: bool) -> None:
     """Show every method, and what it guarantees.
 
@@ -32,9 +31,9 @@ def command(name: str | None, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(rows[0] if name else rows, indent=2, ensure_ascii=False))
     elif name:
-        click.echo(_page(rows[0]))
+        _print_page(rows[0])
     else:
-        click.echo(_table(rows))
+        _print_table(rows)
 
 
 def _plain(row: Any) -> dict[str, Any]:
@@ -50,44 +49,37 @@ def _plain(row: Any) -> dict[str, Any]:
     }
 
 
-def _table(rows: list[dict[str, Any]]) -> str:
+_SHORT = {
+    "positive": "positive",
+    "reproduces-plane": "plane",
+    "flip-free": "flip-free",
+    "free-boundary": "free",
+    "convex-boundary": "convex",
+}
+
+
+def _print_table(rows: list[dict[str, Any]]) -> None:
+    """Every method and its guarantees, what each is for, and what the guarantees mean."""
+    from circparam.cli.tables import columns, console, facts
     from circparam.core.registry import TAGS
 
-    short = {
-        "positive": "positive",
-        "reproduces-plane": "plane",
-        "flip-free": "flip-free",
-        "free-boundary": "free",
-        "convex-boundary": "convex",
+    short = {tag: _SHORT.get(tag, tag) for tag in TAGS}
+    marks = {
+        row["name"]: ["yes" if tag in row["guarantees"] else "-" for tag in TAGS] for row in rows
     }
-    head = f"{'method':12}" + "".join(f"{short[tag]:>10}" for tag in TAGS)
-    lines = [head]
-    for row in rows:
-        marks = "".join(f"{'yes' if tag in row['guarantees'] else '-':>10}" for tag in TAGS)
-        lines.append(f"{row['name']:12}{marks}")
-        lines += textwrap.wrap(row["summary"], 74, initial_indent="    ", subsequent_indent="    ")
-    lines.append("")
-    for tag, text in TAGS.items():
-        lines += textwrap.wrap(f"{short[tag] + ':':11}{text}", 78, subsequent_indent=" " * 11)
-    lines.append("circparam methods NAME tells its source, and on what its guarantees depend.")
-    return "\n".join(lines)
+    out = console()
+    out.print(columns("method", short.values(), marks), "")
+    out.print(facts((row["name"], row["summary"]) for row in rows), "")
+    out.print(facts((short[tag], text) for tag, text in TAGS.items()))
+    click.echo("circparam methods NAME tells its source, and on what its guarantees depend.")
 
 
-def _page(row: dict[str, Any]) -> str:
+def _print_page(row: dict[str, Any]) -> None:
+    """All that is known of one method."""
+    from circparam.cli.tables import console, facts
     from circparam.core.registry import TAGS
 
     guarantees = [f"{tag}: {TAGS[tag]}" for tag in row["guarantees"]] or ["none"]
-    parts = [("", row["summary"]), ("source", row["source"]), ("condition", row["condition"])]
-    lines = [row["name"]]
-    for label, text in parts:
-        if text:
-            lines += textwrap.wrap(
-                f"{label}: {text}" if label else text,
-                78,
-                initial_indent="  ",
-                subsequent_indent="  ",
-            )
-    lines.append("  guarantees:")
-    for guarantee in guarantees:
-        lines += textwrap.wrap(guarantee, 78, initial_indent="    ", subsequent_indent="      ")
-    return "\n".join(lines)
+    lines = [(key, row[key]) for key in ("summary", "source", "condition") if row[key]]
+    lines += [("guarantees" if k == 0 else "", text) for k, text in enumerate(guarantees)]
+    console().print(facts([("method", row["name"]), *lines]))

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from circparam.cli import options, progress
+from circparam.cli import common, progress
 from circparam.cli.paths import check_outputs, output_path
 from circparam.errors import GateError
 
@@ -20,23 +20,19 @@ Examples:
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("mesh", metavar="MESH", type=options.MESH)
-@options.apply(
-    options.output,
-    options.overwrite,
-    options.format_option,
-    options.packing,
-    options.uv_set,
-    click.option(
-        "--ply-uv", type=click.Choice(["vertex", "face"]), help="Where a PLY holds its uv."
-    ),
-    click.option(
-        "--copy-assets", is_flag=True, help="Copy materials and textures beside the output."
-    ),
-    options.gates,
-    options.json_option,
-    options.quiet,
-    options.verbose,
+@click.argument("mesh", metavar="MESH", type=common.MESH)
+@common.apply(
+    common.output,
+    common.overwrite,
+    common.format_option,
+    common.library_options("packing"),
+    common.library_option("uv_set"),
+    common.library_option("ply_uv"),
+    common.library_option("copy_assets"),
+    common.gates,
+    common.json_option,
+    common.quiet,
+    common.verbose,
 )
 def command(mesh: str, **given: Any) -> None:
     """Repack the uv of a file without touching its charts.
@@ -51,9 +47,7 @@ def command(mesh: str, **given: Any) -> None:
     gates = parse_gates(given["fail_if"])
     out = output_path(mesh, given)
     check_outputs((mesh,), [out], given)
-    keywords = {k: v for k, v in given.items() if k in _LIBRARY and v not in (None, False)}
-    if given["no_scale"]:
-        keywords["scale"] = False
+    keywords = common.library_keywords(given)
     if mesh == "-" and given["format"] is None:
         raise click.UsageError("--format tells what comes through '-': give obj, ply, glb ...")
     with progress.listener(mesh, given["quiet"]) as listener:
@@ -69,19 +63,3 @@ def command(mesh: str, **given: Any) -> None:
     missed = gates.missed(report)
     if missed:
         raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")
-
-
-_LIBRARY = (
-    *(
-        "resolution",
-        "padding",
-        "pages",
-        "texel_density",
-        "rotate",
-        "effort",
-        "format",
-        "uv_set",
-        "ply_uv",
-    ),
-    *("copy_assets", "overwrite"),
-)

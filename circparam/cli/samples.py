@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from circparam.cli import options
+from circparam.cli import common
 
 if TYPE_CHECKING:
     from circparam.samples import Sample
@@ -26,9 +25,9 @@ Examples:
 
 @click.command(epilog=_EPILOG)
 @click.argument("name", required=False)
-@options.output
-@options.overwrite
-@options.json_option
+@common.output
+@common.overwrite
+@common.json_option
 def command(name: str | None, output: str | None, overwrite: bool, as_json: bool) -> None:
     """List the bundled sample meshes, or save one.
 
@@ -41,8 +40,10 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
     if name is None:
         if output is not None:
             raise OptionError(f"-o needs the name of a sample: {', '.join(samples.names())}")
-        rows = samples.manifest()
-        click.echo(json.dumps([vars(s) for s in rows], indent=2) if as_json else _table(rows))
+        if as_json:
+            click.echo(json.dumps([vars(s) for s in samples.manifest()], indent=2))
+        else:
+            _print_table(samples.manifest())
         return
     sample = samples.info(name)
     if output is not None:
@@ -51,27 +52,34 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
     elif as_json:
         click.echo(json.dumps({**vars(sample), "path": str(samples.path(name))}, indent=2))
     else:
+        from circparam.cli.tables import console, facts
+
         lines = {**vars(sample), "path": samples.path(name)}
-        click.echo(
-            "\n".join(f"{key.replace('_', ' ') + ':':19}{value}" for key, value in lines.items())
-        )
+        console().print(facts((key.replace("_", " "), value) for key, value in lines.items()))
 
 
-def _table(rows: tuple[Sample, ...]) -> str:
-    lines = [f"{'name':12}{'format':>6}{'vertices':>9}{'faces':>7}{'genus':>6}{'boundaries':>11}"]
-    for s in rows:
-        suffix = Path(s.file).suffix[1:]
-        lines.append(
-            f"{s.name:12}{suffix:>6}{s.vertices:>9}{s.triangles:>7}{s.genus:>6}{s.boundaries:>11}"
+def _print_table(rows: tuple[Sample, ...]) -> None:
+    """Every sample with its size, then what each is."""
+    from circparam.cli.tables import columns, console, facts
+
+    heads = ("format", "vertices", "faces", "genus", "boundaries")
+    sizes = {
+        s.name: (
+            Path(s.file).suffix[1:],
+            *map(str, (s.vertices, s.triangles, s.genus, s.boundaries)),
         )
-        lines.append(f"    {s.summary}")
-    return "\n".join(lines)
+        for s in rows
+    }
+    out = console()
+    out.print(columns("name", heads, sizes), "")
+    out.print(facts((s.name, s.summary) for s in rows))
 
 
 def _save(sample: Sample, output: str, overwrite: bool) -> list[str]:
     """Copy a sample and what it refers to; returns the paths written."""
     from circparam import samples
-    from circparam.errors import OptionError, OutputError
+    from circparam.core.files import write_files
+    from circparam.errors import OptionError
 
     main, *others = samples.files(sample.name)
     if output == "-":
@@ -89,12 +97,6 @@ def _save(sample: Sample, output: str, overwrite: bool) -> list[str]:
     for _, path in copies:
         if path.exists() and not overwrite:
             raise OptionError(f"{path} exists already: give --overwrite or another name")
-    for source, path in copies:
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        try:
-            temporary.write_bytes(source.read_bytes())
-            temporary.replace(path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    contents = {path: source.read_bytes() for source, path in [*copies[1:], copies[0]]}
+    write_files(contents, overwrite)
     return [str(path) for _, path in copies]

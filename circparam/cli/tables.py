@@ -1,8 +1,12 @@
-"""Reports as text for a terminal: within 80 columns, colours only where the terminal has them."""
+"""Reports as text for a terminal: within 80 columns, colours only where the terminal has them.
+
+All tables are of one style: facts (a bold name, then its value), or columns (a bold name, then numbers to
+the right), neither with lines.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rich.console import Console
@@ -11,27 +15,52 @@ from rich.table import Table
 _STATUS = {"ok": "green", "repaired": "yellow", "degraded": "red", "failed": "red"}
 
 
+class _Console(Console):
+    """A console that leaves a closed pipe to the command line, which has a code and a line for it."""
+
+    def on_broken_pipe(self) -> None:
+        """Called while the error is handled: let it go on."""
+        raise
+
+
 def console(**keywords: Any) -> Console:
     """A console for stdout; honours NO_COLOR, and 80 columns where the output is no terminal."""
-    out = Console(highlight=False, soft_wrap=False, **keywords)
+    out = _Console(highlight=False, soft_wrap=False, **keywords)
     if not out.is_terminal:
-        out = Console(highlight=False, width=80, **keywords)
+        out = _Console(highlight=False, width=80, **keywords)
     return out
+
+
+def facts(rows: Iterable[tuple[str, object]] = ()) -> Table:
+    """Names and values, one pair a line; the values are plain text."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), pad_edge=False)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in rows:
+        table.add_row(name, plain(value))
+    return table
+
+
+def columns(first: str, heads: Iterable[str], rows: Mapping[str, Iterable[str]]) -> Table:
+    """A name and its numbers, one line each, under a line of heads."""
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False, header_style="bold")
+    table.add_column(first, style="bold", no_wrap=True)
+    for head in heads:
+        table.add_column(head, justify="right", no_wrap=True)
+    for name, cells in rows.items():
+        table.add_row(plain(name), *map(plain, cells))
+    return table
 
 
 def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     """A short table of one unwrap; ``verbose`` adds the stages, and the notes from 2 on."""
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(overflow="fold")
-
-    def row(name: str, value: str) -> None:
-        table.add_row(name, value)
+    table = facts()
+    row = table.add_row
 
     status = report["status"]
     row("status", f"[{_STATUS.get(status, 'white')}]{status}[/]")
-    row("input", _plain(report["input"]))
-    row("output", _plain(report["output"] or "(in memory)"))
+    row("input", plain(report["input"]))
+    row("output", plain(report["output"] or "(in memory)"))
     row("method", f"{report['method']}, cut {report['cut']}")
     row("charts", f"{report['charts']} of {report['faces']} faces")
     row("flips, overlaps", f"{report['flips']}, {report['overlap']}")
@@ -45,13 +74,13 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
         row("packed", f"{100 * report['pack']:.1f} % of the page")
     row("time", f"{report['seconds']:.2f} s")
     for line in report["repairs"]:
-        row("repaired", _plain(line))
+        row("repaired", plain(line))
     if verbose:
         for name, seconds in report["stages"].items():
             row(f"  {name}", f"{seconds:.3f} s")
     if verbose > 1:
         for line in report["notes"]:
-            row("note", _plain(line))
+            row("note", plain(line))
     return table
 
 
@@ -60,12 +89,10 @@ LISTED = 12  # components that a table shows
 
 def check_table(report: dict[str, Any]) -> Table:
     """What a mesh is, and what its uv are worth."""
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(overflow="fold")
+    table = facts()
 
     def row(name: str, value: object) -> None:
-        table.add_row(name, _plain(value))
+        table.add_row(name, plain(value))
 
     row("input", f"{report['input']} ({report['format'].upper()})")
     unused = report["unreferenced_vertices"]
@@ -123,6 +150,6 @@ def _number(value: float | None) -> str:
     return f"{value:.4f}" if value < 1e4 else f"{value:.3g}"
 
 
-def _plain(text: object) -> str:
+def plain(text: object) -> str:
     """Text in which square brackets are no markup."""
     return str(text).replace("[", r"\[")

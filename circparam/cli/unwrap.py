@@ -9,9 +9,10 @@ from typing import Any
 
 import click
 
-from circparam.cli import exits, options, progress, unwrap_options
+from circparam.cli import common, exits, progress
 from circparam.cli.paths import check_outputs, output_path
 from circparam.errors import CircparamError, GateError, OptionError
+from circparam.pipeline.options import Options
 
 _EPILOG = """\b
 Examples:
@@ -24,7 +25,7 @@ Examples:
 """
 
 
-class UnwrapCommand(options.Command):
+class UnwrapCommand(common.Command):
     """A command whose ``--boundary polygon FILE`` takes the file after the name."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -33,7 +34,7 @@ class UnwrapCommand(options.Command):
         words = iter(args)
         for word in words:
             joined.append(word)
-            if options.today(word) == "--boundary":
+            if common.today(word) == "--boundary":
                 value = next(words, "")
                 if value == "polygon":
                     value = f"polygon:{next(words, '')}"
@@ -42,29 +43,33 @@ class UnwrapCommand(options.Command):
 
 
 @click.command(cls=UnwrapCommand, epilog=_EPILOG)
-@click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=options.MESH)
-@options.apply(
-    options.output,
-    options.out_dir,
-    options.overwrite,
-    options.format_option,
-    options.method,
-    unwrap_options.flattening,
-    unwrap_options.seams,
-    options.packing,
-    unwrap_options.writing,
-    unwrap_options.mending,
-    options.gates,
+@click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=common.MESH)
+@common.apply(
+    common.output,
+    common.out_dir,
+    common.overwrite,
+    common.format_option,
+    common.library_option("method"),
+    common.library_options("flattening"),
+    common.library_options("seams"),
     click.option(
-        "--timeout", type=float, metavar="SECONDS", help="Best valid result within this time."
+        "--export-seams", type=common.FILE, metavar="FILE", help="Write the seams as vertex pairs."
     ),
+    common.library_options("packing"),
+    common.library_options("writing"),
+    click.option(
+        "--map", "index_map", type=common.FILE, metavar="FILE.npz", help="Write the index map."
+    ),
+    common.library_options("repair"),
+    common.gates,
+    common.library_option("timeout"),
     click.option("--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."),
     click.option(
-        "--preview", type=options.FILE, metavar="FILE", help="Draw the result: .png, .svg or .html."
+        "--preview", type=common.FILE, metavar="FILE", help="Draw the result: .png, .svg or .html."
     ),
-    options.json_option,
-    options.quiet,
-    options.verbose,
+    common.json_option,
+    common.quiet,
+    common.verbose,
 )
 def command(meshes: tuple[str, ...], **given: Any) -> int:
     """Give meshes a uv layout and write them back with everything else kept.
@@ -88,12 +93,7 @@ class _Run:
         self.given, self.gates = given, gates
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
-        self.keywords = _keywords(given)
-        from circparam.pipeline.configure import check_names
-        from circparam.pipeline.options import from_keywords
-
-        self.options = from_keywords(self.keywords)
-        check_names(self.options)
+        self.options = Options(**_keywords(given))
 
     def one(self, mesh: str, out: str) -> int:
         """Unwrap one mesh; an error of one does not keep the others from being unwrapped."""
@@ -147,7 +147,6 @@ class _Run:
             save.export_seams(result, self.given["export_seams"], self.given["overwrite"])
         if self.given["index_map"]:
             save.write_map(result, self.given["index_map"], self.given["overwrite"])
-
         if self.given["preview"]:
             from circparam.mesh.mesh import UVMap
             from circparam.render.figures import PictureOptions
@@ -181,46 +180,27 @@ def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
     }
 
 
-_NOT_OPTIONS = (
-    "format",
-    *(
-        "output",
-        "out_dir",
-        "as_json",
-        "quiet",
-        "verbose",
-        "fail_if",
-        "max_memory",
-        "preview",
-        "pin",
-    ),
-    *("export_seams", "index_map", "no_normalize", "no_scale"),
-)
-
-
 def _keywords(given: dict[str, Any]) -> dict[str, Any]:
-    """The options of the library out of those of the command: files read, angles in radians."""
+    """The options of the library out of those of the command: files read, angles in radians.
+
+    The format is left to the streams: it says nothing of meshes in files.
+    """
     from circparam.formats import sidecars
 
-    out = {k: v for k, v in given.items() if k not in _NOT_OPTIONS and v not in (None, False)}
-    out |= {"repair": given["repair"], "overwrite": given["overwrite"]}
-    if given["cut_materials"] is False:
-        out["cut_materials"] = False
-    for flag, name in (("no_normalize", "normalize"), ("no_scale", "scale")):
-        if given[flag]:
-            out[name] = False
-    if given["sharp"] is not None:
-        out["sharp"] = given["sharp"] * 3.141592653589793 / 180
-    boundary = given["boundary"] or ""
-    if boundary.startswith("polygon:"):
-        out |= {"boundary": "polygon", "polygon": sidecars.read_polygon(boundary[8:])}
-    if given["pin"]:
-        out["pins"] = sidecars.read_pins(given["pin"])
-    if given["bff_boundary"] not in (None, "disk"):
-        out["bff_boundary"] = sidecars.read_lengths(given["bff_boundary"])
+    out = common.library_keywords(given)
+    out.pop("format", None)
+    if "sharp" in out:
+        out["sharp"] = out["sharp"] * 3.141592653589793 / 180
+    if out.get("boundary", "").startswith("polygon:"):
+        corners = out["boundary"].removeprefix("polygon:")
+        out |= {"boundary": "polygon", "polygon": sidecars.read_polygon(corners)}
+    if out.get("bff_boundary", "disk") != "disk":
+        out["bff_boundary"] = sidecars.read_lengths(out["bff_boundary"])
+    if "pins" in out:
+        out["pins"] = sidecars.read_pins(out["pins"])
     for name in ("seams", "no_seams"):
-        if given[name]:
-            out[name] = sidecars.read_seams(given[name])
+        if name in out:
+            out[name] = sidecars.read_seams(out[name])
     return out
 
 

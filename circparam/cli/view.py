@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
-from circparam.cli import options, progress
+from circparam.cli import common, progress
 from circparam.errors import OptionError
 
 _EPILOG = """\b
@@ -19,11 +20,11 @@ Examples:
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("mesh", type=options.MESH)
+@click.argument("mesh", type=common.MESH)
 @click.option(
     "--output",
     "-o",
-    type=options.FILE,
+    type=common.FILE,
     metavar="FILE",
     help="A name that ends in .png, .svg or .html.  [default: MESH_view.png]",
 )
@@ -55,20 +56,10 @@ Examples:
     show_default=True,
     help="The axis that points up.",
 )
-@options.format_option
-@options.overwrite
-@options.quiet
-def command(
-    mesh: str,
-    output: str | None,
-    uv_set: int,
-    padding: float,
-    scale: float | None,
-    up: str,
-    format: str | None,
-    overwrite: bool,
-    quiet: bool,
-) -> None:
+@common.format_option
+@common.overwrite
+@common.quiet
+def command(mesh: str, **given: Any) -> None:
     """Draw the uv of a mesh: the layout, a checker on the surface, and where the stretch is.
 
     Works for any mesh with uv, made by circparam or not. A page (.html) is one file that needs no network:
@@ -77,16 +68,17 @@ def command(
     from circparam.formats.io import read
     from circparam.render.show import check_kind, view_document
 
-    if output is None and mesh == "-":
+    if given["output"] is None and mesh == "-":
         raise OptionError("the mesh comes from standard input: name the picture with -o FILE")
     stem = Path(mesh)
-    path = Path(output) if output else stem.with_name(f"{stem.stem}_view.png")
+    path = Path(given["output"]) if given["output"] else stem.with_name(f"{stem.stem}_view.png")
     check_kind(path)
-    if path.exists() and not overwrite:
+    if path.exists() and not given["overwrite"]:
         raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
-    document = read(mesh, format=format)
-    view_document(document, path, uv_set=uv_set, padding=padding, up=up, stretch_end=scale)
+    document = read(mesh, format=given["format"])
+    look = {name: given[name] for name in ("uv_set", "padding", "up")}
+    view_document(document, path, **look, stretch_end=given["scale"])
     for line in document.notes:
-        progress.warn(f"{mesh}: {line}", quiet)
-    if not quiet:
+        progress.warn(f"{mesh}: {line}", given["quiet"])
+    if not given["quiet"]:
         click.echo(str(path))

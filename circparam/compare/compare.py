@@ -7,16 +7,17 @@ baselines of ``circparam.compare.xatlas``) are judged as they are.
 
 from __future__ import annotations
 
-import dataclasses
-import statistics
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from circparam.compare import process, xatlas
+from circparam.compare.names import method_names
+from circparam.compare.rows import INPUT, Comparison, Entry
+from circparam.compare.task import FLATTEN, flatten_input
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.registry import unknown_name
@@ -29,95 +30,15 @@ from circparam.mesh.repair import RepairOptions, RepairReport, repair
 from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
-from circparam.methods.base import MethodOptions
-from circparam.pipeline.configure import check_names, method_options, open_source, seam_options
-from circparam.pipeline.options import FREE, Options
+from circparam.pipeline.configure import method_options, open_source, seam_options
+from circparam.pipeline.options import DEFAULT_METHOD, Options
 from circparam.pipeline.place import Placed, chart_signs, place
 from circparam.pipeline.verify import verify
 from circparam.seams import SEAMS
 
-INPUT = "input"
-REPEATS, ENOUGH = 7, 0.5  # runs of a method, and seconds after which there is no further one
-RASTER = (
-    512  # texels a side: charts are packed for, and the packed share is read at, this resolution
-)
+# texels a side: charts are packed for, and the packed share is read at, this resolution
+RASTER = 512
 CUTS = ("auto", *SEAMS.names())
-
-# names of ``Verification.numbers`` in the order of a report
-FIGURES = (
-    "charts", "seam_length", "flips", "mirrored", "overlap", "missing", "distortion", "distortion_max_chart",
-    "stretch_l2", "stretch_linf", "angle", "area", "pack",
-)  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """One row. status: ok, invalid (flips, overlaps, missing or mirrored faces) or failed, with ``error``.
-
-    stages: seconds of each stage; seconds: of the whole method, from the cut mesh to uv (for a baseline, of
-    all it does); medians over ``runs``. peak_bytes: see ``circparam.compare.process``. figures: by the names of
-    FIGURES. iterations: the most that a chart took. notes: of the method.
-    """
-
-    method: str
-    status: str
-    stages: dict[str, float] = field(default_factory=dict)
-    seconds: float | None = None
-    peak_bytes: int | None = None
-    figures: dict[str, float | int | None] = field(default_factory=dict)
-    iterations: int | None = None
-    runs: int = 1
-    notes: list[str] = field(default_factory=list)
-    error: str | None = None
-    uvmap: UVMap | None = field(default=None, repr=False)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON and CSV."""
-        whole = dataclasses.asdict(replace(self, uvmap=None))
-        figures = whole.pop("figures")
-        del whole["uvmap"]
-        return {**whole, **{name: _plain(figures.get(name)) for name in FIGURES}}
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Every row of one mesh. cut: how it was cut, in cut_seconds, the same for all methods."""
-
-    mesh: str
-    vertices: int
-    faces: int
-    cut: str
-    cut_seconds: float
-    rows: list[Entry]
-    notes: list[str] = field(default_factory=list)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        plain = {k: v for k, v in vars(self).items() if k != "rows"}
-        return {**plain, "rows": [row.as_dict() for row in self.rows]}
-
-
-def method_names(text: str | Sequence[str]) -> list[str]:
-    """Names as a list: ``"circle,floater"``, ``"all"`` (every method of METHODS), or the names themselves.
-
-    Raises OptionError for an unknown name (with the nearest ones), a name given twice, or a baseline that is
-    not installed.
-    """
-    parts = text.split(",") if isinstance(text, str) else list(text)
-    names: list[str] = []
-    known = [*METHODS.names(), *xatlas.NAMES]
-    for name in filter(None, (part.strip() for part in parts)):
-        if name not in known and name != "all":
-            raise OptionError(unknown_name("method", name, [*known, "all"]))
-        names += METHODS.names() if name == "all" else [name]
-    if not names:
-        raise OptionError(f"--methods names no method: choose from {', '.join(known)}, all")
-    twice = [name for k, name in enumerate(names) if name in names[:k]]
-    if twice:
-        raise OptionError(f"--methods names {twice[0]} twice: name each method once")
-    if any(name in xatlas.NAMES for name in names):
-        xatlas.require()
-    return names
 
 
 def compare(
@@ -136,8 +57,8 @@ def compare(
     a mesh whose components are disks already (holes allowed) stays whole (the cut ``disk`` makes no seam
     there), any other is cut into charts.
     timeout: seconds for each method. isolate: False runs the methods in this process: quicker for small
-    meshes, but no peak memory is known. keywords: other fields of ``Options``; those of convex maps (boundary,
-    spacing, clamp) go to the convex methods. Row ``input`` is the uv that the file has, where it has one.
+    meshes, but no peak memory is known. keywords: other fields of ``Options``; those of methods go to
+    the methods that accept them. Row ``input`` is the uv that the file has, where it has one.
 
     Returns a Comparison; a method that fails is a row with status ``failed``. Raises OptionError for an
     unknown name, InputError where the source cannot be read, TopologyError where the cut does not suit it.
@@ -154,9 +75,9 @@ def compare(
         useless = {"max_distortion", "max_charts", "min_chart_faces"} if cut == "disk" else set()
         keywords = {k: v for k, v in keywords.items() if k not in useless}
     choices = _options(names, cut, keywords)
-    wanted = seam_options(document, surface, repair_report, next(iter(choices.values())))
+    asked = seam_options(document, surface, repair_report, next(iter(choices.values())))
     start = time.perf_counter()
-    seams = SEAMS[cut].function(surface, wanted, monitor)
+    seams = SEAMS[cut].function(surface, asked, monitor)
     cut_seconds = time.perf_counter() - start
     scene = _Scene(document, surface, repair_report, surface.cut_mesh(seams.cut), timeout, isolate)
     rows = [*_input_row(scene)]
@@ -182,7 +103,7 @@ class _Scene:
     isolate: bool
 
     def run(self, task: str, arrays: dict[str, Any], settings: dict[str, Any]) -> process.Outcome:
-        """A task, in a process of its own unless that is not wanted. It stops by itself at the timeout where
+        """A task, in a process of its own where rows are isolated. It stops by itself at the timeout where
         it can; a process is ended some time after that."""
         if self.isolate:
             bound = None if self.timeout is None else 2 * self.timeout + 10
@@ -191,21 +112,20 @@ class _Scene:
 
 
 def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, Options]:
-    """Options of each method, those of convex maps for convex methods; OptionError where none takes one."""
-    convex = ("boundary", "spacing", "clamp", "polygon")
-    takers = [n for n in names if n not in FREE and n not in xatlas.NAMES]
+    """Options of each method: those of methods go to the rows that accept them; OptionError where none does."""
     given = {k: v for k, v in keywords.items() if v is not None}
-    if not takers and any(k in given for k in convex):
-        Options(method=next(n for n in FREE), **given)  # says why there is no use for it
+    rows = [METHODS[name] for name in names if name in METHODS]
+    for_methods = [k for k in given if any(k in row.accepts for row in METHODS)]
+    for name in for_methods:
+        if not any(name in row.accepts for row in rows):
+            refuses = next(row for row in (*rows, *METHODS) if name not in row.accepts)
+            Options(method=refuses.name, **{name: given[name]})  # says why it has no effect
     out = {}
     for name in names:
-        mine = {k: v for k, v in given.items() if k not in convex or name in takers}
-        iterative = {"tolerance", "start", "blend"}
-        if name != "isometric":
-            mine = {k: v for k, v in mine.items() if k not in iterative}
-        method = name if name in METHODS else "isometric"
+        method = name if name in METHODS else DEFAULT_METHOD
+        accepted = METHODS[name].accepts if name in METHODS else ()
+        mine = {k: v for k, v in given.items() if k not in for_methods or k in accepted}
         out[name] = Options(method=method, cut="charts" if cut == "auto" else cut, **mine)
-        check_names(out[name])
     return out
 
 
@@ -221,7 +141,7 @@ def _input_row(scene: _Scene) -> list[Entry]:
     uvmap = scene.document.uv() if scene.document.uv_sets else None
     if uvmap is None or not (uvmap.uv_faces >= 0).any():
         return []
-    status, figures = _judge(scene, uvmap)
+    status, figures = _figures(scene, uvmap)
     return [Entry(INPUT, status, figures=figures, uvmap=uvmap)]
 
 
@@ -237,27 +157,14 @@ def _row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
 
 def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) -> Entry:
     p = scene.cut_mesh
-    arrays = {
-        "faces": p.faces,
-        "rest_triangles": p.rest_triangles,
-        "chart": p.chart,
-        "edges": p.edges,
-    }
-    chosen = method_options(options)
-    values = {f.name: getattr(chosen, f.name) for f in dataclasses.fields(chosen)}
-    polygon = values.pop("polygon")
-    if polygon is not None:
-        arrays["polygon"] = polygon
-    plain = {k: v for k, v in values.items() if isinstance(v, (str, int, float)) or v is None}
-    settings = {"method": name, "options": plain, "timeout": scene.timeout}
-    done = scene.run("circparam.compare.compare:flatten_task", arrays, settings)
+    done = scene.run(FLATTEN, *flatten_input(name, p, method_options(options), scene.timeout))
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     uv = done.arrays["uv"].copy()
     uv[:, 0] *= chart_signs(scene.surface, p, options)[p.vertex_chart]
     placed, resolution = _placed(p, uv, options, monitor)
     uvmap = complete(scene.document.mesh, scene.surface, scene.repair_report, placed.uv, p.faces)
-    status, figures = _judge(scene, uvmap, resolution)
+    status, figures = _figures(scene, uvmap, resolution)
     return Entry(
         name, status, done.info["stages"], done.info["seconds"], done.peak_bytes, figures,
         done.info["iterations"], done.info["runs"], [*done.info["notes"], *placed.notes], uvmap=uvmap,
@@ -289,7 +196,7 @@ def _baseline_row(scene: _Scene, name: str) -> Entry:
     own = done.arrays["uv_faces"]
     uv_faces[surface.source] = np.where(surface.reversed_faces[:, None], own[:, [0, 2, 1]], own)
     uvmap = UVMap(done.arrays["uv"], uv_faces)
-    status, figures = _judge(scene, uvmap)
+    status, figures = _figures(scene, uvmap)
     stages, seconds = done.info["stages"], sum(done.info["stages"].values())
     return Entry(name, status, stages, seconds, done.peak_bytes, figures, uvmap=uvmap)
 
@@ -301,43 +208,9 @@ def _moderate(points: FloatArray) -> FloatArray:
     return moved
 
 
-def _judge(
+def _figures(
     scene: _Scene, uvmap: UVMap, resolution: int | None = RASTER
 ) -> tuple[str, dict[str, float | int | None]]:
     """Status and figures of a layout; without a resolution nothing is known of its packing."""
     found = verify(scene.surface, uvmap, resolution=resolution)
     return "ok" if found.valid else "invalid", found.numbers()
-
-
-def flatten_task(
-    arrays: dict[str, Any], settings: dict[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """One method on cut mesh, as a task for ``circparam.compare.process``.
-
-    Short work is done several times, and the medians are told: the first run also pays for cold caches.
-    """
-    options = MethodOptions(**settings["options"], polygon=arrays.get("polygon"))
-    runs: list[tuple[float, dict[str, float]]] = []
-    while len(runs) < REPEATS and sum(seconds for seconds, _ in runs) < ENOUGH:
-        cut_mesh = CutMesh(
-            arrays["faces"], arrays["rest_triangles"], arrays["chart"], arrays["edges"]
-        )
-        monitor = Monitor(timeout=settings["timeout"])
-        start = time.perf_counter()
-        layout = METHODS[settings["method"]].function(cut_mesh, options, monitor)
-        runs.append((time.perf_counter() - start, monitor.seconds))
-    info = {
-        "stages": {
-            k: statistics.median(stages.get(k, 0.0) for _, stages in runs) for k in runs[0][1]
-        },
-        "seconds": statistics.median(seconds for seconds, _ in runs),
-        "runs": len(runs),
-        "iterations": int(layout.iterations.max(initial=0)),
-        "notes": layout.notes,
-    }
-    return {"uv": layout.uv}, info
-
-
-def _plain(value: float | int | None) -> float | int | None:
-    """A number that JSON holds."""
-    return None if value is None or not np.isfinite(value) else value

@@ -119,7 +119,7 @@ def _row(n: int, cut_mesh: CutMesh, repeats: int, monitor: Monitor) -> Size:
 
 
 def _time(cut_mesh: CutMesh, name: str) -> tuple[float, float]:
-    """(seconds of the weight stage, of everything) of one run on cut mesh that remember nothing."""
+    """(seconds of the weight stage, of everything) of one run on a cut mesh that remembers nothing."""
     fresh = CutMesh(cut_mesh.faces, cut_mesh.rest_triangles, cut_mesh.chart, cut_mesh.edges)
     monitor = Monitor()
     start = time.perf_counter()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from circparam.packing.options import ROTATIONS, Packed, PackOptions
+from circparam.core.limits import ROTATIONS
+from circparam.packing.options import Packed, PackOptions
 from circparam.packing.pack import pack
 from circparam.packing.table import PACKERS
 

@@ -8,13 +8,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.limits import (
+    PADDING,
+    PAGES,
+    RESOLUTION,
+    ROTATIONS,
+    TEXEL_DENSITY,
+    check_page,
+)
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
-
-ROTATIONS = ("free", "90", "none")
-
-# Largest side of a page: the check of the finished layout is made on a raster of that size.
-MAX_RESOLUTION = 16384
 
 
 @dataclass(frozen=True)
@@ -41,23 +44,13 @@ class PackOptions:
     def __post_init__(self) -> None:
         if self.rotate not in ROTATIONS:
             raise OptionError(unknown_name("rotation", self.rotate, list(ROTATIONS)))
-        if not 1 <= self.resolution <= MAX_RESOLUTION:
-            raise OptionError(
-                f"resolution {self.resolution} is out of range: give 1 to {MAX_RESOLUTION} texels"
-            )
-        if self.padding < 0:
-            raise OptionError(f"padding {self.padding} is negative: give 0 or more texels")
-        if self.resolution < 2 * self.padding + 1:
-            raise OptionError(
-                f"padding {self.padding} cannot fit: a page of {self.resolution} texels has no room "
-                f"between its borders; give --padding {(self.resolution - 1) // 2} or less, "
-                "or a larger --resolution"
-            )
-        if not 1 <= self.pages <= 1000:
-            raise OptionError(f"pages {self.pages} is out of range: give 1 to 1000")
+        RESOLUTION.check("resolution", self.resolution)
+        PADDING.check("padding", self.padding)
+        PAGES.check("pages", self.pages)
+        check_page(self.resolution, self.padding)
         density = self.texel_density
-        if density is not None and not (math.isfinite(density) and density > 0):
-            raise OptionError(f"texel density {density} is not a positive number")
+        if density is not None:
+            TEXEL_DENSITY.check("texel density", density)
         if density is not None and not self.scale:
             raise OptionError("a texel density sets the scale: leave out --no-scale or the density")
 

@@ -1,14 +1,15 @@
-"""What each stage is told: the options of an unwrap as the options of repair, seams, method and packing."""
+"""The options of an unwrap as the options of its stages: seams, method and packing."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from circparam.core.arrays import IntArray, relabel
-from circparam.core.registry import unknown_name
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import format_of, read
@@ -22,20 +23,7 @@ from circparam.methods.base import MethodOptions
 from circparam.packing.options import PackOptions
 from circparam.pipeline.options import Options
 from circparam.pipeline.verify import uv_seams
-from circparam.seams import SEAMS
 from circparam.seams.options import SeamOptions
-from circparam.solvers.tutte.boundary import BOUNDARIES
-
-
-def check_names(options: Options) -> None:
-    """Raise OptionError for a method, start, boundary or cut that is in no table."""
-    METHODS[options.method]
-    SEAMS[options.cut]
-    if options.boundary is not None:
-        BOUNDARIES[options.boundary]
-    starts = METHODS.tagged("positive")
-    if options.start is not None and options.start not in starts:
-        raise OptionError(unknown_name("start", options.start, starts))
 
 
 def open_source(source: Any, options: Options) -> Document:
@@ -71,13 +59,7 @@ def seam_options(
     document: Document, surface: Surface, repair_report: RepairReport, o: Options
 ) -> SeamOptions:
     """What the seams need to know, from the options and the file."""
-    given: dict[str, Any] = {
-        "max_distortion": o.max_distortion,
-        "max_charts": o.max_charts,
-        "min_chart_faces": o.min_chart_faces,
-        "sharp": o.sharp,
-        "symmetry": o.symmetry,
-    }
+    given = _given(o, ("max_distortion", "max_charts", "min_chart_faces", "sharp", "symmetry"))
     groups = document.mesh.groups
     several = groups is not None and len(np.unique(groups)) > 1
     check_scene(document, o)
@@ -99,7 +81,7 @@ def seam_options(
         if uvmap is None:
             raise OptionError("--keep-uv-seams: the file has no uv to start from; leave it out")
         given["start"] = uv_seams(surface, uvmap)
-    return SeamOptions(**{k: v for k, v in given.items() if v is not None})
+    return SeamOptions(**given)
 
 
 def check_scene(document: Document, o: Options) -> None:
@@ -133,31 +115,16 @@ def _vertex_pairs(pairs: Any, n: int) -> IntArray:
 
 
 def method_options(o: Options) -> MethodOptions:
-    """What the method needs to know."""
-    given: dict[str, Any] = {
-        "start": o.start,
-        "boundary": o.boundary,
-        "spacing": o.spacing,
-        "polygon": o.polygon,
-        "clamp": o.clamp,
-        "tolerance": o.tolerance,
-        "blend": o.blend,
-        "lscm": o.lscm,
-        "linear": o.linear,
-        "bff_boundary": o.bff_boundary,
-    }
-    return MethodOptions(**{k: v for k, v in given.items() if v is not None})
+    """What the method needs to know: all that its row accepts but the pins, which lie on the cut mesh."""
+    return MethodOptions(**_given(o, METHODS[o.method].accepts - {"pins"}))
 
 
 def pack_options(o: Options) -> PackOptions:
     """What packing needs to know."""
-    given: dict[str, Any] = {
-        "resolution": o.resolution,
-        "padding": o.padding,
-        "rotate": o.rotate,
-        "effort": o.effort,
-        "pages": o.pages,
-        "texel_density": o.texel_density,
-        "scale": o.scale,
-    }
-    return PackOptions(**{k: v for k, v in given.items() if v is not None})
+    return PackOptions(**_given(o, [f.name for f in dataclasses.fields(PackOptions)]))
+
+
+def _given(o: Options, names: Iterable[str]) -> dict[str, Any]:
+    """The options of those names that were given."""
+    values = {name: getattr(o, name) for name in names}
+    return {name: value for name, value in values.items() if value is not None}

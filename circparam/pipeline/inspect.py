@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from circparam.core.limits import PADDING, RESOLUTION
 from circparam.errors import InputError, TopologyError
 from circparam.formats.document import Document
 from circparam.mesh.repair import RepairOptions, repair
@@ -36,8 +37,11 @@ def inspect(
 ) -> Inspection:
     """Describe a document; with ``uv_set`` judge that set at a resolution in texels.
 
-    Raises InputError where the set does not exist, or no face has uv in it.
+    Raises InputError where the set does not exist, or no face has uv in it, OptionError for a resolution or
+    padding (texels) out of range.
     """
+    RESOLUTION.check("--resolution", resolution)
+    PADDING.check("--padding", padding)
     topology = describe(document.mesh, weld)
     notes = list(document.notes)
     if uv_set is None:

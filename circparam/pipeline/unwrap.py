@@ -19,7 +19,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import UVMap
 from circparam.packing import pack
 from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.configure import check_names, open_source, pack_options
+from circparam.pipeline.configure import open_source, pack_options
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.options import Options, from_keywords
@@ -51,7 +51,6 @@ def unwrap(
         options = from_keywords(keywords)
     elif keywords:
         options = replace(options, **keywords)
-    check_names(options)
     monitor = Monitor(listener, options.timeout)
     with monitor.stage("read"):
         document = open_source(source, options)

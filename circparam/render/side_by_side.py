@@ -85,7 +85,7 @@ class DrawnLayout:
 
 
 def side_by_side(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto") -> SideBySide:
-    """The rows of a ``circparam.compare.compare.Comparison`` whose rows keep their layout as ``uvmap``."""
+    """The rows of a ``circparam.compare.rows.Comparison`` whose rows keep their layout as ``uvmap``."""
     rows = []
     for row in comparison.rows:
         figures = dict(row.figures) | {"seconds": row.seconds, "peak_bytes": row.peak_bytes}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import subprocess
@@ -59,6 +60,37 @@ def test_csv_is_not_overwritten(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert out.read_text() == "mine"
     assert run(sample("ribbon"), "--csv", str(tmp_path / "no" / "x.csv")).exit_code == 8
+
+
+def test_a_crash_leaves_no_half_a_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows that were there stay until all new ones are on the disk."""
+    out = tmp_path / "rows.csv"
+    out.write_text("the rows of last week")
+
+    def full(number: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    words = ("--methods", "circle", "--csv", str(out), "--overwrite", "-q")
+    result = run(sample("ribbon"), *words)
+    assert result.exit_code == 8, result.stderr
+    assert "rows.csv" in result.stderr
+    assert out.read_text() == "the rows of last week"
+    assert [p.name for p in tmp_path.iterdir()] == ["rows.csv"]
+    monkeypatch.undo()
+    assert run(sample("ribbon"), *words).exit_code == 0
+    assert out.read_text().startswith("mesh,cut,")
+
+
+@pytest.mark.parametrize("words", [("--border", "square"), ("--border=square",)])
+def test_the_older_name_of_a_flag_keeps_working(words: tuple[str, ...]) -> None:
+    ask = ("--methods", "circle", "--json")
+    old, new, other = (
+        json.loads(run(sample("ribbon"), *ask, *more).stdout)["meshes"][0]["rows"][0]["distortion"]
+        for more in (words, ("--boundary", "square"), ())
+    )
+    assert old == new != other
+    assert "--border" not in run("--help").stdout
 
 
 @pytest.mark.parametrize(

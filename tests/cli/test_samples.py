@@ -59,7 +59,7 @@ def test_to_stdout() -> None:
         (("creatur",), 2, "did you mean creature"),
         (("-o", "x.obj"), 2, "needs the name"),
         (("knot", "-o", "knot.obj"), 2, ".stl"),
-        (("knot", "-o", "no/such/folder/knot.stl"), 8, "cannot be written"),
+        (("knot", "-o", "no/such/folder/knot.stl"), 8, "folder"),
     ],
 )
 def test_refusals_are_one_line(

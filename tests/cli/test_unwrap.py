@@ -177,6 +177,56 @@ def test_polygon_border_takes_its_file_after_the_name(disk: Path, tmp_path: Path
     assert (got["flips"], got["options"]["boundary"]) == (0, "polygon")
 
 
+OLDER = {
+    "border": (["--border", "square"], ["--boundary", "square"]),
+    "border with a sign": (["--border=square"], ["--boundary=square"]),
+    "border of a polygon": (["--border", "polygon", "FILE"], ["--boundary", "polygon", "FILE"]),
+    "bff-border": (["--bff-border", "disk"], ["--bff-boundary", "disk"]),
+    "bff-border with a sign": (["--bff-border=disk"], ["--bff-boundary=disk"]),
+}
+
+
+@pytest.mark.parametrize("name", OLDER)
+def test_older_names_of_flags_keep_working(name: str, disk: Path, tmp_path: Path) -> None:
+    corners = tmp_path / "triangle.txt"
+    corners.write_text("0 0\n4 0\n0 3\n")
+    method = "bff" if name.startswith("bff") else "mean-value"
+    files, reports = [], []
+    for k, words in enumerate(OLDER[name]):
+        given = [str(corners) if word == "FILE" else word for word in words]
+        out = tmp_path / f"{k}.obj"
+        ask = (*CONVEX[:2], *QUICK, "--method", method)
+        reports.append(report(disk, *ask, *given, "-o", out))
+        files.append(out.read_bytes())
+    assert files[0] == files[1]
+    assert reports[0]["options"] == reports[1]["options"]
+    plain = tmp_path / "plain.obj"
+    report(disk, *CONVEX[:2], *QUICK, "--method", method, "-o", plain)
+    assert plain.read_bytes() != files[0]  # the flag had an effect
+
+
+def test_older_names_of_flags_are_not_shown() -> None:
+    text = run("unwrap", "--help").stdout
+    assert "--border" not in text
+    assert "--bff-border" not in text
+    assert "--boundary" in text
+
+
+def test_angles_are_degrees_and_flags_switch_off(tmp_path: Path) -> None:
+    points, faces = shapes.bumped_disk(100)
+    disk = obj(tmp_path / "small.obj", (0.2 * points, faces))  # fits on a page as it is
+    got = report(
+        *(disk, "-o", tmp_path / "o.obj", *QUICK, "--cut", "disk", "--sharp", "180"),
+        *("--no-scale", "--no-cut-materials"),
+    )["options"]
+    assert isinstance(got, dict)
+    assert got["sharp"] == pytest.approx(np.pi)
+    assert (got["scale"], got["cut_materials"]) == (False, False)
+    assert "normalize" not in got
+    got = report(disk, "-o", tmp_path / "p.obj", "--cut", "none", "--no-normalize")
+    assert got["options"]["normalize"] is False  # type: ignore[index]
+
+
 # gates, standard streams, failures --------------------------------------------------------------------
 
 

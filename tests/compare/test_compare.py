@@ -10,17 +10,9 @@ import pytest
 
 from circparam import errors, samples
 from circparam.compare import process, xatlas
-from circparam.compare.compare import (
-    FIGURES,
-    INPUT,
-    Comparison,
-    compare,
-    flatten_task,
-    method_names,
-)
-from circparam.methods import METHODS
+from circparam.compare.compare import compare
+from circparam.compare.rows import FIGURES, INPUT, Comparison
 from tests.support import shapes
-from tests.support.charts import patches_of
 
 has_xatlas = True
 try:
@@ -69,18 +61,6 @@ def test_stages_and_memory_are_measured(disk: Comparison) -> None:
         assert r.peak_bytes is not None
         assert r.peak_bytes >= 0
     assert {"weights", "solve"} <= set(disk.rows[0].stages)
-
-
-def test_the_stages_of_one_run_are_parts_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("circparam.compare.compare.REPEATS", 1)
-    cut_mesh, _ = patches_of(shapes.bumped_disk(300))
-    arrays = {
-        name: getattr(cut_mesh, name) for name in ("faces", "rest_triangles", "chart", "edges")
-    }
-    settings = {"method": "circle", "options": {}, "timeout": None}
-    _, info = flatten_task(arrays, settings)
-    assert info["runs"] == 1
-    assert 0 < sum(info["stages"].values()) <= info["seconds"]
 
 
 def test_figures_agree_with_an_unwrap(disk: Comparison) -> None:
@@ -173,25 +153,33 @@ def test_a_layout_with_flips_is_invalid(monkeypatch: pytest.MonkeyPatch) -> None
     assert row(c, "mean-value")["flips"] > 0
 
 
-def test_names_are_checked() -> None:
-    assert method_names("all") == METHODS.names()
-    assert method_names(" circle, floater ") == ["circle", "floater"]
-    assert method_names(["circle"]) == ["circle"]
-    with pytest.raises(errors.OptionError, match="did you mean circle"):
-        method_names("circel")
-    with pytest.raises(errors.OptionError, match="twice"):
-        method_names("circle,all")
-    with pytest.raises(errors.OptionError, match="names no method"):
-        method_names(" , ")
-
-
 def test_options_go_where_they_apply() -> None:
     square = quick(shapes.bumped_disk(100), "circle,lscm", boundary="square")
     round_ = quick(shapes.bumped_disk(100), "circle,lscm")
     assert row(square, "circle")["distortion"] != row(round_, "circle")["distortion"]
     assert row(square, "lscm")["distortion"] == row(round_, "lscm")["distortion"]
+    for methods, keywords in (
+        ("lscm", {"boundary": "square"}),
+        ("circle,lscm", {"blend": 0.5}),
+        ("circle", {"tolerance": 0.5}),
+    ):
+        with pytest.raises(errors.OptionError, match="no effect"):
+            quick(shapes.bumped_disk(100), methods, **keywords)
+
+
+def test_each_row_gets_the_options_that_it_accepts() -> None:
+    shape = shapes.bumped_disk(100)
+    plain = quick(shape, "circle,arap,isometric")
+    rough = quick(shape, "circle,arap,isometric", tolerance=0.5)
+    assert row(rough, "circle")["distortion"] == row(plain, "circle")["distortion"]
+    for name in ("arap", "isometric"):
+        assert row(rough, name)["iterations"] < row(plain, name)["iterations"]
+
+
+@needs_xatlas
+def test_an_option_that_no_baseline_takes_is_refused() -> None:
     with pytest.raises(errors.OptionError, match="no effect"):
-        quick(shapes.bumped_disk(100), "lscm", boundary="square")
+        quick(shapes.bumped_disk(100), "xatlas", boundary="square")
 
 
 def test_bad_requests() -> None:

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import subprocess
+import sys
+from typing import Any
 
 import numpy as np
 import pytest
 
+from circparam.core import limits
+from circparam.core.fields import flag, specs
 from circparam.errors import OptionError
-from circparam.pipeline.options import Options, from_keywords
+from circparam.methods import METHODS
+from circparam.packing.options import PackOptions
+from circparam.pipeline.configure import pack_options
+from circparam.pipeline.options import CUTS, Options, from_keywords
+from circparam.seams import SEAMS
 
 BAD = {
     "unknown cut": ({"cut": "chart"}, "choose one of charts, disk, none"),
@@ -19,6 +28,18 @@ BAD = {
     "negative padding": ({"padding": -1}, "padding"),
     "padding without room": ({"padding": 8, "resolution": 16}, "no room"),
     "no pages": ({"pages": 0}, "pages"),
+    "a page too large for packing": ({"resolution": 16385}, "--resolution 16385: .* 1 to 16384"),
+    "more pages than packing has": ({"pages": 101}, "--pages 101: .* 1 to 100"),
+    "no texel between the paddings": ({"padding": 32, "resolution": 64}, "--padding 31 or less"),
+    "a density of sizes that are kept": ({"texel_density": 2.0, "scale": False}, "--no-scale"),
+    "unknown method": ({"method": "circel"}, "did you mean circle"),
+    "unknown start": ({"start": "lscm"}, "unknown start"),
+    "unknown boundary": ({"method": "circle", "boundary": "squar"}, "did you mean square"),
+    "unknown spacing": ({"method": "circle", "spacing": "even"}, "arc-length, uniform"),
+    "tolerance of abf, which has its own": ({"method": "abf", "tolerance": 1e-3}, "of its own"),
+    "splits of charts without room": ({"pack_splits": 1, "max_charts": 3}, "makes room"),
+    "group without seams": ({"cut": "none", "group_by": "mesh"}, "needs seams"),
+    "lightmap of several atlases": ({"lightmap": True, "group_by": "mesh"}, "one packed atlas"),
     "no time": ({"timeout": 0}, "timeout"),
     "negative weld": ({"weld": -0.1}, "weld"),
     "boundary of a free method": ({"method": "isometric", "boundary": "circle"}, "free boundary"),
@@ -45,6 +66,63 @@ def test_bad_options(name: str) -> None:
     with pytest.raises(OptionError, match=word) as error:
         Options(**keywords)
     assert "\n" not in str(error.value)
+
+
+RANGES = {name: spec.bounds for name, spec in specs(Options).items() if spec.bounds is not None}
+BESIDE: dict[str, dict[str, Any]] = {  # what an option needs beside it
+    "tolerance": {"method": "arap"},
+    "padding": {"resolution": limits.RESOLUTION.high},
+    "resolution": {"padding": 0},
+}
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_both_ends_of_a_range_belong_to_it_and_nothing_beyond(name: str) -> None:
+    low, high = RANGES[name].low, RANGES[name].high
+    beside = BESIDE.get(name, {})
+    for value in (low, high):
+        assert getattr(Options(**beside, **{name: value}), name) == value
+    whole = isinstance(low, int)
+    for value in (
+        low - 1 if whole else low - max(abs(low), 1) * 1e-3,
+        high + 1 if whole else high * 1.001,
+    ):
+        if value in (0.0, high):  # a lowest value of nearly nothing
+            continue
+        with pytest.raises(OptionError, match=flag(name, specs(Options)[name])):
+            Options(**beside, **{name: value})
+
+
+@pytest.mark.parametrize("name", ["resolution", "padding", "pages", "texel_density"])
+def test_what_options_let_pass_packing_takes(name: str) -> None:
+    """The ranges stand once: nothing is refused after the solve that could have been before."""
+    for value in (RANGES[name].low, RANGES[name].high):
+        pack_options(Options(**BESIDE.get(name, {}), **{name: value}))
+    beyond = RANGES[name].high * 2
+    with pytest.raises(OptionError):
+        PackOptions(**{name: beyond})
+
+
+def test_the_names_of_cuts_are_those_of_the_table() -> None:
+    assert list(CUTS) == SEAMS.names()
+
+
+def test_what_a_method_accepts_is_an_option_with_a_reason() -> None:
+    """Whatever a row may accept can be given, and is refused, with a reason, where a row does not."""
+    names = {name for row in METHODS for name in row.accepts}
+    assert names <= set(specs(Options))
+    for name in names - {"polygon"}:
+        other = next(row for row in METHODS if name not in row.accepts)
+        value = {"start": "uniform", "boundary": "square", "spacing": "uniform", "lscm": "pinned"}
+        with pytest.raises(OptionError, match=r"has no effect here: .*; leave it out"):
+            Options(method=other.name, **{name: value.get(name, 0.5)})
+
+
+def test_importing_the_options_is_light() -> None:
+    """The command line reads them for its help."""
+    code = "import sys, circparam.pipeline.options; print('numpy' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "False\n"
 
 
 def test_defaults_and_given() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -186,14 +185,6 @@ def test_repack_keeps_charts() -> None:
     assert result.verification.valid
     with pytest.raises(errors.InputError, match="no uv"):
         circparam.repack((p, f))
-
-
-def test_the_summary_is_json(tmp_path: Path) -> None:
-    result = circparam.unwrap(shapes.bumped_disk(40), tmp_path / "o.obj", **FLAT)
-    text = json.dumps(circparam.summarise(result), allow_nan=False)
-    again = json.loads(text)
-    assert again["output"] == str(tmp_path / "o.obj")
-    assert again["seconds"] == pytest.approx(sum(again["stages"].values()), abs=0.01)
 
 
 def test_progress_reaches_the_listener() -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.errors import InputError, OptionError
+from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
-from circparam.pipeline.gates import GATE_NAMES, parse_gates
+from circparam.pipeline.gates import GATE_NAMES
 from circparam.pipeline.verify import Promise, corners_of, reasons, uv_seams, verify
 from tests.support import shapes
 
@@ -143,28 +143,3 @@ def test_winding_of_the_file_does_not_matter() -> None:
     assert ok.all()
     np.testing.assert_array_equal(corners, p[surface.faces][:, :, :2])
     assert verify(surface, UVMap(p[:, :2], g)).flips == 0
-
-
-def test_gates_compare() -> None:
-    gates = parse_gates("flips>0, distortion >= 1.05,charts<=3,pack!=1")
-    report = {"flips": 0, "distortion": 1.05, "charts": 4, "pack": 1.0}
-    assert gates.missed(report) == ["distortion>=1.05: it is 1.05"]
-    assert parse_gates(None).missed(report) == []
-    assert parse_gates("pack<0.5").missed({"pack": None}) == ["pack<0.5: it was not measured here"]
-
-
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        ("flip>0", "did you mean flips"),
-        ("flips", "NAME>NUMBER"),
-        ("", "NAME>NUMBER"),
-        ("flips>0,", "NAME>NUMBER"),
-        ("flips>many", "no number"),
-        ("flips>nan", "NaN"),
-        ("flips=0", "NAME>NUMBER"),
-    ],
-)
-def test_bad_gates(text: str, word: str) -> None:
-    with pytest.raises(OptionError, match=word):
-        parse_gates(text)

@@ -1,0 +1,167 @@
+"""Shared options as values: one spelling and one help text for every command that has them.
+
+The options of the library are built out of the metadata of the fields of ``Options``; those that only the
+command line has stand here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from circparam.core.fields import Spec, specs
+from circparam.core.registry import unknown_name
+from circparam.pipeline.options import Options
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+# flags that had another name before; they keep working and stand in no help text
+OLDER_FLAGS = {"--border": "--boundary", "--bff-border": "--bff-boundary"}
+
+
+class Command(click.Command):
+    """A command that also takes the older names of its flags."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put today's name in the place of an older one, then read on as click does."""
+        return super().parse_args(ctx, [today(word) for word in args])
+
+
+def today(word: str) -> str:
+    """A word of the command line, an older flag (also ``--flag=value``) by the name it has today."""
+    flag, sign, value = word.partition("=")
+    return OLDER_FLAGS.get(flag, flag) + sign + value
+
+
+class Name(click.ParamType[str]):
+    """A name out of a table of the library, read when it is needed: did-you-mean, and shell completion.
+
+    What follows a colon belongs to the name as its argument and is not looked at. ``listed``: the help shows
+    all names.
+    """
+
+    name = "name"
+
+    def __init__(self, kind: str, names: Callable[[], list[str]], listed: bool = False) -> None:
+        self.kind, self.names, self.listed = kind, names, listed
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The value, where the table has it."""
+        names = self.names()
+        if str(value).partition(":")[0] not in names:
+            self.fail(unknown_name(self.kind, str(value), names), param, ctx)
+        return value
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """The word for the help text."""
+        return f"[{'|'.join(self.names())}]" if self.listed else self.kind.upper()
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Names that begin so."""
+        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
+
+
+def _formats() -> list[str]:
+    from circparam.formats.table import FORMATS
+
+    return FORMATS.names()
+
+
+MESH = click.Path(dir_okay=True, allow_dash=True)  # a directory is the library's error (exit 3)
+FILE = click.Path()
+
+# options of the library ------------------------------------------------------------------------------
+_TYPES: dict[str, Any] = {"int": int, "float": float, "str": str}  # every other type is in a file
+
+
+def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
+    """The flag of one field of ``fields``, a dataclass of options; ``other`` goes to click instead.
+
+    The parameter of the command has the name of the field, ``no_NAME`` where the flag switches it off.
+    """
+    spec, base = specs(fields)[name], _field_type(fields, name)
+    words = [spec.flag or "--" + name.replace("_", "-"), spec.short, _parameter(name, spec)]
+    known: dict[str, Any] = {"help": spec.text, "metavar": spec.metavar}
+    if base == "bool":
+        known["is_flag"] = True
+        if "/" in spec.flag:
+            known["default"] = next(f.default for f in dataclasses.fields(fields) if f.name == name)
+    elif spec.names is not None:
+        known["type"] = Name(name, spec.names)
+    else:
+        known["type"] = click.Choice(spec.choices) if spec.choices else _TYPES.get(base, FILE)
+    return click.option(*filter(None, words), **(known | other))
+
+
+def library_options(stage: str, fields: Any = Options) -> list[Decorator]:
+    """The flags of all fields of a stage, in their order."""
+    return [library_option(n, fields) for n, spec in specs(fields).items() if spec.stage == stage]
+
+
+def library_keywords(given: dict[str, Any], fields: Any = Options) -> dict[str, Any]:
+    """What was given on the command line of the options of the library, by the names of their fields.
+
+    What was not given is left out: None, and a flag that has no counterpart and does not stand there.
+    """
+    out = {}
+    for name, spec in specs(fields).items():
+        value = given.get(_parameter(name, spec))
+        if value is None or (value is False and "/" not in spec.flag):
+            continue
+        out[name] = False if spec.switches_off else value
+    return out
+
+
+def _field_type(fields: Any, name: str) -> str:
+    """The type of a field as it is written, without ``| None``."""
+    return str(next(f.type for f in dataclasses.fields(fields) if f.name == name)).split(" |")[0]
+
+
+def _parameter(name: str, spec: Spec) -> str:
+    return f"no_{name}" if spec.switches_off else name
+
+
+# options of the command line alone ----------------------------------------------------------------------
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
+
+overwrite = library_option("overwrite")
+
+quiet = click.option("--quiet", "-q", is_flag=True, help="No progress, no table, no warnings.")
+
+verbose = click.option("--verbose", "-v", count=True, help="Show more: -v stages, -vv notes.")
+
+output = click.option("--output", "-o", type=FILE, metavar="FILE", help="Where to write.")
+
+out_dir = click.option(
+    "--out-dir",
+    type=FILE,
+    metavar="DIR",
+    help="Folder for the outputs, with the names of the inputs.",
+)
+
+format_option = library_option("format", type=Name("format", _formats, listed=True))
+
+gates = click.option(
+    "--fail-if",
+    metavar="GATES",
+    help="Exit 6 where a condition holds, for example 'flips>0,overlap>0,distortion>1.05'.",
+)
+
+
+def apply(*options: Decorator | Sequence[Decorator]) -> Decorator:
+    """Several options as one decorator, in the order in which the help shows them."""
+    flat = [o for item in options for o in (item if isinstance(item, Sequence) else [item])]
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(flat):
+            function = option(function)
+        return function
+
+    return decorate

@@ -1,0 +1,194 @@
+"""The group of all commands: the table ``COMMANDS``, and what is the same for each of them.
+
+A command is one module and one row. ``circparam --help`` reads only the summaries of the table, so it needs
+neither NumPy nor trimesh. An error becomes one line and a documented code here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import click
+
+from circparam._version import __version__
+from circparam.cli import exits, signals
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One command. module: where its click command, called ``command``, is. summary: a line of the help."""
+
+    module: str
+    summary: str
+
+
+_HERE = "circparam.cli."
+COMMANDS = {
+    "unwrap": Entry(
+        _HERE + "unwrap", "Give meshes a uv layout: cut, flatten, pack, write the same file back."
+    ),
+    "check": Entry(_HERE + "check", "Report topology, and judge a uv set that is there."),
+    "pack": Entry(_HERE + "pack", "Repack the uv of a file without touching its charts."),
+    "compare": Entry(
+        _HERE + "compare", "Run several methods on the identical cut and put them side by side."
+    ),
+    "view": Entry(_HERE + "view", "Draw layout, checker and stretch as PNG, SVG or one HTML page."),
+    "bake": Entry(_HERE + "bake", "Carry colours or an old texture into the new uv."),
+    "methods": Entry(_HERE + "methods", "Show every method, and what it guarantees."),
+    "samples": Entry(_HERE + "samples", "List the bundled meshes, or save one."),
+}
+_EPILOG = """\b
+Examples:
+  circparam unwrap mesh.obj
+  circparam unwrap mesh.glb -o out.glb --json
+  circparam check mesh.obj
+  circparam COMMAND --help
+"""
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called, and whose errors are one line."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands, in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command; None where there is none of that name."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(COMMANDS[cmd_name].module)
+        command: click.Command = module.command
+        if not any(p.name == "debug" for p in command.params):
+            command.params.append(_debug_option())
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, with a did-you-mean for an unknown command."""
+        if args and args[0] not in self.list_commands(ctx) and not args[0].startswith("-"):
+            names = self.list_commands(ctx)
+            near = difflib.get_close_matches(args[0], names, n=2, cutoff=0.5)
+            cure = f"did you mean {' or '.join(near)}?" if near else f"choose {', '.join(names)}"
+            if os.path.exists(args[0]):
+                cure = f"to unwrap that file: circparam unwrap {args[0]}"
+            raise click.UsageError(f"no command {args[0]!r}: {cure}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The summaries of the table, without importing a command."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, entry.summary) for name, entry in COMMANDS.items()])
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run; in standalone mode exit with a documented code and at most one line about the error."""
+        if not standalone_mode:
+            return super().main(args, prog_name, complete_var, False, **extra)
+        argv = list(sys.argv[1:] if args is None else args)
+        _open_standard_streams()
+        with signals.installed():
+            code = self._run(argv, complete_var, extra)
+        sys.exit(code)
+
+    def _run(self, argv: list[str], complete_var: str | None, extra: dict[str, Any]) -> int:
+        stdout, stderr = sys.stdout, sys.stderr
+        try:
+            value = super().main(argv, "circparam", complete_var, False, **extra)
+            sys.stdout.flush()
+        except click.ClickException as error:
+            _complain(_usage_line(error))
+            return exits.USAGE if isinstance(error, click.UsageError) else exits.INTERNAL
+        except (click.Abort, KeyboardInterrupt):
+            _complain(exits.line_of(KeyboardInterrupt()))
+            return exits.INTERRUPTED
+        except SystemExit as error:
+            if sys.stdout is not stdout:  # click replaces it where the reader of a pipe has gone
+                sys.stdout, sys.stderr = stdout, stderr
+                return _report(BrokenPipeError())
+            return error.code if isinstance(error.code, int) else exits.INTERNAL
+        except BaseException as error:
+            if "--debug" in argv:
+                raise
+            return _report(error)
+        return value if isinstance(value, int) else exits.OK
+
+
+def _open_standard_streams() -> None:
+    """Give streams that were closed before the start (``>&-``) a device, lest a file takes their number.
+
+    What is written to a closed standard output is an error, as with a closed pipe; errors go unseen.
+    """
+    for name, mode, flags in (
+        ("stdin", "r", os.O_RDONLY),
+        ("stdout", "w", os.O_RDONLY),
+        ("stderr", "w", os.O_WRONLY),
+    ):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, flags), mode))
+
+
+def _debug_option() -> click.Option:
+    return click.Option(
+        ["--debug"], is_flag=True, expose_value=False, help="Show the traceback of an error."
+    )
+
+
+def _usage_line(error: click.ClickException) -> str:
+    """One line for click's own errors, with the help to look at."""
+    text = " ".join(error.format_message().split())
+    context = getattr(error, "ctx", None)
+    if context is None:
+        return text
+    joint = "" if text.endswith((".", "?", "!")) else "."
+    return f"{text}{joint} See: {context.command_path} --help"
+
+
+def _report(error: BaseException) -> int:
+    """One line about an error; returns its exit code."""
+    if isinstance(error, OSError):
+        _mute_stdout()
+    _complain(exits.line_of(error))
+    return exits.code_of(error)
+
+
+def _complain(line: str) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        click.echo(f"circparam: error: {line}", err=True)
+
+
+def _mute_stdout() -> None:
+    """Keep the interpreter from writing to a closed pipe or full disk once more when it ends."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@click.group(
+    cls=LazyGroup,
+    epilog=_EPILOG,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, "-V", "--version", prog_name="circparam")
+@click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")
+def cli() -> None:
+    """Unwrap triangle meshes: few charts, bounded distortion, no flips, nothing of the file lost."""
+
+
+def main() -> NoReturn:
+    """The entry point of the ``circparam`` script."""
+    cli.main()
+    raise AssertionError("click's main exits")

@@ -1,0 +1,70 @@
+"""What a comparison found, as plain values: one row a method."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from circparam.mesh.mesh import UVMap
+
+INPUT = "input"  # the row of the uv that the file has
+
+# names of ``Verification.numbers`` in the order of a report
+FIGURES = (
+    "charts", "seam_length", "flips", "mirrored", "overlap", "missing", "distortion", "distortion_max_chart",
+    "stretch_l2", "stretch_linf", "angle", "area", "pack",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One row. status: ok, invalid (flips, overlaps, missing or mirrored faces) or failed, with ``error``.
+
+    stages: seconds of each stage; seconds: of the whole method, from the cut mesh to uv (for a baseline, of
+    all it does); medians over ``runs``. peak_bytes: see ``circparam.compare.process``. figures: by the names of
+    FIGURES. iterations: the most that a chart took. notes: of the method.
+    """
+
+    method: str
+    status: str
+    stages: dict[str, float] = field(default_factory=dict)
+    seconds: float | None = None
+    peak_bytes: int | None = None
+    figures: dict[str, float | int | None] = field(default_factory=dict)
+    iterations: int | None = None
+    runs: int = 1
+    notes: list[str] = field(default_factory=list)
+    error: str | None = None
+    uvmap: UVMap | None = field(default=None, repr=False)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON and CSV."""
+        whole = dataclasses.asdict(replace(self, uvmap=None))
+        figures = whole.pop("figures")
+        del whole["uvmap"]
+        return {**whole, **{name: _plain(figures.get(name)) for name in FIGURES}}
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Every row of one mesh. cut: how it was cut, in cut_seconds, the same for all methods."""
+
+    mesh: str
+    vertices: int
+    faces: int
+    cut: str
+    cut_seconds: float
+    rows: list[Entry]
+    notes: list[str] = field(default_factory=list)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        plain = {k: v for k, v in vars(self).items() if k != "rows"}
+        return {**plain, "rows": [row.as_dict() for row in self.rows]}
+
+
+def _plain(value: float | int | None) -> float | int | None:
+    """A number that JSON holds."""
+    return None if value is None or not math.isfinite(value) else value

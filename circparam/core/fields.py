@@ -1,0 +1,113 @@
+"""An option as one field of a dataclass: its metadata hold all that is known of it, in one place.
+
+What checks a value (range, choices, where it has an effect), what builds the flags of the command line and
+what words a message reads the same ``Spec``. So an option is added with one field.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any, TypeAlias
+
+from circparam.core.registry import unknown_name
+from circparam.errors import OptionError
+
+KEY = "option"  # under which the metadata of a field hold its Spec
+
+# (all options, name of the field) → why it has no effect beside the others; None where it has one
+Condition: TypeAlias = Callable[[Any, str], str | None]
+
+
+@dataclass(frozen=True)
+class Range:
+    """The values that a number may have, both ends included; ``meaning`` says what it is, and in what unit."""
+
+    low: float
+    high: float
+    meaning: str
+
+    def __contains__(self, value: object) -> bool:
+        if isinstance(value, bool) or not isinstance(value, Real):
+            return False
+        return self.low <= float(value) <= self.high
+
+    def check(self, name: str, value: object) -> None:
+        """Raise OptionError where a value is no number of the range; ``name`` as the user wrote it."""
+        if value not in self:
+            raise OptionError(f"{name} {value!r}: it is {self.meaning}")
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What is known of one option.
+
+    stage: what it belongs to (a group of the help text). help: one line. flag: its spelling on the command
+    line, ``--on/--off`` for a pair; empty for that of the field's name, and ``--no-NAME`` switches a field
+    off. short: one letter. metavar: what its value is called. shown: the default as the help tells it; None
+    where there is nothing to tell. choices: all values, or ``names``: a function that gives them, called when
+    they are needed. bounds: of a number. applies: see ``Condition``.
+    """
+
+    stage: str
+    help: str
+    flag: str = ""
+    short: str = ""
+    metavar: str | None = None
+    shown: str | None = None
+    choices: tuple[str, ...] = ()
+    names: Callable[[], list[str]] | None = None
+    bounds: Range | None = None
+    applies: Condition | None = None
+
+    @property
+    def switches_off(self) -> bool:
+        """Whether the flag means False."""
+        return self.flag.startswith("--no-")
+
+    @property
+    def text(self) -> str:
+        """The help text with the default."""
+        return self.help if self.shown is None else f"{self.help}  [default: {self.shown}]"
+
+
+def option(stage: str, help: str, *, default: Any = None, **known: Any) -> Any:
+    """A field of a dataclass that is an option; ``known``: the other fields of ``Spec``."""
+    return dataclasses.field(default=default, metadata={KEY: Spec(stage, help, **known)})
+
+
+def specs(options: Any) -> dict[str, Spec]:
+    """Name of the field → Spec, for every option of a dataclass or of an instance, in their order."""
+    return {f.name: f.metadata[KEY] for f in dataclasses.fields(options) if KEY in f.metadata}
+
+
+def flag(name: str, spec: Spec) -> str:
+    """The spelling of an option on the command line, for messages."""
+    return spec.flag.split("/")[0] or "--" + name.replace("_", "-")
+
+
+def check(options: Any) -> None:
+    """Check every option of an instance, None meaning "not given".
+
+    Raises OptionError, in one line, for a value out of its range or none of its choices, and for one that
+    was given although it has no effect beside the others.
+    """
+    for name, spec in specs(options).items():
+        value = getattr(options, name)
+        if value is None:
+            continue
+        if spec.bounds is not None:
+            spec.bounds.check(flag(name, spec), value)
+        if spec.choices and value not in spec.choices:
+            choices = ", ".join(spec.choices)
+            raise OptionError(f"unknown {flag(name, spec)} {value!r}: choose one of {choices}")
+        if spec.names is not None and value not in (names := spec.names()):
+            raise OptionError(unknown_name(name, str(value), names))
+    for name, spec in specs(options).items():
+        if spec.applies is None or getattr(options, name) is None:
+            continue
+        why = spec.applies(options, name)
+        if why is not None:
+            raise OptionError(f"{flag(name, spec)} has no effect here: {why}; leave it out")

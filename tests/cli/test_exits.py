@@ -1,0 +1,54 @@
+"""Every exception has a documented code and one line."""
+
+from __future__ import annotations
+
+import errno
+
+import pytest
+
+from circparam import errors
+from circparam.cli import exits
+
+
+def test_every_error_has_its_own_code() -> None:
+    classes = [c for c in vars(errors).values() if isinstance(c, type) and issubclass(c, Exception)]
+    leaves = [c for c in classes if c is not errors.CircparamError]
+    assert sorted(exits.code_of(c("x")) for c in leaves) == [2, 3, 4, 5, 6, 7, 8]
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "word"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (exits.Terminated(), 143, "terminated"),
+        (MemoryError(), 5, "memory"),
+        (OSError(errno.ENOSPC, "No space left on device", "out.obj"), 8, "out.obj: no space"),
+        (BrokenPipeError(), 8, "closed"),
+        (RuntimeError("two\nlines"), 1, "RuntimeError: two lines"),
+    ],
+)
+def test_codes_and_lines(error: BaseException, code: int, word: str) -> None:
+    assert exits.code_of(error) == code
+    assert code in exits.DOCUMENTED
+    assert word in exits.line_of(error)
+    assert "\n" not in exits.line_of(error)
+
+
+def test_a_class_of_its_own_has_the_code_of_its_base() -> None:
+    class Special(errors.TopologyError):
+        pass
+
+    assert exits.code_of(Special("x")) == exits.code_of(errors.TopologyError("x")) == 4
+
+
+def test_an_os_error_without_a_file_still_says_why() -> None:
+    assert (
+        exits.line_of(OSError(errno.EIO, "Input/output error")) == "the output: Input/output error"
+    )
+    assert exits.line_of(OSError("odd")) == "the output: odd"
+
+
+def test_every_code_stands_in_the_text() -> None:
+    assert {
+        int(line.split()[0]) for line in str(exits.__doc__).splitlines() if line[:1].isdigit()
+    } == (exits.DOCUMENTED)

@@ -1,0 +1,90 @@
+"""Ctrl-C and SIGTERM end the work soon, with a code and one line, and no file is left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from circparam.cli import signals
+
+# the work is replaced by something that waits, so that no test depends on speed
+
+WAIT = """
+import sys, time, hashlib
+from pathlib import Path
+from circparam.core import files
+from circparam.pipeline import job
+def wait(*args):
+    left = Path({left!r})
+    left.write_text("half a file")
+    files.TEMPORARIES.append(left)
+    told = False
+    {work}
+job.repair = wait
+sys.argv = ["circparam", "unwrap", {mesh!r}, "-q"]
+from circparam.cli import main
+main()
+"""
+READY = 'print("ready", file=sys.stderr, flush=True)'
+PYTHON_WORK = f"""{READY}
+    time.sleep(600)
+"""
+# a call that no signal interrupts, as a factorisation is: it releases the interpreter and runs on
+NATIVE_WORK = f"""while True:
+        try:
+            if not told:
+                told = True
+                {READY}
+            hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)
+        except BaseException:
+            pass  # the signal came before the call
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of another kind")
+@pytest.mark.parametrize("work", [PYTHON_WORK, NATIVE_WORK], ids=["python", "native"])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_end_it_soon_and_clean(
+    work: str, number: signal.Signals, code: int, tmp_path: Path
+) -> None:
+    mesh = tmp_path / "m.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    left = tmp_path / ".half.tmp"
+    script = WAIT.format(left=str(left), work=work, mesh=str(mesh))
+    with subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == b"ready\n"
+        process.send_signal(number)
+        _, error = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert error.count(b"\n") == 1
+    assert error.startswith(b"circparam: error: ")
+    assert sorted(p.name for p in tmp_path.iterdir() if p != left) == ["m.obj"]
+    if work is NATIVE_WORK:
+        assert not left.exists()
+
+
+def test_what_was_there_before_is_there_again() -> None:
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    with signals.installed():
+        assert signal.getsignal(signal.SIGTERM) is not before[1]
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_nothing_is_installed_outside_the_main_thread() -> None:
+    seen = []
+
+    def work() -> None:
+        with signals.installed():
+            seen.append(signal.getsignal(signal.SIGTERM))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [signal.getsignal(signal.SIGTERM)]

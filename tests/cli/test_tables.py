@@ -1,0 +1,101 @@
+"""Tables: 80 columns where there is no terminal, plain text, every value in its place."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from circparam.cli.tables import LISTED, check_table, columns, console, facts, unwrap_table
+
+
+def text(table: Any) -> str:
+    stream = io.StringIO()
+    console(file=stream).print(table)
+    return stream.getvalue()
+
+
+REPORT: dict[str, Any] = {
+    **{
+        "status": "repaired",
+        "input": "a[1].obj",
+        "output": None,
+        "method": "circle",
+        "cut": "disk",
+    },
+    **{"charts": 2, "faces": 9, "flips": 0, "overlap": 3, "distortion": 1.25},
+    **{"distortion_max_chart": 1e300, "seam_length": 20000.0, "pack": 0.756, "seconds": 1.239},
+    **{"repairs": ["split [b] vertices"], "stages": {"solve": 0.5}, "notes": ["all is well"]},
+}
+
+
+def test_an_unwrap() -> None:
+    got = text(unwrap_table(REPORT))
+    assert "[" not in got.replace("a[1].obj", "").replace("[b]", "")  # names are no markup
+    for line in ("(in memory)", "circle, cut disk", "2 of 9 faces", "0, 3", "75.6 %", "1.24 s"):
+        assert line in got
+    assert "1.2500 (worst chart infinite" in " ".join(got.split())
+    assert "2e+04 x sqrt(area)" in got
+    assert "solve" not in got
+    assert "all is well" not in got
+    assert "0.500 s" in text(unwrap_table(REPORT, 1))
+    assert "all is well" in text(unwrap_table(REPORT, 2))
+    assert "packed" not in text(unwrap_table(REPORT | {"pack": None}))
+
+
+def check_report(parts: int) -> dict[str, Any]:
+    part = {"verdict": "disk", "faces": 5, "boundary_lengths": [1.0, 2, 3, 4, 5]}
+    numbers = ("vertices", "edges", "faces", "euler", "boundaries", "degenerate_faces")
+    zero = ("nonmanifold_edges", "nonmanifold_vertices", "inconsistent_edges", "duplicate_faces")
+    return {
+        **{"input": "m.obj", "format": "obj", "unreferenced_vertices": 4, "genus": None},
+        **dict.fromkeys(numbers, 7),
+        **dict.fromkeys(zero, 0),
+        **{"component_list": [part] * parts, "uv_sets": [0, 2], "uv": None},
+    }
+
+
+def test_a_check_names_defects_that_are_there_and_no_others() -> None:
+    got = text(check_table(check_report(1)))
+    assert "7 and 4 that no face uses" in got
+    assert "7, -" in got  # no genus
+    assert "degenerate faces" in got
+    assert "duplicate faces" not in got
+    assert "boundaries of length 1, 2, 3, 4, ..." in " ".join(got.split())
+    assert "0, 2" in got
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_a_check_lists_so_many_components_and_counts_the_rest(more: int) -> None:
+    got = text(check_table(check_report(LISTED + more)))
+    assert got.count("disk, 5 faces") == LISTED
+    assert ("and 1 components more" in got) == ("components more" in got) == bool(more)
+
+
+def test_columns_and_facts_fit() -> None:
+    rows = {f"name{k}": [str(10**k), "-"] for k in range(5)}
+    lines = text(columns("first", ["one", "two"], rows)).splitlines()
+    assert [line.split() for line in lines] == [
+        ["first", "one", "two"],
+        *([name, *cells] for name, cells in rows.items()),
+    ]
+    assert len({line.index("-") for line in lines[1:]}) == 1  # numbers end in one column
+    long = text(facts([("a [red]", "word " * 40)]))
+    assert max(map(len, long.splitlines())) <= 80
+    assert long.count("word") == 40
+
+
+@pytest.mark.parametrize("command", ["methods", "samples"])
+def test_a_closed_pipe_is_one_line(command: str) -> None:
+    """The reader is gone before a table is written."""
+    words = [sys.executable, "-m", "circparam", command]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        error = process.stderr.read()
+    assert error == b"circparam: error: standard output was closed before everything was written\n"
+    assert process.returncode == 8

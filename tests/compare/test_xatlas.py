@@ -1,0 +1,34 @@
+"""The baseline: its layout is undistorted by its pages, and nobody needs it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam import errors
+from circparam.compare import xatlas
+from tests.support import shapes
+
+
+def test_without_it_the_cure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xatlas.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(errors.OptionError, match="pip install"):
+        xatlas.atlas(*shapes.triangle())
+
+
+@pytest.mark.parametrize("name", xatlas.NAMES)
+def test_its_page_is_undone(name: str) -> None:
+    """A flat strip comes back as a strip: angles and the ratio of its sides are kept."""
+    pytest.importorskip("xatlas")
+    points, faces = shapes.grid(9, 3)
+    points = points * [4, 1, 1]
+    uvmap, seconds = xatlas.atlas(points, faces, name)
+    assert seconds["atlas"] > 0
+    assert uvmap.uv.min() >= 0
+    assert uvmap.uv.max() <= 1
+    assert len(uvmap.uv_faces) == len(faces)
+    flat = uvmap.uv[uvmap.uv_faces]
+    length = np.linalg.norm(flat - flat[:, [1, 2, 0]], axis=2)
+    before = np.linalg.norm(points[faces] - points[faces][:, [1, 2, 0]], axis=2)
+    ratio = length / before
+    np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-3)

@@ -1,0 +1,79 @@
+"""A command is one module and one row: added from here it is in the help, runs, and fails as others do."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from circparam.cli import COMMANDS, cli, common
+from circparam.cli.group import Entry
+from circparam.errors import TopologyError
+from tests.tools import reference
+
+
+@click.command(epilog="Example: circparam toy --times 2")
+@common.library_option("padding")
+@click.option("--times", type=int, default=1, help="How often.")
+@common.quiet
+def command(times: int, **given: Any) -> int:
+    """Say a word, or fail on purpose."""
+    if times < 0:
+        raise TopologyError("a word can't be\nunsaid")
+    if times > 9:
+        raise RuntimeError("too often")
+    click.echo(" ".join(["toy"] * times))
+    return 6 if given["padding"] else 0
+
+
+@pytest.fixture(autouse=True)
+def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("toy_module_of_the_tests")
+    module.command = command  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(COMMANDS, "toy", Entry(module.__name__, "Say a word."))
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(cli, words)
+
+
+def test_it_stands_in_the_help_and_in_the_reference() -> None:
+    lines = run("--help").stdout.splitlines()
+    assert [line.split() for line in lines if line.strip().startswith("toy")] == [
+        ["toy", "Say", "a", "word."]
+    ]
+    page = reference.page()
+    assert "## circparam toy" in page
+    assert "How often." in page
+
+
+def test_it_runs_with_the_options_that_all_share() -> None:
+    assert run("toy", "--times", "2").stdout == "toy toy\n"
+    assert run("toy", "--padding", "3").exit_code == 6  # what it returns is the exit code
+    text = run("toy", "--help").stdout
+    assert "--debug" in text
+    assert "Empty texels between charts" in text
+
+
+def test_its_errors_are_lines_and_codes() -> None:
+    result = run("toy", "--times", "-1")
+    assert (result.exit_code, result.stderr) == (4, "circparam: error: a word can't be unsaid\n")
+    result = run("toy", "--times", "10")
+    assert (result.exit_code, result.stderr.count("\n")) == (1, 1)
+    assert isinstance(run("toy", "--times", "10", "--debug").exception, RuntimeError)
+    assert run("toy", "--tims", "1").exit_code == 2
+
+
+def test_it_is_suggested() -> None:
+    assert "did you mean toy" in run("tyo").stderr
+
+
+def test_without_its_row_there_is_no_such_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(COMMANDS, "toy")
+    assert run("toy").exit_code == 2
+    assert "toy" not in run("--help").stdout

@@ -1,0 +1,148 @@
+"""A method is one row: added from here it is a choice, is listed, suggested, compared, run and tested."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from circparam.cli import cli
+from circparam.compare import process
+from circparam.core.monitor import Monitor
+from circparam.core.registry import Row
+from circparam.errors import OptionError
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.methods import METHODS
+from circparam.methods.base import Layout, MethodOptions
+from circparam.pipeline.options import Options
+from tests.cli.test_unwrap import CONVEX, obj
+from tests.contracts import test_methods as contract
+from tests.support import shapes
+from tests.support.toys import added
+
+TAGS = frozenset({"flip-free", "convex-boundary"})
+
+
+def toy(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
+    """Mean value coordinates under another name."""
+    taken = MethodOptions(boundary=options.boundary, polygon=options.polygon)
+    return METHODS["mean-value"].function(cut_mesh, taken, monitor)
+
+
+def mirrored(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
+    """What no method may do: every chart lies on its face."""
+    right = toy(cut_mesh, options, monitor)
+    return Layout(right.uv * [-1, 1], right.iterations, right.stopped, right.notes)
+
+
+def row(function: Callable[..., Layout] = toy) -> Row[Any]:
+    accepts = frozenset({"boundary", "polygon"})
+    return Row("toyish", function, "a toy of the tests", "Nobody 2026", TAGS, accepts=accepts)
+
+
+@pytest.fixture
+def toyish() -> Iterator[Row[Any]]:
+    with added(METHODS, row()) as new:
+        yield new
+    assert "toyish" not in METHODS
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Path:
+    return obj(tmp_path / "disk.obj", shapes.bumped_disk(80))
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+def test_it_is_unknown_without_its_row(disk: Path) -> None:
+    assert run("unwrap", disk, *CONVEX[:2], "--method", "toyish").exit_code == 2
+    with pytest.raises(OptionError, match="unknown method 'toyish'"):
+        Options(method="toyish")
+
+
+def test_it_unwraps(disk: Path, toyish: Row[Any]) -> None:
+    result = run("unwrap", disk, *CONVEX[:2], "--method", "toyish", "--effort", "0.01", "--json")
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert (report["method"], report["status"], report["flips"]) == ("toyish", "ok", 0)
+
+
+def test_it_is_listed_with_its_guarantees(toyish: Row[Any]) -> None:
+    listed = {r["name"]: r for r in json.loads(run("methods", "--json").stdout)}
+    assert set(listed["toyish"]["guarantees"]) == TAGS
+    assert "a toy of the tests" in run("methods").stdout
+    assert "Nobody 2026" in run("methods", "toyish").stdout
+
+
+def test_it_is_suggested(disk: Path, toyish: Row[Any]) -> None:
+    for result in (
+        run("unwrap", disk, "--method", "toyis"),
+        run("methods", "toyis"),
+        run("compare", disk, "--methods", "toyis"),
+    ):
+        assert result.exit_code == 2
+        assert "did you mean toyish" in result.stderr
+
+
+def test_it_is_completed_in_the_shell(toyish: Row[Any]) -> None:
+    words = {"COMP_WORDS": "circparam unwrap --method toy", "COMP_CWORD": "3"}
+    env = {"_CIRCPARAM_COMPLETE": "bash_complete", **words}
+    assert "toyish" in CliRunner().invoke(cli, [], env=env, prog_name="circparam").output
+
+
+def test_it_accepts_what_its_row_names(toyish: Row[Any]) -> None:
+    assert Options(method="toyish", boundary="square").boundary == "square"
+    with pytest.raises(OptionError, match="--spacing has no effect here"):
+        Options(method="toyish", spacing="uniform")
+
+
+def test_it_is_compared(disk: Path, toyish: Row[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    # a process of its own would not know the row: the methods run in this one
+    monkeypatch.setattr(
+        process, "run", lambda task, arrays, told, _: process.here(task, arrays, told)
+    )
+    result = run("compare", disk, "--methods", "toyish,mean-value", "--json")
+    assert result.exit_code == 0, result.stderr
+    ours, same = json.loads(result.stdout)["meshes"][0]["rows"]
+    assert (ours["method"], ours["status"]) == ("toyish", "ok")
+    assert ours["distortion"] == same["distortion"]
+
+
+def contract_checks() -> dict[str, Callable[[str], None]]:
+    """Every check of the contract that all methods are put to, by its name."""
+    out = {}
+    for name, check in vars(contract).items():
+        marks = getattr(check, "pytestmark", [])
+        if name.startswith("test_") and any(m.args == ("name", contract.NAMES) for m in marks):
+            out[name] = check
+    return out
+
+
+@pytest.mark.parametrize("name", contract_checks())
+def test_it_keeps_the_contract(
+    name: str, toyish: Row[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    contract_checks()[name]("toyish")
+
+
+def test_the_contract_notices_a_method_that_breaks_it() -> None:
+    with added(METHODS, row(mirrored)), pytest.raises(AssertionError):
+        contract.test_the_layout_fits_the_patches_and_is_upright("toyish")
+    with added(METHODS, row(mirrored)), pytest.raises(AssertionError):
+        contract.test_one_triangle_is_a_map("toyish")
+
+
+def test_the_file_is_verified_whatever_a_row_does(disk: Path) -> None:
+    with added(METHODS, row(mirrored)):
+        result = run(
+            "unwrap", disk, *CONVEX[:2], "--method", "toyish", "--effort", "0.01", "--json"
+        )
+    report = json.loads(result.stdout)
+    assert (report["status"], report["mirrored"]) == ("degraded", 1)
+    assert "mirrored" in " ".join(report["reasons"])

@@ -1,0 +1,136 @@
+"""The options of an unwrap become those of its stages, and fit the file or are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import circparam
+from circparam import errors, samples
+from circparam.formats.io import read
+from circparam.formats.memory import from_arrays
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.methods.base import MethodOptions
+from circparam.packing.options import PackOptions
+from circparam.pipeline.configure import (
+    check_scene,
+    method_options,
+    open_source,
+    pack_options,
+    seam_options,
+    target_format,
+    tiles_of,
+)
+from circparam.pipeline.options import Options
+from circparam.seams.options import SeamOptions
+from tests.support import shapes
+
+
+def test_every_kind_of_source_is_a_document() -> None:
+    p, f = shapes.grid(3, 3)
+    path = samples.path("knot")
+    document = read(path)
+    kinds = [(p, f), Mesh(p, f), from_arrays(p, f), trimesh.Trimesh(p, f, process=False)]
+    for source in kinds:
+        np.testing.assert_array_equal(open_source(source, Options()).mesh.faces, f)
+    for source in (path, str(path), document):
+        assert len(open_source(source, Options()).mesh.faces) == len(document.mesh.faces)
+    with pytest.raises(errors.InputError, match="cannot unwrap a list"):
+        open_source([1, 2, 3], Options())
+
+
+@pytest.mark.parametrize(
+    ("output", "asked", "written"),
+    [
+        ("a.obj", None, "obj"),
+        ("a.glb", None, "glb"),
+        (None, None, "glb"),
+        ("-", None, "glb"),
+        ("-", "ply", "ply"),
+    ],
+)
+def test_target_format(output: str | None, asked: str | None, written: str) -> None:
+    document = read(samples.path("knot"))  # STL, written as GLB
+    assert target_format(document, output, Options(format=asked)) == written
+
+
+def test_defaults_are_those_of_the_stages() -> None:
+    assert method_options(Options()) == MethodOptions()
+    assert pack_options(Options()) == PackOptions()
+
+
+def test_what_is_given_goes_to_its_stage() -> None:
+    got = method_options(Options(method="circle", boundary="square", spacing="uniform", clamp=True))
+    assert (got.boundary, got.spacing, got.clamp) == ("square", "uniform", True)
+    got = method_options(Options(start="uniform", blend=0.5, tolerance=0.25, pins=np.zeros((2, 3))))
+    assert (got.start, got.blend, got.tolerance, got.pins) == ("uniform", 0.5, 0.25, None)
+    assert method_options(Options(method="abf", linear=True)).linear
+    assert method_options(Options(method="lscm", lscm="pinned")).lscm == "pinned"
+    assert method_options(Options(method="bff", bff_boundary="disk")).bff_boundary == "disk"
+    given = {"resolution": 512, "padding": 3, "rotate": "90", "effort": 2.0, "pages": 4}
+    for more in ({"texel_density": 8.0}, {"scale": False}):
+        assert pack_options(Options(**given, **more)) == PackOptions(**given, **more)
+
+
+def seams_of(shape: tuple[np.ndarray, np.ndarray], **keywords: object) -> SeamOptions:
+    document = from_arrays(*shape)
+    surface, report = repair(document.mesh, RepairOptions())
+    return seam_options(document, surface, report, Options(**keywords))
+
+
+def test_seams_are_told_in_points_of_the_surface() -> None:
+    p, f = shapes.grid(3, 3)
+    doubled = np.r_[p, p[:1]]  # the last vertex lies on the first: they are one point
+    f = np.where(f == 0, len(p), f)
+    got = seams_of((doubled, f), seams=[[9, 1]], no_seams=[[3, 4]], max_charts=5, sharp=1.0)
+    _, report = repair(Mesh(doubled, f), RepairOptions())
+    assert got.cut is not None
+    assert got.cut.tolist() == [report.weld[[9, 1]].tolist()]
+    assert got.no_cut is not None
+    assert got.no_cut.tolist() == [report.weld[[3, 4]].tolist()]
+    assert (got.max_charts, got.sharp, got.cut_groups) == (5, 1.0, False)
+
+
+@pytest.mark.parametrize("vertex", [-1, 9])
+def test_a_seam_of_no_vertex(vertex: int) -> None:
+    with pytest.raises(errors.OptionError, match=f"vertex {vertex}: .* 0 to 8"):
+        seams_of(shapes.grid(3, 3), seams=[[0, vertex]])
+    seams_of(shapes.grid(3, 3), seams=[[0, 8]])
+
+
+def test_options_that_do_not_fit_the_file() -> None:
+    for keywords, word in (
+        ({"cut_materials": True}, "one material"),
+        ({"keep_uv_seams": True}, "no uv to start from"),
+        ({"unshare": True}, "share no meshes"),
+    ):
+        with pytest.raises(errors.OptionError, match=word):
+            seams_of(shapes.grid(3, 3), **keywords)
+
+
+def test_materials_are_cut_unless_told_otherwise() -> None:
+    document = read(samples.path("bracket"))
+    surface, report = repair(document.mesh, RepairOptions())
+    for keywords, cut in (
+        ({}, True),
+        ({"cut_materials": True}, True),
+        ({"cut_materials": False}, False),
+    ):
+        got = seam_options(document, surface, report, Options(**keywords))
+        assert got.cut_groups == cut
+
+
+def test_atlases_lie_side_by_side(tmp_path: Path) -> None:
+    document = read(samples.path("vase"))
+    assert tiles_of(document, Options()) is None
+    tiles = tiles_of(document, Options(group_by="mesh", pages=3))
+    assert tiles is not None
+    count = len(np.unique(document.labels("mesh")))
+    assert count > 1
+    assert np.unique(tiles).tolist() == [3 * k for k in range(count)]
+    check_scene(document, Options(unshare=True))
+    assert circparam.Options is Options

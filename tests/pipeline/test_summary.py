@@ -1,0 +1,55 @@
+"""The report as plain values: what JSON holds, and what it says."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+import circparam
+from circparam.formats.memory import from_arrays
+from circparam.pipeline.inspect import inspect
+from circparam.pipeline.summary import plain, summarise_check
+from tests.support import shapes
+
+FLAT = {"cut": "none", "method": "mean-value", "effort": 0.01}
+
+
+def test_the_summary_is_json(tmp_path: Path) -> None:
+    result = circparam.unwrap(shapes.bumped_disk(40), tmp_path / "o.obj", **FLAT)
+    text = json.dumps(circparam.summarise(result), allow_nan=False)
+    again = json.loads(text)
+    assert again["output"] == str(tmp_path / "o.obj")
+    assert again["seconds"] == pytest.approx(sum(again["stages"].values()), abs=0.01)
+
+
+def test_an_unwrap_and_a_repack_say_what_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "o.obj"
+    p, f = shapes.bumped_disk(40)
+    report = circparam.summarise(circparam.unwrap((p, f), path, boundary="square", **FLAT))
+    assert report["schema"] == "circparam/unwrap/1"
+    assert (report["method"], report["cut"]) == ("mean-value", "none")
+    assert report["options"]["boundary"] == report["options"]["border"] == "square"
+    assert (report["vertices"], report["faces"]) == (len(p), len(f))
+    again = circparam.summarise(circparam.repack(path, effort=0.01))
+    assert (again["schema"], again["method"], again["cut"]) == (
+        "circparam/pack/1",
+        "as given",
+        "as given",
+    )
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
+def test_what_json_cannot_hold_is_null(value: float) -> None:
+    assert plain(value) is None
+    assert (plain(1.5), plain(0), plain("x")) == (1.5, 0, "x")
+
+
+def test_a_check_without_uv() -> None:
+    report = summarise_check(inspect(from_arrays(*shapes.torus(6, 5))))
+    assert report["schema"] == "circparam/check/1"
+    assert report["uv"] is None
+    assert (report["genus"], report["uv_sets"]) == (1, [])
+    json.dumps(report, allow_nan=False)
