@@ -22,15 +22,14 @@ from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.registry import unknown_name
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
-from circparam.formats.document import Document
 from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.mesh.repair import RepairOptions, RepairReport, repair
-from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
-from circparam.pipeline.configure import method_options, open_source, seam_options
+from circparam.pipeline.configure import method_options, open_source
+from circparam.pipeline.flatten import find_seams
+from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.options import DEFAULT_METHOD, Options
 from circparam.pipeline.place import Placed, chart_signs, place
 from circparam.pipeline.verify import verify
@@ -68,26 +67,26 @@ def compare(
         raise OptionError(unknown_name("cut", cut, list(CUTS)))
     monitor = Monitor(listener)
     choices = _options(names, cut, keywords)
-    document = open_source(source, next(iter(choices.values())))
-    surface, repair_report = repair(document.mesh, RepairOptions(keywords.get("weld") or 0.0))
+    first = next(iter(choices.values()))
+    job = prepare(open_source(source, first), None, first, monitor)
     if cut == "auto":
-        cut = "disk" if _disks(surface) else "charts"
+        cut = "disk" if _disks(job.surface) else "charts"
         useless = {"max_distortion", "max_charts", "min_chart_faces"} if cut == "disk" else set()
         keywords = {k: v for k, v in keywords.items() if k not in useless}
     choices = _options(names, cut, keywords)
-    asked = seam_options(document, surface, repair_report, next(iter(choices.values())))
+    job = replace(job, options=next(iter(choices.values())))
     start = time.perf_counter()
-    seams = SEAMS[cut].function(surface, asked, monitor)
+    seams = find_seams(job, monitor)
     cut_seconds = time.perf_counter() - start
-    scene = _Scene(document, surface, repair_report, surface.cut_mesh(seams.cut), timeout, isolate)
+    scene = _Scene(job, job.surface.cut_mesh(seams.cut), timeout, isolate)
     rows = [*_input_row(scene)]
     for k, name in enumerate(names):
         monitor.update(k / len(names), name)
         rows.append(_row(scene, name, choices[name], monitor))
-    mesh = document.mesh
-    notes = [*document.notes, *repair_report.messages, *seams.notes]
+    mesh = job.document.mesh
+    notes = [*job.document.notes, *job.repair_report.messages, *seams.notes]
     return Comparison(
-        document.source.name, len(mesh.points), len(mesh.faces), cut, cut_seconds, rows, notes
+        job.document.source.name, len(mesh.points), len(mesh.faces), cut, cut_seconds, rows, notes
     )
 
 
@@ -95,9 +94,7 @@ def compare(
 class _Scene:
     """What all rows share."""
 
-    document: Document
-    surface: Surface
-    repair_report: RepairReport
+    job: Job
     cut_mesh: CutMesh
     timeout: float | None
     isolate: bool
@@ -138,7 +135,7 @@ def _disks(surface: Surface) -> bool:
 
 def _input_row(scene: _Scene) -> list[Entry]:
     """The row of the uv that the file has; none where it has none."""
-    uvmap = scene.document.uv() if scene.document.uv_sets else None
+    uvmap = scene.job.document.uv() if scene.job.document.uv_sets else None
     if uvmap is None or not (uvmap.uv_faces >= 0).any():
         return []
     status, figures = _figures(scene, uvmap)
@@ -161,9 +158,9 @@ def _method_row(scene: _Scene, name: str, options: Options, monitor: Monitor) ->
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     uv = done.arrays["uv"].copy()
-    uv[:, 0] *= chart_signs(scene.surface, p, options)[p.vertex_chart]
+    uv[:, 0] *= chart_signs(scene.job.surface, p, options)[p.vertex_chart]
     placed, resolution = _placed(p, uv, options, monitor)
-    uvmap = complete(scene.document.mesh, scene.surface, scene.repair_report, placed.uv, p.faces)
+    uvmap = scene.job.completed(p, placed.uv)
     status, figures = _figures(scene, uvmap, resolution)
     return Entry(
         name, status, done.info["stages"], done.info["seconds"], done.peak_bytes, figures,
@@ -186,13 +183,13 @@ def _placed(
 
 
 def _baseline_row(scene: _Scene, name: str) -> Entry:
-    surface = scene.surface
+    surface = scene.job.surface
     used, faces = np.unique(surface.faces, return_inverse=True)
     arrays = {"points": _moderate(surface.points[used]), "faces": faces.reshape(-1, 3)}
     done = scene.run("circparam.compare.xatlas:task", arrays, {"method": name})
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
-    uv_faces = np.full((len(scene.document.mesh.faces), 3), -1, np.int64)
+    uv_faces = np.full((len(scene.job.document.mesh.faces), 3), -1, np.int64)
     own = done.arrays["uv_faces"]
     uv_faces[surface.source] = np.where(surface.reversed_faces[:, None], own[:, [0, 2, 1]], own)
     uvmap = UVMap(done.arrays["uv"], uv_faces)
@@ -212,5 +209,5 @@ def _figures(
     scene: _Scene, uvmap: UVMap, resolution: int | None = RASTER
 ) -> tuple[str, dict[str, float | int | None]]:
     """Status and figures of a layout; without a resolution nothing is known of its packing."""
-    found = verify(scene.surface, uvmap, resolution=resolution)
+    found = verify(scene.job.surface, uvmap, resolution=resolution)
     return "ok" if found.valid else "invalid", found.numbers()

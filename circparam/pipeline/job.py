@@ -33,10 +33,13 @@ class Job:
     repair_report: RepairReport
     tiles: IntArray | None
 
+    def completed(self, cut_mesh: CutMesh, uv: FloatArray) -> UVMap:
+        """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too."""
+        return complete(self.document.mesh, self.surface, self.repair_report, uv, cut_mesh.faces)
+
     def stored(self, cut_mesh: CutMesh, uv: FloatArray) -> UVMap:
-        """uv (nv, 2) of the cut mesh for every face of the file, as the numbers that the format will hold."""
-        whole = complete(self.document.mesh, self.surface, self.repair_report, uv, cut_mesh.faces)
-        return stored(whole, self.target, self.document)
+        """The same as the numbers that the format will hold."""
+        return stored(self.completed(cut_mesh, uv), self.target, self.document)
 
 
 def prepare(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.core.graph import components
+from circparam.core.linalg import conjugate_gradients
 from circparam.solvers import dirichlet
 from circparam.solvers.objective import Objective
 from circparam.solvers.preconditioner import (
@@ -13,7 +14,6 @@ from circparam.solvers.preconditioner import (
     BlockPattern,
     TwoLevel,
     aggregates,
-    conjugate_gradients,
     solve_direct,
 )
 from circparam.solvers.tutte.embed import tutte_embedding
