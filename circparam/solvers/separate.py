@@ -110,7 +110,12 @@ class _Pushed(System):
 
 
 def push_apart(
-    cut_mesh: CutMesh, uv: FloatArray, margin: float, bound: float, monitor: Monitor | None = None
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    margin: float,
+    bound: float,
+    monitor: Monitor | None = None,
+    chamfers: bool = False,
 ) -> tuple[FloatArray, BoolArray]:
     """Layouts without parts of one chart on each other, where they can be had under the bound.
 
@@ -135,7 +140,7 @@ def push_apart(
         todo &= energy <= limit
         boundary = boundary_of(work.faces, u, work.chart, work.edges, n)
         i, _, _ = meeting(boundary, between=False)
-        near = nearby(boundary, WANTED * margin * boundary.size, todo)
+        near = nearby(boundary, WANTED * margin * boundary.size, todo, chamfers)
         close = segment_distance(*(x[k] for k in near for x in (boundary.start, boundary.end)))
         tight = near[0][close < margin * boundary.size[boundary.chart[near[0]]]]
         free = todo & (energy <= bound)

@@ -16,6 +16,8 @@ SHARP_BONUS = 0.5  # a step along an edge that turns by 60° or more costs 1 / (
 
 def edge_costs(atlas: Atlas) -> FloatArray:
     """(e,) cost of a seam along an edge: its length, less where the surface is sharp, infinite if locked."""
+    if atlas.prices is not None:
+        return atlas.costs
     surface = atlas.surface
     e = surface.edges
     turn = 1 - (surface.normals[e[:, 0] // 3] * surface.normals[e[:, 1] // 3]).sum(1)
