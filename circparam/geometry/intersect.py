@@ -11,6 +11,7 @@ from circparam.geometry.segment_grid import Candidates
 
 CHUNK = 2_000_000  # points x segments looked at together
 SHORT, PIECE = 0.25, 0.5  # segments below so many reaches are looked at in pieces about so long
+CHAMFER = 1.5  # margins: so little boundary between two long segments does not part them
 NEIGHBOURS = 8  # parts of a boundary closer than 8 margins along it are not compared for nearness
 
 
@@ -135,11 +136,12 @@ def _same_direction(v: FloatArray, w: FloatArray) -> BoolArray:
 
 
 def nearby(
-    boundary: BoundarySegments, distance: FloatArray, charts: BoolArray
+    boundary: BoundarySegments, distance: FloatArray, charts: BoolArray, chamfers: bool = False
 ) -> tuple[IntArray, IntArray]:
     """Pairs of segments of one chart nearer than distance (n,), for some charts (n,) bool.
 
-    Parts of one loop that are less than 8 distances apart along it are neighbours and left out.
+    Parts of one loop that are less than 8 distances apart along it are neighbours and left out. chamfers: so
+    are long segments with so little boundary between them that they cannot but be near.
     """
     live = np.flatnonzero(charts[boundary.chart] & (boundary.start != boundary.end).any(1))
     if len(live) == 0:
@@ -166,6 +168,11 @@ def nearby(
         apart = np.minimum(apart, total[i] - apart)
         far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach[i])
         far &= (boundary.following[i] != j) & (boundary.before[i] != j)
+        if chamfers:
+            length = np.linalg.norm(boundary.end - boundary.start, axis=1)
+            ahead = np.mod(position[j] - position[i], total[i]) - length[i]
+            behind = np.mod(position[i] - position[j], total[i]) - length[j]
+            far &= (loop[i] != loop[j]) | (np.minimum(ahead, behind) > CHAMFER * reach[i])
         i, j = i[far], j[far]
         close = segment_distance(
             boundary.start[i], boundary.end[i], boundary.start[j], boundary.end[j]

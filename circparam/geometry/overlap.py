@@ -94,11 +94,14 @@ def overlaps(
     return Overlaps(found, crossed, boundary, faces, uv, chart)
 
 
-def self_overlapping(cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0) -> BoolArray:
+def self_overlapping(
+    cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0, chamfers: bool = False
+) -> BoolArray:
     """(n_charts,) bool, charts that overlap themselves; parts of a boundary that come too near count too.
 
     uv: (n_vertices, 2). margin: share of the root of the chart's area in the layout below which two parts of
     its boundary are too near (parts less than 8 such distances apart along the boundary are neighbours).
+    chamfers: see ``nearby``.
     """
     boundary = boundary_of(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
     i, _, undecided = meeting(boundary, between=False)
@@ -107,7 +110,7 @@ def self_overlapping(cut_mesh: CutMesh, uv: FloatArray, margin: float = 0.0) -> 
     found[undecided] = True
     found |= turned_out(boundary, len(found))
     if margin > 0:
-        i, _ = nearby(boundary, margin * boundary.size, ~found)
+        i, _ = nearby(boundary, margin * boundary.size, ~found, chamfers)
         found[boundary.chart[i]] = True
     return found
 

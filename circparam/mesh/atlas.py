@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,15 +12,43 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
 
+@dataclass(frozen=True, eq=False)
+class SeamPrices:
+    """What a seam along each edge means on a hard surface.
+
+    price: (e,) factor of its length. flat: (e,) bool, it would cut a flat. sharp, crease: (e,) bool, the
+    surface turns there by at least an angle that makes it so (see ``seams.hard.regions``).
+    """
+
+    price: FloatArray
+    flat: BoolArray
+    sharp: BoolArray
+    crease: BoolArray
+
+    def part(self, edges: BoolArray | IntArray) -> SeamPrices:
+        """The prices of some edges alone."""
+        return SeamPrices(
+            self.price[edges], self.flat[edges], self.sharp[edges], self.crease[edges]
+        )
+
+
 class Atlas:
     """One surface with its seams and its layout, from the first seam to packing.
 
     cut: (e,) bool over ``surface.edges``. corners: (m, 3, 2) uv of each corner, zeros where none is given. Both
     are copied. The segmentation moves them as it goes; the stages of the pipeline make a new atlas instead.
+    prices: what seams along the edges mean, on hard surfaces; None where all edges are alike.
     """
 
-    def __init__(self, surface: Surface, cut: BoolArray, corners: FloatArray | None = None) -> None:
+    def __init__(
+        self,
+        surface: Surface,
+        cut: BoolArray,
+        corners: FloatArray | None = None,
+        prices: SeamPrices | None = None,
+    ) -> None:
         self.surface = surface
+        self.prices = prices
         self.cut = cut.copy()
         self.corners = np.zeros((len(surface.faces), 3, 2)) if corners is None else corners.copy()
 
@@ -63,6 +92,22 @@ class Atlas:
         result: FloatArray = 2 * np.pi - total
         return result
 
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """(e,) length of every edge, weighted by what a seam along it means where that is known."""
+        length = self.surface.edge_lengths
+        return length if self.prices is None else length * self.prices.price
+
+    @cached_property
+    def costs(self) -> FloatArray:
+        """(e,) the weighted lengths, infinite where an edge is locked."""
+        return np.where(self.surface.locked, np.inf, self.lengths)
+
+    @property
+    def flat(self) -> BoolArray | None:
+        """(e,) bool, edges inside flats, where they are known."""
+        return None if self.prices is None else self.prices.flat
+
     @property
     def seam_length(self) -> float:
         """Length of all seams over the square root of the area."""
@@ -98,8 +143,9 @@ class Atlas:
 
     def part(self, faces: BoolArray) -> Atlas:
         """The atlas of some faces ((m,) bool) alone."""
-        inside = faces[self.surface.edges // 3].all(1)
-        return Atlas(self.surface.part(faces), self.cut[inside], self.corners[faces])
+        inside = np.asarray(faces[self.surface.edges // 3].all(1), bool)
+        prices = None if self.prices is None else self.prices.part(inside)
+        return Atlas(self.surface.part(faces), self.cut[inside], self.corners[faces], prices)
 
     def put(self, faces: BoolArray, part: Atlas) -> None:
         """Take over what became of ``part(faces)``."""

@@ -13,6 +13,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
+from circparam.seams.hard.charts import hard_atlas, take_better
+from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.multires.decimate import SMALL_COMPONENT, Proxy, decimate
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
@@ -34,7 +36,7 @@ from circparam.seams.segmentation.grow import (
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh, shorten_seams
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.shorten import propose
-from circparam.seams.segmentation.small import absorb
+from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
@@ -53,6 +55,9 @@ SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 SHARED_FACES = 500  # from this size on starts are shared with a second process
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
+DOUBTS = (
+    10_000  # faces of components that may be hard surfaces or not, up to which both ways are tried
+)
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
@@ -124,7 +129,28 @@ def mirrored_atlas(
 def bounded_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
-    """Decide the seams of a surface and lay its charts out."""
+    """Decide the seams of a surface and lay its charts out: hard components from their regions."""
+    kind = hardness(surface)
+    hard, doubtful = kind == HARD, kind == DOUBTFUL
+    doubtful &= doubtful.sum() <= DOUBTS
+    if not (hard | doubtful).any() or options.max_charts is not None:
+        return grown_atlas(surface, bound, options, monitor, notes)
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    if not hard.all():
+        atlas.put(~hard, grown_atlas(surface.part(~hard), bound, options, monitor, notes))
+    with Worker(__name__, int(hard.sum()) > HALVED) as worker:
+        if hard.any():
+            atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
+        if doubtful.any() and not monitor.expired:
+            other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
+            take_better(atlas, doubtful, other, CHART_COST)
+    return atlas
+
+
+def grown_atlas(
+    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
+) -> Atlas:
+    """Decide the seams of a surface on a coarse proxy and lay its charts out."""
     with Worker(__name__, len(surface.faces) > SHARED_FACES) as worker:
         atlas, graph = _decided(surface, bound, options, worker, monitor)
         finish(atlas, graph, bound, options, worker, monitor, notes)
@@ -200,11 +226,7 @@ def proxy_faces(surface: Surface) -> int:
 def grow_small(atlas: Atlas, bound: float, least: int, monitor: Monitor) -> list[str]:
     """Let the neighbours of charts below so many faces take them; a note where some stay."""
     left = absorb(atlas, MergeOptions(bound, margin=MARGIN / 2), least, monitor)
-    if not left:
-        return []
-    return [
-        f"{left} charts stay below {least} faces: no neighbour takes them within the distortion bound"
-    ]
+    return small_note(left, least)
 
 
 def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:

@@ -113,7 +113,12 @@ class _SpringObjective(Objective):
 
 
 def push_apart(
-    cut_mesh: CutMesh, uv: FloatArray, margin: float, bound: float, monitor: Monitor | None = None
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    margin: float,
+    bound: float,
+    monitor: Monitor | None = None,
+    chamfers: bool = False,
 ) -> tuple[FloatArray, BoolArray]:
     """Layouts without parts of one chart on each other, where they can be had under the bound.
 
@@ -136,7 +141,7 @@ def push_apart(
         todo &= energy <= limit
         boundary = boundary_of(work.faces, u, work.chart, work.edges, n)
         i, _, _ = meeting(boundary, between=False)
-        near = nearby(boundary, PULL * margin * boundary.size, todo)
+        near = nearby(boundary, PULL * margin * boundary.size, todo, chamfers)
         close = segment_distance(*(x[k] for k in near for x in (boundary.start, boundary.end)))
         tight = near[0][close < margin * boundary.size[boundary.chart[near[0]]]]
         free = todo & (energy <= bound)

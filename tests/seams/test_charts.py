@@ -31,7 +31,7 @@ from circparam.seams.segmentation import grow
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.paths import chains_of, route
+from circparam.seams.segmentation.paths import Bands, chains_of, route
 from circparam.seams.segmentation.small import absorb
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
@@ -287,7 +287,8 @@ def test_routes_are_shortest_inside_their_bands_and_never_cross() -> None:
     start, end = index[0, [1, 4]], index[-1, [1, 4]]
     owner = owner.ravel().copy()
     owner[np.r_[start, end]] = -1
-    found = route((a, b), np.ones(len(a)), owner, value.ravel(), start, end, np.full(2, height - 1))
+    bands = Bands((a, b), np.ones(len(a)), owner, value.ravel())
+    found = route(bands, start, end, np.full(2, height - 1))
     assert len(found.failed) == 0
     assert np.bincount(found.chain).tolist() == [height - 1, height - 1]
     for k in range(2):

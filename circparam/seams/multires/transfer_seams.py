@@ -8,7 +8,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys, fi
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.decimate import Proxy
-from circparam.seams.segmentation.paths import Chains, chains_of, route
+from circparam.seams.segmentation.paths import Bands, Chains, chains_of, route
 from circparam.seams.segmentation.shorten import bands, edge_costs
 
 RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by attempt
@@ -73,8 +73,8 @@ class _Router:
         owner[self.stand[np.r_[chains.start, chains.end]]] = -1
         jump = 1.0 if rings == 0 else 2.0
         start, end = self.stand[chains.start], self.stand[chains.end]
-        weight = self.cost[self.usable]
-        routes = route(self.ends, weight, owner, value, start, end, chains.size, jump)
+        where = Bands(self.ends, self.cost[self.usable], owner, value)
+        routes = route(where, start, end, chains.size, jump)
         self.fine.cut[self.usable[routes.edges]] = True
         return _some_chains(chains, routes.failed)
 

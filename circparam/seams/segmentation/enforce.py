@@ -70,7 +70,7 @@ def enforce(
             whole.put(faces, atlas)
             faces[faces] = inside
             atlas, slits = whole.part(faces), slits[inside]
-            graph = dual_graph(atlas.surface)
+            graph = dual_graph(atlas.surface, atlas.flat)
             cut_mesh = atlas.cut_mesh()
             laid = judge(cut_mesh, atlas.gather(cut_mesh))
             bad, pushed = np.ones(cut_mesh.n_charts, bool), pushed[bad]

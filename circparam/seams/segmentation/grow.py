@@ -43,12 +43,15 @@ class DualGraph:
         return int(self.cell.max()) + 1
 
 
-def dual_graph(surface: Surface) -> DualGraph:
-    """The dual graph of a surface: a step costs the distance of the centroids, more where the normal turns."""
+def dual_graph(surface: Surface, whole: BoolArray | None = None) -> DualGraph:
+    """The dual graph of a surface: a step costs the distance of the centroids, more where the normal turns.
+
+    whole: (e,) bool, edges that join faces to cells besides the locked ones.
+    """
     m = len(surface.faces)
     e = surface.edges
     fi, fj = e[:, 0] // 3, e[:, 1] // 3
-    locked = surface.locked
+    locked = surface.locked if whole is None else surface.locked | whole
     n, cell = components(m, fi[locked], fj[locked])
     area = np.maximum(surface.areas, 1e-300)
     total = group_sum(area, cell, n)

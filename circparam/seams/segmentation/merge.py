@@ -31,6 +31,8 @@ from circparam.seams.segmentation.unions import MANY, MergeOptions, Tried, Union
 
 PATIENCE = 3  # rounds in a row, after which merging ends
 HARDLY = 50  # if fewer than one in so many charts was merged in them
+FREE_WORK = 60_000  # faces: what trials on small surfaces hold costs little
+MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
 
 
@@ -48,13 +50,18 @@ class _Glues:
     score: FloatArray
     may: BoolArray
     pair: IntArray
+    rings: int = 1 << 62  # from this candidate on they glue both charts' slits as well
 
     def glued(self, arcs: Arcs, chosen: IntArray, n_edges: int) -> BoolArray:
         """(n_edges,) bool: edges that the chosen candidates glue."""
         n = len(arcs.left)
         arc = np.zeros(n, bool)
         arc[chosen[chosen < n]] = True
-        arc |= np.isin(self.pair, chosen[chosen >= n] - n)
+        several = chosen[(chosen >= n) & (chosen < self.rings)] - n
+        closed = chosen[chosen >= self.rings]
+        arc |= np.isin(self.pair, np.r_[several, closed - self.rings])
+        charts = np.r_[self.left[closed], self.right[closed]]
+        arc |= (arcs.left == arcs.right) & np.isin(arcs.left, charts)
         out = np.zeros(n_edges, bool)
         out[arcs.edge[arc[arcs.arc]]] = True
         return out
@@ -76,6 +83,10 @@ class Merger:
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
         self.lower_bound = np.zeros(len(atlas.cut))  # (e,) see _charge
+        self.work = 0  # faces of all unions that were tried
+        self.limit = np.inf
+        if options.work is not None:
+            self.limit = options.work * len(atlas.surface.faces) + FREE_WORK
         self.tally = {"trials": 0, "topology": 0, "distortion": 0, "overlap": 0, "merged": 0}
 
     def run(self, monitor: Monitor) -> None:
@@ -83,7 +94,7 @@ class Merger:
         merged: list[int] = []
         for turn in range(self.options.rounds):
             before = self.tally["merged"]
-            if monitor.expired or not self.round(monitor):
+            if monitor.expired or self.work > self.limit or not self.round(monitor):
                 break
             merged.append(self.tally["merged"] - before)
             few = (sum(merged[-PATIENCE:]) + 1) * HARDLY < self.atlas.charts()[0]
@@ -130,7 +141,7 @@ class Merger:
         key = np.zeros(len(left), np.uint64)
         mark = np.r_[first_edge, np.full(len(pairs), len(c.cut) + 1)]
         for part in (first_face[left], size[left], first_face[right], size[right], mark):
-            key = (key ^ part.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+            key = (key ^ part.astype(np.uint64)) * MIX
             key ^= key >> np.uint64(29)
         alone = key[: len(arcs.left)]
         waiting = np.zeros(len(pairs), bool)
@@ -138,11 +149,28 @@ class Merger:
         may = np.r_[((arcs.left != arcs.right) | arcs.tip) & ~held, several & ~waiting]
         if self.options.faces is not None:
             may &= size[left] + np.where(left == right, 0, size[right]) <= self.options.faces
+        rings = 1 << 62
+        if self.options.rigid:
+            rings = len(left)
+            ring = self._rings(arcs, pairs, n, length[len(arcs.left) :])
+            left, right = np.r_[left, pairs // n], np.r_[right, pairs % n]
+            key = np.r_[key, (key[len(arcs.left) :] ^ RING) * MIX]
+            length = np.r_[length, ring]
+            may = np.r_[may, (ring > 0) & ~waiting]
         may &= ~self._hopeless(arcs, chart, left, right, pair)
         rim = self._perimeters(arcs, chart, n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
         score = length / np.minimum(rim[left], rim[right]) - (left == right)
-        return _Glues(left, right, key, score, may, pair)
+        return _Glues(left, right, key, score, may, pair, rings)
+
+    def _rings(self, arcs: Arcs, pairs: IntArray, n: int, length: FloatArray) -> FloatArray:
+        """(pairs,) length of all arcs of two charts and of the slits inside each: a tube, slit to unroll, goes
+        round a disk whole. 0 where there is no slit."""
+        own = arcs.left == arcs.right
+        slit = group_sum(arcs.length[own], arcs.left[own], n)
+        left, right = pairs // n, pairs % n
+        both = slit[left] + slit[right]
+        return np.where((left != right) & (both > 0), length + both, 0.0)
 
     def _hopeless(
         self, arcs: Arcs, chart: IntArray, left: IntArray, right: IntArray, pair: IntArray
@@ -155,7 +183,8 @@ class Merger:
         area = group_sum(self.atlas.surface.areas, chart, len(np.bincount(chart)))
         union = np.where(left == right, area[left], area[left] + area[right])
         lower_bound = group_max(self.lower_bound[arcs.edge], arcs.arc, len(arcs.left))
-        lower_bound = np.r_[lower_bound, group_max(lower_bound, pair, len(left) - len(lower_bound))]
+        several = group_max(lower_bound, pair, int(pair.max()) + 1)
+        lower_bound = np.r_[lower_bound, several, several][: len(left)]
         result: BoolArray = 1 + lower_bound / union > self.options.bound
         return result
 
@@ -223,6 +252,7 @@ class Merger:
             if len(chosen) == 0:
                 return
         self.tally["trials"] += len(chosen)
+        self.work += len(cut_mesh.faces)
         right = glues.right[chosen][cut_mesh.chart]
         in_right = (chart[fid] == right) & (glues.left[chosen] != glues.right[chosen])[
             cut_mesh.chart

@@ -93,45 +93,48 @@ class Routes:
     failed: IntArray
 
 
-def route(
-    ends: tuple[IntArray, IntArray],
-    weight: FloatArray,
-    owner: IntArray,
-    value: FloatArray,
-    start: IntArray,
-    end: IntArray,
-    size: IntArray,
-    jump: float = 2.0,
-) -> Routes:
-    """Shortest paths from start[k] to end[k], each through the vertices that chain k owns: one search for all.
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """Where paths may run: disjoint bands of vertices, one a chain.
 
-    ends: (e,), (e,) vertices of the edges that may be used. weight: (e,) lengths. owner: (vertices,) chain or
-    −1. value: (vertices,) position along the chain, from 0 to size (k,): no step goes further than ``jump``
-    along it, so that a path does not skip to another part of a seam that runs beside itself. The bands are
-    disjoint, so paths never cross.
+    ends: (e,), (e,) vertices of the edges that may be used. weight: (e,) lengths. owner: (vertices,) chain,
+    or −1.
+    value: (vertices,) position along the chain, from 0 to its size.
     """
+
+    ends: tuple[IntArray, IntArray]
+    weight: FloatArray
+    owner: IntArray
+    value: FloatArray
+
+
+def route(
+    bands: Bands, start: IntArray, end: IntArray, size: IntArray, jump: float = 2.0
+) -> Routes:
+    """Shortest paths from start[k] to end[k], each through the band of chain k: one search for all.
+
+    size: (k,) steps of each chain: no step of a path goes further than ``jump`` along it, so that a path does
+    not skip to another part of a seam that runs beside itself. The bands are disjoint, so paths never cross.
+    """
+    ends, weight, owner, value = bands.ends, bands.weight, bands.owner, bands.value
     n, k = len(owner), len(start)
     a, b = np.r_[ends[0], ends[1]], np.r_[ends[1], ends[0]]
     w = np.r_[weight, weight]
     edge = np.r_[np.arange(len(weight)), np.arange(len(weight))]
     both = (owner[a] >= 0) & (owner[a] == owner[b]) & (np.abs(value[a] - value[b]) <= jump)
-    rows, columns, ids, lengths = [a[both]], [b[both]], [edge[both]], [w[both]]
+    parts = [(a[both], b[both], edge[both], w[both])]
     chain = np.where(owner[a] >= 0, owner[a], 0)
     for node, at, place in ((n + np.arange(k), start, 0 * size), (n + k + np.arange(k), end, size)):
         touch = (owner[a] >= 0) & (at[chain] == b) & (np.abs(value[a] - place[chain]) <= jump)
-        rows += [a[touch], node[chain[touch]]]
-        columns += [node[chain[touch]], a[touch]]
-        ids += [edge[touch], edge[touch]]
-        lengths += [w[touch], w[touch]]
-    direct_rows, direct_columns, direct_ids, direct_lengths = _direct(
-        a, b, edge, w, start, end, n, k
-    )
-    rows.append(direct_rows)
-    columns.append(direct_columns)
-    ids.append(direct_ids)
-    lengths.append(direct_lengths)
-    r, c = np.concatenate(rows), np.concatenate(columns)
-    i, x = np.concatenate(ids), np.concatenate(lengths)
+        joint = node[chain[touch]]
+        parts += [
+            (a[touch], joint, edge[touch], w[touch]),
+            (joint, a[touch], edge[touch], w[touch]),
+        ]
+    # edges that join the two ends of a chain at once
+    step, chain = _direct(a, b, start, end)
+    parts.append((n + chain, n + k + chain, edge[step], w[step]))
+    r, c, i, x = (np.concatenate(column) for column in zip(*parts, strict=True))
     total = n + 2 * k
     order = np.lexsort((i, x, c, r))
     r, c, i, x = r[order], c[order], i[order], x[order]
@@ -153,28 +156,16 @@ def route(
     return Routes(np.concatenate(walked), np.concatenate(whose), np.flatnonzero(~found))
 
 
-def _direct(
-    a: IntArray,
-    b: IntArray,
-    edge: IntArray,
-    w: FloatArray,
-    start: IntArray,
-    end: IntArray,
-    n: int,
-    k: int,
-) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Edges that join the two ends of a chain at once (in both directions of the search graph)."""
-    size = (
-        int(max(a.max(initial=0), b.max(initial=0), start.max(initial=0), end.max(initial=0))) + 1
-    )
-    wanted = start * size + end
-    order = np.argsort(wanted, kind="stable")
+def _direct(a: IntArray, b: IntArray, start: IntArray, end: IntArray) -> tuple[IntArray, IntArray]:
+    """Steps a[i] → b[i] that join the two ends of a chain at once: (their numbers, the chains)."""
+    size = 1 + max(int(ends.max(initial=0)) for ends in (a, b, start, end))
+    sought = start * size + end
+    order = np.argsort(sought, kind="stable")
     key = a * size + b
-    low = np.searchsorted(wanted[order], key, side="left")
-    high = np.searchsorted(wanted[order], key, side="right")
+    low = np.searchsorted(sought[order], key, side="left")
+    high = np.searchsorted(sought[order], key, side="right")
     hit = np.flatnonzero(high > low)
     count = (high - low)[hit]
-    which = np.repeat(hit, count)
+    step = np.repeat(hit, count)
     within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-    chain = order[low[which] + within]
-    return n + chain, n + k + chain, edge[which], w[which]
+    return step, order[low[step] + within]

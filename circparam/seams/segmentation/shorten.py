@@ -9,13 +9,15 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation.paths import Chains, chains_of, route
+from circparam.seams.segmentation.paths import Bands, Chains, chains_of, route
 
 SHARP_BONUS = 0.5  # a step along an edge that turns by 60° or more costs 1 / (1 + this)
 
 
 def edge_costs(atlas: Atlas) -> FloatArray:
     """(e,) cost of a seam along an edge: its length, less where the surface is sharp, infinite if locked."""
+    if atlas.prices is not None:
+        return atlas.costs
     surface = atlas.surface
     e = surface.edges
     turn = 1 - (surface.normals[e[:, 0] // 3] * surface.normals[e[:, 1] // 3]).sum(1)
@@ -87,9 +89,8 @@ def propose(atlas: Atlas, rings: int = 2, pinned: BoolArray | None = None) -> Pr
     owner, value = bands(atlas.ends, n, chains, stop, rings)
     cost = edge_costs(atlas)
     usable = np.flatnonzero(np.isfinite(cost) & ~kept)
-    routes = route(
-        (a[usable], b[usable]), cost[usable], owner, value, chains.start, chains.end, chains.size
-    )
+    where = Bands((a[usable], b[usable]), cost[usable], owner, value)
+    routes = route(where, chains.start, chains.end, chains.size)
     of_vertex = np.full(n, -1)
     of_vertex[chains.vertex] = chains.chain
     old[move] = np.maximum(of_vertex[a[move]], of_vertex[b[move]])

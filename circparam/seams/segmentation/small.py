@@ -40,6 +40,15 @@ def absorb(atlas: Atlas, options: MergeOptions, least: int, monitor: Monitor) ->
     return int(_small(atlas, chart, n, least).sum())
 
 
+def small_note(left: int, least: int) -> list[str]:
+    """What to tell about charts below ``least`` faces that stay, if any do."""
+    if not left:
+        return []
+    return [
+        f"{left} charts stay below {least} faces: no neighbour takes them within the distortion bound"
+    ]
+
+
 def _small(atlas: Atlas, chart: IntArray, n: int, least: int) -> BoolArray:
     """(n,) charts below ``least`` faces that have a neighbour."""
     e = atlas.surface.edges

@@ -52,7 +52,7 @@ def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
     free = (valence == 1) & ~atlas.on_boundary
     tip = np.zeros(count, bool)
     tip[arc[free[a] | free[b]]] = True
-    length = group_sum(atlas.surface.edge_lengths[c], arc, count)
+    length = group_sum(atlas.lengths[c], arc, count)
     return Arcs(c, arc, left, right, length, tip)
 
 

@@ -11,6 +11,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group
 from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import crossings, self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.hard.fit import better_start, composed, hardly_near
 from circparam.seams.segmentation.state import CONE
 from circparam.solvers import dirichlet
 from circparam.solvers.newton import RelaxOptions, relax
@@ -19,6 +20,8 @@ from circparam.solvers.separate import push_apart
 
 MANY = 300  # of more trials at once those that cross before any relaxation are left out, and none is pushed
 SHALLOW = 2  # pairs of boundary edges that may cross before a union is relaxed
+ENOUGH = 0.8  # of the excess of the bound: unions of hard surfaces are not relaxed further at once
+FITS = 1e-3  # of the excess of the bound: what two layouts may lose by fitting together as they are
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,8 @@ class MergeOptions:
     """bound: no chart's energy exceeds it. tolerance: of the relaxation of a trial. untangle: rounds of the
     Poisson start. rounds: at most so many. margin: parts of one chart keep this share of the root of its area
     apart. cone: curvature of a vertex above which arcs end there. faces: no union has more (None: any may).
+    rigid: layouts that fit together as they are stay so; nothing is solved for them.
+    work: how many faces all trials may have, in those of the surface, besides FREE_WORK (None: any number).
     """
 
     bound: float
@@ -35,6 +40,8 @@ class MergeOptions:
     cone: float = CONE
     margin: float = 0.004
     faces: int | None = None
+    rigid: bool = False
+    work: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +89,40 @@ def lay_out(unions: Unions, options: MergeOptions, crowd: bool, monitor: Monitor
 
     crowd: there are so many that those that cross before any relaxation are left out, and none is pushed.
     """
+    if options.rigid:
+        return lay_out_rigid(unions, options, crowd, monitor)
+    tried = _bent(unions, options, crowd)
+    _keep_apart(unions.cut_mesh, tried, options, crowd)
+    return tried
+
+
+def lay_out_rigid(unions: Unions, options: MergeOptions, crowd: bool, monitor: Monitor) -> Tried:
+    """As ``lay_out``; layouts that fit together are taken as they are, and only the others are relaxed."""
+    cut_mesh = unions.cut_mesh
+    uv, energy, parts = composed(
+        cut_mesh,
+        unions.corners,
+        unions.in_right,
+        _turns(cut_mesh, unions.corners, unions.in_right),
+    )
+    fits = energy <= np.minimum(parts + FITS * (options.bound - 1), options.bound)
+    tried = Tried.nothing(cut_mesh)
+    tried.uv[:], tried.energy[:] = uv, energy
+    if fits.any():
+        sub, vid, _ = cut_mesh.subset(fits)
+        pairs = crossings(uv[vid], sub)
+        crossed = np.bincount(sub.chart[pairs[:, 0] // 3], minlength=sub.n_charts)
+        tried.overlapping[fits] = crossed > SHALLOW
+    if not fits.all():
+        sub, vid, fid = cut_mesh.subset(~fits)
+        rest = Unions(sub, unions.corners[fid], unions.in_right[fid])
+        tried.put(~fits, vid, _bent(rest, options, crowd))
+    _keep_apart(cut_mesh, tried, options, crowd)
+    return tried
+
+
+def _bent(unions: Unions, options: MergeOptions, crowd: bool) -> Tried:
+    """Start from both layouts as far as one Poisson solve can have both, and relax."""
     cut_mesh = unions.cut_mesh
     turn = _turns(cut_mesh, unions.corners, unions.in_right)
     gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
@@ -91,22 +132,33 @@ def lay_out(unions: Unions, options: MergeOptions, crowd: bool, monitor: Monitor
         [cosine * jacobian[0] - sine * jacobian[1], sine * jacobian[0] + cosine * jacobian[1]]
     )
     targets = np.where(unions.in_right, turned, jacobian)
-    # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
-    uv, _ = from_jacobians(cut_mesh, targets, options.untangle)
-    tried = _relax(cut_mesh, uv, options, crowd)
+    if options.rigid:
+        uv = better_start(cut_mesh, targets, jacobian, unions.in_right, options.bound)
+    else:
+        # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
+        uv, _ = from_jacobians(cut_mesh, targets, options.untangle)
+    return _relax(cut_mesh, uv, options, crowd)
+
+
+def _keep_apart(cut_mesh: CutMesh, tried: Tried, options: MergeOptions, crowd: bool) -> None:
+    """Push apart what only touches; the others overlap."""
     good = ~tried.distorted & ~tried.overlapping
-    if good.any():
-        sub, vid, _ = cut_mesh.subset(good)
-        over = np.zeros(len(good), bool)
-        over[good] = self_overlapping(sub, tried.uv[vid], margin=options.margin)
-        if over.any() and not crowd:
-            sub, vid, _ = cut_mesh.subset(over)
-            pushed, fine = push_apart(sub, tried.uv[vid], options.margin, options.bound)
-            kept = fine[sub.vertex_chart]
-            tried.uv[vid[kept]] = pushed[kept]
-            over[np.flatnonzero(over)[fine]] = False
-        tried.overlapping[over] = True
-    return tried
+    if not good.any():
+        return
+    sub, vid, _ = cut_mesh.subset(good)
+    over = np.zeros(len(good), bool)
+    over[good] = self_overlapping(sub, tried.uv[vid], margin=options.margin, chamfers=options.rigid)
+    tried.overlapping[over] = True
+    if options.rigid and over.any():
+        over &= hardly_near(cut_mesh, tried.uv, over, options.margin)
+    if over.any() and not crowd:
+        sub, vid, _ = cut_mesh.subset(over)
+        pushed, fine = push_apart(
+            sub, tried.uv[vid], options.margin, options.bound, chamfers=options.rigid
+        )
+        kept = fine[sub.vertex_chart]
+        tried.uv[vid[kept]] = pushed[kept]
+        tried.overlapping[np.flatnonzero(over)[fine]] = False
 
 
 def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool) -> Tried:
@@ -115,7 +167,8 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
     Of 160 unions of two meshes that overlapped after two steps, 158 overlapped when they had converged; of
     some 400 of six meshes whose boundaries crossed more than twice before any step, all did.
     """
-    steps = RelaxOptions(tolerance=options.tolerance, max_iterations=2, give_up=options.bound)
+    enough = 1 + ENOUGH * (options.bound - 1) if options.rigid else None
+    steps = RelaxOptions(options.tolerance, 2, bound=enough, give_up=options.bound)
     tried = Tried.nothing(cut_mesh)
     tried.uv[:] = uv
     pairs = crossings(uv, cut_mesh)

@@ -1,0 +1,206 @@
+"""The atlas of hard surfaces: smooth regions at full resolution that merge across sharp edges."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, group_sum
+from circparam.core.graph import components
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
+from circparam.seams.hard.copies import find_copies, spread_copies
+from circparam.seams.hard.regions import seam_prices
+from circparam.seams.hard.unroll import layers, slits, straight, unroll
+from circparam.seams.options import SeamOptions
+from circparam.seams.segmentation.enforce import enforce
+from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
+from circparam.seams.segmentation.layout import ChartLayouts, embed_and_relax, judge
+from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.unions import MergeOptions
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.objective import chart_energies
+
+ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
+FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30, bound=1 + 1e-6)
+FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60, bound=1 + 1e-6)
+MARGIN = 0.001  # share of the root of its area that parts of one chart keep apart
+COILED = 0.9  # of the excess of the bound over 1: how far strips that lie straight are relaxed
+EYESORE = 2.0  # what a seam in a flat counts on top of its length when two atlases are compared
+WORK = 16.0  # times the faces of the surface: what the trials of merging may hold in all
+SPLITS = 16  # rounds of splitting regions that break the bound
+
+
+def hard_atlas(
+    surface: Surface,
+    bound: float,
+    options: SeamOptions,
+    worker: Worker,
+    monitor: Monitor,
+    notes: list[str],
+) -> Atlas:
+    """Few charts of a hard surface, each a disk (holes allowed) below the bound, laid out. Deterministic.
+
+    Of components that are copies of each other one is worked on, and the others get the same charts.
+    """
+    copies = find_copies(surface)
+    if copies.first.all():
+        return _decided(surface, bound, options, worker, monitor, notes)
+    part = surface.part(copies.first)
+    atlas = spread_copies(surface, copies, _decided(part, bound, options, worker, monitor, notes))
+    cut_mesh = atlas.cut_mesh()
+    bad = judge(cut_mesh, atlas.gather(cut_mesh)).bad(bound)[cut_mesh.chart]
+    bad &= ~copies.first
+    if bad.any():  # copies are not exact: these need charts of their own
+        whole = np.zeros(len(bad), bool)
+        _, component = components(len(bad), *(surface.edges // 3).T)
+        whole[np.isin(component, component[bad])] = True
+        own = _decided(surface.part(whole), bound, options, worker, monitor, notes)
+        atlas.put(whole, own)
+    atlas.prices = seam_prices(surface)
+    return atlas
+
+
+def _decided(
+    surface: Surface,
+    bound: float,
+    options: SeamOptions,
+    worker: Worker,
+    monitor: Monitor,
+    notes: list[str],
+) -> Atlas:
+    """The atlas of a hard surface, component by component at the same time."""
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=seam_prices(surface))
+    graph = dual_graph(surface, atlas.flat)
+    with monitor.stage("charts"):
+        first_regions(atlas, graph, bound, worker, monitor)
+        merger = Merger(
+            atlas,
+            MergeOptions(bound, margin=MARGIN, rigid=True, work=WORK),
+            np.zeros(len(atlas.cut), bool),
+            worker,
+        )
+        merger.run(monitor)
+    with monitor.stage("enforce"):
+        laid = settled(atlas, monitor)
+        enforce(atlas, graph, laid, bound, FINAL, monitor)
+    if options.min_chart_faces > 1:
+        with monitor.stage("charts"):
+            wanted = MergeOptions(bound, margin=MARGIN, rigid=True)
+            left = absorb(atlas, wanted, options.min_chart_faces, monitor)
+            notes += small_note(left, options.min_chart_faces)
+    return atlas
+
+
+def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float) -> None:
+    """Take components of ``other``, an atlas of some faces ((m,) bool), where it is the better one.
+
+    What counts is the length of the seams, more for those in flats (EYESORE), and so much for every chart, in
+    units of the root of the area of all.
+    """
+    surface = other.surface
+    mine = atlas.part(faces)
+    m = len(surface.faces)
+    fi = surface.edges[:, 0] // 3
+    n, component = components(m, fi, surface.edges[:, 1] // 3)
+    flat = np.zeros(len(fi)) if other.flat is None else other.flat
+    length = surface.edge_lengths * (1 + EYESORE * flat) / np.sqrt(surface.areas.sum())
+    costs = []
+    for one in (mine, other):
+        _, chart = one.charts()
+        _, first = np.unique(chart, return_index=True)
+        seam = group_sum(length[one.cut], component[fi[one.cut]], n)
+        costs.append(seam + chart_cost * np.bincount(component[first], minlength=n))
+    better = (costs[1] < costs[0])[component]
+    if better.any():
+        mine.put(better, other.part(better))
+        atlas.put(faces, mine)
+
+
+def first_regions(
+    atlas: Atlas, graph: DualGraph, bound: float, worker: Worker, monitor: Monitor
+) -> None:
+    """Cut along sharp edges, open what does not unroll, and split what still breaks the bound."""
+    prices = seam_prices(atlas.surface) if atlas.prices is None else atlas.prices
+    locked = atlas.surface.locked
+    atlas.cut |= prices.sharp & ~locked
+    todo = np.ones(len(atlas.surface.faces), bool)
+    laid = _laid_out(atlas, graph, todo, bound)
+    todo = laid.bad(bound)[laid.cut_mesh.chart]
+    if todo.any():
+        e = atlas.surface.edges
+        new = prices.crease & todo[e[:, 0] // 3] & todo[e[:, 1] // 3] & ~locked & ~atlas.cut
+        if new.any():
+            atlas.cut |= new
+            laid = _laid_out(atlas, graph, todo, bound)
+    for _ in range(SPLITS):
+        bad = laid.bad(bound) & (np.bincount(laid.cut_mesh.chart) > 1)
+        if not bad.any() or monitor.expired:
+            break
+        todo = bad[laid.cut_mesh.chart]
+        sub, vid, _ = laid.cut_mesh.subset(bad & np.isfinite(laid.energy))
+        turns = layers(sub, laid.uv[vid]) if len(vid) else np.ones(1, np.int64)
+        pieces = max(2, int(np.ceil(turns.mean())))
+        new = split_charts(atlas, graph, laid.cut_mesh.chart, bad, pieces)
+        if not new.any():
+            break
+        laid = _laid_out(atlas, graph, todo, bound)
+
+
+def _laid_out(atlas: Atlas, graph: DualGraph, todo: BoolArray, bound: float) -> ChartLayouts:
+    """Make charts disks that unroll and lay out those that hold faces ``todo`` ((m,) bool)."""
+    n, chart = atlas.charts()
+    which = np.zeros(n, bool)
+    which[chart[todo]] = True
+    atlas.cut |= slits(atlas, which)
+    make_disks(atlas, graph)
+    cut_mesh = atlas.cut_mesh()
+    which = np.zeros(cut_mesh.n_charts, bool)
+    which[cut_mesh.chart[todo]] = True
+    sub, vid, fid = cut_mesh.subset(which)
+    uv = atlas.gather(cut_mesh)
+    part = unroll(sub)
+    energy = chart_energies(sub, part)
+    high = ~(energy <= bound)
+    if high.any():
+        rest, rvid, _ = sub.subset(high)
+        part[rvid] = embed_and_relax(rest, dataclasses.replace(ROUGH, give_up=bound), None)
+    uv[vid] = part
+    laid = uncoiled(judge(cut_mesh, uv), which, bound)
+    atlas.corners[fid] = laid.uv[cut_mesh.faces[fid]]
+    return laid
+
+
+def uncoiled(laid: ChartLayouts, which: BoolArray, bound: float) -> ChartLayouts:
+    """Charts that only lie on themselves as straight strips, where that is within the bound."""
+    coils = which & laid.overlapping & (laid.energy <= bound)
+    if not coils.any():
+        return laid
+    sub, vid, _ = laid.cut_mesh.subset(coils)
+    # no further than needed: a strip that is relaxed to the end coils up again
+    near = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1 + COILED * (bound - 1))
+    trial = judge(sub, relax(sub, straight(sub), near).uv)
+    good = ~trial.bad(bound)
+    uv = laid.uv.copy()
+    kept = good[sub.vertex_chart]
+    uv[vid[kept]] = trial.uv[kept]
+    energy, overlapping = laid.energy.copy(), laid.overlapping.copy()
+    number = np.flatnonzero(coils)[good]
+    energy[number], overlapping[number] = trial.energy[good], False
+    return ChartLayouts(laid.cut_mesh, uv, energy, overlapping)
+
+
+def settled(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
+    """Relax what is not isometric yet."""
+    cut_mesh = atlas.cut_mesh()
+    start = judge(cut_mesh, atlas.gather(cut_mesh))
+    laid = judge(cut_mesh, relax(cut_mesh, start.uv, FINAL, monitor).uv)
+    # an uncoiled strip coils up again
+    worse = (laid.overlapping & ~start.overlapping)[cut_mesh.vertex_chart]
+    uv = np.where(worse[:, None], start.uv, laid.uv)
+    atlas.scatter(cut_mesh, uv)
+    return judge(cut_mesh, uv)

@@ -1,0 +1,94 @@
+"""Components that are copies of each other: seams are decided on one of them and hold for all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import BoolArray, IntArray, group_max, ranges
+from circparam.core.graph import components
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
+from circparam.seams.hard.regions import NOISE, extent, turns
+
+ALIKE = 1e-5  # of the longest edge of a component: how much sides of copies may differ
+NOISY = 4 * NOISE  # of the extent of all: likewise, for what single precision does to two points
+BENT = 0.1  # radians by which the angles at edges of copies may differ
+
+Hashes = npt.NDArray[np.uint64]
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """original: (m,) face that each face is a copy of, itself where it is none. edge: (e,) likewise."""
+
+    original: IntArray
+    edge: IntArray
+
+    @property
+    def first(self) -> BoolArray:
+        """(m,) bool, faces that are copies of no other."""
+        result: BoolArray = self.original == np.arange(len(self.original))
+        return result
+
+
+def find_copies(surface: Surface) -> Copies:
+    """Components with the same faces in the same order, of the same shape, joined and locked alike.
+
+    Each is a copy of the first of those with equal hashes, where its corners and angles agree with that one's.
+    """
+    m, e = len(surface.faces), surface.edges
+    n, component = components(m, e[:, 0] // 3, e[:, 1] // 3)
+    order = np.argsort(component, kind="stable")
+    size = np.bincount(component, minlength=n)
+    rank = np.empty(m, np.int64)
+    rank[order] = ranges(size)
+    of_edge = component[e[:, 0] // 3]
+    edge_order = np.argsort(of_edge, kind="stable")
+    edges = np.bincount(of_edge, minlength=n)
+    half = 3 * rank[e // 3] + e % 3
+    mark = _mixed(half[:, 0] * 3 + surface.locked, half[:, 1])
+    total = np.zeros(n, np.uint64)
+    np.add.at(total, of_edge, mark)
+    key = _mixed(size, edges) ^ total
+    _, lead, group = np.unique(key, return_index=True, return_inverse=True)
+    lead = lead[group.reshape(-1)]
+    start = np.cumsum(size) - size
+    edge_start = np.cumsum(edges) - edges
+    original = order[start[lead[component]] + rank]
+    edge_rank = np.empty(len(e), np.int64)
+    edge_rank[edge_order] = ranges(edges)
+    edge = edge_order[edge_start[lead[of_edge]] + edge_rank]
+    # equal hashes are no proof, nor do they see the shape
+    side = np.linalg.norm(surface.rest_triangles[:, [1, 2, 0]] - surface.rest_triangles, axis=2)
+    longest = group_max(side.max(1), component, n)
+    allowed = ALIKE * longest[component] + NOISY * extent(surface)
+    differs = np.abs(side - side[original]).max(1) > allowed
+    angle, concave = turns(surface)
+    signed = np.where(concave, -angle, angle)
+    wrong = (half != half[edge]).any(1) | (np.abs(signed - signed[edge]) > BENT)
+    wrong |= surface.locked != surface.locked[edge]
+    other = np.zeros(n, bool)
+    other[component[differs]] = other[of_edge[wrong]] = True
+    return Copies(
+        np.where(other[component], np.arange(m), original),
+        np.where(other[of_edge], np.arange(len(e)), edge),
+    )
+
+
+def _mixed(a: IntArray, b: IntArray) -> Hashes:
+    """(k,) hashes of pairs."""
+    out = (a.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ b.astype(np.uint64)
+    out = (out ^ (out >> np.uint64(31))) * np.uint64(0xBF58476D1CE4E5B9)
+    return out ^ (out >> np.uint64(29))
+
+
+def spread_copies(surface: Surface, copies: Copies, part: Atlas) -> Atlas:
+    """The atlas of all from that of the faces that are copies of no other."""
+    whole = Atlas(surface, np.zeros(len(surface.edges), bool))
+    whole.put(copies.first, part)
+    whole.cut = whole.cut[copies.edge]
+    whole.corners = whole.corners[copies.original]
+    return whole

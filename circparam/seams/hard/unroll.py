@@ -1,0 +1,207 @@
+"""Lay developable charts out exactly: rotations passed on from face to face, then one Poisson solve."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    edge_keys,
+    first_of_runs,
+    group_sum,
+    next_half_edge,
+)
+from circparam.core.graph import Graph, distances, nearest, spanning_forest, undirected
+from circparam.core.linalg import Factor
+from circparam.geometry.boundary import boundary_of
+from circparam.geometry.intersect import windings
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.hard.regions import curvature
+from circparam.solvers.poisson import first_vertices, from_jacobians, laplacian
+
+CHARGED = 0.5  # radians that a boundary turns other than round a hole in a plane; curvature of a cone's tip
+
+
+def unroll(cut_mesh: CutMesh) -> FloatArray:
+    """(nv, 2) every chart unrolled: exact where it is developable, with simple boundaries or flat holes.
+
+    Each face takes the rotation that lays it beside its neighbour in a spanning tree over long edges; the
+    layout with those Jacobians follows from one Poisson solve.
+    """
+    turn = _turned(cut_mesh)
+    c, s = np.cos(turn), np.sin(turn)
+    uv, _ = from_jacobians(cut_mesh, np.stack([np.stack([c, -s]), np.stack([s, c])]))
+    return uv
+
+
+def _turned(cut_mesh: CutMesh) -> FloatArray:
+    """(m,) rotation of every face's frame, against that of the first face of its chart."""
+    i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
+    m = len(cut_mesh.faces)
+    length = cut_mesh.edge_lengths.ravel()[i]
+    tree = spanning_forest(m, i // 3, j // 3, -length)
+    _, first = np.unique(cut_mesh.chart, return_index=True)
+    return _passed_on(cut_mesh, tree, first, np.zeros(len(first)))
+
+
+def _passed_on(cut_mesh: CutMesh, tree: IntArray, roots: IntArray, known: FloatArray) -> FloatArray:
+    """(m,) rotations of rest triangles, passed on from the roots over a forest with one root a tree.
+
+    tree: rows of ``cut_mesh.edges``. known: (roots,) their rotations.
+    """
+    m = len(cut_mesh.faces)
+    along = cut_mesh.rest_triangles[:, [1, 2, 0]] - cut_mesh.rest_triangles
+    angle = np.arctan2(along[..., 1], along[..., 0]).ravel()
+    a, b = cut_mesh.edges[tree, 0], cut_mesh.edges[tree, 1]
+    turn = np.mod(angle[a] - angle[b], 2 * np.pi) - np.pi  # of face b against face a
+    k = np.arange(len(tree))
+    difference = sps.csr_matrix(
+        (np.r_[-np.ones(len(k)), np.ones(len(k))], (np.r_[k, k], np.r_[a // 3, b // 3])),
+        shape=(len(k), m),
+    )
+    ground, right = np.zeros(m), difference.T @ turn
+    ground[roots] = 1.0
+    right[roots] += known
+    matrix = (difference.T @ difference + sps.diags(ground)).tocsc()
+    return Factor(matrix).solve(right)
+
+
+def transported(cut_mesh: CutMesh, jacobian: FloatArray, moves: BoolArray) -> FloatArray:
+    """(2, 2, m) Jacobians: those of faces that move ((m,) bool) bend along with the nearest face that does not.
+
+    jacobian: of all faces. Each that moves keeps its shape and takes the rotation that lays it beside its
+    neighbour on the shortest way to a face that stays.
+    """
+    i, j = cut_mesh.edges[:, 0] // 3, cut_mesh.edges[:, 1] // 3
+    m = len(cut_mesh.faces)
+    middle = cut_mesh.edge_lengths.mean(1)
+    use = np.flatnonzero(moves[i] | moves[j])
+    fringe = np.unique(np.r_[i[use][~moves[i[use]]], j[use][~moves[j[use]]]])
+    if len(fringe) == 0:
+        return jacobian
+    links = undirected(m, i[use], j[use], middle[i[use]] + middle[j[use]])
+    _, before, source = nearest(links, fringe)
+    reached = moves & (source >= 0) & (before >= 0)
+    key = edge_keys(i[use], j[use], m)
+    order = np.argsort(key, kind="stable")
+    child = np.flatnonzero(reached)
+    step = edge_keys(child, before[child], m)
+    tree = use[order[np.searchsorted(key[order], step)]]
+    own = np.arctan2(jacobian[1, 0] - jacobian[0, 1], jacobian[0, 0] + jacobian[1, 1])
+    rest = np.flatnonzero(~reached)
+    turn = _passed_on(cut_mesh, tree, rest, own[rest])
+    c, s = np.cos(turn), np.sin(turn)
+    bent = np.stack([np.stack([c, -s]), np.stack([s, c])])
+    return np.where(reached, bent, jacobian)
+
+
+def slits(atlas: Atlas, which: BoolArray | None = None) -> BoolArray:
+    """(e,) bool: cheapest paths that open charts whose boundaries and cone tips keep them from unrolling.
+
+    A hole in a plane turns by −2π, and needs no slit; boundaries that turn otherwise (both ends of a tube) and
+    cone tips are joined by a tree of paths. which: (n,) charts, None for all. Source of the tree: Mehlhorn
+    (1988).
+    """
+    cut_mesh = atlas.cut_mesh()
+    node, sites = _sites(cut_mesh, which)
+    out = np.zeros(len(atlas.cut), bool)
+    index = np.flatnonzero(~atlas.cut)  # of the edges of cut mesh
+    flat = cut_mesh.faces.ravel()
+    h = cut_mesh.edges[:, 0]
+    a, b = node[flat[h]], node[flat[next_half_edge(h)]]
+    cost = atlas.costs[index]
+    ok = np.isfinite(cost) & (a != b)
+    index, a, b, cost = index[ok], a[ok], b[ok], cost[ok]
+    if len(sites) < 2 or len(a) == 0:
+        return out
+    n = int(node.max()) + 1
+    links = Graph(n, a, b, cost)
+    distance, parent = links.paths(sites)
+    _, _, source = nearest(links.matrix, sites)
+    met = np.isfinite(distance[a]) & np.isfinite(distance[b]) & (source[a] != source[b])
+    number = np.full(n, -1)
+    number[sites] = np.arange(len(sites))
+    p, q = number[source[a[met]]], number[source[b[met]]]
+    whole = distance[a[met]] + cost[met] + distance[b[met]]
+    chosen = np.flatnonzero(met)[spanning_forest(len(sites), p, q, whole)]
+    out[index[chosen]] = True
+    ways = links.trace(parent, np.r_[a[chosen], b[chosen]])
+    out[index[ways]] = True
+    return out
+
+
+def _sites(cut_mesh: CutMesh, which: BoolArray | None) -> tuple[IntArray, IntArray]:
+    """((nv,) node of every vertex, those of one boundary loop being one, (k,) nodes that must be joined)."""
+    loops = cut_mesh.loops
+    flat = cut_mesh.faces.ravel()
+    node = np.arange(cut_mesh.n_vertices)
+    n = cut_mesh.n_vertices
+    defect, rim = curvature(cut_mesh)
+    on = flat[loops.half_edges]
+    node[on] = n + loops.loop_of
+    turning = group_sum(defect[on], loops.loop_of, len(loops.chart))
+    chart_of = np.r_[cut_mesh.vertex_chart, loops.chart]
+    charged = np.r_[~rim & (np.abs(defect) > CHARGED), np.abs(turning + 2 * np.pi) > CHARGED]
+    if which is not None:
+        charged &= which[chart_of]
+    # a lone site needs no slit
+    several = np.bincount(chart_of[charged], minlength=cut_mesh.n_charts) > 1
+    charged &= several[chart_of]
+    used, node = np.unique(node, return_inverse=True)
+    return node.reshape(-1), np.flatnonzero(charged[used])
+
+
+def straight(cut_mesh: CutMesh) -> FloatArray:
+    """(nv, 2) every chart as a straight strip: a coil that would lie on itself when unrolled, uncoiled.
+
+    The strip runs along the gradient of a harmonic function between its two far ends; every face keeps its
+    shape and turns to that direction, as far as one Poisson solve allows.
+    """
+    first, last = _far_ends(cut_mesh)
+    n = cut_mesh.n_vertices
+    held = np.zeros(n, bool)
+    held[first] = held[last] = True
+    value = np.zeros(n)
+    value[last] = 1.0
+    matrix = laplacian(cut_mesh)
+    free = np.flatnonzero(~held)
+    right = -(matrix[free] @ value)
+    value[free] = Factor(matrix[free][:, free].tocsc()).solve(right)
+    g = np.einsum("fdk,fk->df", cut_mesh.gradients, value[cut_mesh.faces])
+    size = np.hypot(g[0], g[1])
+    c, s = np.where(size > 0, g / np.maximum(size, 1e-300), np.array([[1.0], [0.0]]))
+    uv, _ = from_jacobians(cut_mesh, np.stack([np.stack([c, s]), np.stack([-s, c])]), 8)
+    return uv
+
+
+def _far_ends(cut_mesh: CutMesh) -> tuple[IntArray, IntArray]:
+    """Two vertices of every chart that lie far apart along edges: (first, last), (n_charts,) each."""
+    flat = cut_mesh.faces.ravel()
+    h = np.arange(len(flat))
+    links = undirected(
+        cut_mesh.n_vertices, flat, flat[next_half_edge(h)], cut_mesh.edge_lengths.ravel()
+    )
+    ends = first_vertices(cut_mesh)
+    first = ends
+    for _ in range(2):
+        first, ends = ends, _farthest(distances(links, ends), cut_mesh.vertex_chart)
+    return first, ends
+
+
+def _farthest(distance: FloatArray, chart: IntArray) -> IntArray:
+    """The vertex of every chart with the largest distance, the first of equals."""
+    order = np.lexsort((np.arange(len(chart)), -distance, chart))
+    return order[first_of_runs(chart[order])]
+
+
+def layers(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
+    """(n_charts,) how many times a chart lies on itself at most, as the middles of its faces tell."""
+    boundary = boundary_of(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
+    k, _, times = windings(boundary, uv[cut_mesh.faces].mean(1), cut_mesh.chart, own=True)
+    out = np.ones(cut_mesh.n_charts, np.int64)
+    np.maximum.at(out, cut_mesh.chart[k], times)
+    return out
