@@ -40,16 +40,9 @@ def room_of(path: Path) -> str:
 
 
 def imports(path: Path) -> list[tuple[int, str]]:
-    """(line, module) of every import in a file, those inside function bodies too; not those for types only."""
-    tree = ast.parse(path.read_text("utf-8"))
-    skip: set[ast.AST] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            skip |= {inner for statement in node.body for inner in ast.walk(statement)}
+    """(line, module) of every import in a file: those inside function bodies and those for types too."""
     out = []
-    for node in ast.walk(tree):
-        if node in skip:
-            continue
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
             out += [(node.lineno, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -93,16 +86,15 @@ def test_imports_go_downwards() -> None:
 
 
 def test_no_cycle_between_modules() -> None:
-    """At import time: what a module imports at its top never imports the module again."""
+    """Whether at import time, in a function body or for types alone."""
+    names = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in sources()
+    }
     graph: dict[str, set[str]] = {}
-    names = {}
-    for path in sources():
-        name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-        names[name] = path
     for name, path in names.items():
-        tree = ast.parse(path.read_text("utf-8"))
         graph[name] = set()
-        for node in tree.body:
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("circparam"):
                 for alias in node.names:
                     full = f"{node.module}.{alias.name}"
@@ -121,6 +113,52 @@ def test_no_cycle_between_modules() -> None:
 
     for name in graph:
         visit(name, [])
+
+
+LINES, FUNCTION_LINES, PARAMETERS = 350, 60, 7
+
+
+def functions(path: Path) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
+    return [
+        node
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
+    ]
+
+
+def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """How many a caller sees: without self and cls."""
+    a = function.args
+    names = [x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
+    return len(names) - (names[:1] in (["self"], ["cls"]))
+
+
+def test_files_and_functions_fit_a_head() -> None:
+    wrong = []
+    for path in sources():
+        where = path.relative_to(ROOT)
+        lines = path.read_text("utf-8").count("\n")
+        wrong += [f"{where}: {lines} lines"] if lines > LINES else []
+        for f in functions(path):
+            long = (f.end_lineno or f.lineno) - f.lineno + 1
+            wrong += [f"{where}:{f.lineno} {f.name}: {long} lines"] * (long > FUNCTION_LINES)
+            wrong += [f"{where}:{f.lineno} {f.name}: too many parameters"] * (
+                parameters(f) > PARAMETERS
+            )
+    assert not wrong, "\n".join(wrong)
+
+
+def test_tests_lie_where_the_code_lies() -> None:
+    """A test file of a room lies in a folder that the room has."""
+    rooms = {room_of(p) for p in sources()} - LOOSE
+    folders = {p.relative_to(PACKAGE).parent for p in sources()}
+    wrong = [
+        str(p.relative_to(ROOT))
+        for p in (ROOT / "tests").rglob("test_*.py")
+        if p.relative_to(ROOT / "tests").parts[0] in rooms
+        and p.relative_to(ROOT / "tests").parent not in folders
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
         single = split & (small | (tries >= SPLITS) | monitor.expired)
         halve = split & ~single
         if halve.any():
-            cut = atlas.cut | split_charts(atlas, halve)
+            cut = atlas.cut | halve_charts(atlas, halve)
             cascade = replace(cascade, atlas=Atlas(atlas.surface, cut, atlas.corners)).repaired(
                 f"{int(halve.sum())} chart(s) split, of {_some(size[halve])} faces: "
                 f"{_causes(fault[halve])} in one piece"
@@ -133,7 +133,7 @@ def _map_again(cascade: Cascade, faces: BoolArray, method: str, monitor: Monitor
     return replace(cascade, atlas=atlas)
 
 
-def split_charts(atlas: Atlas, charts: BoolArray) -> BoolArray:
+def halve_charts(atlas: Atlas, charts: BoolArray) -> BoolArray:
     """(e,) bool, new seams that halve charts ((n_charts,) bool): faces nearer to one of two far ends.
 
     Distances run over the dual graph (centroid to centroid); no seam runs along a locked edge, so polygons

@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import HALVED, Worker, in_halves
 from circparam.mesh.atlas import Atlas
@@ -15,7 +14,7 @@ from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
-from circparam.seams.multires.decimate import SMALL_COMPONENT, Proxy, decimate
+from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
     drop_slivers,
@@ -25,48 +24,32 @@ from circparam.seams.multires.transfer_layout import (
 )
 from circparam.seams.multires.transfer_seams import transfer_seams
 from circparam.seams.options import SeamOptions, Seams
+from circparam.seams.segmentation.decide import CHART_COST, LOOPS, decide
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import (
     DualGraph,
     dual_graph,
-    first_charts,
     make_disks,
-    split_charts,
 )
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh, shorten_seams
+from circparam.seams.segmentation.layout import ChartLayouts, judge
 from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.poisson import from_jacobians
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
-PROXY_FACES = 2_000  # faces of the proxy of a mesh in one piece
-PIECE_FACES = 200  # more for every further piece, up to half as many again
-PROXY_SHARE = 1 / 60  # and at least this share of the faces
-LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
-CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
-MANY = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
-SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
-START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 SHARED_FACES = 500  # from this size on starts are shared with a second process
-SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 DOUBTS = (
     10_000  # faces of components that may be hard surfaces or not, up to which both ways are tried
 )
-CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
-ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
-HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
-FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 
 
@@ -185,9 +168,9 @@ def finish(
 def settle_part(atlas: Atlas, bound: float | None, monitor: Monitor) -> Atlas:
     """Relax charts, and hold them to a bound where there is one."""
     with monitor.stage("relax"):
-        laid = settle(atlas, monitor)
+        layouts = relaxed_layouts(atlas, monitor)
     if bound is not None:
-        enforce(atlas, dual_graph(atlas.surface), laid, bound, FINAL, monitor)
+        enforce(atlas, dual_graph(atlas.surface), layouts, bound, FINAL, monitor)
     return atlas
 
 
@@ -195,7 +178,7 @@ def _decided(
     surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
 ) -> tuple[Atlas, DualGraph]:
     """Seams before the last relaxation, decided on the surface or on its proxy."""
-    if complexity(surface) > MANY:
+    if complexity(surface) > LOOPS:
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
             atlas, _ = _decided(closed, bound, options, worker, monitor)
@@ -214,15 +197,6 @@ def _decided(
         return transfer_to_fine(surface, graph, coarse, proxy), graph
 
 
-def proxy_faces(surface: Surface) -> int:
-    """How many faces a proxy should have."""
-    _, piece = surface.charts(np.zeros(len(surface.edges), bool))
-    large = int((np.bincount(piece) > SMALL_COMPONENT).sum())
-    pieces = PROXY_FACES + min(PIECE_FACES * max(large - 1, 0), PROXY_FACES // 2)
-    share = int(PROXY_SHARE * len(surface.faces))
-    return max(pieces, share, LOOP_FACES * complexity(surface))
-
-
 def grow_small(atlas: Atlas, bound: float, least: int, monitor: Monitor) -> list[str]:
     """Let the neighbours of charts below so many faces take them; a note where some stay."""
     left = absorb(atlas, MergeOptions(bound, margin=MARGIN / 2), least, monitor)
@@ -234,119 +208,6 @@ def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> Non
     fixed = np.zeros(len(atlas.cut), bool)
     options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
     Merger(atlas, options, fixed, worker).run(monitor)
-
-
-def decide(
-    surface: Surface,
-    bound: float,
-    margin: float,
-    max_charts: int | None,
-    worker: Worker,
-    monitor: Monitor,
-) -> Atlas:
-    """Decide seams on the surface itself: components that are good charts as they are stay whole."""
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    rest = ~whole_components(atlas, bound)
-    if rest.any():
-        atlas.put(rest, best_of_starts(surface.part(rest), bound, margin, worker, monitor))
-    if max_charts is not None:
-        reach_count(atlas, bound, max_charts, monitor)
-    return atlas
-
-
-def whole_components(atlas: Atlas, bound: float) -> BoolArray:
-    """(m,) bool: faces of components that are good charts without a seam. They are laid out."""
-    cut_mesh = atlas.cut_mesh()
-    able = ~not_disks(cut_mesh)
-    if able.any():
-        laid = lay_out_fresh(atlas, able, dataclasses.replace(ROUGH, give_up=bound))
-        able &= ~laid.bad(bound)
-    return able[cut_mesh.chart]
-
-
-def best_of_starts(
-    surface: Surface, bound: float, margin: float, worker: Worker, monitor: Monitor
-) -> Atlas:
-    """Grow, merge and shorten charts: the best of a few starts where that is cheap."""
-    seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
-    # so many holes and handles cut the surface up that regions hardly matter
-    if complexity(surface) > min(MANY, len(surface.faces) / CUT_UP):
-        seeds = seeds[:1]
-    if len(seeds) == 1:
-        return grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
-    tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
-    starts = [Atlas(surface, *s) for s in worker.map(decide_once, tasks, monitor) if s]
-    cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
-    return starts[int(np.argmin(cost))]
-
-
-def decide_once(
-    surface: Surface, bound: float, margin: float, seeds: int, needed: bool, monitor: Monitor
-) -> tuple[BoolArray, FloatArray] | None:
-    """(cut, corners) of one start; None where it is not needed and there is no time for it."""
-    if monitor.expired and not needed:
-        return None
-    atlas = grow_and_merge(surface, bound, margin, seeds, None, monitor)
-    return atlas.cut, atlas.corners
-
-
-def grow_and_merge(
-    surface: Surface,
-    bound: float,
-    margin: float,
-    seeds: int,
-    worker: Worker | None,
-    monitor: Monitor,
-) -> Atlas:
-    """Grow charts round so many seeds, split what is bad, merge, shorten, merge again.
-
-    worker: lays half of the charts out where there is nothing better for it to do.
-    """
-    graph = dual_graph(surface)
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    first_charts(atlas, graph, seeds)
-    make_disks(atlas, graph)
-    proposal = propose(atlas, 2)
-    atlas.cut = proposal.cut(np.ones(proposal.n, bool))
-    make_disks(atlas, graph)
-    crowd = atlas.charts()[0] > MANY
-    laid = lay_out_fresh(atlas, None, HASTY if crowd else ROUGH, worker, monitor)
-    for _ in range(12):
-        bad = laid.bad(bound) & (np.bincount(laid.cut_mesh.chart) > 1)
-        if not bad.any():
-            break
-        was = bad[laid.cut_mesh.chart]
-        split_charts(atlas, graph, laid.cut_mesh.chart, bad, 4 if bad.sum() > MANY else 2)
-        make_disks(atlas, graph)
-        n, chart = atlas.charts()
-        again = np.zeros(n, bool)
-        again[chart[was]] = True
-        steps = HASTY if bad.sum() > MANY else ROUGH
-        laid = lay_out_fresh(atlas, again, steps, worker, monitor)
-    fixed = np.zeros(len(atlas.cut), bool)
-    merger = Merger(atlas, MergeOptions(bound, margin=margin), fixed, worker)
-    merger.run(monitor)
-    _, before = atlas.charts()
-    arcs = arcs_of(atlas, before)
-    steps = HASTY if crowd else FAIR
-    shorten_seams(atlas, graph, bound, steps, 3, margin=margin)
-    merger.seams_moved(before, arcs)
-    merger.run(monitor)
-    shorten_seams(atlas, graph, bound, steps, 1, margin=margin)
-    return atlas
-
-
-def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:
-    """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
-    fixed = np.zeros(len(atlas.cut), bool)
-    for _ in range(24):
-        n, _ = atlas.charts()
-        if n <= count:
-            break
-        bound = 1 + max(bound - 1, 1e-3) * 1.6
-        merger = Merger(atlas, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS), fixed)
-        while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
-            pass
 
 
 def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Atlas, proxy: Proxy) -> Atlas:
@@ -365,7 +226,7 @@ def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Atlas, proxy: P
     return fine
 
 
-def settle(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
+def relaxed_layouts(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
     """Relax the layout of all charts, after mending its flips."""
     cut_mesh = atlas.cut_mesh()
     uv = lay_out_sound(cut_mesh, atlas.gather(cut_mesh), FINAL, monitor)

@@ -229,7 +229,7 @@ def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]
     cut = np.zeros(len(s.edges), bool)
     n, chart = s.charts(cut)
     wanted = np.arange(n) % 2 == 0 if n > 1 else np.ones(n, bool)
-    new = fallback.split_charts(Atlas(s, cut), wanted)
+    new = fallback.halve_charts(Atlas(s, cut), wanted)
     after, pieces = s.charts(cut | new)
     for c in range(n):
         count = len(np.unique(pieces[chart == c]))

@@ -28,6 +28,7 @@ from circparam.seams.multires.decimate import decimate
 from circparam.seams.multires.transfer_seams import _Router
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation import grow
+from circparam.seams.segmentation.decide import ROUGH
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
@@ -68,7 +69,7 @@ def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -
     surface = surface_of(shapes.icosphere(3))
     start = Atlas(surface, np.zeros(len(surface.edges), bool))
     grow.first_charts(start, grow.dual_graph(surface), 40)
-    lay_out_fresh(start, None, module.ROUGH)
+    lay_out_fresh(start, None, ROUGH)
     monkeypatch.setattr("circparam.core.workers.HALVED", 100)
     merged = []
     for worker in (None, Worker(module.__name__, worth_it=False)):
@@ -346,7 +347,7 @@ def straddled() -> Atlas:
     e = surface.edges // 3
     atlas = Atlas(surface, half[e[:, 0]] != half[e[:, 1]])
     assert atlas.charts()[0] == 3
-    lay_out_fresh(atlas, None, module.ROUGH)
+    lay_out_fresh(atlas, None, ROUGH)
     return atlas
 
 

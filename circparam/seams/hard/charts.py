@@ -86,8 +86,8 @@ def _decided(
         )
         merger.run(monitor)
     with monitor.stage("enforce"):
-        laid = settled(atlas, monitor)
-        enforce(atlas, graph, laid, bound, FINAL, monitor)
+        layouts = settled(atlas, monitor)
+        enforce(atlas, graph, layouts, bound, FINAL, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             wanted = MergeOptions(bound, margin=MARGIN, rigid=True)
@@ -129,26 +129,26 @@ def first_regions(
     locked = atlas.surface.locked
     atlas.cut |= prices.sharp & ~locked
     todo = np.ones(len(atlas.surface.faces), bool)
-    laid = _laid_out(atlas, graph, todo, bound)
-    todo = laid.bad(bound)[laid.cut_mesh.chart]
+    layouts = _laid_out(atlas, graph, todo, bound)
+    todo = layouts.bad(bound)[layouts.cut_mesh.chart]
     if todo.any():
         e = atlas.surface.edges
         new = prices.crease & todo[e[:, 0] // 3] & todo[e[:, 1] // 3] & ~locked & ~atlas.cut
         if new.any():
             atlas.cut |= new
-            laid = _laid_out(atlas, graph, todo, bound)
+            layouts = _laid_out(atlas, graph, todo, bound)
     for _ in range(SPLITS):
-        bad = laid.bad(bound) & (np.bincount(laid.cut_mesh.chart) > 1)
+        bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
             break
-        todo = bad[laid.cut_mesh.chart]
-        sub, vid, _ = laid.cut_mesh.subset(bad & np.isfinite(laid.energy))
-        turns = layers(sub, laid.uv[vid]) if len(vid) else np.ones(1, np.int64)
+        todo = bad[layouts.cut_mesh.chart]
+        sub, vid, _ = layouts.cut_mesh.subset(bad & np.isfinite(layouts.energy))
+        turns = layers(sub, layouts.uv[vid]) if len(vid) else np.ones(1, np.int64)
         pieces = max(2, int(np.ceil(turns.mean())))
-        new = split_charts(atlas, graph, laid.cut_mesh.chart, bad, pieces)
+        new = split_charts(atlas, graph, layouts.cut_mesh.chart, bad, pieces)
         if not new.any():
             break
-        laid = _laid_out(atlas, graph, todo, bound)
+        layouts = _laid_out(atlas, graph, todo, bound)
 
 
 def _laid_out(atlas: Atlas, graph: DualGraph, todo: BoolArray, bound: float) -> ChartLayouts:
@@ -170,37 +170,37 @@ def _laid_out(atlas: Atlas, graph: DualGraph, todo: BoolArray, bound: float) -> 
         rest, rvid, _ = sub.subset(high)
         part[rvid] = embed_and_relax(rest, dataclasses.replace(ROUGH, give_up=bound), None)
     uv[vid] = part
-    laid = uncoiled(judge(cut_mesh, uv), which, bound)
-    atlas.corners[fid] = laid.uv[cut_mesh.faces[fid]]
-    return laid
+    layouts = uncoiled(judge(cut_mesh, uv), which, bound)
+    atlas.corners[fid] = layouts.uv[cut_mesh.faces[fid]]
+    return layouts
 
 
-def uncoiled(laid: ChartLayouts, which: BoolArray, bound: float) -> ChartLayouts:
+def uncoiled(layouts: ChartLayouts, which: BoolArray, bound: float) -> ChartLayouts:
     """Charts that only lie on themselves as straight strips, where that is within the bound."""
-    coils = which & laid.overlapping & (laid.energy <= bound)
+    coils = which & layouts.overlapping & (layouts.energy <= bound)
     if not coils.any():
-        return laid
-    sub, vid, _ = laid.cut_mesh.subset(coils)
+        return layouts
+    sub, vid, _ = layouts.cut_mesh.subset(coils)
     # no further than needed: a strip that is relaxed to the end coils up again
     near = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1 + COILED * (bound - 1))
     trial = judge(sub, relax(sub, straight(sub), near).uv)
     good = ~trial.bad(bound)
-    uv = laid.uv.copy()
+    uv = layouts.uv.copy()
     kept = good[sub.vertex_chart]
     uv[vid[kept]] = trial.uv[kept]
-    energy, overlapping = laid.energy.copy(), laid.overlapping.copy()
+    energy, overlapping = layouts.energy.copy(), layouts.overlapping.copy()
     number = np.flatnonzero(coils)[good]
     energy[number], overlapping[number] = trial.energy[good], False
-    return ChartLayouts(laid.cut_mesh, uv, energy, overlapping)
+    return ChartLayouts(layouts.cut_mesh, uv, energy, overlapping)
 
 
 def settled(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
     """Relax what is not isometric yet."""
     cut_mesh = atlas.cut_mesh()
     start = judge(cut_mesh, atlas.gather(cut_mesh))
-    laid = judge(cut_mesh, relax(cut_mesh, start.uv, FINAL, monitor).uv)
+    layouts = judge(cut_mesh, relax(cut_mesh, start.uv, FINAL, monitor).uv)
     # an uncoiled strip coils up again
-    worse = (laid.overlapping & ~start.overlapping)[cut_mesh.vertex_chart]
-    uv = np.where(worse[:, None], start.uv, laid.uv)
+    worse = (layouts.overlapping & ~start.overlapping)[cut_mesh.vertex_chart]
+    uv = np.where(worse[:, None], start.uv, layouts.uv)
     atlas.scatter(cut_mesh, uv)
     return judge(cut_mesh, uv)

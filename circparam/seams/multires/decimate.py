@@ -11,7 +11,12 @@ from circparam.core.graph import components, nearest, undirected
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge
 from circparam.mesh.surface import Surface
+from circparam.seams.multires.holes import complexity
 
+PROXY_FACES = 2_000  # faces of the proxy of a mesh in one piece
+PIECE_FACES = 200  # more for every further piece, up to half as many again
+PROXY_SHARE = 1 / 60  # and at least this share of the faces
+LOOP_FACES = 20  # faces of a proxy for each handle and hole: fewer would close them
 SMALL_COMPONENT = 300  # faces; smaller components are taken over as they are
 FRAGMENT = 16  # faces; smaller torn-off parts of a component are left out of the proxy
 LEAST_AREA = 1e-10  # coarse faces below this share of their longest edge squared are left out
@@ -133,3 +138,12 @@ def _settle(surface: Surface, cell: IntArray) -> IntArray:
     out = cell.copy()
     out[fill] = cell[source[fill]]
     return out
+
+
+def proxy_faces(surface: Surface) -> int:
+    """How many faces a proxy should have."""
+    _, piece = surface.charts(np.zeros(len(surface.edges), bool))
+    large = int((np.bincount(piece) > SMALL_COMPONENT).sum())
+    pieces = PROXY_FACES + min(PIECE_FACES * max(large - 1, 0), PROXY_FACES // 2)
+    share = int(PROXY_SHARE * len(surface.faces))
+    return max(pieces, share, LOOP_FACES * complexity(surface))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from circparam.core.arrays import (
@@ -42,93 +44,100 @@ GAP = 0.0005  # share of the root of a chart's area by which parts that touched 
 def enforce(
     atlas: Atlas,
     graph: DualGraph,
-    laid: ChartLayouts,
+    layouts: ChartLayouts,
     bound: float,
     options: RelaxOptions,
     monitor: Monitor,
 ) -> None:
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
-    laid: what ``atlas`` has; afterwards the layout is in its corners. A chart that misses the bound by
+    layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart that misses the bound by
     little is slit from its boundary to where it is distorted most; others are split in two. Single cells cannot
     be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
     the faces, the work goes on with the others alone.
     """
-    atlas.scatter(laid.cut_mesh, laid.uv)
+    atlas.scatter(layouts.cut_mesh, layouts.uv)
     slits = np.zeros(len(atlas.surface.faces), np.int64)  # of the chart of each face
     whole, faces = atlas, np.ones(len(slits), bool)
     for turn in range(ROUNDS):
-        small = np.bincount(laid.cut_mesh.chart) <= UNSTICK_FACES
-        small &= np.bincount(laid.cut_mesh.chart) >= LAYER_FACES
+        small = np.bincount(layouts.cut_mesh.chart) <= UNSTICK_FACES
+        small &= np.bincount(layouts.cut_mesh.chart) >= LAYER_FACES
         pushed = small | (turn == 0)
-        laid = unstick(atlas, laid, bound, monitor, pushed)
-        bad = laid.bad(bound) & (_cells(graph, laid.cut_mesh.chart) > 1)
+        layouts = unstick(atlas, layouts, bound, monitor, pushed)
+        bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
             break
-        inside = bad[laid.cut_mesh.chart]
+        inside = bad[layouts.cut_mesh.chart]
         if inside.mean() < NARROW:
             whole.put(faces, atlas)
             faces[faces] = inside
             atlas, slits = whole.part(faces), slits[inside]
             graph = dual_graph(atlas.surface, atlas.flat)
             cut_mesh = atlas.cut_mesh()
-            laid = judge(cut_mesh, atlas.gather(cut_mesh))
+            layouts = judge(cut_mesh, atlas.gather(cut_mesh))
             bad, pushed = np.ones(cut_mesh.n_charts, bool), pushed[bad]
         before = atlas.cut.copy()
-        cut = _cut_open(atlas, graph, laid, bad, pushed, slits, bound, monitor)
+        found = _Bad(graph, layouts, bad, pushed, bound)
+        cut, slits = _cut_open(atlas, found, slits, monitor)
         if np.array_equal(before, atlas.cut) and not cut.any():
             break
-        laid = _map_again(atlas, laid, bad, cut, bound, options, monitor)
+        layouts = _map_again(atlas, layouts, bad, cut, bound, options, monitor)
     if atlas is not whole:
         whole.put(faces, atlas)
 
 
-def _cut_open(
-    atlas: Atlas,
-    graph: DualGraph,
-    laid: ChartLayouts,
-    bad: BoolArray,
-    pushed: BoolArray,
-    slits: IntArray,
-    bound: float,
-    monitor: Monitor,
-) -> BoolArray:
-    """Slit bad charts, or split them.
+@dataclass(frozen=True, eq=False)
+class _Bad:
+    """What a round found.
 
-    pushed: (n,) bool, charts whose parts could not be pushed apart. slits: (m,) how often the chart of each
-    face was slit, counted on.
-    Returns (n,) bool: charts whose pieces may keep their layout.
+    bad: (n,) bool, charts to cut. pushed: (n,) bool, charts that could not be separated by pushing.
     """
-    chart = laid.cut_mesh.chart
-    near = laid.energy <= 1 + (bound - 1) * SLIT_REACH
+
+    graph: DualGraph
+    layouts: ChartLayouts
+    bad: BoolArray
+    pushed: BoolArray
+    bound: float
+
+
+def _cut_open(
+    atlas: Atlas, found: _Bad, slits: IntArray, monitor: Monitor
+) -> tuple[BoolArray, IntArray]:
+    """Slit bad charts, or split them. slits: (m,) how often the chart of each face was slit.
+
+    Returns (n,) bool: charts whose pieces may keep their layout; and slits, counted on.
+    """
+    layouts, bad = found.layouts, found.bad
+    chart = layouts.cut_mesh.chart
+    near = layouts.energy <= 1 + (found.bound - 1) * SLIT_REACH
     first = np.zeros(len(bad), np.int64)
     np.maximum.at(first, chart, slits)
-    slit = bad & ~laid.overlapping & near & (first < SLITS)
+    slit = bad & ~layouts.overlapping & near & (first < SLITS)
     if slit.any():
-        slit = slit_charts(atlas, laid, slit)
-        slits[slit[chart]] += 1
+        slit = slit_charts(atlas, layouts, slit)
+        slits = slits + slit[chart]
     split = bad & ~slit
     cut = np.zeros(len(bad), bool)
     if split.any():
-        cut = _split(atlas, graph, laid, split, pushed, bound, monitor)
-    make_disks(atlas, graph)
-    return cut
+        cut = _split(atlas, found.graph, layouts, split, found.pushed, found.bound, monitor)
+    make_disks(atlas, found.graph)
+    return cut, slits
 
 
 def unstick(
-    atlas: Atlas, laid: ChartLayouts, bound: float, monitor: Monitor, which: BoolArray
+    atlas: Atlas, layouts: ChartLayouts, bound: float, monitor: Monitor, which: BoolArray
 ) -> ChartLayouts:
     """Push parts of charts ((n,) bool) that lie on each other apart, where the bound leaves room for it."""
-    folded = which & laid.overlapping & (laid.energy <= bound)
+    folded = which & layouts.overlapping & (layouts.energy <= bound)
     if not folded.any():
-        return laid
-    sub, vid, fid = laid.cut_mesh.subset(folded)
-    part, fine = push_apart(sub, laid.uv[vid], GAP, bound, monitor)
-    uv = laid.uv.copy()
+        return layouts
+    sub, vid, fid = layouts.cut_mesh.subset(folded)
+    part, fine = push_apart(sub, layouts.uv[vid], GAP, bound, monitor)
+    uv = layouts.uv.copy()
     kept = fine[sub.vertex_chart]
     uv[vid[kept]] = part[kept]
     atlas.corners[fid] = uv[vid][sub.faces]
-    return judge(laid.cut_mesh, uv)
+    return judge(layouts.cut_mesh, uv)
 
 
 def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
@@ -140,7 +149,7 @@ def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
 def _split(
     atlas: Atlas,
     graph: DualGraph,
-    laid: ChartLayouts,
+    layouts: ChartLayouts,
     which: BoolArray,
     pushed: BoolArray,
     bound: float,
@@ -151,20 +160,20 @@ def _split(
     Returns (n,) bool: charts that were only cut, or pushed apart, so that their pieces may keep their layout.
     """
     before = atlas.cut.copy()
-    chart = laid.cut_mesh.chart
+    chart = layouts.cut_mesh.chart
     apart = sound = np.zeros(len(which), bool)
-    folded = which & laid.overlapping & np.isfinite(laid.energy)
+    folded = which & layouts.overlapping & np.isfinite(layouts.energy)
     if folded.any():
         large = folded & (np.bincount(chart) >= LAYER_FACES)
         if large.any():
-            sound = split_layers(atlas, graph, laid, large, edge_costs(atlas))
+            sound = split_layers(atlas, graph, layouts, large, edge_costs(atlas))
         left = large & ~sound & ~pushed
         if left.any():
             # what overlaps by less than a face is not worth a seam where it can be pushed apart
-            sound |= left & ~unstick(atlas, laid, bound, monitor, left).overlapping
+            sound |= left & ~unstick(atlas, layouts, bound, monitor, left).overlapping
         apart = sound.copy()
         if (folded & ~sound).any():
-            apart |= _split_overlaps(atlas, graph, laid, folded & ~sound)
+            apart |= _split_overlaps(atlas, graph, layouts, folded & ~sound)
     rest = which & ~apart
     crumbs = rest & (_cells(graph, chart) <= FRAGMENT)
     atlas.cut |= crumbs[chart[atlas.surface.edges[:, 0] // 3]] & (graph.tail != graph.head)
@@ -177,11 +186,11 @@ def _split(
 
 
 def _split_overlaps(
-    atlas: Atlas, graph: DualGraph, laid: ChartLayouts, which: BoolArray
+    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: BoolArray
 ) -> BoolArray:
     """Split charts half way between two faces that overlap; returns the charts that were split."""
-    pairs = crossings(laid.uv, laid.cut_mesh)
-    chart = laid.cut_mesh.chart
+    pairs = crossings(layouts.uv, layouts.cut_mesh)
+    chart = layouts.cut_mesh.chart
     pairs = pairs[which[chart[pairs[:, 0] // 3]]]
     done = np.zeros(len(which), bool)
     if len(pairs) == 0:
@@ -212,7 +221,7 @@ def _split_overlaps(
 
 def _map_again(
     atlas: Atlas,
-    laid: ChartLayouts,
+    layouts: ChartLayouts,
     changed: BoolArray,
     cut: BoolArray,
     bound: float,
@@ -226,10 +235,10 @@ def _map_again(
     cut_mesh = atlas.cut_mesh()
     uv = atlas.gather(cut_mesh)
     todo = np.zeros(cut_mesh.n_charts, bool)
-    todo[cut_mesh.chart[(changed & ~cut)[laid.cut_mesh.chart]]] = True
+    todo[cut_mesh.chart[(changed & ~cut)[layouts.cut_mesh.chart]]] = True
     energy = chart_energies(cut_mesh, uv)
     over = ~(energy <= bound)
-    todo[cut_mesh.chart[over[cut_mesh.chart] & changed[laid.cut_mesh.chart]]] = True
+    todo[cut_mesh.chart[over[cut_mesh.chart] & changed[layouts.cut_mesh.chart]]] = True
     if todo.any():
         sub, vid, fid = cut_mesh.subset(todo)
         part = lay_out_sound(sub, uv[vid], options, monitor)

@@ -145,9 +145,9 @@ def shorten_seams(
 
     left, right, gain = _chain_sides(atlas, proposal, before)
     take = gain > 0
-    laid = attempt(take)
-    if not laid.bad(bound).any():
-        return laid
+    layouts = attempt(take)
+    if not layouts.bad(bound).any():
+        return layouts
     open_chains = np.flatnonzero(gain > 1e-3 * atlas.surface.edge_lengths[start_cut].sum())
     take[:] = False
     n = int(before.max()) + 1
@@ -158,13 +158,13 @@ def shorten_seams(
         chosen = open_chains[pick]
         trial = take.copy()
         trial[chosen] = True
-        laid = attempt(trial)
-        spoilt = _chains_beside(atlas, proposal, laid.cut_mesh.chart, laid.bad(bound), trial)
+        layouts = attempt(trial)
+        spoilt = _chains_beside(atlas, proposal, layouts.cut_mesh.chart, layouts.bad(bound), trial)
         take[chosen[~spoilt[chosen]]] = True
         open_chains = np.setdiff1d(open_chains, chosen)
-    laid = attempt(take)
-    if not laid.bad(bound).any():
-        return laid
+    layouts = attempt(take)
+    if not layouts.bad(bound).any():
+        return layouts
     atlas.cut, atlas.corners = start_cut, start_corners
     cut_mesh = atlas.cut_mesh()
     return judge(cut_mesh, atlas.gather(cut_mesh))

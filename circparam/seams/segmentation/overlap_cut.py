@@ -33,7 +33,7 @@ CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
 
 
 def split_layers(
-    atlas: Atlas, graph: DualGraph, laid: ChartLayouts, which: BoolArray, cost: FloatArray
+    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: BoolArray, cost: FloatArray
 ) -> BoolArray:
     """Cut charts along the cheapest seam between their largest doubled part and what lies on it.
 
@@ -41,22 +41,22 @@ def split_layers(
     have no two parts that lie on each other without touching.
     """
     done = np.zeros(len(which), bool)
-    chart = laid.cut_mesh.chart
+    chart = layouts.cut_mesh.chart
     edges = atlas.surface.edges
     inner = ~atlas.cut & which[chart[edges[:, 0] // 3]]
     faces = np.flatnonzero(which[chart])
-    point, twice = _doubled(laid, faces)
-    pairs = _sides(graph, inner, laid, faces[twice], point[twice])
+    point, twice = _doubled(layouts, faces)
+    pairs = _sides(graph, inner, layouts, faces[twice], point[twice])
     unseen = which.copy()
     unseen[chart[faces[twice]]] = False
-    pairs += _touching(graph, inner, laid, unseen)
+    pairs += _touching(graph, inner, layouts, unseen)
     links = undirected(graph.n, graph.tail[inner], graph.head[inner], graph.step[inner])
     off = np.zeros(graph.n, bool)  # cells that were cut off
     for source, sink in pairs:
         if off[source].any() or off[sink].any():
             continue
         # what lies far from the smaller part stays with the larger one
-        reach = NEAR * np.sqrt(_cell_areas(graph, laid)[source].sum())
+        reach = NEAR * np.sqrt(_cell_areas(graph, layouts)[source].sum())
         close = np.isfinite(distances(links, source, reach))
         side = _minimum_cut(graph, inner, cost, source, sink, close & ~off)
         off |= side
@@ -67,13 +67,13 @@ def split_layers(
 
 
 def _touching(
-    graph: DualGraph, inner: BoolArray, laid: ChartLayouts, which: BoolArray
+    graph: DualGraph, inner: BoolArray, layouts: ChartLayouts, which: BoolArray
 ) -> list[tuple[IntArray, IntArray]]:
     """Cells beside boundaries that cross, in charts whose overlap is too small to cover any sample point."""
     if not which.any():
         return []
-    met = crossings(laid.uv, laid.cut_mesh) // 3
-    met = met[which[laid.cut_mesh.chart[met[:, 0]]]]
+    met = crossings(layouts.uv, layouts.cut_mesh) // 3
+    met = met[which[layouts.cut_mesh.chart[met[:, 0]]]]
     ends = graph.cell[met]
     ends = ends[ends[:, 0] != ends[:, 1]]
     pairs = []
@@ -85,15 +85,15 @@ def _touching(
     return pairs
 
 
-def _cell_areas(graph: DualGraph, laid: ChartLayouts) -> FloatArray:
-    return group_sum(laid.cut_mesh.areas, graph.cell, graph.n)
+def _cell_areas(graph: DualGraph, layouts: ChartLayouts) -> FloatArray:
+    return group_sum(layouts.cut_mesh.areas, graph.cell, graph.n)
 
 
-def _doubled(laid: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolArray]:
+def _doubled(layouts: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolArray]:
     """((k, 2) a point of each face, (k,) bool: its chart covers that point more than once)."""
-    p = laid.cut_mesh
-    boundary = boundary_of(p.faces, laid.uv, p.chart, p.edges, p.n_charts)
-    corners = laid.uv[p.faces[faces]]
+    p = layouts.cut_mesh
+    boundary = boundary_of(p.faces, layouts.uv, p.chart, p.edges, p.n_charts)
+    corners = layouts.uv[p.faces[faces]]
     middle = corners.mean(1)
     points = np.concatenate(
         [middle[:, None], middle[:, None] + 0.95 * (corners - middle[:, None])], 1
@@ -108,14 +108,14 @@ def _doubled(laid: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolArray
 
 
 def _sides(
-    graph: DualGraph, inner: BoolArray, laid: ChartLayouts, faces: IntArray, point: FloatArray
+    graph: DualGraph, inner: BoolArray, layouts: ChartLayouts, faces: IntArray, point: FloatArray
 ) -> list[tuple[IntArray, IntArray]]:
     """Cells of doubled parts of charts, and cells of what lies on them: a few disjoint pairs a chart.
 
     inner: (e,) bool edges inside charts. faces, point: doubled faces and a doubled point of each. Where both
     are one part (a sheet that comes back on itself), those near either end of it.
     """
-    p = laid.cut_mesh
+    p = layouts.cut_mesh
     if len(faces) == 0:
         return []
     inside = np.zeros(graph.n, bool)
@@ -125,7 +125,7 @@ def _sides(
     _, sheet = np.unique(part[graph.cell[faces]], return_inverse=True)
     sheet = sheet.reshape(-1)
     area = group_sum(p.areas[faces], sheet, int(sheet.max()) + 1)
-    probe, cover = _covers(p.chart[faces], sheet, p.areas[faces], laid.uv[p.faces[faces]], point)
+    probe, cover = _covers(p.chart[faces], sheet, p.areas[faces], layouts.uv[p.faces[faces]], point)
     # disjoint pairs of parts, the largest first; of each the smaller part is cut off
     pick = matching(
         np.minimum(area[sheet[probe]], area[sheet[cover]]), sheet[probe], sheet[cover], len(area)

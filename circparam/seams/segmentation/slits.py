@@ -23,18 +23,18 @@ from circparam.solvers import dirichlet
 SLIT_REACH = 1.6  # charts up to this share of the bound's excess over 1 are slit open, not split
 
 
-def slit_charts(atlas: Atlas, laid: ChartLayouts, which: BoolArray) -> BoolArray:
+def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolArray:
     """Cut charts open along a shortest path from where they are distorted most to their boundary.
 
     Returns the charts that were cut: a chart whose worst vertex is on the boundary, or one with no way there,
     is not.
     """
-    cut_mesh = laid.cut_mesh
+    cut_mesh = layouts.cut_mesh
     n = cut_mesh.n_vertices
     on_boundary = np.zeros(n, bool)
     flat = cut_mesh.faces.ravel()
     on_boundary[flat[cut_mesh.boundary]] = True
-    peak = _peaks(cut_mesh, laid.uv, which & np.isfinite(laid.energy), on_boundary)
+    peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy), on_boundary)
     done = np.zeros(len(which), bool)
     if len(peak) == 0:
         return done

@@ -1,0 +1,151 @@
+"""Seams decided on one surface: regions grown, merged, shortened and merged again, from several starts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+from circparam.seams.multires.holes import complexity
+from circparam.seams.segmentation.grow import (
+    dual_graph,
+    first_charts,
+    make_disks,
+    split_charts,
+)
+from circparam.seams.segmentation.layout import lay_out_fresh, shorten_seams
+from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.shorten import propose
+from circparam.seams.segmentation.state import arcs_of
+from circparam.seams.segmentation.unions import MergeOptions
+from circparam.solvers.newton import RelaxOptions
+
+CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
+SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
+START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
+SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
+CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
+ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
+HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
+FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
+LOOPS = 300  # handles and holes above which the regions that charts are grown from hardly matter
+CROWD = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
+
+
+def decide(
+    surface: Surface,
+    bound: float,
+    margin: float,
+    max_charts: int | None,
+    worker: Worker,
+    monitor: Monitor,
+) -> Atlas:
+    """Decide seams on the surface itself: components that are good charts as they are stay whole."""
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    rest = ~whole_components(atlas, bound)
+    if rest.any():
+        atlas.put(rest, best_of_starts(surface.part(rest), bound, margin, worker, monitor))
+    if max_charts is not None:
+        reach_count(atlas, bound, max_charts, monitor)
+    return atlas
+
+
+def whole_components(atlas: Atlas, bound: float) -> BoolArray:
+    """(m,) bool: faces of components that are good charts without a seam. They are laid out."""
+    cut_mesh = atlas.cut_mesh()
+    able = ~not_disks(cut_mesh)
+    if able.any():
+        layouts = lay_out_fresh(atlas, able, dataclasses.replace(ROUGH, give_up=bound))
+        able &= ~layouts.bad(bound)
+    return able[cut_mesh.chart]
+
+
+def best_of_starts(
+    surface: Surface, bound: float, margin: float, worker: Worker, monitor: Monitor
+) -> Atlas:
+    """Grow, merge and shorten charts: the best of a few starts where that is cheap."""
+    seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
+    # so many holes and handles cut the surface up that regions hardly matter
+    if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
+        seeds = seeds[:1]
+    if len(seeds) == 1:
+        return grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
+    tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
+    starts = [Atlas(surface, *s) for s in worker.map(decide_once, tasks, monitor) if s]
+    cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
+    return starts[int(np.argmin(cost))]
+
+
+def decide_once(
+    surface: Surface, bound: float, margin: float, seeds: int, needed: bool, monitor: Monitor
+) -> tuple[BoolArray, FloatArray] | None:
+    """(cut, corners) of one start; None where it is not needed and there is no time for it."""
+    if monitor.expired and not needed:
+        return None
+    atlas = grow_and_merge(surface, bound, margin, seeds, None, monitor)
+    return atlas.cut, atlas.corners
+
+
+def grow_and_merge(
+    surface: Surface,
+    bound: float,
+    margin: float,
+    seeds: int,
+    worker: Worker | None,
+    monitor: Monitor,
+) -> Atlas:
+    """Grow charts round so many seeds, split what is bad, merge, shorten, merge again.
+
+    worker: lays half of the charts out where there is nothing better for it to do.
+    """
+    graph = dual_graph(surface)
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    first_charts(atlas, graph, seeds)
+    make_disks(atlas, graph)
+    proposal = propose(atlas, 2)
+    atlas.cut = proposal.cut(np.ones(proposal.n, bool))
+    make_disks(atlas, graph)
+    crowd = atlas.charts()[0] > CROWD
+    layouts = lay_out_fresh(atlas, None, HASTY if crowd else ROUGH, worker, monitor)
+    for _ in range(12):
+        bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
+        if not bad.any():
+            break
+        was = bad[layouts.cut_mesh.chart]
+        split_charts(atlas, graph, layouts.cut_mesh.chart, bad, 4 if bad.sum() > CROWD else 2)
+        make_disks(atlas, graph)
+        n, chart = atlas.charts()
+        again = np.zeros(n, bool)
+        again[chart[was]] = True
+        steps = HASTY if bad.sum() > CROWD else ROUGH
+        layouts = lay_out_fresh(atlas, again, steps, worker, monitor)
+    fixed = np.zeros(len(atlas.cut), bool)
+    merger = Merger(atlas, MergeOptions(bound, margin=margin), fixed, worker)
+    merger.run(monitor)
+    _, before = atlas.charts()
+    arcs = arcs_of(atlas, before)
+    steps = HASTY if crowd else FAIR
+    shorten_seams(atlas, graph, bound, steps, 3, margin=margin)
+    merger.seams_moved(before, arcs)
+    merger.run(monitor)
+    shorten_seams(atlas, graph, bound, steps, 1, margin=margin)
+    return atlas
+
+
+def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:
+    """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
+    fixed = np.zeros(len(atlas.cut), bool)
+    for _ in range(24):
+        n, _ = atlas.charts()
+        if n <= count:
+            break
+        bound = 1 + max(bound - 1, 1e-3) * 1.6
+        merger = Merger(atlas, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS), fixed)
+        while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
+            pass
