@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-packing fuzz mutants figures docs clean
+.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing fuzz mutants figures docs clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -63,6 +63,9 @@ bench: $(VENV)/.dev ## the measured claims: speed, memory, distortion, beside pe
 
 bench-atlas: $(VENV)/.dev ## charts, seams and distortion of whole atlases, on all cores
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench atlas
+
+bench-hard: $(VENV)/.dev ## hard surfaces beside xatlas: seams, charts, seams in flats
+	env -u OMP_NUM_THREADS $(RUN) -m tests.bench hard
 
 bench-packing: $(VENV)/.dev ## covered share on identical charts
 	$(RUN) -m tests.bench packing

@@ -1,11 +1,11 @@
-"""``python -m tests.bench [solve|atlas|packing] ...``: one benchmark by name; solve when none is named."""
+"""``python -m tests.bench [solve|atlas|packing|hard] ...``: one benchmark by name; solve when none is named."""
 
 from __future__ import annotations
 
 import importlib
 import sys
 
-NAMES = ("solve", "atlas", "packing")
+NAMES = ("solve", "atlas", "packing", "hard")
 
 
 def main() -> None:
