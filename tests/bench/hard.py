@@ -3,8 +3,8 @@
     python -m tests.bench hard [MESH...] [--judge SCRIPT] [--no-report]
 
 Meshes: files, or the hard set of the corpus folder (CIRCPARAM_CORPUS) and the machine parts that
-tests/support/parts.py makes. Every mesh is unwrapped at the default bound, by xatlas, and at the distortion that
-xatlas reached (at least 1.01). In flats: seams between faces within half a degree of each other, over √(surface
+tests/support/parts.py makes. Every mesh is unwrapped at the default bound, by xatlas, and at the distortion
+that xatlas reached (at least 1.01). In flats: seams between faces within half a degree, over √(surface
 area). Figures are those of the written files, as in ``tests.bench.atlas``.
 """
 
