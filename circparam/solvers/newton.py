@@ -44,7 +44,8 @@ class RelaxOptions:
     tolerance: a chart has converged when the decrease that Newton's model predicts is below this share of its
     energy. max_iterations: bound on the steps. bound: charts whose energy falls to it stop there (None: none
     do). give_up: charts that Newton's model sees staying above this energy stop (None: none do).
-    fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy.
+    fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy. weight: (m,)
+    positive factor of the area of each face in the energy (None: 1); energies are those with the weights then.
     """
 
     tolerance: float = 1e-6
@@ -53,6 +54,7 @@ class RelaxOptions:
     give_up: float | None = None
     fixed: BoolArray | None = None
     blend: float = 0.0
+    weight: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +74,20 @@ class Relaxed:
 class System:
     """The charts that still move: cut mesh in components-first arrays, with their pattern."""
 
-    def __init__(self, cut_mesh: CutMesh, fixed: BoolArray | None, blend: float) -> None:
+    def __init__(
+        self,
+        cut_mesh: CutMesh,
+        fixed: BoolArray | None,
+        blend: float,
+        weight: FloatArray | None = None,
+    ) -> None:
         self.cut_mesh = cut_mesh
         self.blend = blend
         self.fixed = fixed
         self.gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
         self.weight = cut_mesh.areas / cut_mesh.chart_areas[cut_mesh.chart]
+        if weight is not None:
+            self.weight = self.weight * weight
         self.corners = cut_mesh.faces.T.copy()
         self.pattern: BlockPattern | None = None
         self.agg: IntArray | None = None
@@ -179,7 +189,8 @@ def relax(
     iterations = np.zeros(n, np.int64)
     stopped = np.full(n, "iterations", dtype=object)
     floor = np.ones(n)
-    system = System(work, options.fixed, options.blend)
+    weight = options.weight
+    system = System(work, options.fixed, options.blend, weight)
     energy, jacobian = system.energies(out)
     stopped[~np.isfinite(energy)] = "flipped start"
     active = np.isfinite(energy)
@@ -201,10 +212,11 @@ def relax(
             and np.bincount(system.cut_mesh.chart, minlength=len(charts))[inside].sum()
         )
         if share < 0.8 * len(system.cut_mesh.faces):
-            sub, vid, _ = system.cut_mesh.subset(inside)
+            sub, vid, fid = system.cut_mesh.subset(inside)
             charts, vertices = charts[inside], vertices[vid]
             held = None if options.fixed is None else options.fixed[vertices]
-            system = System(sub, held, options.blend)
+            weight = None if weight is None else weight[fid]
+            system = System(sub, held, options.blend, weight)
             inside = np.ones(len(charts), bool)
             fresh = True
         u = out[vertices]

@@ -34,15 +34,30 @@ def slit_charts(atlas: Atlas, laid: ChartLayouts, which: BoolArray) -> BoolArray
     flat = cut_mesh.faces.ravel()
     on_boundary[flat[cut_mesh.boundary]] = True
     peak = _peaks(cut_mesh, laid.uv, which & np.isfinite(laid.energy), on_boundary)
-    done = np.zeros(len(which), bool)
+    return slit_to(atlas, cut_mesh, peak)
+
+
+def slit_to(atlas: Atlas, cut_mesh: CutMesh, peak: IntArray, reach: float = 1.0) -> BoolArray:
+    """Cut charts open along shortest paths from their boundaries towards inner vertices ``peak``.
+
+    Every peak has a path of its own, and no two cross. reach: share of the length of each path that is cut, from
+    the boundary on, at least one edge.
+    Returns the charts that were cut: a peak from which no path leads to the boundary has none.
+    """
+    n = cut_mesh.n_vertices
+    flat = cut_mesh.faces.ravel()
+    on_boundary = np.zeros(n, bool)
+    on_boundary[flat[cut_mesh.boundary]] = True
+    done = np.zeros(cut_mesh.n_charts, bool)
     if len(peak) == 0:
         return done
+    which = np.zeros(cut_mesh.n_charts, bool)
+    which[cut_mesh.vertex_chart[peak]] = True
     cost = edge_costs(atlas)
     inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.edges[:, 0] // 3]]
     h = atlas.surface.edges[inner, 0]
     a, b = flat[h], flat[next_half_edge(h)]
-    _, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
-    distance, _, _ = nearest(undirected(n, a, b, cost[inner]), peak)
+    distance, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
     rim = np.flatnonzero(on_boundary & np.isfinite(distance) & (source >= 0))
     if len(rim) == 0:
         return done
@@ -51,20 +66,28 @@ def slit_charts(atlas: Atlas, laid: ChartLayouts, which: BoolArray) -> BoolArray
     index = np.flatnonzero(inner)
     key = np.minimum(a, b) * n + np.maximum(a, b)
     by_key = np.lexsort((cost[inner], key))
-    here = ends
     done[cut_mesh.vertex_chart[ends]] = True
+    here, left = ends, (1 - reach) * distance[ends]
     while len(here):
         previous = before[here]
-        going = previous >= 0
-        here, previous = here[going], previous[going]
-        wanted = np.minimum(here, previous) * n + np.maximum(here, previous)
-        atlas.cut[index[by_key[np.searchsorted(key[by_key], wanted)]]] = True
-        here = previous
+        edge = np.minimum(here, previous) * n + np.maximum(here, previous)
+        going = (previous >= 0) & ((distance[here] > left) | on_boundary[here])
+        edge, here, left = edge[going], previous[going], left[going]
+        atlas.cut[index[by_key[np.searchsorted(key[by_key], edge)]]] = True
     return done
 
 
 def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, on_boundary: BoolArray) -> IntArray:
     """The inner vertex of each chosen chart with the largest smoothed distortion of area."""
+    field = smoothed_area_distortion(cut_mesh, uv)
+    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~on_boundary)
+    order = np.lexsort((vertices, -field[vertices], cut_mesh.vertex_chart[vertices]))
+    first = first_of_runs(cut_mesh.vertex_chart[vertices][order])
+    return vertices[order[first]]
+
+
+def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """(nv,) the logarithm of how much areas grow or shrink, without sign, smoothed over a few rings."""
     n = cut_mesh.n_vertices
     jacobian = dirichlet.jacobians(
         np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0)),
@@ -78,7 +101,4 @@ def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, on_boundary: Boo
     for _ in range(4):
         face = field[cut_mesh.faces].mean(1)
         field = group_sum(np.repeat(weight * face, 3), flat, n) / total
-    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~on_boundary)
-    order = np.lexsort((vertices, -field[vertices], cut_mesh.vertex_chart[vertices]))
-    first = first_of_runs(cut_mesh.vertex_chart[vertices][order])
-    return vertices[order[first]]
+    return field

@@ -1,0 +1,264 @@
+"""The tail of the distortion: what the mean over a chart hides, at finger tips, ears and dents.
+
+Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too much,
+the others, of which there are a hundred times as many, give way by little. Where that is not enough, a slit leads
+from the boundary towards the curvature that asks for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.graph import nearest, undirected
+from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import chart_distortion, face_stretch
+from circparam.geometry.overlap import self_overlapping
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.segmentation.enforce import enforce
+from circparam.seams.segmentation.grow import dual_graph
+from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.slits import smoothed_area_distortion, slit_to
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.untangle import cut_out
+
+TAIL = 1e-3  # share of the surface on which the stretch may be larger
+AIMED = 0.8  # of that share: what is aimed for, since a file stores rounded numbers
+AIM = 0.9  # of the excess of the largest stretch over 1: from there on a face weighs more
+POWER = 3  # of the stretch over that: by how much its weight grows a round
+HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layout folds
+ROUNDS = 8  # of weighing; most charts need three
+PATIENCE = 3  # rounds without headway after which a chart is left
+STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
+SETTLED = RelaxOptions(tolerance=1e-4, max_iterations=30)
+SMALL = 2000  # faces up to which a chart moves as a whole
+NEAR = 0.15  # share of the root of a chart's area that moves round such faces at first
+GROWTH = 1.5  # times so much more a round
+TURNS = 6  # of slits, each followed by weighing
+REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
+
+
+def hold_stretch(atlas: Atlas, bound: float, most: float, monitor: Monitor) -> None:
+    """Bring the share of the surface that is stretched or shrunk more than ``most`` times below TAIL.
+
+    bound: no chart that is below it comes above. Charts stay as they are where nothing helps. Deterministic.
+    """
+    helpless = np.zeros(len(atlas.surface.faces), bool)  # faces of charts that slits have not helped
+    for turn in range(TURNS + 1):
+        cut_mesh, uv = atlas.open()
+        uv, changed = _weighed(cut_mesh, uv, bound, most, monitor)
+        if changed.any():
+            atlas.scatter(cut_mesh, uv)
+        stretch = face_stretch(cut_mesh, uv)
+        over = _share_over(cut_mesh, stretch, most)
+        if over.sum() <= AIMED * TAIL or turn == TURNS or monitor.expired:
+            return
+        peaks = _peaks(cut_mesh, uv, stretch, most, helpless)
+        if len(peaks):
+            helpless |= _slit(atlas, cut_mesh, peaks, Limits(bound, most, 0.0), monitor)
+        elif not _split(atlas, cut_mesh, over, Limits(bound, most, 0.0), monitor):
+            return
+
+
+def _share_over(cut_mesh: CutMesh, stretch: FloatArray, most: float) -> FloatArray:
+    """(n,) area of each chart that is stretched more than ``most`` times, over that of the surface."""
+    over = cut_mesh.areas * (stretch > most)
+    return group_sum(over, cut_mesh.chart, cut_mesh.n_charts) / cut_mesh.areas.sum()
+
+
+def _weighed(
+    cut_mesh: CutMesh, uv: FloatArray, bound: float, most: float, monitor: Monitor
+) -> tuple[FloatArray, BoolArray]:
+    """(layout with a shorter tail, (n,) bool: charts that changed), of as few charts as need it."""
+    over = _share_over(cut_mesh, face_stretch(cut_mesh, uv), most)
+    changed = np.zeros(cut_mesh.n_charts, bool)
+    if over.sum() <= AIMED * TAIL:
+        return uv, changed
+    # charts with hardly a tail keep it
+    order = np.argsort(over, kind="stable")
+    kept = np.cumsum(over[order]) <= AIMED * TAIL / 2
+    which = np.ones(cut_mesh.n_charts, bool)
+    which[order[kept]] = False
+    sub, vid, _ = cut_mesh.subset(which)
+    allowed = (AIMED * TAIL - over[~which].sum()) * cut_mesh.areas.sum() / sub.areas.sum()
+    part, better = even_out(sub, uv[vid], Limits(bound, most, allowed), monitor)
+    out = uv.copy()
+    out[vid] = part
+    changed[which] = better
+    return out, changed
+
+
+@dataclass(frozen=True)
+class Limits:
+    """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of the
+    surface may exceed.
+    """
+
+    bound: float
+    most: float
+    allowed: float = AIMED * TAIL
+
+
+def even_out(
+    cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
+) -> tuple[FloatArray, BoolArray]:
+    """Relax charts with more weight, round by round, on faces that are stretched or shrunk about too much.
+
+    Returns ((nv, 2) the best layout of each chart: neither folded, overlapping nor above the bound (or what it
+    was before, where that is higher); (n,) bool: charts that got better).
+    """
+    n, chart = cut_mesh.n_charts, cut_mesh.chart
+    most = limits.most
+    limit = np.maximum(chart_distortion(cut_mesh, uv), limits.bound)
+    stretch = face_stretch(cut_mesh, uv)
+    least = _share_over(cut_mesh, stretch, most)
+    out, at = uv.copy(), uv
+    weight, better = np.ones(len(chart)), np.zeros(n, bool)
+    idle = np.where(least > 0, 0, PATIENCE)
+    aim = 1 + AIM * (most - 1)
+    small = np.bincount(chart, minlength=n) <= SMALL
+    for turn in range(ROUNDS):
+        active = idle < PATIENCE
+        if not active.any() or least.sum() <= limits.allowed or monitor.expired:
+            break
+        heavier = np.minimum(weight * np.maximum(stretch / aim, 1.0) ** POWER, HEAVIEST)
+        weight = np.where(active[chart], heavier, weight)
+        reach = np.where(small, np.inf, NEAR * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
+        reach[~active] = 0.0
+        at = _relaxed_near(cut_mesh, at, weight, reach)
+        stretch = face_stretch(cut_mesh, at)
+        over = _share_over(cut_mesh, stretch, most)
+        good = active & (over < least) & (chart_distortion(cut_mesh, at) <= limit)
+        coiled = np.zeros(n, bool)
+        if good.any():
+            tested, inner, _ = cut_mesh.subset(good)
+            coiled[good] = self_overlapping(tested, at[inner])
+            good &= ~coiled
+        keep = good[cut_mesh.vertex_chart]
+        out[keep] = at[keep]
+        least, better = np.where(good, over, least), better | good
+        idle = np.where(good, 0, idle + 1)
+        idle[least == 0] = PATIENCE
+        # what lies on itself when it moves as a whole is tried again near those faces alone
+        again = coiled & small
+        if again.any():
+            at = np.where(again[cut_mesh.vertex_chart][:, None], out, at)
+            stretch = np.where(again[chart], face_stretch(cut_mesh, out), stretch)
+            weight = np.where(again[chart], 1.0, weight)
+            idle[again], small = 0, small & ~again
+    return out, better
+
+
+def _relaxed_near(
+    cut_mesh: CutMesh, uv: FloatArray, weight: FloatArray, reach: FloatArray
+) -> FloatArray:
+    """Relax the faces within reach ((n,) by charts) of those that weigh more than their areas; the rest stays."""
+    heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
+    middle = np.c_[uv[cut_mesh.faces].mean(1), 4.0 * cut_mesh.chart * np.ptp(uv, axis=0).max()]
+    far, _ = cKDTree(middle[heavy]).query(middle, distance_upper_bound=float(reach.max()))
+    region = far < reach[cut_mesh.chart]
+    hold = np.zeros(len(uv), bool)
+    # one vertex of a chart that moves as a whole
+    whole = group_sum(~region, cut_mesh.chart, cut_mesh.n_charts) == 0
+    first = np.unique(cut_mesh.chart, return_index=True)[1][whole]
+    hold[cut_mesh.faces[first, 0]] = True
+    still = hold.copy()
+    still[cut_mesh.faces[~region]] = True
+    region &= ~still[cut_mesh.faces].all(1)
+    part, source, fixed = cut_out(cut_mesh, region, hold)
+    if len(part.faces) == 0:
+        return uv
+    heavier = weight[region]
+    mean = group_sum(part.areas * heavier, part.chart, part.n_charts) / part.chart_areas
+    options = replace(STEP, fixed=fixed, weight=heavier / mean[part.chart])
+    out = uv.copy()
+    out[source[~fixed]] = relax(part, uv[source], options).uv[~fixed]
+    return out
+
+
+def _peaks(
+    cut_mesh: CutMesh, uv: FloatArray, stretch: FloatArray, most: float, helpless: BoolArray
+) -> IntArray:
+    """Inner vertices that slits should lead to: where the curvature lies that stretches faces too much.
+
+    Each face that is stretched too much counts for the nearest local maximum of the smoothed distortion of area;
+    those maxima that count least are left, as many as the share that may stay holds.
+    """
+    n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
+    over = (stretch > most) & ~helpless
+    inside = np.zeros(cut_mesh.n_charts, bool)
+    inside[cut_mesh.chart[over]] = True
+    on_boundary = np.zeros(n, bool)
+    on_boundary[flat[cut_mesh.boundary]] = True
+    field = smoothed_area_distortion(cut_mesh, uv)
+    a, b = flat, cut_mesh.faces[:, [1, 2, 0]].ravel()
+    highest = np.maximum(group_max(field[b], a, n), group_max(field[a], b, n))
+    top = (field >= highest) & ~on_boundary & inside[cut_mesh.vertex_chart]
+    peaks = np.flatnonzero(top)
+    if len(peaks) == 0:
+        return peaks
+    links = undirected(n, a, b, cut_mesh.edge_lengths.ravel())
+    distance, _, source = nearest(links, peaks)
+    corner = cut_mesh.faces[over]
+    first = corner[np.arange(len(corner)), distance[corner].argmin(1)]
+    of = source[first]
+    found = of >= 0
+    gain = group_sum(cut_mesh.areas[over][found], of[found], n) / cut_mesh.areas.sum()
+    peaks = np.flatnonzero(gain > 0)
+    order = peaks[np.argsort(gain[peaks], kind="stable")]
+    left = cut_mesh.areas[(stretch > most) & helpless].sum() / cut_mesh.areas.sum()
+    return order[left + np.cumsum(gain[order]) > AIMED * TAIL]
+
+
+def _slit(
+    atlas: Atlas, cut_mesh: CutMesh, peaks: IntArray, limits: Limits, monitor: Monitor
+) -> BoolArray:
+    """Slit charts towards peaks and lay them out again; (m,) bool: faces of charts that stay as they were."""
+    cut, corners = atlas.cut.copy(), atlas.corners.copy()
+    which = np.zeros(cut_mesh.n_charts, bool)
+    which[cut_mesh.vertex_chart[peaks]] = True
+    slit = slit_to(atlas, cut_mesh, peaks, REACH)
+    faces = slit[cut_mesh.chart]
+    after = atlas.cut_mesh()
+    changed = np.zeros(after.n_charts, bool)
+    changed[after.chart[faces]] = True
+    sub, vid, fid = after.subset(changed)
+    uv, fine = even_out(sub, atlas.gather(after)[vid], limits, monitor)
+    atlas.corners[fid] = uv[sub.faces]
+    failed = which[cut_mesh.chart] & ~faces
+    failed[fid] = ~fine[sub.chart]
+    atlas.corners[failed] = corners[failed]
+    back = failed[atlas.surface.edges // 3].all(1)
+    atlas.cut[back] = cut[back]
+    return failed
+
+
+def _split(
+    atlas: Atlas, cut_mesh: CutMesh, over: FloatArray, limits: Limits, monitor: Monitor
+) -> bool:
+    """Split the chart that has the longest tail; whether that made it shorter (else it stays as it was).
+
+    A chart that lies on itself once it is relaxed to the end is cut there, any other is halved.
+    """
+    faces = (over.argmax() == cut_mesh.chart)
+    part = atlas.part(faces)
+    inner = part.cut_mesh()
+    uv = relax(inner, part.gather(inner), SETTLED, monitor).uv
+    laid = judge(inner, uv)
+    graph = dual_graph(part.surface, part.flat)
+    if not laid.bad(limits.bound).any():
+        return False
+    enforce(part, graph, laid, limits.bound, SETTLED, monitor)
+    after, uv = part.open()
+    uv, _ = even_out(after, uv, limits, monitor)
+    part.scatter(after, uv)
+    share = part.surface.areas.sum() / atlas.surface.areas.sum()
+    left = _share_over(after, face_stretch(after, uv), limits.most).sum() * share
+    if judge(after, uv).bad(limits.bound).any() or left >= over.max():
+        return False
+    atlas.put(faces, part)
+    return True
