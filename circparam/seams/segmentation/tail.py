@@ -1,8 +1,8 @@
 """The tail of the distortion: what the mean over a chart hides, at finger tips, ears and dents.
 
-Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too much,
-the others, of which there are a hundred times as many, give way by little. Where that is not enough, a slit leads
-from the boundary towards the curvature that asks for it.
+Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
+much, the others, of which there are a hundred times as many, give way by little. Where that is not enough, a
+slit leads from the boundary towards the curvature that asks for it, and at last a chart is split.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_max, group_sum
 from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion, face_stretch
@@ -22,7 +22,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
-from circparam.seams.segmentation.slits import smoothed_area_distortion, slit_to
+from circparam.seams.segmentation.slits import slit_to, smoothed_area_distortion
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.untangle import cut_out
 
@@ -37,9 +37,30 @@ STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
 SETTLED = RelaxOptions(tolerance=1e-4, max_iterations=30)
 SMALL = 2000  # faces up to which a chart moves as a whole
 NEAR = 0.15  # share of the root of a chart's area that moves round such faces at first
-GROWTH = 1.5  # times so much more a round
-TURNS = 6  # of slits, each followed by weighing
+GROWTH = 1.25  # times so much more a round
+PEAK = 0.3  # logarithm of how much areas grow or shrink, below which a vertex is no peak of it
+FACES_A_RING = (
+    40  # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
+)
+HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
+TURNS = 8  # of slits and splits
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
+
+
+@dataclass(frozen=True)
+class Limits:
+    """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of
+    the surface may exceed.
+    """
+
+    bound: float
+    most: float
+    allowed: float = AIMED * TAIL
+
+    def without(self, over: float, whole: CutMesh, part: CutMesh) -> Limits:
+        """For a part of the surface, where the other parts use so much of the share."""
+        left = max(self.allowed - over, 0.0)
+        return replace(self, allowed=left * float(whole.areas.sum() / part.areas.sum()))
 
 
 def hold_stretch(atlas: Atlas, bound: float, most: float, monitor: Monitor) -> None:
@@ -47,20 +68,23 @@ def hold_stretch(atlas: Atlas, bound: float, most: float, monitor: Monitor) -> N
 
     bound: no chart that is below it comes above. Charts stay as they are where nothing helps. Deterministic.
     """
-    helpless = np.zeros(len(atlas.surface.faces), bool)  # faces of charts that slits have not helped
-    for turn in range(TURNS + 1):
+    limits = Limits(bound, most, AIMED * TAIL)
+    cut_mesh, uv = atlas.open()
+    atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
+    failed = np.zeros(
+        len(atlas.surface.faces), np.int64
+    )  # how often slits have not helped the chart
+    for _ in range(TURNS):
         cut_mesh, uv = atlas.open()
-        uv, changed = _weighed(cut_mesh, uv, bound, most, monitor)
-        if changed.any():
-            atlas.scatter(cut_mesh, uv)
         stretch = face_stretch(cut_mesh, uv)
         over = _share_over(cut_mesh, stretch, most)
-        if over.sum() <= AIMED * TAIL or turn == TURNS or monitor.expired:
+        if over.sum() <= limits.allowed or monitor.expired:
             return
-        peaks = _peaks(cut_mesh, uv, stretch, most, helpless)
+        goal = _open_boundary(cut_mesh)
+        peaks = _peaks(cut_mesh, uv, stretch, most, goal, failed > 1)
         if len(peaks):
-            helpless |= _slit(atlas, cut_mesh, peaks, Limits(bound, most, 0.0), monitor)
-        elif not _split(atlas, cut_mesh, over, Limits(bound, most, 0.0), monitor):
+            failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
+        elif not _split(atlas, cut_mesh, over, limits, monitor):
             return
 
 
@@ -70,37 +94,20 @@ def _share_over(cut_mesh: CutMesh, stretch: FloatArray, most: float) -> FloatArr
     return group_sum(over, cut_mesh.chart, cut_mesh.n_charts) / cut_mesh.areas.sum()
 
 
-def _weighed(
-    cut_mesh: CutMesh, uv: FloatArray, bound: float, most: float, monitor: Monitor
-) -> tuple[FloatArray, BoolArray]:
-    """(layout with a shorter tail, (n,) bool: charts that changed), of as few charts as need it."""
-    over = _share_over(cut_mesh, face_stretch(cut_mesh, uv), most)
-    changed = np.zeros(cut_mesh.n_charts, bool)
-    if over.sum() <= AIMED * TAIL:
-        return uv, changed
+def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor) -> FloatArray:
+    """The layout with a shorter tail, of as few charts as need it."""
+    over = _share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
+    if over.sum() <= limits.allowed:
+        return uv
     # charts with hardly a tail keep it
     order = np.argsort(over, kind="stable")
-    kept = np.cumsum(over[order]) <= AIMED * TAIL / 2
+    kept = np.cumsum(over[order]) <= limits.allowed / 2
     which = np.ones(cut_mesh.n_charts, bool)
     which[order[kept]] = False
     sub, vid, _ = cut_mesh.subset(which)
-    allowed = (AIMED * TAIL - over[~which].sum()) * cut_mesh.areas.sum() / sub.areas.sum()
-    part, better = even_out(sub, uv[vid], Limits(bound, most, allowed), monitor)
     out = uv.copy()
-    out[vid] = part
-    changed[which] = better
-    return out, changed
-
-
-@dataclass(frozen=True)
-class Limits:
-    """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of the
-    surface may exceed.
-    """
-
-    bound: float
-    most: float
-    allowed: float = AIMED * TAIL
+    out[vid], _ = even_out(sub, uv[vid], limits.without(over[~which].sum(), cut_mesh, sub), monitor)
+    return out
 
 
 def even_out(
@@ -156,14 +163,14 @@ def even_out(
 def _relaxed_near(
     cut_mesh: CutMesh, uv: FloatArray, weight: FloatArray, reach: FloatArray
 ) -> FloatArray:
-    """Relax the faces within reach ((n,) by charts) of those that weigh more than their areas; the rest stays."""
+    """Relax the faces within reach ((n,) by charts) of those that weigh more than 1; the rest stays."""
     heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
     middle = np.c_[uv[cut_mesh.faces].mean(1), 4.0 * cut_mesh.chart * np.ptp(uv, axis=0).max()]
     far, _ = cKDTree(middle[heavy]).query(middle, distance_upper_bound=float(reach.max()))
     region = far < reach[cut_mesh.chart]
     hold = np.zeros(len(uv), bool)
     # one vertex of a chart that moves as a whole
-    whole = group_sum(~region, cut_mesh.chart, cut_mesh.n_charts) == 0
+    whole = group_count(cut_mesh.chart[~region], cut_mesh.n_charts) == 0
     first = np.unique(cut_mesh.chart, return_index=True)[1][whole]
     hold[cut_mesh.faces[first, 0]] = True
     still = hold.copy()
@@ -180,24 +187,43 @@ def _relaxed_near(
     return out
 
 
-def _peaks(
-    cut_mesh: CutMesh, uv: FloatArray, stretch: FloatArray, most: float, helpless: BoolArray
-) -> IntArray:
-    """Inner vertices that slits should lead to: where the curvature lies that stretches faces too much.
+def _open_boundary(cut_mesh: CutMesh) -> BoolArray:
+    """(nv,) bool: vertices of the boundaries that a slit may lead to: all but those of small holes."""
+    loops = cut_mesh.loops
+    longest = group_max(loops.length, loops.chart, cut_mesh.n_charts)
+    large = loops.length >= HOLE * longest[loops.chart]
+    out = np.zeros(cut_mesh.n_vertices, bool)
+    out[cut_mesh.faces.ravel()[loops.half_edges[large[loops.loop_of]]]] = True
+    return out
 
-    Each face that is stretched too much counts for the nearest local maximum of the smoothed distortion of area;
-    those maxima that count least are left, as many as the share that may stay holds.
+
+def _peaks(
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    stretch: FloatArray,
+    most: float,
+    goal: BoolArray,
+    helpless: BoolArray,
+) -> IntArray:
+    """Vertices that slits should lead to: where the curvature lies that stretches faces too much.
+
+    Each face that is stretched too much counts for the nearest local maximum of the smoothed distortion of
+    area; those maxima that count least are left, as many as the share that may stay holds. goal: (nv,) bool,
+    where slits begin. helpless: (m,) bool, faces that no slit helps.
     """
     n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
     over = (stretch > most) & ~helpless
     inside = np.zeros(cut_mesh.n_charts, bool)
     inside[cut_mesh.chart[over]] = True
-    on_boundary = np.zeros(n, bool)
-    on_boundary[flat[cut_mesh.boundary]] = True
-    field = smoothed_area_distortion(cut_mesh, uv)
+    rings = 4 + int(np.sqrt(np.bincount(cut_mesh.chart).max()) / FACES_A_RING)
+    field = smoothed_area_distortion(cut_mesh, uv, rings)
     a, b = flat, cut_mesh.faces[:, [1, 2, 0]].ravel()
-    highest = np.maximum(group_max(field[b], a, n), group_max(field[a], b, n))
-    top = (field >= highest) & ~on_boundary & inside[cut_mesh.vertex_chart]
+    field[goal] = 0.0
+    highest = field
+    for _ in range(rings):
+        highest = np.maximum(highest, group_max(highest[b], a, n))
+        highest = np.maximum(highest, group_max(highest[a], b, n))
+    top = (field >= highest) & (field >= PEAK) & ~goal & inside[cut_mesh.vertex_chart]
     peaks = np.flatnonzero(top)
     if len(peaks) == 0:
         return peaks
@@ -211,30 +237,44 @@ def _peaks(
     peaks = np.flatnonzero(gain > 0)
     order = peaks[np.argsort(gain[peaks], kind="stable")]
     left = cut_mesh.areas[(stretch > most) & helpless].sum() / cut_mesh.areas.sum()
-    return order[left + np.cumsum(gain[order]) > AIMED * TAIL]
+    chosen: IntArray = order[left + np.cumsum(gain[order]) > AIMED * TAIL]
+    return chosen
 
 
 def _slit(
-    atlas: Atlas, cut_mesh: CutMesh, peaks: IntArray, limits: Limits, monitor: Monitor
+    atlas: Atlas,
+    cut_mesh: CutMesh,
+    peaks: IntArray,
+    goal: BoolArray,
+    failed: IntArray,
+    limits: Limits,
+    monitor: Monitor,
 ) -> BoolArray:
-    """Slit charts towards peaks and lay them out again; (m,) bool: faces of charts that stay as they were."""
+    """Slit charts towards peaks and lay them out again; (m,) bool: faces of charts that stay as they were.
+
+    failed: (m,) how often that was so before. The first slits lead half of the way, then they lead all of it.
+    """
     cut, corners = atlas.cut.copy(), atlas.corners.copy()
     which = np.zeros(cut_mesh.n_charts, bool)
     which[cut_mesh.vertex_chart[peaks]] = True
-    slit = slit_to(atlas, cut_mesh, peaks, REACH)
+    again = group_max(failed.astype(float), cut_mesh.chart, cut_mesh.n_charts) > 0
+    reach = np.where(again[cut_mesh.vertex_chart[peaks]], 1.0, REACH)
+    slit = slit_to(atlas, cut_mesh, peaks, goal, reach)
     faces = slit[cut_mesh.chart]
     after = atlas.cut_mesh()
     changed = np.zeros(after.n_charts, bool)
     changed[after.chart[faces]] = True
     sub, vid, fid = after.subset(changed)
+    over = _share_over(cut_mesh, face_stretch(cut_mesh, atlas.gather(cut_mesh)), limits.most)
+    limits = limits.without(over[~slit].sum(), cut_mesh, sub)
     uv, fine = even_out(sub, atlas.gather(after)[vid], limits, monitor)
     atlas.corners[fid] = uv[sub.faces]
-    failed = which[cut_mesh.chart] & ~faces
-    failed[fid] = ~fine[sub.chart]
-    atlas.corners[failed] = corners[failed]
-    back = failed[atlas.surface.edges // 3].all(1)
-    atlas.cut[back] = cut[back]
-    return failed
+    back = which[cut_mesh.chart] & ~faces
+    back[fid] = ~fine[sub.chart]
+    atlas.corners[back] = corners[back]
+    inner = back[atlas.surface.edges // 3].all(1)
+    atlas.cut[inner] = cut[inner]
+    return back
 
 
 def _split(
@@ -244,7 +284,7 @@ def _split(
 
     A chart that lies on itself once it is relaxed to the end is cut there, any other is halved.
     """
-    faces = (over.argmax() == cut_mesh.chart)
+    faces = over.argmax() == cut_mesh.chart
     part = atlas.part(faces)
     inner = part.cut_mesh()
     uv = relax(inner, part.gather(inner), SETTLED, monitor).uv
@@ -254,7 +294,8 @@ def _split(
         return False
     enforce(part, graph, laid, limits.bound, SETTLED, monitor)
     after, uv = part.open()
-    uv, _ = even_out(after, uv, limits, monitor)
+    rest = limits.without(over.sum() - over.max(), cut_mesh, after)
+    uv, _ = even_out(after, uv, rest, monitor)
     part.scatter(after, uv)
     share = part.surface.areas.sum() / atlas.surface.areas.sum()
     left = _share_over(after, face_stretch(after, uv), limits.most).sum() * share
