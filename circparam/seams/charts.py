@@ -14,7 +14,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
-from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
+from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
 from circparam.seams.multires.decimate import SMALL_COMPONENT, Proxy, decimate
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
@@ -38,6 +38,7 @@ from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.state import arcs_of
+from circparam.seams.segmentation.tail import Limits, hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.solvers.newton import RelaxOptions
@@ -91,6 +92,9 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         atlas = bounded_atlas(opened, bound, options, monitor, notes)
     else:
         atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
+    with monitor.stage("stretch"):
+        free = options.max_charts is None and options.min_chart_faces == 1
+        hold_stretch(atlas, Limits(bound, options.max_stretch), monitor, mirror is None, free)
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)
@@ -144,6 +148,8 @@ def bounded_atlas(
         if doubtful.any() and not monitor.expired:
             other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
             take_better(atlas, doubtful, other, CHART_COST)
+    if hard.any():
+        atlas.prices = seam_prices(surface)
     return atlas
 
 

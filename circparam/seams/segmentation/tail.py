@@ -24,6 +24,7 @@ from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.slits import slit_to, smoothed_area_distortion
 from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.separate import push_apart
 from circparam.solvers.untangle import cut_out
 
 TAIL = 1e-3  # share of the surface on which the stretch may be larger
@@ -35,6 +36,7 @@ ROUNDS = 8  # of weighing; most charts need three
 PATIENCE = 3  # rounds without headway after which a chart is left
 STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
 SETTLED = RelaxOptions(tolerance=1e-4, max_iterations=30)
+GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 SMALL = 2000  # faces up to which a chart moves as a whole
 NEAR = 0.15  # share of the root of a chart's area that moves round such faces at first
 GROWTH = 1.25  # times so much more a round
@@ -43,7 +45,7 @@ FACES_A_RING = (
     40  # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
 )
 HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
-TURNS = 8  # of slits and splits
+TURNS = 5  # of slits and splits
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
@@ -63,35 +65,38 @@ class Limits:
         return replace(self, allowed=left * float(whole.areas.sum() / part.areas.sum()))
 
 
-def hold_stretch(atlas: Atlas, bound: float, most: float, monitor: Monitor) -> None:
-    """Bring the share of the surface that is stretched or shrunk more than ``most`` times below TAIL.
+def hold_stretch(
+    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
+) -> None:
+    """Bring the share of the surface that is stretched or shrunk too much below what is allowed.
 
-    bound: no chart that is below it comes above. Charts stay as they are where nothing helps. Deterministic.
+    slits, splits: whether seams may be added where weights do not help, and charts be split where slits do not.
+    No chart comes above the bound that was not; charts stay as they are where nothing helps. Deterministic.
     """
-    limits = Limits(bound, most, AIMED * TAIL)
     cut_mesh, uv = atlas.open()
     atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
     failed = np.zeros(
         len(atlas.surface.faces), np.int64
     )  # how often slits have not helped the chart
-    for _ in range(TURNS):
+    for _ in range(TURNS if slits else 0):
         cut_mesh, uv = atlas.open()
         stretch = face_stretch(cut_mesh, uv)
-        over = _share_over(cut_mesh, stretch, most)
+        over = _share_over(cut_mesh, stretch, limits.most)
         if over.sum() <= limits.allowed or monitor.expired:
             return
         goal = _open_boundary(cut_mesh)
-        peaks = _peaks(cut_mesh, uv, stretch, most, goal, failed > 1)
+        peaks = _peaks(cut_mesh, uv, (stretch > limits.most) & (failed <= 1), goal, limits.allowed)
         if len(peaks):
             failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
-        elif not _split(atlas, cut_mesh, over, limits, monitor):
+        elif not (splits and _split(atlas, cut_mesh, over, limits, monitor)):
             return
 
 
 def _share_over(cut_mesh: CutMesh, stretch: FloatArray, most: float) -> FloatArray:
     """(n,) area of each chart that is stretched more than ``most`` times, over that of the surface."""
-    over = cut_mesh.areas * (stretch > most)
-    return group_sum(over, cut_mesh.chart, cut_mesh.n_charts) / cut_mesh.areas.sum()
+    area = group_sum(cut_mesh.areas * (stretch > most), cut_mesh.chart, cut_mesh.n_charts)
+    share: FloatArray = area / cut_mesh.areas.sum()
+    return share
 
 
 def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor) -> FloatArray:
@@ -118,46 +123,70 @@ def even_out(
     Returns ((nv, 2) the best layout of each chart: neither folded, overlapping nor above the bound (or what it
     was before, where that is higher); (n,) bool: charts that got better).
     """
-    n, chart = cut_mesh.n_charts, cut_mesh.chart
-    most = limits.most
+    n, chart, most = cut_mesh.n_charts, cut_mesh.chart, limits.most
     limit = np.maximum(chart_distortion(cut_mesh, uv), limits.bound)
     stretch = face_stretch(cut_mesh, uv)
-    least = _share_over(cut_mesh, stretch, most)
-    out, at = uv.copy(), uv
-    weight, better = np.ones(len(chart)), np.zeros(n, bool)
-    idle = np.where(least > 0, 0, PATIENCE)
-    aim = 1 + AIM * (most - 1)
+    start = _share_over(cut_mesh, stretch, most)
+    best, folded = _Best(uv, start), _Best(uv, start)
+    at, weight = uv, np.ones(len(chart))
+    idle = np.where(start > 0, 0, PATIENCE)
     small = np.bincount(chart, minlength=n) <= SMALL
     for turn in range(ROUNDS):
         active = idle < PATIENCE
-        if not active.any() or least.sum() <= limits.allowed or monitor.expired:
+        if not active.any() or best.over.sum() <= limits.allowed or monitor.expired:
             break
-        heavier = np.minimum(weight * np.maximum(stretch / aim, 1.0) ** POWER, HEAVIEST)
-        weight = np.where(active[chart], heavier, weight)
+        heavier = weight * np.maximum(stretch / (1 + AIM * (most - 1)), 1.0) ** POWER
+        weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
         reach = np.where(small, np.inf, NEAR * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
-        reach[~active] = 0.0
-        at = _relaxed_near(cut_mesh, at, weight, reach)
+        at = _relaxed_near(cut_mesh, at, weight, np.where(active, reach, 0.0))
         stretch = face_stretch(cut_mesh, at)
         over = _share_over(cut_mesh, stretch, most)
-        good = active & (over < least) & (chart_distortion(cut_mesh, at) <= limit)
-        coiled = np.zeros(n, bool)
-        if good.any():
-            tested, inner, _ = cut_mesh.subset(good)
-            coiled[good] = self_overlapping(tested, at[inner])
-            good &= ~coiled
-        keep = good[cut_mesh.vertex_chart]
-        out[keep] = at[keep]
-        least, better = np.where(good, over, least), better | good
-        idle = np.where(good, 0, idle + 1)
-        idle[least == 0] = PATIENCE
+        good = active & (over < best.over) & (chart_distortion(cut_mesh, at) <= limit)
+        coiled = good & _overlapping(cut_mesh, at, good)
+        best = best.taken(cut_mesh, at, over, good & ~coiled)
         # what lies on itself when it moves as a whole is tried again near those faces alone
         again = coiled & small
+        folded = folded.taken(cut_mesh, at, over, good & ~again & (over < folded.over))
+        idle = np.where(good & ~coiled | again, 0, idle + 1)
+        idle[best.over == 0] = PATIENCE
         if again.any():
-            at = np.where(again[cut_mesh.vertex_chart][:, None], out, at)
-            stretch = np.where(again[chart], face_stretch(cut_mesh, out), stretch)
+            at = np.where(again[cut_mesh.vertex_chart][:, None], best.uv, at)
+            stretch = np.where(again[chart], face_stretch(cut_mesh, best.uv), stretch)
             weight = np.where(again[chart], 1.0, weight)
-            idle[again], small = 0, small & ~again
-    return out, better
+            small &= ~again
+    coiled = folded.over < best.over
+    if coiled.any() and best.over.sum() > limits.allowed:
+        sub, vid, _ = cut_mesh.subset(coiled)
+        at = folded.uv.copy()
+        at[vid], apart = push_apart(sub, at[vid], GAP, limits.bound, monitor)
+        over = _share_over(cut_mesh, face_stretch(cut_mesh, at), most)
+        coiled[coiled] = apart
+        best = best.taken(cut_mesh, at, over, coiled & (over < best.over))
+    return best.uv, best.over < start
+
+
+@dataclass(frozen=True, eq=False)
+class _Best:
+    """The best layout of each chart so far: uv (nv, 2), over (n,) as ``_share_over`` has it."""
+
+    uv: FloatArray
+    over: FloatArray
+
+    def taken(
+        self, cut_mesh: CutMesh, uv: FloatArray, over: FloatArray, better: BoolArray
+    ) -> _Best:
+        """With another layout of some charts ((n,) bool)."""
+        keep = better[cut_mesh.vertex_chart][:, None]
+        return _Best(np.where(keep, uv, self.uv), np.where(better, over, self.over))
+
+
+def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> BoolArray:
+    """(n,) bool: the chart is one of those asked for and overlaps itself."""
+    out = which.copy()
+    if which.any():
+        sub, vid, _ = cut_mesh.subset(which)
+        out[which] = self_overlapping(sub, uv[vid])
+    return out
 
 
 def _relaxed_near(
@@ -198,21 +227,15 @@ def _open_boundary(cut_mesh: CutMesh) -> BoolArray:
 
 
 def _peaks(
-    cut_mesh: CutMesh,
-    uv: FloatArray,
-    stretch: FloatArray,
-    most: float,
-    goal: BoolArray,
-    helpless: BoolArray,
+    cut_mesh: CutMesh, uv: FloatArray, over: BoolArray, goal: BoolArray, allowed: float
 ) -> IntArray:
     """Vertices that slits should lead to: where the curvature lies that stretches faces too much.
 
-    Each face that is stretched too much counts for the nearest local maximum of the smoothed distortion of
-    area; those maxima that count least are left, as many as the share that may stay holds. goal: (nv,) bool,
-    where slits begin. helpless: (m,) bool, faces that no slit helps.
+    Each face that is stretched too much (over: (m,) bool) counts for the nearest local maximum of the smoothed
+    distortion of area; those maxima that count least are left, as many as the share allowed holds. goal: (nv,)
+    bool, where slits begin.
     """
     n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
-    over = (stretch > most) & ~helpless
     inside = np.zeros(cut_mesh.n_charts, bool)
     inside[cut_mesh.chart[over]] = True
     rings = 4 + int(np.sqrt(np.bincount(cut_mesh.chart).max()) / FACES_A_RING)
@@ -236,8 +259,7 @@ def _peaks(
     gain = group_sum(cut_mesh.areas[over][found], of[found], n) / cut_mesh.areas.sum()
     peaks = np.flatnonzero(gain > 0)
     order = peaks[np.argsort(gain[peaks], kind="stable")]
-    left = cut_mesh.areas[(stretch > most) & helpless].sum() / cut_mesh.areas.sum()
-    chosen: IntArray = order[left + np.cumsum(gain[order]) > AIMED * TAIL]
+    chosen: IntArray = order[np.cumsum(gain[order]) > allowed]
     return chosen
 
 
