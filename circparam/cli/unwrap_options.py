@@ -47,6 +47,12 @@ seams = [
         metavar="D",
         help="Bound that no chart exceeds; 1 is perfect.  [default: 1.05]",
     ),
+    click.option(
+        "--max-stretch",
+        type=float,
+        metavar="S",
+        help="Stretch and shrink that all but 0.1 % of the surface keep to.  [default: 2]",
+    ),
     click.option("--max-charts", type=int, metavar="N", help="At most so many charts."),
     click.option(
         "--min-chart-faces", type=int, metavar="K", help="Join smaller charts where it can be."

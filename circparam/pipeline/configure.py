@@ -73,6 +73,7 @@ def seam_options(
     """What the seams need to know, from the options and the file."""
     given: dict[str, Any] = {
         "max_distortion": o.max_distortion,
+        "max_stretch": o.max_stretch,
         "max_charts": o.max_charts,
         "min_chart_faces": o.min_chart_faces,
         "sharp": o.sharp,

@@ -12,6 +12,8 @@ import difflib
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from circparam.core.arrays import FloatArray
 from circparam.errors import OptionError
 
@@ -40,10 +42,11 @@ class Options:
     ``bff_border`` "disk", or the target length of each edge of the outer boundary.
 
     Seams: ``cut`` one of CUTS. ``max_distortion`` the area-weighted symmetric Dirichlet energy / 4 that no
-    chart may exceed (1 is perfect). ``max_charts``; ``min_chart_faces``. ``sharp`` radians between normals
-    from which an edge is always cut. ``keep_uv_seams`` starts from the charts of the file. ``seams`` and
-    ``no_seams`` (s, 2) vertex pairs. ``cut_materials`` None: where there are several. ``symmetry`` x|y|z|auto:
-    seams that are the mirror image of each other.
+    chart may exceed (1 is perfect). ``max_stretch`` how many times all but 0.1 % of the surface may be
+    stretched or shrunk. ``max_charts``; ``min_chart_faces``. ``sharp`` radians between normals from which
+    an edge is always cut. ``keep_uv_seams`` starts from the charts of the file. ``seams`` and ``no_seams``
+    (s, 2) vertex pairs. ``cut_materials`` None: where there are several. ``symmetry`` x|y|z|auto: seams
+    that are the mirror image of each other.
 
     Repair: ``repair`` False refuses what would have to be repaired; ``weld`` distance in mesh units.
 
@@ -74,6 +77,7 @@ class Options:
     bff_boundary: Any = None
     pins: FloatArray | None = None
     max_distortion: float | None = None
+    max_stretch: float | None = None
     max_charts: int | None = None
     min_chart_faces: int | None = None
     sharp: float | None = None
@@ -174,6 +178,11 @@ _RANGES: dict[str, tuple[float, float, str]] = {
         1e6,
         "a symmetric Dirichlet energy / 4: 1 is perfect, 1.05 the default",
     ),
+    "max_stretch": (
+        float(np.nextafter(1, 2)),
+        1e6,
+        "how many times the surface may be stretched or shrunk, more than 1: 2 is the default",
+    ),
     "max_charts": (1, 2**31, "a number of charts from 1 on"),
     "min_chart_faces": (1, 2**31, "a number of faces from 1 on"),
     "sharp": (0.0, 3.1416, "an angle between 0 and 180 degrees"),
@@ -240,6 +249,11 @@ def _check_applies(o: Options) -> None:
             ("max_distortion", "max_charts", "min_chart_faces", "keep_uv_seams", "symmetry"),
             o.cut == "charts",
             f"it shapes --cut charts, not --cut {o.cut}",
+        ),
+        (
+            ("max_stretch",),
+            o.cut == "charts" and o.method == "isometric" and not o.blend and o.pins is None,
+            "it shapes isometric layouts of --cut charts without --blend or --pin",
         ),
         (
             ("sharp", "seams", "no_seams", "cut_materials"),

@@ -19,8 +19,8 @@ from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.segmentation.enforce import enforce
-from circparam.seams.segmentation.grow import dual_graph
+from circparam.seams.segmentation.enforce import enforce, lay_out_sound
+from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.slits import slit_to, smoothed_area_distortion
 from circparam.solvers.newton import RelaxOptions, relax
@@ -45,7 +45,8 @@ FACES_A_RING = (
     40  # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
 )
 HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
-TURNS = 5  # of slits and splits
+TURNS = 12  # of slits and splits
+PIECES = (2, 4)  # that charts are split in, one after the other where that is no use
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
@@ -88,7 +89,9 @@ def hold_stretch(
         peaks = _peaks(cut_mesh, uv, (stretch > limits.most) & (failed <= 1), goal, limits.allowed)
         if len(peaks):
             failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
-        elif not (splits and _split(atlas, cut_mesh, over, limits, monitor)):
+        elif not splits or not any(
+            _split(atlas, cut_mesh, over, pieces, limits, monitor) for pieces in PIECES
+        ):
             return
 
 
@@ -300,28 +303,36 @@ def _slit(
 
 
 def _split(
-    atlas: Atlas, cut_mesh: CutMesh, over: FloatArray, limits: Limits, monitor: Monitor
+    atlas: Atlas,
+    cut_mesh: CutMesh,
+    over: FloatArray,
+    pieces: int,
+    limits: Limits,
+    monitor: Monitor,
 ) -> bool:
-    """Split the chart that has the longest tail; whether that made it shorter (else it stays as it was).
+    """Split the charts whose tail is too long; whether that made it shorter (else all stays as it was).
 
-    A chart that lies on itself once it is relaxed to the end is cut there, any other is halved.
+    Charts that lie on themselves once they are relaxed to the end are cut there, where there are any; else all
+    are split in so many pieces.
     """
-    faces = over.argmax() == cut_mesh.chart
-    part = atlas.part(faces)
-    inner = part.cut_mesh()
-    uv = relax(inner, part.gather(inner), SETTLED, monitor).uv
-    laid = judge(inner, uv)
+    share = cut_mesh.chart_areas / cut_mesh.areas.sum()
+    long = over > np.minimum(limits.allowed * share, over.max() / 2)
+    part = atlas.part(long[cut_mesh.chart])
     graph = dual_graph(part.surface, part.flat)
+    inner, uv = part.open()
+    laid = judge(inner, relax(inner, uv, SETTLED, monitor).uv)
     if not laid.bad(limits.bound).any():
-        return False
+        split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool), pieces)
+        make_disks(part, graph)
+        inner, uv = part.open()
+        laid = judge(inner, lay_out_sound(inner, uv, SETTLED, monitor))
     enforce(part, graph, laid, limits.bound, SETTLED, monitor)
     after, uv = part.open()
-    rest = limits.without(over.sum() - over.max(), cut_mesh, after)
+    rest = limits.without(over[~long].sum(), cut_mesh, after)
     uv, _ = even_out(after, uv, rest, monitor)
     part.scatter(after, uv)
-    share = part.surface.areas.sum() / atlas.surface.areas.sum()
-    left = _share_over(after, face_stretch(after, uv), limits.most).sum() * share
-    if judge(after, uv).bad(limits.bound).any() or left >= over.max():
+    left = _share_over(after, face_stretch(after, uv), limits.most).sum() * share[long].sum()
+    if judge(after, uv).bad(limits.bound).any() or left >= over[long].sum():
         return False
-    atlas.put(faces, part)
+    atlas.put(long[cut_mesh.chart], part)
     return True
