@@ -32,6 +32,7 @@ AIMED = 0.8  # of that share: what is aimed for, since a file stores rounded num
 AIM = 0.9  # of the excess of the largest stretch over 1: from there on a face weighs more
 POWER = 3  # of the stretch over that: by how much its weight grows a round
 HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layout folds
+SPARED = 0.5  # of the share allowed: the worst faces, which are left as they are
 ROUNDS = 8  # of weighing; most charts need three
 PATIENCE = 3  # rounds without headway after which a chart is left
 STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
@@ -45,7 +46,7 @@ FACES_A_RING = (
     40  # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
 )
 HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
-TURNS = 12  # of slits and splits
+TURNS = 8  # of slits and splits
 PIECES = (2, 4)  # that charts are split in, one after the other where that is no use
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
@@ -53,12 +54,13 @@ REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 @dataclass(frozen=True)
 class Limits:
     """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of
-    the surface may exceed.
+    the surface may exceed. spared: of that share, how much the worst faces may have that are left as they are.
     """
 
     bound: float
     most: float
     allowed: float = AIMED * TAIL
+    spared: float = SPARED
 
     def without(self, over: float, whole: CutMesh, part: CutMesh) -> Limits:
         """For a part of the surface, where the other parts use so much of the share."""
@@ -86,7 +88,10 @@ def hold_stretch(
         if over.sum() <= limits.allowed or monitor.expired:
             return
         goal = _open_boundary(cut_mesh)
-        peaks = _peaks(cut_mesh, uv, (stretch > limits.most) & (failed <= 1), goal, limits.allowed)
+        far = stretch > limits.most
+        helpless = float(cut_mesh.areas[far & (failed > 1)].sum() / cut_mesh.areas.sum())
+        left = limits.allowed - helpless
+        peaks = _peaks(cut_mesh, uv, far & (failed <= 1), goal, left)
         if len(peaks):
             failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
         elif not splits or not any(
@@ -113,8 +118,17 @@ def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
     which = np.ones(cut_mesh.n_charts, bool)
     which[order[kept]] = False
     sub, vid, _ = cut_mesh.subset(which)
+    rest = limits.without(over[~which].sum(), cut_mesh, sub)
+    part, _ = even_out(sub, uv[vid], replace(rest, spared=0.0), monitor)
+    left = _share_over(sub, face_stretch(sub, part), limits.most)
+    if (
+        left.sum() > rest.allowed
+    ):  # some places are hopeless: without them the others may fare better
+        other, _ = even_out(sub, uv[vid], rest, monitor)
+        better = _share_over(sub, face_stretch(sub, other), limits.most) < left
+        part = np.where(better[sub.vertex_chart][:, None], other, part)
     out = uv.copy()
-    out[vid], _ = even_out(sub, uv[vid], limits.without(over[~which].sum(), cut_mesh, sub), monitor)
+    out[vid] = part
     return out
 
 
@@ -134,11 +148,13 @@ def even_out(
     at, weight = uv, np.ones(len(chart))
     idle = np.where(start > 0, 0, PATIENCE)
     small = np.bincount(chart, minlength=n) <= SMALL
+    spared = _worst(cut_mesh, stretch, limits.spared * limits.allowed)
     for turn in range(ROUNDS):
         active = idle < PATIENCE
         if not active.any() or best.over.sum() <= limits.allowed or monitor.expired:
             break
         heavier = weight * np.maximum(stretch / (1 + AIM * (most - 1)), 1.0) ** POWER
+        heavier[spared] = 1.0
         weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
         reach = np.where(small, np.inf, NEAR * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
         at = _relaxed_near(cut_mesh, at, weight, np.where(active, reach, 0.0))
@@ -166,6 +182,14 @@ def even_out(
         coiled[coiled] = apart
         best = best.taken(cut_mesh, at, over, coiled & (over < best.over))
     return best.uv, best.over < start
+
+
+def _worst(cut_mesh: CutMesh, stretch: FloatArray, share: float) -> BoolArray:
+    """(m,) bool: the faces that are stretched most, as many as such a share of the surface holds."""
+    order = np.argsort(-stretch, kind="stable")
+    out = np.zeros(len(stretch), bool)
+    out[order] = np.cumsum(cut_mesh.areas[order]) <= share * cut_mesh.areas.sum()
+    return out
 
 
 @dataclass(frozen=True, eq=False)
