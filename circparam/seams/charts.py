@@ -38,8 +38,9 @@ from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.state import arcs_of
-from circparam.seams.segmentation.tail import Limits, hold_stretch
+from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.poisson import from_jacobians
