@@ -12,8 +12,6 @@ import difflib
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from circparam.core.arrays import FloatArray
 from circparam.errors import OptionError
 
@@ -179,7 +177,7 @@ _RANGES: dict[str, tuple[float, float, str]] = {
         "a symmetric Dirichlet energy / 4: 1 is perfect, 1.05 the default",
     ),
     "max_stretch": (
-        float(np.nextafter(1, 2)),
+        1 + 1e-9,
         1e6,
         "how many times the surface may be stretched or shrunk, more than 1: 2 is the default",
     ),
