@@ -183,4 +183,6 @@ def test_faces_are_measured_at_the_scale_of_their_own_chart():
     cut_mesh, uv = flat(2)
     grown = uv * np.where(cut_mesh.vertex_chart == 1, 4.0, 1.0)[:, None]
     np.testing.assert_allclose(face_stretch(cut_mesh, grown), 1)
-    assert measure(cut_mesh, grown).tail.percentile(50) > 1.5  # one density for both is worse
+    # one density for both: at the best scale, a half, one is shrunk and the other stretched to twice
+    assert measure(cut_mesh, grown).tail.percentile(1) == pytest.approx(2)
+    assert measure(cut_mesh, grown).tail.percentile(99) == pytest.approx(2)

@@ -49,7 +49,7 @@ def test_weights_shorten_the_tail_and_keep_to_the_bound(shape):
 
 def test_nothing_moves_where_the_bound_leaves_no_room_or_nothing_is_to_be_done():
     cut_mesh, uv = relaxed(shapes.spiked_disk(400, 2.0))
-    most = float(np.quantile(face_stretch(cut_mesh, uv), 0.98))
+    most = 0.8 * float(np.quantile(face_stretch(cut_mesh, uv), 0.995)) + 0.2
     for limits in (Limits(1.0, most, 0.0), Limits(9.0, most, 0.5), Limits(9.0, 1e3, 0.0)):
         out, better = even_out(cut_mesh, uv, limits, Monitor())
         assert np.array_equal(out, uv)
