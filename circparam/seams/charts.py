@@ -66,6 +66,8 @@ REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split th
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
+STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
+STRICT = 1.05  # bound up to which seams are added for that
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
 HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
@@ -94,8 +96,11 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     else:
         atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
     with monitor.stage("stretch"):
-        free = options.max_charts is None and options.min_chart_faces == 1
-        hold_stretch(atlas, Limits(bound, options.max_stretch), monitor, mirror is None, free)
+        # who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for
+        asked = options.max_stretch is not None or options.max_distortion <= STRICT
+        free = asked and options.max_charts is None and options.min_chart_faces == 1
+        limits = Limits(bound, options.max_stretch or STRETCH)
+        hold_stretch(atlas, limits, monitor, asked and mirror is None, free)
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)

@@ -12,7 +12,8 @@ class SeamOptions:
     """What is asked of the seams.
 
     max_distortion: the symmetric Dirichlet energy / 4 that no chart may exceed (1 is perfect). max_stretch:
-    how many times all but 0.1 % of the surface may be stretched or shrunk. max_charts: None for no bound.
+    how many times all but 0.1 % of the surface may be stretched or shrunk; None for twice, and no seams for it
+    where max_distortion is above 1.05. max_charts: None for no bound.
     min_chart_faces: charts below it join a neighbour where they can. sharp: radians between the normals of
     two faces from which their edge is always a seam, None for no edge. cut, no_cut: (k, 2) pairs of points
     of the surface (mesh vertices through ``RepairReport.weld``) whose edge must be, or may not be, a seam.
@@ -22,7 +23,7 @@ class SeamOptions:
     """
 
     max_distortion: float = 1.05
-    max_stretch: float = 2.0
+    max_stretch: float | None = None
     max_charts: int | None = None
     min_chart_faces: int = 1
     sharp: float | None = None
