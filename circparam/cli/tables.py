@@ -69,6 +69,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
         f"{_number(report['distortion'])} (worst chart {_number(report['distortion_max_chart'])}; "
         "1 is perfect)",
     )
+    row("stretch", _tail(report))
     row("seam length", f"{_number(report['seam_length'])} x sqrt(area)")
     if report["pack"] is not None:
         row("packed", f"{100 * report['pack']:.1f} % of the page")
@@ -136,12 +137,20 @@ def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
         f"{_number(uv['distortion'])} (worst chart {_number(uv['distortion_max_chart'])})",
     )
     row("stretch L2, L-infinity", f"{_number(uv['stretch_l2'])}, {_number(uv['stretch_linf'])}")
+    row("stretch", _tail(uv))
     row("angle, area", f"{_number(uv['angle'])}, {_number(uv['area'])}")
     row("seam length", f"{_number(uv['seam_length'])} x sqrt(area)")
     if uv["pack"] is not None:
         row("packed", f"{100 * uv['pack']:.1f} %")
     for line in uv["faults"]:
         row("fault", line)
+
+
+def _tail(report: dict[str, Any]) -> str:
+    """How far most of the surface is stretched or shrunk, at most."""
+    names = (("stretch_p95", "95"), ("stretch_p99", "99"), ("stretch_p999", "99.9"))
+    shares = ", ".join(f"{report[name]:.3g} on {percent} %" for name, percent in names)
+    return f"at most {shares}"
 
 
 def _number(value: float | None) -> str:

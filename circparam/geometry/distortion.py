@@ -96,10 +96,44 @@ METRICS: Table[Metric] = Table(
 
 
 @dataclass(frozen=True, eq=False)
+class Tail:
+    """How far single faces are stretched or shrunk: what a mean does not tell.
+
+    stretch: (f,) max(σ1, 1/σ2) of each face that has a shape, ascending; 1 is perfect. share: (f,) how much of
+    the surface has no more than that, up to 1.
+    """
+
+    stretch: FloatArray
+    share: FloatArray
+
+    @classmethod
+    def of(cls, stretch: FloatArray, area: FloatArray) -> Tail:
+        """From the stretch of each face and its area on the surface, (f,) each."""
+        order = np.argsort(stretch, kind="stable")
+        below = np.cumsum(area[order])
+        return cls(stretch[order], below / max(float(below[-1]), 1e-300) if len(below) else below)
+
+    def percentile(self, percent: float) -> float:
+        """The stretch that so much of the surface does not exceed; 1 where there is none."""
+        if len(self.stretch) == 0:
+            return 1.0
+        at = np.searchsorted(self.share, percent / 100)
+        return float(self.stretch[min(int(at), len(self.stretch) - 1)])
+
+    def share_over(self, most: float) -> float:
+        """The share of the surface, 0 to 1, that is stretched or shrunk more than ``most`` times."""
+        inside = int(np.searchsorted(self.stretch, most, side="right"))
+        if inside == len(self.stretch):
+            return 0.0
+        return 1.0 - (float(self.share[inside - 1]) if inside else 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class Measures:
     """whole: value of each row of METRICS. charts: (n_charts,) values of each. flips: faces reversed or
     collapsed, chart_flips (n_charts,). faces: all; degenerate: those without a shape, left out of everything.
     scale: by what the layout must be multiplied for the best symmetric Dirichlet energy of the whole.
+    tail: how far single faces are stretched or shrunk at that scale.
     """
 
     whole: dict[str, float]
@@ -109,6 +143,7 @@ class Measures:
     faces: int
     degenerate: int
     scale: float
+    tail: Tail
 
     @property
     def sd(self) -> float:
@@ -155,6 +190,7 @@ def measure(cut_mesh: CutMesh, uv: FloatArray, signs: IntArray | None = None) ->
         len(cut_mesh.faces),
         int((~live).sum()),
         equal * k,
+        Tail.of(np.maximum(large * k, 1 / (small * k)), surface),
     )
 
 
@@ -167,6 +203,20 @@ def chart_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         energy = np.sqrt(square) * np.sqrt(inverse) / (2 * surface)
     return np.where(surface > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)
+
+
+def face_stretch(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """(m,) max(σ1, 1/σ2) of each face with its chart at its own best scale; 1 is perfect.
+
+    Charts that are packed at those scales have them at the scale of the atlas. 1 for faces without a shape.
+    """
+    live = _live(cut_mesh)
+    scaled = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
+    large, small, _ = _singular(cut_mesh, scaled, live)
+    out = np.ones(len(cut_mesh.faces))
+    with np.errstate(invalid="ignore"):
+        out[live] = np.maximum(large, 1 / np.maximum(small, COLLAPSED))
+    return out
 
 
 def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:

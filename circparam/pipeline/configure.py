@@ -59,7 +59,9 @@ def seam_options(
     document: Document, surface: Surface, repair_report: RepairReport, o: Options
 ) -> SeamOptions:
     """What the seams need to know, from the options and the file."""
-    given = _given(o, ("max_distortion", "max_charts", "min_chart_faces", "sharp", "symmetry"))
+    given = _given(
+        o, ("max_distortion", "max_stretch", "max_charts", "min_chart_faces", "sharp", "symmetry")
+    )
     groups = document.mesh.groups
     several = groups is not None and len(np.unique(groups)) > 1
     check_scene(document, o)

@@ -82,6 +82,13 @@ def _with_charts(o: Options, name: str) -> str | None:
     return None if o.cut == "charts" else f"it shapes --cut charts, not --cut {o.cut}"
 
 
+def _with_isometric_charts(o: Options, name: str) -> str | None:
+    plain = o.method == "isometric" and not o.blend and o.pins is None
+    if o.cut == "charts" and plain:
+        return None
+    return "it shapes isometric layouts of --cut charts without --blend or --pin"
+
+
 def _with_seams(o: Options, name: str) -> str | None:
     return None if o.cut != "none" else "--cut none makes no seams"
 
@@ -180,6 +187,15 @@ class Options:
         "seams", "Bound that no chart exceeds; 1 is perfect.", metavar="D", shown=str(DEFAULT_BOUND),
         bounds=Range(1.0, 1e6, "a symmetric Dirichlet energy / 4: 1 is perfect, 1.05 the default"),
         applies=_with_charts,
+    )
+    max_stretch: float | None = option(
+        "seams", "Stretch and shrink that all but 0.1 % of the surface keep to.", metavar="S", shown="2",
+        bounds=Range(
+            1 + 1e-9,
+            1e6,
+            "how many times the surface may be stretched or shrunk, more than 1: 2 is the default",
+        ),
+        applies=_with_isometric_charts,
     )
     max_charts: int | None = option(
         "seams", "At most so many charts.", metavar="N",

@@ -67,7 +67,7 @@ class Result:
 def promise(options: Options) -> Promise:
     """What the options promise of the layout."""
     padding = DEFAULT_PADDING if options.padding is None else options.padding
-    return Promise(options.bound, padding if options.packed else None)
+    return Promise(options.bound, padding if options.packed else None, options.max_stretch)
 
 
 def verify_layout(

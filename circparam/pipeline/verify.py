@@ -22,6 +22,7 @@ from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 
 BOUND_SLACK = 1e-4  # relative: what storing uv in float32 may add to a distortion
+TAIL = 1e-3  # share of the surface on which the stretch may be larger than promised
 EVEN = 1e-9  # share of a chart's area by which one side must outweigh the other
 EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may lie
 
@@ -75,6 +76,10 @@ class Verification:
             "distortion_max_chart": m.sd_max_chart,
             "stretch_l2": m.whole["stretch_l2"],
             "stretch_linf": m.whole["stretch_linf"],
+            "stretch_p95": m.tail.percentile(95),
+            "stretch_p99": m.tail.percentile(99),
+            "stretch_p999": m.tail.percentile(99.9),
+            "share_over_2": m.tail.share_over(2.0),
             "angle": m.whole["angle"],
             "area": m.whole["area"],
             "seam_length": self.seam_length,
@@ -232,10 +237,13 @@ def _boxes(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class Promise:
-    """What the options promise of a layout: bound None where the cut promises none; padding in texels."""
+    """What the options promise of a layout: bound None where the cut promises none; padding in texels; stretch
+    that all but ``TAIL`` of the surface keep to, None where nobody asked for one.
+    """
 
     bound: float | None = None
     padding: int | None = None
+    stretch: float | None = None
 
 
 def reasons(v: Verification, promise: Promise) -> list[str]:
@@ -260,6 +268,13 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
         if len(high):
             worst = v.measures.sd_max_chart
             out.append(f"{_named(high)} above the bound {promise.bound:g}: up to {worst:.4g}")
+    if promise.stretch is not None:
+        share = v.measures.tail.share_over(promise.stretch * (1 + BOUND_SLACK))
+        if share > TAIL:
+            out.append(
+                f"{100 * share:.2g} % of the surface are stretched or shrunk more than "
+                f"{promise.stretch:g} times: {100 * TAIL:g} % may be"
+            )
     if promise.padding is not None and v.coverage is not None:
         c = v.coverage
         if c.gap < promise.padding + 1 and c.near is not None:

@@ -13,7 +13,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
-from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
+from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
@@ -34,7 +34,9 @@ from circparam.seams.segmentation.grow import (
 from circparam.seams.segmentation.layout import ChartLayouts, judge
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.poisson import from_jacobians
@@ -50,6 +52,8 @@ REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split th
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
+STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
+STRICT = 1.05  # bound up to which seams are added for that
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 
 
@@ -74,6 +78,12 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         atlas = bounded_atlas(opened, bound, options, monitor, notes)
     else:
         atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
+    with monitor.stage("stretch"):
+        # who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for
+        asked = options.max_stretch is not None or options.max_distortion <= STRICT
+        free = asked and options.max_charts is None and options.min_chart_faces == 1
+        limits = Limits(bound, options.max_stretch or STRETCH)
+        hold_stretch(atlas, limits, monitor, asked and mirror is None, free)
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)
@@ -127,6 +137,8 @@ def bounded_atlas(
         if doubtful.any() and not monitor.expired:
             other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
             take_better(atlas, doubtful, other, CHART_COST)
+    if hard.any():
+        atlas.prices = seam_prices(surface)
     return atlas
 
 

@@ -11,16 +11,19 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 class SeamOptions:
     """What is asked of the seams.
 
-    max_distortion: the symmetric Dirichlet energy / 4 that no chart may exceed (1 is perfect). max_charts:
-    None for no bound. min_chart_faces: charts below it join a neighbour where they can. sharp: radians
-    between the normals of two faces from which their edge is always a seam, None for no edge. cut, no_cut:
-    (k, 2) pairs of points of the surface (mesh vertices through ``RepairReport.weld``) whose edge must be, or
-    may not be, a seam. groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are
-    seams. start: (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or
-    'auto' for the first of them, across which the seams are the mirror image of each other.
+    max_distortion: the symmetric Dirichlet energy / 4 that no chart may exceed (1 is perfect). max_stretch:
+    how many times all but 0.1 % of the surface may be stretched or shrunk; None for twice, and no seams for it
+    where max_distortion is above 1.05. max_charts: None for no bound.
+    min_chart_faces: charts below it join a neighbour where they can. sharp: radians between the normals of
+    two faces from which their edge is always a seam, None for no edge. cut, no_cut: (k, 2) pairs of points
+    of the surface (mesh vertices through ``RepairReport.weld``) whose edge must be, or may not be, a seam.
+    groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are seams. start:
+    (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or 'auto' for
+    the first of them, across which the seams are the mirror image of each other.
     """
 
     max_distortion: float = 1.05
+    max_stretch: float | None = None
     max_charts: int | None = None
     min_chart_faces: int = 1
     sharp: float | None = None

@@ -36,7 +36,8 @@ class RelaxOptions:
     tolerance: a chart has converged when the decrease that Newton's model predicts is below this share of its
     energy. max_iterations: bound on the steps. bound: charts whose energy falls to it stop there (None: none
     do). give_up: charts that Newton's model sees staying above this energy stop (None: none do).
-    fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy.
+    fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy. weight: (m,)
+    positive factor of the area of each face in the energy (None: 1); energies are those with the weights then.
     """
 
     tolerance: float = 1e-6
@@ -45,6 +46,7 @@ class RelaxOptions:
     give_up: float | None = None
     fixed: BoolArray | None = None
     blend: float = 0.0
+    weight: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +122,8 @@ class _Relaxation:
         self.iterations = np.zeros(n, np.int64)
         self.stopped = np.full(n, "iterations", dtype=object)
         self.floor = np.ones(n)
-        self.objective = Objective(cut_mesh, options.fixed, options.blend)
+        self.weight = options.weight
+        self.objective = Objective(cut_mesh, options.fixed, options.blend, self.weight)
         self.energy, self.jacobian = self.objective.energies(self.uv)
         self.stopped[~np.isfinite(self.energy)] = "flipped start"
         self.active = np.isfinite(self.energy)
@@ -150,10 +153,11 @@ class _Relaxation:
         inside = self.active[self.charts]
         if np.count_nonzero(inside[part.chart]) >= SMALLER * len(part.faces):
             return
-        part, kept, _ = part.subset(inside)
+        part, kept, faces = part.subset(inside)
+        self.weight = None if self.weight is None else self.weight[faces]
         self.charts, self.vertices = self.charts[inside], self.vertices[kept]
         fixed = None if self.options.fixed is None else self.options.fixed[self.vertices]
-        self.objective = Objective(part, fixed, self.options.blend)
+        self.objective = Objective(part, fixed, self.options.blend, self.weight)
         self.energy[self.charts], self.jacobian = self.objective.energies(self.uv[self.vertices])
 
     def _raise_floor(self, before: FloatArray, step: NewtonStep, inside: BoolArray) -> None:

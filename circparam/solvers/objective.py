@@ -30,16 +30,24 @@ class Objective:
     """The energy of every chart, Σ A E(J) / Σ A, its gradient and its Newton direction.
 
     cut_mesh: the charts, with n vertices and m faces. fixed: (n,) bool, vertices that stay where they are, or
-    None. blend: share of the conformal energy. The pattern of the Hessian and the aggregates of its
-    preconditioner are made when first used, and kept.
+    None. blend: share of the conformal energy. weight: (m,) factor of the area of each face, None for 1. The
+    pattern of the Hessian and the aggregates of its preconditioner are made when first used, and kept.
     """
 
-    def __init__(self, cut_mesh: CutMesh, fixed: BoolArray | None, blend: float) -> None:
+    def __init__(
+        self,
+        cut_mesh: CutMesh,
+        fixed: BoolArray | None,
+        blend: float,
+        weight: FloatArray | None = None,
+    ) -> None:
         self.cut_mesh = cut_mesh
         self.blend = blend
         self.fixed = fixed
         self.gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
         self.weight = cut_mesh.areas / cut_mesh.chart_areas[cut_mesh.chart]
+        if weight is not None:
+            self.weight = self.weight * weight
         self.corners = cut_mesh.faces.T.copy()
         self._pattern: BlockPattern | None = None
         self._aggregates: IntArray | None = None

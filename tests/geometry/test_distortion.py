@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry.distortion import METRICS, best_chart_scales, measure
+from circparam.geometry.distortion import METRICS, Tail, best_chart_scales, face_stretch, measure
 from circparam.geometry.intrinsic import jacobians, singular_values
 from circparam.mesh.cut_mesh import CutMesh
 from tests.support import shapes
@@ -131,3 +131,58 @@ def test_the_report_is_plain_numbers():
     d = measure(cut_mesh, uv).as_dict()
     assert json.loads(json.dumps(d)) == d
     assert set(METRICS.names()) < set(d)
+
+
+@given(
+    st.lists(st.tuples(st.floats(1, 9), st.floats(1e-3, 5)), min_size=1, max_size=40),
+    st.floats(0.5, 99.9),
+    st.floats(1, 10),
+)
+def test_the_tail_is_what_is_counted_face_by_face(faces, percent, most):
+    stretch, area = (np.array(x) for x in zip(*faces, strict=True))
+    tail = Tail.of(stretch, area)
+    over = area[stretch > most].sum() / area.sum()
+    assert tail.share_over(most) == pytest.approx(over, abs=1e-12)
+    value = tail.percentile(percent)
+    assert value in stretch
+    # no more than so much lies above, and with anything less it would be more
+    assert area[stretch > value].sum() <= (1 - percent / 100 + 1e-9) * area.sum()
+    assert area[stretch >= value].sum() >= (1 - percent / 100 - 1e-9) * area.sum()
+    expected = np.quantile(stretch, percent / 100, method="inverted_cdf", weights=area)
+    at = np.searchsorted(np.sort(stretch), [value, expected])
+    assert abs(at[0] - at[1]) <= 1  # where the share is met exactly, rounding decides
+
+
+def test_the_share_over_a_value_leaves_out_what_is_just_that():
+    tail = Tail.of(np.array([3.0, 1.0, 2.0]), np.array([1.0, 6.0, 3.0]))
+    assert tail.share_over(2.0) == pytest.approx(0.1)
+    assert tail.share_over(1.9) == pytest.approx(0.4)
+    assert tail.share_over(3.0) == 0
+    assert tail.share_over(0.5) == 1
+    assert [tail.percentile(p) for p in (50, 61, 89, 91, 100)] == [1, 2, 2, 3, 3]
+    assert Tail.of(np.zeros(0), np.zeros(0)).percentile(99) == 1
+    assert Tail.of(np.zeros(0), np.zeros(0)).share_over(2) == 0
+
+
+@pytest.mark.parametrize("scales", [(2.0, 0.5), (2.0, 1.0), (1.0, 0.25)])
+def test_the_stretch_of_a_linear_map_is_that_of_its_worse_direction(scales):
+    cut_mesh, uv = flat()
+    large, small = max(scales), min(scales)
+    # P k² + N / k² is least at k⁴ = N / P
+    k = ((large**-2 + small**-2) / (large**2 + small**2)) ** 0.25
+    worst = max(large * k, 1 / (small * k))
+    m = measure(cut_mesh, 7 * uv * scales)
+    for percent in (95, 99, 99.9):
+        assert m.tail.percentile(percent) == pytest.approx(worst)
+    assert m.tail.share_over(worst * 0.999) == pytest.approx(1)
+    assert m.tail.share_over(worst * 1.001) == 0
+    np.testing.assert_allclose(face_stretch(cut_mesh, 7 * uv * scales), worst)
+
+
+def test_faces_are_measured_at_the_scale_of_their_own_chart():
+    cut_mesh, uv = flat(2)
+    grown = uv * np.where(cut_mesh.vertex_chart == 1, 4.0, 1.0)[:, None]
+    np.testing.assert_allclose(face_stretch(cut_mesh, grown), 1)
+    # one density for both: at the best scale, a half, one is shrunk and the other stretched to twice
+    assert measure(cut_mesh, grown).tail.percentile(1) == pytest.approx(2)
+    assert measure(cut_mesh, grown).tail.percentile(99) == pytest.approx(2)

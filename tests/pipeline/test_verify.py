@@ -101,6 +101,22 @@ def test_the_bound_holds_for_each_chart() -> None:
     assert reasons(v, Promise(None)) == []
 
 
+def test_the_stretch_that_was_asked_for_holds_but_for_a_thousandth() -> None:
+    surface, uv, f = two_squares()
+    inner = np.flatnonzero((np.abs(uv - uv[:25].mean(0)) < 1e-9).all(1))[0]
+    uv[inner] += 0.6 * (uv[inner + 1] - uv[inner])
+    v = verify(surface, UVMap(uv, f))
+    n = v.numbers()
+    worst = v.measures.tail.stretch[-1]
+    assert n["share_over_2"] == v.measures.tail.share_over(2.0)
+    assert 1 < n["stretch_p95"] <= n["stretch_p99"] <= n["stretch_p999"] == worst
+    assert worst > 1.5
+    assert reasons(v, Promise(stretch=worst * 1.01)) == []
+    (line,) = reasons(v, Promise(stretch=worst * 0.99))
+    assert "0.1 % may be" in line
+    assert reasons(v, Promise()) == []
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_numbers_that_are_none(value: float) -> None:
     surface, uv, f = two_squares()

@@ -13,6 +13,7 @@ import pytest
 
 from circparam.core.arrays import FloatArray, cross2
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
+from circparam.solvers import dirichlet
 from circparam.solvers.newton import Iterate, NewtonStep, RelaxOptions, newton_step, relax
 from circparam.solvers.objective import Objective, chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
@@ -191,3 +192,42 @@ def test_a_chart_is_given_up_only_where_its_floor_lies_above() -> None:
     assert kept.stopped[1] == "converged"
     assert (full.floor[:2] <= full.energy[:2] * (1 + 1e-12)).all()
     assert full.floor[1] > 1 + 0.9 * (least - 1), "the last steps tell nearly all"
+
+
+def test_weights_move_the_energy_to_the_faces_that_weigh_more() -> None:
+    cut_mesh, _ = patches_of(shapes.bumped_disk(300))
+    start, _ = tutte_embedding(cut_mesh, "mean-value")
+    plain = relax(cut_mesh, start, RelaxOptions(tolerance=1e-9))
+    even = relax(
+        cut_mesh, start, RelaxOptions(tolerance=1e-9, weight=np.full(len(cut_mesh.chart), 1.0))
+    )
+    assert np.array_equal(plain.uv, even.uv)
+
+    def energies(uv: FloatArray) -> FloatArray:
+        gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+        corners = uv[cut_mesh.faces].transpose(2, 1, 0)
+        return dirichlet.energy(dirichlet.jacobians(gradients, corners))
+
+    before = energies(plain.uv)
+    worst = before > np.quantile(before, 0.95)
+    weight = np.where(worst, 20.0, 1.0)
+    heavy = relax(cut_mesh, plain.uv, RelaxOptions(tolerance=1e-9, weight=weight))
+    after = energies(heavy.uv)
+    assert after[worst].mean() < before[worst].mean() - 1e-3
+    share = cut_mesh.areas / cut_mesh.areas.sum()
+    assert heavy.energy[0] == pytest.approx((share * weight * after).sum())
+    assert (share * weight * after).sum() < (share * weight * before).sum()
+
+
+def test_weights_stay_with_their_faces_when_other_charts_are_done() -> None:
+    flat, bumped = shapes.delaunay_disk(200), shapes.bumped_disk(300)
+    alone, _ = patches_of(bumped)
+    both, _ = patches_of(shapes.join((flat[0] + [9, 0, 0], flat[1]), bumped))
+    rng = np.random.default_rng(3)
+    own = rng.uniform(0.2, 5.0, len(alone.chart))
+    weight = np.r_[np.ones(len(both.chart) - len(own)), own]
+    results = []
+    for cut_mesh, w in ((alone, own), (both, weight)):
+        start, _ = tutte_embedding(cut_mesh, "mean-value")
+        results.append(relax(cut_mesh, start, RelaxOptions(tolerance=1e-12, weight=w)).energy)
+    assert results[1][1] == pytest.approx(results[0][0], rel=1e-9)

@@ -35,37 +35,73 @@ def slit_charts(atlas: Atlas, layouts: ChartLayouts, which: BoolArray) -> BoolAr
     flat = cut_mesh.faces.ravel()
     on_boundary[flat[cut_mesh.boundary]] = True
     peak = _peaks(cut_mesh, layouts.uv, which & np.isfinite(layouts.energy), on_boundary)
-    done = np.zeros(len(which), bool)
+    return slit_to(atlas, cut_mesh, peak, on_boundary)
+
+
+def slit_to(
+    atlas: Atlas,
+    cut_mesh: CutMesh,
+    peak: IntArray,
+    goal: BoolArray,
+    reach: FloatArray | float = 1.0,
+) -> BoolArray:
+    """Cut charts open along shortest paths from their boundaries towards vertices ``peak``.
+
+    Every peak has a path of its own, and no two cross. goal: (nv,) bool, vertices of the boundary that paths
+    lead to; no path goes through others of the boundary. reach: share of the length of each path that is cut,
+    from the boundary on, at least one edge.
+    Returns the charts that were cut: a peak from which no path leads to the goal has none.
+    """
+    n = cut_mesh.n_vertices
+    flat = cut_mesh.faces.ravel()
+    done = np.zeros(cut_mesh.n_charts, bool)
     if len(peak) == 0:
         return done
+    which = np.zeros(cut_mesh.n_charts, bool)
+    which[cut_mesh.vertex_chart[peak]] = True
+    shut = np.zeros(n, bool)
+    shut[flat[cut_mesh.boundary]] = True
+    shut &= ~goal
+    shut[peak] = False
     cost = edge_costs(atlas)
     inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.edges[:, 0] // 3]]
-    h = atlas.surface.edges[inner, 0]
+    h = atlas.surface.edges[:, 0]
+    inner &= ~shut[flat[h]] & ~shut[flat[next_half_edge(h)]]
+    h = h[inner]
     a, b = flat[h], flat[next_half_edge(h)]
-    _, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
-    distance, _, _ = nearest(undirected(n, a, b, cost[inner]), peak)
-    rim = np.flatnonzero(on_boundary & np.isfinite(distance) & (source >= 0))
+    distance, before, source = nearest(undirected(n, a, b, cost[inner]), peak)
+    rim = np.flatnonzero(goal & np.isfinite(distance) & (source >= 0))
     if len(rim) == 0:
         return done
+    share = np.zeros(n)
+    share[peak] = reach
     order = np.lexsort((rim, distance[rim], source[rim]))
     ends = rim[order[first_of_runs(source[rim][order])]]
     index = np.flatnonzero(inner)
     key = edge_keys(a, b, n)
     by_key = np.lexsort((cost[inner], key))
-    here = ends
     done[cut_mesh.vertex_chart[ends]] = True
+    here, left = ends, (1 - share[source[ends]]) * distance[ends]
     while len(here):
         previous = before[here]
-        going = previous >= 0
-        here, previous = here[going], previous[going]
-        sought = edge_keys(here, previous, n)
-        atlas.cut[index[by_key[np.searchsorted(key[by_key], sought)]]] = True
-        here = previous
+        edge = edge_keys(here, previous, n)
+        going = (previous >= 0) & ((distance[here] > left) | goal[here])
+        edge, here, left = edge[going], previous[going], left[going]
+        atlas.cut[index[by_key[np.searchsorted(key[by_key], edge)]]] = True
     return done
 
 
 def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, on_boundary: BoolArray) -> IntArray:
     """The inner vertex of each chosen chart with the largest smoothed distortion of area."""
+    field = smoothed_area_distortion(cut_mesh, uv)
+    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~on_boundary)
+    order = np.lexsort((vertices, -field[vertices], cut_mesh.vertex_chart[vertices]))
+    first = first_of_runs(cut_mesh.vertex_chart[vertices][order])
+    return vertices[order[first]]
+
+
+def smoothed_area_distortion(cut_mesh: CutMesh, uv: FloatArray, rings: int = 4) -> FloatArray:
+    """(nv,) the logarithm of how much areas grow or shrink, without sign, smoothed over rings."""
     n = cut_mesh.n_vertices
     jacobian = dirichlet.jacobians(
         np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0)),
@@ -76,10 +112,7 @@ def _peaks(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, on_boundary: Boo
     flat = cut_mesh.faces.ravel()
     total = np.maximum(group_sum(np.repeat(weight, 3), flat, n), 1e-300)
     field = group_sum(np.repeat(weight * value, 3), flat, n) / total
-    for _ in range(4):
+    for _ in range(rings):
         face = field[cut_mesh.faces].mean(1)
         field = group_sum(np.repeat(weight * face, 3), flat, n) / total
-    vertices = np.flatnonzero(which[cut_mesh.vertex_chart] & ~on_boundary)
-    order = np.lexsort((vertices, -field[vertices], cut_mesh.vertex_chart[vertices]))
-    first = first_of_runs(cut_mesh.vertex_chart[vertices][order])
-    return vertices[order[first]]
+    return field

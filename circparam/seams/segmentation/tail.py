@@ -1,0 +1,211 @@
+"""The tail of the distortion: what the mean over a chart hides, at finger tips, ears and dents.
+
+Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
+much, the others, of which there are a hundred times as many, give way by little. Where that is not enough, a
+slit leads from the boundary towards the curvature that asks for it, and at last a chart is split.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.graph import nearest, undirected
+from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import face_stretch
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.segmentation.enforce import enforce, lay_out_sound
+from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
+from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.slits import slit_to, smoothed_area_distortion
+from circparam.seams.segmentation.weigh import Limits, even_out, share_over
+from circparam.solvers.newton import RelaxOptions, relax
+
+SETTLED = RelaxOptions(tolerance=1e-4, max_iterations=30)
+PEAK = 0.3  # logarithm of how much areas grow or shrink, below which a vertex is no peak of it
+FACES_A_RING = (
+    40  # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
+)
+HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
+TURNS = 8  # of slits and splits
+PIECES = (2, 4)  # that charts are split in, one after the other where that is no use
+REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
+
+
+def hold_stretch(
+    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
+) -> None:
+    """Bring the share of the surface that is stretched or shrunk too much below what is allowed.
+
+    slits, splits: whether seams may be added where weights do not help, and charts be split where slits do not.
+    No chart comes above the bound that was not; charts stay as they are where nothing helps. Deterministic.
+    """
+    cut_mesh, uv = atlas.open()
+    atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
+    failed = np.zeros(
+        len(atlas.surface.faces), np.int64
+    )  # how often slits have not helped the chart
+    for _ in range(TURNS if slits else 0):
+        cut_mesh, uv = atlas.open()
+        stretch = face_stretch(cut_mesh, uv)
+        over = share_over(cut_mesh, stretch, limits.most)
+        if over.sum() <= limits.allowed or monitor.expired:
+            return
+        goal = _open_boundary(cut_mesh)
+        far = stretch > limits.most
+        helpless = float(cut_mesh.areas[far & (failed > 1)].sum() / cut_mesh.areas.sum())
+        left = limits.allowed - helpless
+        peaks = _peaks(cut_mesh, uv, far & (failed <= 1), goal, left)
+        if len(peaks):
+            failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
+        elif not splits or not any(
+            _split(atlas, cut_mesh, over, pieces, limits, monitor) for pieces in PIECES
+        ):
+            return
+
+
+def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor) -> FloatArray:
+    """The layout with a shorter tail, of as few charts as need it."""
+    over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
+    if over.sum() <= limits.allowed:
+        return uv
+    # charts with hardly a tail keep it
+    order = np.argsort(over, kind="stable")
+    kept = np.cumsum(over[order]) <= limits.allowed / 2
+    which = np.ones(cut_mesh.n_charts, bool)
+    which[order[kept]] = False
+    sub, vid, _ = cut_mesh.subset(which)
+    rest = limits.without(over[~which].sum(), cut_mesh, sub)
+    part, _ = even_out(sub, uv[vid], replace(rest, spared=0.0), monitor)
+    left = share_over(sub, face_stretch(sub, part), limits.most)
+    if (
+        left.sum() > rest.allowed
+    ):  # some places are hopeless: without them the others may fare better
+        other, _ = even_out(sub, uv[vid], rest, monitor)
+        better = share_over(sub, face_stretch(sub, other), limits.most) < left
+        part = np.where(better[sub.vertex_chart][:, None], other, part)
+    out = uv.copy()
+    out[vid] = part
+    return out
+
+
+def _open_boundary(cut_mesh: CutMesh) -> BoolArray:
+    """(nv,) bool: vertices of the boundaries that a slit may lead to: all but those of small holes."""
+    loops = cut_mesh.loops
+    longest = group_max(loops.length, loops.chart, cut_mesh.n_charts)
+    large = loops.length >= HOLE * longest[loops.chart]
+    out = np.zeros(cut_mesh.n_vertices, bool)
+    out[cut_mesh.faces.ravel()[loops.half_edges[large[loops.loop_of]]]] = True
+    return out
+
+
+def _peaks(
+    cut_mesh: CutMesh, uv: FloatArray, over: BoolArray, goal: BoolArray, allowed: float
+) -> IntArray:
+    """Vertices that slits should lead to: where the curvature lies that stretches faces too much.
+
+    Each face that is stretched too much (over: (m,) bool) counts for the nearest local maximum of the smoothed
+    distortion of area; those maxima that count least are left, as many as the share allowed holds. goal: (nv,)
+    bool, where slits begin.
+    """
+    n, flat = cut_mesh.n_vertices, cut_mesh.faces.ravel()
+    inside = np.zeros(cut_mesh.n_charts, bool)
+    inside[cut_mesh.chart[over]] = True
+    rings = 4 + int(np.sqrt(np.bincount(cut_mesh.chart).max()) / FACES_A_RING)
+    field = smoothed_area_distortion(cut_mesh, uv, rings)
+    a, b = flat, cut_mesh.faces[:, [1, 2, 0]].ravel()
+    field[goal] = 0.0
+    highest = field
+    for _ in range(rings):
+        highest = np.maximum(highest, group_max(highest[b], a, n))
+        highest = np.maximum(highest, group_max(highest[a], b, n))
+    top = (field >= highest) & (field >= PEAK) & ~goal & inside[cut_mesh.vertex_chart]
+    peaks = np.flatnonzero(top)
+    if len(peaks) == 0:
+        return peaks
+    links = undirected(n, a, b, cut_mesh.edge_lengths.ravel())
+    distance, _, source = nearest(links, peaks)
+    corner = cut_mesh.faces[over]
+    first = corner[np.arange(len(corner)), distance[corner].argmin(1)]
+    of = source[first]
+    found = of >= 0
+    gain = group_sum(cut_mesh.areas[over][found], of[found], n) / cut_mesh.areas.sum()
+    peaks = np.flatnonzero(gain > 0)
+    order = peaks[np.argsort(gain[peaks], kind="stable")]
+    chosen: IntArray = order[np.cumsum(gain[order]) > allowed]
+    return chosen
+
+
+def _slit(
+    atlas: Atlas,
+    cut_mesh: CutMesh,
+    peaks: IntArray,
+    goal: BoolArray,
+    failed: IntArray,
+    limits: Limits,
+    monitor: Monitor,
+) -> BoolArray:
+    """Slit charts towards peaks and lay them out again; (m,) bool: faces of charts that stay as they were.
+
+    failed: (m,) how often that was so before. The first slits lead half of the way, then they lead all of it.
+    """
+    cut, corners = atlas.cut.copy(), atlas.corners.copy()
+    which = np.zeros(cut_mesh.n_charts, bool)
+    which[cut_mesh.vertex_chart[peaks]] = True
+    again = group_max(failed.astype(float), cut_mesh.chart, cut_mesh.n_charts) > 0
+    reach = np.where(again[cut_mesh.vertex_chart[peaks]], 1.0, REACH)
+    slit = slit_to(atlas, cut_mesh, peaks, goal, reach)
+    faces = slit[cut_mesh.chart]
+    after = atlas.cut_mesh()
+    changed = np.zeros(after.n_charts, bool)
+    changed[after.chart[faces]] = True
+    sub, vid, fid = after.subset(changed)
+    over = share_over(cut_mesh, face_stretch(cut_mesh, atlas.gather(cut_mesh)), limits.most)
+    limits = limits.without(over[~slit].sum(), cut_mesh, sub)
+    uv, fine = even_out(sub, atlas.gather(after)[vid], limits, monitor)
+    atlas.corners[fid] = uv[sub.faces]
+    back = which[cut_mesh.chart] & ~faces
+    back[fid] = ~fine[sub.chart]
+    atlas.corners[back] = corners[back]
+    inner = back[atlas.surface.edges // 3].all(1)
+    atlas.cut[inner] = cut[inner]
+    return back
+
+
+def _split(
+    atlas: Atlas,
+    cut_mesh: CutMesh,
+    over: FloatArray,
+    pieces: int,
+    limits: Limits,
+    monitor: Monitor,
+) -> bool:
+    """Split the charts whose tail is too long; whether that made it shorter (else all stays as it was).
+
+    Charts that lie on themselves once they are relaxed to the end are cut there, where there are any; else all
+    are split in so many pieces.
+    """
+    share = cut_mesh.chart_areas / cut_mesh.areas.sum()
+    long = over > np.minimum(limits.allowed * share, over.max() / 2)
+    part = atlas.part(long[cut_mesh.chart])
+    graph = dual_graph(part.surface, part.flat)
+    inner, uv = part.open()
+    layouts = judge(inner, relax(inner, uv, SETTLED, monitor).uv)
+    if not layouts.bad(limits.bound).any():
+        split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool), pieces)
+        make_disks(part, graph)
+        inner, uv = part.open()
+        layouts = judge(inner, lay_out_sound(inner, uv, SETTLED, monitor))
+    enforce(part, graph, layouts, limits.bound, SETTLED, monitor)
+    after, uv = part.open()
+    rest = limits.without(over[~long].sum(), cut_mesh, after)
+    uv, _ = even_out(after, uv, rest, monitor)
+    part.scatter(after, uv)
+    left = share_over(after, face_stretch(after, uv), limits.most).sum() * share[long].sum()
+    if judge(after, uv).bad(limits.bound).any() or left >= over[long].sum():
+        return False
+    atlas.put(long[cut_mesh.chart], part)
+    return True

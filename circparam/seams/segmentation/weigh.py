@@ -1,0 +1,166 @@
+"""Weights in the energy on the few faces that a layout stretches or shrinks too much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
+from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import chart_distortion, face_stretch
+from circparam.geometry.overlap import self_overlapping
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.region import cut_out
+from circparam.solvers.separate import push_apart
+
+TAIL = 1e-3  # share of the surface on which the stretch may be larger
+AIMED = 0.8  # of that share: what is aimed for, since a file stores rounded numbers
+AIM = 0.9  # of the excess of the largest stretch over 1: from there on a face weighs more
+POWER = 3  # of the stretch over that: by how much its weight grows a round
+HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layout folds
+SPARED = 0.5  # of the share allowed: the worst faces, which are left as they are
+ROUNDS = 8  # of weighing; most charts need three
+PATIENCE = 3  # rounds without headway after which a chart is left
+STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
+GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
+SMALL = 2000  # faces up to which a chart moves as a whole
+NEAR = 0.15  # share of the root of a chart's area that moves round such faces at first
+GROWTH = 1.25  # times so much more a round
+
+
+@dataclass(frozen=True)
+class Limits:
+    """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of
+    the surface may exceed. spared: of that share, how much the worst faces may have that are left as they are.
+    """
+
+    bound: float
+    most: float
+    allowed: float = AIMED * TAIL
+    spared: float = SPARED
+
+    def without(self, over: float, whole: CutMesh, part: CutMesh) -> Limits:
+        """For a part of the surface, where the other parts use so much of the share."""
+        left = max(self.allowed - over, 0.0)
+        return replace(self, allowed=left * float(whole.areas.sum() / part.areas.sum()))
+
+
+def share_over(cut_mesh: CutMesh, stretch: FloatArray, most: float) -> FloatArray:
+    """(n,) area of each chart that is stretched more than ``most`` times, over that of the surface."""
+    area = group_sum(cut_mesh.areas * (stretch > most), cut_mesh.chart, cut_mesh.n_charts)
+    share: FloatArray = area / cut_mesh.areas.sum()
+    return share
+
+
+def even_out(
+    cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
+) -> tuple[FloatArray, BoolArray]:
+    """Relax charts with more weight, round by round, on faces that are stretched or shrunk about too much.
+
+    Returns ((nv, 2) the best layout of each chart: neither folded, overlapping nor above the bound (or what it
+    was before, where that is higher); (n,) bool: charts that got better).
+    """
+    n, chart, most = cut_mesh.n_charts, cut_mesh.chart, limits.most
+    limit = np.maximum(chart_distortion(cut_mesh, uv), limits.bound)
+    stretch = face_stretch(cut_mesh, uv)
+    start = share_over(cut_mesh, stretch, most)
+    best, folded = _Best(uv, start), _Best(uv, start)
+    at, weight = uv, np.ones(len(chart))
+    idle = np.where(start > 0, 0, PATIENCE)
+    small = np.bincount(chart, minlength=n) <= SMALL
+    spared = _worst(cut_mesh, stretch, limits.spared * limits.allowed)
+    for turn in range(ROUNDS):
+        active = idle < PATIENCE
+        if not active.any() or best.over.sum() <= limits.allowed or monitor.expired:
+            break
+        heavier = weight * np.maximum(stretch / (1 + AIM * (most - 1)), 1.0) ** POWER
+        heavier[spared] = 1.0
+        weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
+        reach = np.where(small, np.inf, NEAR * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
+        at = _relaxed_near(cut_mesh, at, weight, np.where(active, reach, 0.0))
+        stretch = face_stretch(cut_mesh, at)
+        over = share_over(cut_mesh, stretch, most)
+        good = active & (over < best.over) & (chart_distortion(cut_mesh, at) <= limit)
+        coiled = good & _overlapping(cut_mesh, at, good)
+        best = best.taken(cut_mesh, at, over, good & ~coiled)
+        # what lies on itself when it moves as a whole is tried again near those faces alone
+        again = coiled & small
+        folded = folded.taken(cut_mesh, at, over, good & ~again & (over < folded.over))
+        idle = np.where(good & ~coiled | again, 0, idle + 1)
+        idle[best.over == 0] = PATIENCE
+        if again.any():
+            at = np.where(again[cut_mesh.vertex_chart][:, None], best.uv, at)
+            stretch = np.where(again[chart], face_stretch(cut_mesh, best.uv), stretch)
+            weight = np.where(again[chart], 1.0, weight)
+            small &= ~again
+    coiled = folded.over < best.over
+    if coiled.any() and best.over.sum() > limits.allowed:
+        sub, vid, _ = cut_mesh.subset(coiled)
+        at = folded.uv.copy()
+        at[vid], apart = push_apart(sub, at[vid], GAP, limits.bound, monitor)
+        over = share_over(cut_mesh, face_stretch(cut_mesh, at), most)
+        coiled[coiled] = apart
+        best = best.taken(cut_mesh, at, over, coiled & (over < best.over))
+    return best.uv, best.over < start
+
+
+def _worst(cut_mesh: CutMesh, stretch: FloatArray, share: float) -> BoolArray:
+    """(m,) bool: the faces that are stretched most, as many as such a share of the surface holds."""
+    order = np.argsort(-stretch, kind="stable")
+    out = np.zeros(len(stretch), bool)
+    out[order] = np.cumsum(cut_mesh.areas[order]) <= share * cut_mesh.areas.sum()
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Best:
+    """The best layout of each chart so far: uv (nv, 2), over (n,) as ``share_over`` has it."""
+
+    uv: FloatArray
+    over: FloatArray
+
+    def taken(
+        self, cut_mesh: CutMesh, uv: FloatArray, over: FloatArray, better: BoolArray
+    ) -> _Best:
+        """With another layout of some charts ((n,) bool)."""
+        keep = better[cut_mesh.vertex_chart][:, None]
+        return _Best(np.where(keep, uv, self.uv), np.where(better, over, self.over))
+
+
+def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> BoolArray:
+    """(n,) bool: the chart is one of those asked for and overlaps itself."""
+    out = which.copy()
+    if which.any():
+        sub, vid, _ = cut_mesh.subset(which)
+        out[which] = self_overlapping(sub, uv[vid])
+    return out
+
+
+def _relaxed_near(
+    cut_mesh: CutMesh, uv: FloatArray, weight: FloatArray, reach: FloatArray
+) -> FloatArray:
+    """Relax the faces within reach ((n,) by charts) of those that weigh more than 1; the rest stays."""
+    heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
+    middle = np.c_[uv[cut_mesh.faces].mean(1), 4.0 * cut_mesh.chart * np.ptp(uv, axis=0).max()]
+    far, _ = cKDTree(middle[heavy]).query(middle, distance_upper_bound=float(reach.max()))
+    region = far < reach[cut_mesh.chart]
+    hold = np.zeros(len(uv), bool)
+    # one vertex of a chart that moves as a whole
+    whole = group_count(cut_mesh.chart[~region], cut_mesh.n_charts) == 0
+    first = np.unique(cut_mesh.chart, return_index=True)[1][whole]
+    hold[cut_mesh.faces[first, 0]] = True
+    still = hold.copy()
+    still[cut_mesh.faces[~region]] = True
+    region &= ~still[cut_mesh.faces].all(1)
+    part, source, fixed = cut_out(cut_mesh, region, hold)
+    if len(part.faces) == 0:
+        return uv
+    heavier = weight[region]
+    mean = group_sum(part.areas * heavier, part.chart, part.n_charts) / part.chart_areas
+    options = replace(STEP, fixed=fixed, weight=heavier / mean[part.chart])
+    out = uv.copy()
+    out[source[~fixed]] = relax(part, uv[source], options).uv[~fixed]
+    return out

@@ -1,0 +1,104 @@
+"""The tail of the distortion: all but 0.1 % of the surface keep to the stretch that is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam import samples
+from circparam.core.monitor import Monitor
+from circparam.formats.io import read
+from circparam.geometry.distortion import Tail, chart_distortion, face_stretch
+from circparam.geometry.overlap import self_overlapping, signs
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import repair
+from circparam.seams import SEAMS
+from circparam.seams.options import SeamOptions
+from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.weigh import Limits
+from tests.support import shapes
+
+NONE = 1e6  # a stretch that nothing reaches
+SPIKE = shapes.spiked_disk(400, 2.0)
+TUBE = shapes.tube(3.0)
+
+
+def charts_of(shape, **options):
+    surface, _ = repair(Mesh(*shape))
+    seams = SEAMS["charts"].function(surface, SeamOptions(**options), Monitor())
+    return Atlas(surface, seams.cut, seams.uv)
+
+
+def share_over(atlas, most):
+    cut_mesh, uv = atlas.open()
+    return Tail.of(face_stretch(cut_mesh, uv), cut_mesh.areas).share_over(most)
+
+
+def sound(atlas, bound=1.05):
+    cut_mesh, uv = atlas.open()
+    assert np.array_equal(uv[cut_mesh.faces], atlas.corners)
+    assert not not_disks(cut_mesh).any()
+    assert (signs(uv, cut_mesh.faces) > 0).all()
+    assert not self_overlapping(cut_mesh, uv).any()
+    assert chart_distortion(cut_mesh, uv).max() <= bound
+
+
+@pytest.mark.parametrize("shape", [SPIKE, TUBE], ids=["spike", "tube"])
+def test_weights_alone_hold_the_default(shape):
+    loose, held = charts_of(shape, max_stretch=NONE), charts_of(shape)
+    assert share_over(loose, 2.0) > 1e-3  # there is something to do
+    assert share_over(held, 2.0) <= 1e-3
+    assert np.array_equal(loose.cut, held.cut)
+    sound(held)
+
+
+@pytest.mark.parametrize(
+    ("shape", "most"), [(SPIKE, 1.5), (TUBE, 1.5), (TUBE, 1.25), (shapes.icosphere(3), 1.25)]
+)
+def test_seams_hold_what_weights_cannot(shape, most):
+    loose, held = charts_of(shape, max_stretch=NONE), charts_of(shape, max_stretch=most)
+    assert share_over(loose, most) > 1e-3
+    assert share_over(held, most) <= 1e-3
+    assert held.seam_length > loose.seam_length
+    sound(held)
+
+
+def test_a_creature_keeps_to_it_at_hardly_longer_seams():
+    mesh = read(samples.path("creature")).mesh
+    shape = (mesh.points, mesh.faces)
+    loose, held = charts_of(shape, max_stretch=NONE), charts_of(shape, max_stretch=1.5)
+    assert share_over(loose, 1.5) > 5e-3
+    assert share_over(held, 1.5) <= 1e-3
+    assert held.seam_length < 1.1 * loose.seam_length
+    sound(held)
+
+
+def test_charts_are_not_split_where_their_number_counts():
+    free = charts_of(SPIKE, max_stretch=1.5)
+    few = charts_of(SPIKE, max_stretch=1.5, max_charts=1)
+    assert free.charts()[0] > 1
+    assert few.charts()[0] == 1
+
+
+def test_no_seam_is_added_where_none_may_be():
+    atlas = charts_of(SPIKE, max_stretch=NONE)
+    before = atlas.cut.copy()
+    hold_stretch(atlas, Limits(1.05, 1.5), Monitor(), slits=False)
+    assert np.array_equal(atlas.cut, before)
+    sound(atlas)
+
+
+def test_locked_edges_stay_whole():
+    atlas = charts_of(SPIKE, max_stretch=NONE)
+    atlas.surface.locked[:] = True
+    before = atlas.cut.copy()
+    hold_stretch(atlas, Limits(1.05, 1.5), Monitor(), splits=False)
+    assert np.array_equal(atlas.cut, before)
+
+
+def test_the_same_twice():
+    first, second = (charts_of(TUBE, max_stretch=1.5) for _ in range(2))
+    assert np.array_equal(first.cut, second.cut)
+    assert np.array_equal(first.corners, second.corners)
