@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from circparam.core import limits
 from circparam.core.fields import Range, check, option, specs
 from circparam.errors import OptionError
+from circparam.pipeline import applies
 
 if TYPE_CHECKING:  # importing this module loads no NumPy: the command line reads it for its help
     from circparam.core.arrays import FloatArray
@@ -52,77 +53,6 @@ def _boundaries() -> list[str]:
     return BOUNDARIES.names()
 
 
-# where options have an effect: why not, or None -----------------------------------------------------------
-_NO_USE = {  # what an option of methods is for, where the method at hand does not take it
-    "start": "only --method isometric relaxes a start",
-    "boundary": "--method {method} has a free boundary",
-    "spacing": "--method {method} has a free boundary",
-    "clamp": "--method {method} has a free boundary",
-    "pins": "--method {method} fixes no single points",
-    "tolerance": "{method} is one solve, or stops at a tolerance of its own",
-    "blend": "only --method isometric can blend",
-    "lscm": "it is a form of --method lscm",
-    "linear": "it is a form of --method abf",
-    "bff_boundary": "only --method bff has a target boundary",
-}
-
-
-def _accepted(o: Options, name: str) -> str | None:
-    """Options of methods: the row of the method names those that it takes."""
-    from circparam.methods import METHODS
-
-    return None if name in METHODS[o.method].accepts else _NO_USE[name].format(method=o.method)
-
-
-def _with_polygon(o: Options, name: str) -> str | None:
-    return None if o.boundary == "polygon" else "it needs --boundary polygon"
-
-
-def _with_charts(o: Options, name: str) -> str | None:
-    return None if o.cut == "charts" else f"it shapes --cut charts, not --cut {o.cut}"
-
-
-def _with_isometric_charts(o: Options, name: str) -> str | None:
-    plain = o.method == "isometric" and not o.blend and o.pins is None
-    if o.cut == "charts" and plain:
-        return None
-    return "it shapes isometric layouts of --cut charts without --blend or --pin"
-
-
-def _with_seams(o: Options, name: str) -> str | None:
-    return None if o.cut != "none" else "--cut none makes no seams"
-
-
-def _with_packing(o: Options, name: str) -> str | None:
-    return None if o.packed else "--no-normalize keeps the coordinates of the solver"
-
-
-def _with_free_scale(o: Options, name: str) -> str | None:
-    if o.scale is False:
-        return "--no-scale keeps the sizes that the charts have"
-    return _with_packing(o, name)
-
-
-def _with_room(o: Options, name: str) -> str | None:
-    charts = o.packed and o.cut == "charts" and not o.grouped and o.max_charts is None
-    if charts and o.texel_density is None and o.scale is not False:
-        return None
-    return "it makes room on the pages of one atlas of --cut charts without --max-charts or a fixed size"
-
-
-def _with_target(o: Options, name: str) -> str | None:
-    return None if o.target_set is not None else "it allows to replace the set of --uv-set"
-
-
-def _with_atlases(o: Options, name: str) -> str | None:
-    fits = o.packed and o.cut != "none"
-    return None if fits else "an atlas for each group needs seams and packing"
-
-
-def _with_one_atlas(o: Options, name: str) -> str | None:
-    return None if o.packed and not o.grouped else "it makes one packed atlas of the scene"
-
-
 @dataclass(frozen=True, eq=False)
 class Options:
     """What an unwrap is asked to do; the help text of each field says what it is.
@@ -143,40 +73,41 @@ class Options:
         default=DEFAULT_METHOD, short="-m", shown=DEFAULT_METHOD, names=_methods,
     )
     start: str | None = option(
-        "flattening", "What isometric relaxes.", shown="circle", names=_starts, applies=_accepted
+        "flattening", "What isometric relaxes.", shown="circle", names=_starts, applies=applies.accepted
     )
     boundary: str | None = option(
         "flattening", "Boundary of convex methods: circle, square, virtual, polygon FILE.",
-        metavar="NAME", shown="circle", names=_boundaries, applies=_accepted,
+        metavar="NAME", shown="circle", names=_boundaries, applies=applies.accepted,
     )
     polygon: FloatArray | None = option(
-        "corners", "Corners of --boundary polygon.", flag="--boundary polygon", applies=_with_polygon
+        "corners", "Corners of --boundary polygon.", flag="--boundary polygon", applies=applies.with_polygon
     )
     spacing: str | None = option(
         "flattening", "Along the boundary: arc-length or uniform.", metavar="TEXT",
-        shown="arc-length", choices=("arc-length", "uniform"), applies=_accepted,
+        shown="arc-length", choices=("arc-length", "uniform"), applies=applies.accepted,
     )
     clamp: bool | None = option(
-        "flattening", "Lift negative weights, so that nothing can flip.", applies=_accepted
+        "flattening", "Lift negative weights, so that nothing can flip.", applies=applies.accepted
     )
     pins: FloatArray | None = option(
-        "flattening", "Fixed points: vertex u v a line.", flag="--pin", metavar="FILE", applies=_accepted
+        "flattening", "Fixed points: vertex u v a line.", flag="--pin", metavar="FILE", applies=applies.accepted
     )
     tolerance: float | None = option(
         "flattening", "Stop below this relative decrease.", metavar="T",
-        bounds=Range(0.0, 1.0, "a relative decrease between 0 and 1"), applies=_accepted,
+        bounds=Range(0.0, 1.0, "a relative decrease between 0 and 1"), applies=applies.accepted,
     )
     blend: float | None = option(
         "flattening", "0 isometric .. 1 conformal.", metavar="B",
-        bounds=Range(0.0, 1.0, "a share between 0 (isometric) and 1 (conformal)"), applies=_accepted,
+        bounds=Range(0.0, 1.0, "a share between 0 (isometric) and 1 (conformal)"), applies=applies.accepted,
     )
     lscm: str | None = option(
-        "flattening", "Form of lscm.", shown="spectral", choices=("spectral", "pinned"), applies=_accepted
+        "flattening", "Form of lscm.", shown="spectral", choices=("spectral", "pinned"),
+        applies=applies.accepted,
     )
-    linear: bool | None = option("flattening", "abf in its one-solve form.", applies=_accepted)
+    linear: bool | None = option("flattening", "abf in its one-solve form.", applies=applies.accepted)
     bff_boundary: Any = option(
         "flattening", "Target boundary of bff: a disk, or edge lengths.", metavar="disk|FILE",
-        applies=_accepted,
+        applies=applies.accepted,
     )
 
     cut: str = option(
@@ -186,7 +117,7 @@ class Options:
     max_distortion: float | None = option(
         "seams", "Bound that no chart exceeds; 1 is perfect.", metavar="D", shown=str(DEFAULT_BOUND),
         bounds=Range(1.0, 1e6, "a symmetric Dirichlet energy / 4: 1 is perfect, 1.05 the default"),
-        applies=_with_charts,
+        applies=applies.with_charts,
     )
     max_stretch: float | None = option(
         "seams", "Stretch and shrink that all but 0.1 % of the surface keep to.", metavar="S", shown="2",
@@ -195,70 +126,70 @@ class Options:
             1e6,
             "how many times the surface may be stretched or shrunk, more than 1: 2 is the default",
         ),
-        applies=_with_isometric_charts,
+        applies=applies.with_isometric_charts,
     )
     max_charts: int | None = option(
         "seams", "At most so many charts.", metavar="N",
-        bounds=Range(1, 2**31, "a number of charts from 1 on"), applies=_with_charts,
+        bounds=Range(1, 2**31, "a number of charts from 1 on"), applies=applies.with_charts,
     )
     min_chart_faces: int | None = option(
         "seams", "Join smaller charts where it can be.", metavar="K",
-        bounds=Range(1, 2**31, "a number of faces from 1 on"), applies=_with_charts,
+        bounds=Range(1, 2**31, "a number of faces from 1 on"), applies=applies.with_charts,
     )
     sharp: float | None = option(
         "seams", "Always cut edges at least so sharp.", metavar="DEGREES",
-        bounds=Range(0.0, 3.1416, "an angle between 0 and 180 degrees"), applies=_with_seams,
+        bounds=Range(0.0, 3.1416, "an angle between 0 and 180 degrees"), applies=applies.with_seams,
     )
     keep_uv_seams: bool | None = option(
-        "seams", "Start from the charts of the file's own uv.", applies=_with_charts
+        "seams", "Start from the charts of the file's own uv.", applies=applies.with_charts
     )
     seams: Any = option(
-        "seams", "Edges to cut: vertex pairs, or OBJ l.", metavar="FILE", applies=_with_seams
+        "seams", "Edges to cut: vertex pairs, or OBJ l.", metavar="FILE", applies=applies.with_seams
     )
     no_seams: Any = option(
-        "seams", "Edges that may not be cut.", metavar="FILE", applies=_with_seams
+        "seams", "Edges that may not be cut.", metavar="FILE", applies=applies.with_seams
     )
     cut_materials: bool | None = option(
         "seams", "Cut between materials.", flag="--cut-materials/--no-cut-materials",
-        shown="where there are several", applies=_with_seams,
+        shown="where there are several", applies=applies.with_seams,
     )
     symmetry: str | None = option(
         "seams", "Mirror the seams across this axis, or across the first that fits.",
-        choices=("x", "y", "z", "auto"), applies=_with_charts,
+        choices=("x", "y", "z", "auto"), applies=applies.with_charts,
     )
     pack_splits: int | None = option(
         "seams", "Split up to N charts where that covers the page much better.", metavar="N",
-        bounds=Range(1, 1000, "a number of charts that may be split, from 1 on"), applies=_with_room,
+        bounds=Range(1, 1000, "a number of charts that may be split, from 1 on"), applies=applies.with_room,
     )
 
     resolution: int | None = option(
         "packing", "Side of a page in texels.", metavar="TEXELS", shown=str(DEFAULT_RESOLUTION),
-        bounds=limits.RESOLUTION, applies=_with_packing,
+        bounds=limits.RESOLUTION, applies=applies.with_packing,
     )
     padding: int | None = option(
         "packing", "Empty texels between charts and at the border.", metavar="TEXELS",
-        shown=str(DEFAULT_PADDING), bounds=limits.PADDING, applies=_with_packing,
+        shown=str(DEFAULT_PADDING), bounds=limits.PADDING, applies=applies.with_packing,
     )
     pages: int | None = option(
         "packing", "Number of pages (UDIM tiles) to fill.", metavar="N", bounds=limits.PAGES,
-        applies=_with_packing,
+        applies=applies.with_packing,
     )
     texel_density: float | None = option(
         "packing", "Texels per unit of the mesh, instead of filling.", metavar="D",
-        bounds=limits.TEXEL_DENSITY, applies=_with_free_scale,
+        bounds=limits.TEXEL_DENSITY, applies=applies.with_free_scale,
     )
     rotate: str | None = option(
         "packing", "How charts may be turned.", shown="free", choices=limits.ROTATIONS,
-        applies=_with_packing,
+        applies=applies.with_packing,
     )
     effort: float | None = option(
         "packing", "Search longer or shorter for a good packing.", metavar="X", shown="1",
         bounds=Range(0.0, 1000.0, "a factor on the work of the search, from 0 on"),
-        applies=_with_packing,
+        applies=applies.with_packing,
     )
     scale: bool | None = option(
         "packing", "Keep the sizes of the charts: 1 unit is 1 page.", flag="--no-scale",
-        applies=_with_packing,
+        applies=applies.with_packing,
     )
 
     normalize: bool | None = option(
@@ -269,7 +200,7 @@ class Options:
         bounds=Range(0, 7, "the number of a uv set, 0 to 7"),
     )
     overwrite_uv: bool | None = option(
-        "writing", "Replace the set that --uv-set names.", applies=_with_target
+        "writing", "Replace the set that --uv-set names.", applies=applies.with_target
     )
     ply_uv: str | None = option(
         "writing", "Where a PLY holds its uv.", choices=("vertex", "face")
@@ -277,11 +208,11 @@ class Options:
     copy_assets: bool | None = option("writing", "Copy materials and textures beside the output.")
     lightmap: bool | None = option(
         "writing", "Keep the first uv set, write the second: one atlas of the scene.",
-        applies=_with_one_atlas,
+        applies=applies.with_one_atlas,
     )
     group_by: str | None = option(
         "writing", "What shares one atlas.", shown="scene", choices=("primitive", "mesh", "scene"),
-        applies=_with_atlases,
+        applies=applies.with_atlases,
     )
     unshare: bool | None = option("writing", "Copy a glTF mesh for every node that shows it.")
 

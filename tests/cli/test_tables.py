@@ -28,6 +28,7 @@ REPORT: dict[str, Any] = {
     },
     **{"charts": 2, "faces": 9, "flips": 0, "overlap": 3, "distortion": 1.25},
     **{"distortion_max_chart": 1e300, "seam_length": 20000.0, "pack": 0.756, "seconds": 1.239},
+    **{"stretch_p95": 1.1, "stretch_p99": 1.3, "stretch_p999": 1.9},
     **{"repairs": ["split [b] vertices"], "stages": {"solve": 0.5}, "notes": ["all is well"]},
 }
 
@@ -39,6 +40,7 @@ def test_an_unwrap() -> None:
         assert line in got
     assert "1.2500 (worst chart infinite" in " ".join(got.split())
     assert "2e+04 x sqrt(area)" in got
+    assert "at most 1.1 on 95 %, 1.3 on 99 %, 1.9 on 99.9 %" in " ".join(got.split())
     assert "solve" not in got
     assert "all is well" not in got
     assert "0.500 s" in text(unwrap_table(REPORT, 1))

@@ -1,0 +1,87 @@
+"""Where options have an effect: why an option has none beside the others, or None where it has one.
+
+Every rule takes the ``Options`` (as ``Any``: they are made of these rules) and the name of the option.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+_NO_USE = {  # what an option of methods is for, where the method at hand does not take it
+    "start": "only --method isometric relaxes a start",
+    "boundary": "--method {method} has a free boundary",
+    "spacing": "--method {method} has a free boundary",
+    "clamp": "--method {method} has a free boundary",
+    "pins": "--method {method} fixes no single points",
+    "tolerance": "{method} is one solve, or stops at a tolerance of its own",
+    "blend": "only --method isometric can blend",
+    "lscm": "it is a form of --method lscm",
+    "linear": "it is a form of --method abf",
+    "bff_boundary": "only --method bff has a target boundary",
+}
+
+
+def accepted(o: Any, name: str) -> str | None:
+    """Options of methods: the row of the method names those that it takes."""
+    from circparam.methods import METHODS
+
+    return None if name in METHODS[o.method].accepts else _NO_USE[name].format(method=o.method)
+
+
+def with_polygon(o: Any, name: str) -> str | None:
+    """Only beside the boundary that it describes."""
+    return None if o.boundary == "polygon" else "it needs --boundary polygon"
+
+
+def with_charts(o: Any, name: str) -> str | None:
+    """Only where charts are decided."""
+    return None if o.cut == "charts" else f"it shapes --cut charts, not --cut {o.cut}"
+
+
+def with_isometric_charts(o: Any, name: str) -> str | None:
+    """Only where charts are decided and relaxed freely."""
+    plain = o.method == "isometric" and not o.blend and o.pins is None
+    if o.cut == "charts" and plain:
+        return None
+    return "it shapes isometric layouts of --cut charts without --blend or --pin"
+
+
+def with_seams(o: Any, name: str) -> str | None:
+    """Only where seams are made."""
+    return None if o.cut != "none" else "--cut none makes no seams"
+
+
+def with_packing(o: Any, name: str) -> str | None:
+    """Only where charts are packed."""
+    return None if o.packed else "--no-normalize keeps the coordinates of the solver"
+
+
+def with_free_scale(o: Any, name: str) -> str | None:
+    """Only where packing chooses the size of the charts."""
+    if o.scale is False:
+        return "--no-scale keeps the sizes that the charts have"
+    return with_packing(o, name)
+
+
+def with_room(o: Any, name: str) -> str | None:
+    """Only where charts may be split for packing."""
+    charts = o.packed and o.cut == "charts" and not o.grouped and o.max_charts is None
+    if charts and o.texel_density is None and o.scale is not False:
+        return None
+    return "it makes room on the pages of one atlas of --cut charts without --max-charts or a fixed size"
+
+
+def with_target(o: Any, name: str) -> str | None:
+    """Only beside the set that it speaks of."""
+    return None if o.target_set is not None else "it allows to replace the set of --uv-set"
+
+
+def with_atlases(o: Any, name: str) -> str | None:
+    """Only where there can be an atlas for each group."""
+    fits = o.packed and o.cut != "none"
+    return None if fits else "an atlas for each group needs seams and packing"
+
+
+def with_one_atlas(o: Any, name: str) -> str | None:
+    """Only where there is one packed atlas."""
+    return None if o.packed and not o.grouped else "it makes one packed atlas of the scene"
