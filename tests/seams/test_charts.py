@@ -210,7 +210,7 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
     monkeypatch.setattr(module, "DIRECT_FACES", 10**9)
     direct = atlas_of(shape)[1]
     monkeypatch.setattr(module, "DIRECT_FACES", 0)
-    monkeypatch.setattr(module, "PROXY_FACES", 2500)
+    monkeypatch.setattr("circparam.seams.multires.decimate.PROXY_FACES", 2500)
     proxy = atlas_of(shape)[1]
     assert proxy.seam_length == pytest.approx(direct.seam_length, rel=0.15, abs=0.05)
     assert abs(proxy.charts()[0] - direct.charts()[0]) <= 1

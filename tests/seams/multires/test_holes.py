@@ -15,8 +15,8 @@ from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
 from circparam.packing.options import PackOptions
 from circparam.packing.pack import pack
-from circparam.seams.charts import whole_components
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
+from circparam.seams.segmentation.decide import whole_components
 from tests.support import shapes
 
 
