@@ -54,7 +54,7 @@ def test_a_square_has_its_four_sides_with_the_inside_on_the_left(mirror: float) 
 
 
 def test_charts_side_by_side_have_boundaries_of_their_own() -> None:
-    small, large = SQUARE + [10, 0], 2 * SQUARE
+    small, large = SQUARE + np.array([10, 0]), 2 * SQUARE
     uv = np.concatenate([large, small * [-1, 1]])
     boundary = segments(np.r_[HALVES, HALVES + 4], uv, np.array([0, 0, 1, 1]))
     follows(boundary)

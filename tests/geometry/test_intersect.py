@@ -229,7 +229,7 @@ def test_chamfers_part_only_segments_with_more_boundary_between_them():
 
 def test_nearness_counts_for_the_charts_asked_for_only():
     slit = [box(0, 0, 20, 10), box(5, 0.05, 10, 5)[::-1]]
-    both = loops(slit, [p + [50, 0] for p in slit])
+    both = loops(slit, [p + np.array([50, 0]) for p in slit])
     reach = np.full(2, 0.06)
     for charts in ([True, True], [True, False], [False, True]):
         i, j = nearby(both, reach, np.array(charts))

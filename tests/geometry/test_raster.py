@@ -263,9 +263,9 @@ def test_runs_outside_the_page_leave_no_owner() -> None:
         page, clashes = owner_raster(square + shift, owner, 8)
         assert (page == -1).all()
         assert clashes == 0
-    page, _ = owner_raster(square + [-1.0, 7.0], owner, 8)
+    page, _ = owner_raster(square + np.array([-1.0, 7.0]), owner, 8)
     assert np.argwhere(page >= 0).tolist() == [[7, 0]]
-    page, _ = owner_raster(square + [7.0, 3.0], owner, 8)
+    page, _ = owner_raster(square + np.array([7.0, 3.0]), owner, 8)
     assert np.argwhere(page >= 0).tolist() == [[3, 7], [4, 7]]
 
 

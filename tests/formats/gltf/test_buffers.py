@@ -221,3 +221,28 @@ def test_entries_left_over_have_bytes_of_their_own(size: int) -> None:
     assert all(a[0] + a[1] <= b[0] for a, b in itertools.pairwise(apart))
     again = read_data(data)
     assert again.tree.view(tree["images"][0]["bufferView"], "")[0].tobytes() == image  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("first", [0, 8])
+def test_bytes_of_old_uv_go_from_wherever_they_lay(first: int) -> None:
+    """Old uv at the very beginning of the buffer, or behind bytes that no view covers and that stay."""
+    points, faces = grid(3)
+    g = GltfMaker()
+    g.bin += b"keepthis"[:first]
+    uv = g.accessor(np.zeros((9, 2), "f4"))
+    attributes = {"TEXCOORD_0": uv, "POSITION": g.accessor(points)}
+    g.bin += b"and this"
+    index = g.accessor(faces.ravel().astype("u2"))
+    g.tree["meshes"] = [{"primitives": [{"attributes": attributes, "indices": index}]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    sizes, bodies = [], []
+    for _ in range(2):
+        data = encode(document, smooth_layout(document), "glb").data
+        sizes.append(tree_of(data)["buffers"][0]["byteLength"])
+        bodies.append(chunks(data)[1][1])
+        document = read_data(data)
+    assert sizes[0] == sizes[1] == len(g.bin), "as many bytes of uv came as went"
+    for body in bodies:
+        assert body.startswith(b"keepthis"[:first])
+        assert body.count(b"and this") == 1
+    np.testing.assert_array_equal(document.mesh.points, points)
