@@ -298,3 +298,9 @@ def test_a_flap_folded_out_of_a_hole_overlaps_without_any_crossing(folded):
     found = overlaps(faces, uv, np.zeros(len(faces), np.int64))
     assert len(found.crossings) == 0
     assert found.self_overlapping.tolist() == [folded]
+
+
+def test_no_faces_do_not_overlap():
+    found = overlaps(np.zeros((0, 3), np.int64), np.zeros((0, 2)), np.zeros(0, np.int64))
+    assert len(found.self_overlapping) == 0
+    assert found.pairs.shape == found.crossings.shape == (0, 2)

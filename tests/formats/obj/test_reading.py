@@ -145,5 +145,5 @@ def test_libraries_are_named_once() -> None:
 
 def test_the_corner_with_too_many_numbers_is_named_by_its_line() -> None:
     text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1 2 3\nf 3 1/1/1/1 2\n"
-    with pytest.raises(InputError, match="line 8.*more than v/vt/vn"):
+    with pytest.raises(InputError, match=r"line 8.*more than v/vt/vn"):
         read_data(text, format="obj")
