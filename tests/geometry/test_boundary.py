@@ -94,15 +94,16 @@ def test_a_loop_is_as_long_as_its_segments() -> None:
         )
 
 
-def test_a_second_loop_counter_clockwise_is_turned_out() -> None:
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_a_second_loop_counter_clockwise_is_turned_out(scale: float) -> None:
     """A ring's hole runs clockwise; drawn wider than the outer loop it is folded out, and so are both."""
-    uv, faces = ring(12, 1.0, 2.0)
+    uv, faces = ring(12, scale, 2 * scale)
     chart = np.zeros(len(faces), np.int64)
     boundary = segments(faces, uv, chart)
     assert turned_out(boundary, 1).tolist() == [False]
     # the hole turned by hand: its segments run the other way
     s, e = boundary.start.copy(), boundary.end.copy()
-    hole = np.linalg.norm(s, axis=1) < 1.5
+    hole = np.linalg.norm(s, axis=1) < 1.5 * scale
     folded = BoundarySegments(
         boundary.half_edge,
         boundary.chart,
@@ -114,12 +115,32 @@ def test_a_second_loop_counter_clockwise_is_turned_out() -> None:
     )
     assert turned_out(folded, 1).tolist() == [True]
     # far from the origin, and beside a chart that is sound
-    far = SQUARE + 1000
-    both = np.concatenate([far, uv + 1000])
+    far = scale * (SQUARE + 1000)
+    both = np.concatenate([far, uv + 1000 * scale])
     boundary = segments(
         np.r_[HALVES, faces + 4], both, np.repeat([0, 1], [len(HALVES), len(faces)])
     )
     assert turned_out(boundary, 2).tolist() == [False, False]
+
+
+def test_a_slit_has_no_area_but_for_rounding() -> None:
+    """Two long edges on one line far out, there and back: a loop, but not one that runs either way round."""
+    uv, faces = ring(12, 1.0, 2.0)
+    outer = segments(faces, uv, np.zeros(len(faces), np.int64))
+    for shift in (0.0, 1e3):
+        line = np.array([[0.1, 0.1], [0.3, 0.7]]) + shift / 3
+        slit = np.array([line, line[::-1]])
+        n = len(outer.chart)
+        boundary = BoundarySegments(
+            np.arange(n + 2),
+            np.zeros(n + 2, np.int64),
+            np.r_[outer.start, slit[:, 0]],
+            np.r_[outer.end, slit[:, 1]],
+            np.r_[outer.following, n + 1, n],
+            np.r_[outer.before, n + 1, n],
+            np.ones(1),
+        )
+        assert turned_out(boundary, 1).tolist() == [False]
 
 
 def test_two_loops_of_two_charts_are_not_turned_out() -> None:

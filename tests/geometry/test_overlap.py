@@ -304,3 +304,17 @@ def test_no_faces_do_not_overlap():
     found = overlaps(np.zeros((0, 3), np.int64), np.zeros((0, 2)), np.zeros(0, np.int64))
     assert len(found.self_overlapping) == 0
     assert found.pairs.shape == found.crossings.shape == (0, 2)
+
+
+@pytest.mark.parametrize("first", [0, 1, 2])
+@pytest.mark.parametrize("angle", [0.0, 0.4, 2.0, 4.0])
+def test_which_corner_comes_first_and_how_a_coil_is_turned_tells_nothing(first, angle):
+    c, s = np.cos(angle), np.sin(angle)
+    for turns in (1, 2, 3):
+        uv, faces = coil(turns)
+        uv, faces = uv @ np.array([[c, s], [-s, c]]), np.roll(faces, first, axis=1)
+        found = overlaps(faces, uv, np.zeros(len(faces), np.int64))
+        assert found.self_overlapping.tolist() == [turns > 1]
+        mixed = np.array([np.roll(f, k) for k, f in enumerate(faces)])
+        found = overlaps(mixed, uv, np.zeros(len(faces), np.int64))
+        assert found.self_overlapping.tolist() == [turns > 1]

@@ -152,3 +152,39 @@ def test_crowds_of_parallel_segments_are_swept_across(turn):
     start, end = start @ turned.T, end @ turned.T
     _, pairs = found_pairs(start, end)
     assert {(k, n) for k in range(n)} <= set(pairs)
+
+
+def crossing(start, end):
+    """(i, j), i < j, of all segments that cross properly, by brute force."""
+    i, j = np.triu_indices(len(start), 1)
+    a, b, c, d = start[i], end[i], start[j], end[j]
+    cross = orientation(a, b, c) * orientation(a, b, d) < 0
+    cross &= orientation(c, d, a) * orientation(c, d, b) < 0
+    return set(zip(i[cross].tolist(), j[cross].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (-7.0, 40.0), (1e6, -1e6)])
+def test_cells_so_crowded_that_they_are_quartered_hold_every_crossing(corner):
+    """A tangle of 400 segments of many lengths: each cell of the first grid holds more than it should."""
+    rng = np.random.default_rng(8)
+    start = rng.random((400, 2)) * [3.0, 1.0] + corner
+    end = start + rng.normal(size=(400, 2)) * 10.0 ** rng.uniform(-1.3, 0, (400, 1))
+    expected = crossing(start, end)
+    assert len(expected) > 1000
+    candidates, pairs = found_pairs(start, end)
+    assert expected <= set(pairs)
+    assert not candidates.cut_short
+    twice = np.repeat([0, 1], 200)
+    apart = {(i, j) for i, j in expected if twice[i] == twice[j]}
+    assert apart <= set(found_pairs(start, end, twice)[1])
+
+
+def test_a_pile_that_no_grid_parts_is_looked_at_in_full():
+    n = 70
+    rng = np.random.default_rng(2)
+    start = np.r_[np.zeros((n, 2)), rng.random((40, 2)) * 9]
+    end = np.r_[np.ones((n, 2)), rng.random((40, 2)) * 9]
+    candidates, pairs = found_pairs(start, end)
+    assert {(i, j) for i in range(n) for j in range(i + 1, n)} <= set(pairs)
+    assert crossing(start, end) <= set(pairs)
+    assert not candidates.cut_short
