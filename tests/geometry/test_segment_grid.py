@@ -163,18 +163,18 @@ def crossing(start, end):
     return set(zip(i[cross].tolist(), j[cross].tolist(), strict=True))
 
 
-@pytest.mark.parametrize("corner", [(0.0, 0.0), (-7.0, 40.0), (1e6, -1e6)])
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (1e6, -1e6)])
 def test_cells_so_crowded_that_they_are_quartered_hold_every_crossing(corner):
-    """A tangle of 400 segments of many lengths: each cell of the first grid holds more than it should."""
+    """A tangle of 1000 segments of many lengths: each cell of the first grid holds more than it should."""
     rng = np.random.default_rng(8)
-    start = rng.random((400, 2)) * [3.0, 1.0] + corner
-    end = start + rng.normal(size=(400, 2)) * 10.0 ** rng.uniform(-1.3, 0, (400, 1))
+    start = rng.random((1000, 2)) * [2.0, 1.0] + corner
+    end = start + rng.normal(size=(1000, 2)) * 10.0 ** rng.uniform(-1.3, 0, (1000, 1))
     expected = crossing(start, end)
     assert len(expected) > 1000
     candidates, pairs = found_pairs(start, end)
     assert expected <= set(pairs)
     assert not candidates.cut_short
-    twice = np.repeat([0, 1], 200)
+    twice = np.repeat([0, 1], 500)
     apart = {(i, j) for i, j in expected if twice[i] == twice[j]}
     assert apart <= set(found_pairs(start, end, twice)[1])
 
