@@ -101,6 +101,7 @@ def test_chunks_are_whole_words(size: int) -> None:
     (json_kind, text), (bin_kind, padded) = chunks(glb_bytes({"é": "x" * size}, body))
     assert (json_kind, bin_kind) == (0x4E4F534A, 0x004E4942)
     assert json.loads(text) == {"é": "x" * size}
+    assert text.startswith('{"é":"x'.encode()[: 7 + (size > 0)]), "no escapes, no blanks"
     assert padded.rstrip(b"\0") == body.rstrip(b"\0")
     assert len(padded) - size in range(4)
     assert len(chunks(glb_bytes({}, None))) == 1
@@ -258,6 +259,7 @@ def test_a_glb_becomes_a_gltf_with_its_data_beside_it_or_inside(tmp_path: Path) 
     assert [set(b) for b in inside["buffers"]] == [{"uri", "byteLength"}]
     (tmp_path / "in.glb").write_bytes(full_mesh(4).glb())
     files = write(tmp_path / "out.gltf", read(tmp_path / "in.glb"), uvmap).files
+    assert files[0].name == "out.gltf", "the file itself first"
     assert sorted(p.name for p in files) == ["out.bin", "out.gltf"]
     beside = json.loads((tmp_path / "out.gltf").read_bytes())
     assert [b["uri"] for b in beside["buffers"]] == ["out.bin"]
