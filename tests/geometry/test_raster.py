@@ -306,3 +306,54 @@ def test_gaps_are_looked_for_between_labels_and_at_the_rim_of_the_grid() -> None
     grid[:, 2] = 1
     assert smallest_gap(grid, 9) == (1.0, (0, 1))
     assert smallest_gap(grid, 0) == (np.inf, None)
+
+
+@pytest.mark.parametrize("slope", [-1e-7, 1e-7])
+def test_a_nearly_level_edge_just_below_a_row_covers_no_more_than_its_nearer_end(
+    slope: float,
+) -> None:
+    """Both ends lie within EDGE of the row of centres; the line through them would soon be far away."""
+    ends = np.array([[0.0, 1 - 5.5e-7 - slope / 2], [5.0, 1 - 5.5e-7 + slope / 2]])
+    for tip in ([2.0, -3.0], [2.0, 5.0]):
+        mirror = 1 if tip[1] < 0 else -1
+        there = np.array([*ends, tip])
+        if mirror < 0:
+            there[:2, 1] = 2 - there[:2, 1]
+        page, _ = owner_raster((there + np.array([1.5, 3.5]))[None], np.array([0]), 12)
+        covered = np.flatnonzero(page[4] >= 0)
+        assert len(covered) > 0
+        assert covered.min() >= 1
+        assert covered.max() <= 6
+        assert (6 if slope > 0 else 1) in covered
+
+
+def test_outlines_share_what_they_share_whichever_way_they_run() -> None:
+    rng = np.random.default_rng(6)
+    page = np.full((16, 16), -1, np.int32)
+    page[4:9, 3:12] = 2
+    start, end = rng.uniform(0, 16, (2, 12, 2))
+    owner = np.arange(12) % 3
+    found = shared_texels(page, start, end, owner)
+    assert found > 0
+    assert shared_texels(page, end, start, owner) == found
+    p, q = (v * [-1, 1] + [16, 0] for v in (start, end))
+    assert shared_texels(np.ascontiguousarray(page[:, ::-1]), p, q, owner) == found
+    # straight down, up, left and right through the middle of a page that another chart covers
+    full = np.zeros((7, 7), np.int32)
+    for a, b in (([0.5, 3.5], [6.5, 3.5]), ([3.5, 0.5], [3.5, 6.5])):
+        for s, e in ((a, b), (b, a)):
+            assert shared_texels(full, np.array([s]), np.array([e]), np.array([1])) == 7
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_a_speck_before_the_middle_of_a_side_is_found(turn: int) -> None:
+    grid = np.full((11, 11), -1, np.int32)
+    grid[2:7, 2:6] = 0
+    grid[4, 6] = 1
+    assert smallest_gap(np.rot90(grid, turn), 4) == (1.0, (0, 1))
+    grid[4, 6], grid[4, 7] = -1, 1
+    assert smallest_gap(np.rot90(grid, turn), 4) == (2.0, (0, 1))
+    # a block in another, with no gap at all
+    grid[:] = 0
+    grid[4:7, 4:7] = 3
+    assert smallest_gap(np.rot90(grid, turn), 4) == (1.0, (0, 3))
