@@ -108,3 +108,16 @@ def test_what_was_moved_gets_its_shape_back():
         cut_mesh, uv = tangled(seed=seed)
         new, _ = untangle(cut_mesh, uv, rim(cut_mesh))
         assert chart_energies(cut_mesh, new)[0] < 1.02
+
+
+def test_no_region_is_needed_where_nothing_is_flipped_and_none_is_tried_out_of_time():
+    cut_mesh, points = patches_of(shapes.delaunay_disk(80))
+    new, report = untangle(cut_mesh, points[:, :2])
+    assert report.rings == 0
+    np.testing.assert_array_equal(new, points[:, :2])
+    cut_mesh, uv = tangled(150)
+    new, report = untangle(cut_mesh, uv, monitor=Monitor(timeout=-1.0))
+    np.testing.assert_array_equal(new, uv)
+    assert report.rings == 0
+    assert report.after.tolist() == report.before.tolist() != [0]
+    assert untangle(cut_mesh, uv)[1].rings > 0
