@@ -107,7 +107,7 @@ def test_what_was_moved_gets_its_shape_back():
     for seed in range(3):
         cut_mesh, uv = tangled(seed=seed)
         new, _ = untangle(cut_mesh, uv, rim(cut_mesh))
-        assert chart_energies(cut_mesh, new)[0] < 1.02
+        assert chart_energies(cut_mesh, new)[0] < 1 + 4e-6
 
 
 def test_no_region_is_needed_where_nothing_is_flipped_and_none_is_tried_out_of_time():
