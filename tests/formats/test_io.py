@@ -153,3 +153,11 @@ def test_standard_streams(monkeypatch: pytest.MonkeyPatch) -> None:
         assert got is not None
         np.testing.assert_array_equal(corners(got), corners(stored(uvmap, format)))
         assert again.path is None
+
+
+def test_the_file_itself_is_named_first_and_written_last(tmp_path: Path) -> None:
+    """A glTF and its buffer: what it refers to is there before it."""
+    doc = document()
+    written = write(tmp_path / "x.gltf", doc, smooth_layout(doc))
+    assert [p.name for p in written.files] == ["x.gltf", "x.bin"]
+    assert written.path == tmp_path / "x.gltf"

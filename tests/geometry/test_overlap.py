@@ -2,89 +2,17 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import next_half_edge
-from circparam.geometry.boundary import BoundarySegments
-from circparam.geometry.intersect import (
-    NEIGHBOURS,
-    nearby,
-    segment_distance,
-    wedge_left_of,
-    wedges_meet,
-)
 from circparam.geometry.overlap import crossings, overlaps, self_overlapping, signs
-from circparam.geometry.predicates import orientation
-from circparam.geometry.segment_grid import Candidates
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 from circparam.mesh.halfedge import corner_classes, shared_edges
 from tests.support import shapes
-
-
-def exact_sign(a, b, c):
-    (ax, ay), (bx, by), (cx, cy) = [tuple(map(Fraction, map(float, p))) for p in (a, b, c)]
-    det = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    return (det > 0) - (det < 0)
-
-
-coordinate = st.one_of(
-    st.floats(-1, 1),
-    st.floats(allow_nan=False, allow_infinity=False, width=64, min_value=-1e150, max_value=1e150),
-    st.integers(-3, 3).map(float),
-    st.sampled_from([0.1, 0.2, 0.3, 1e-300, 5e-324, 0.5 + 2**-53, 12.0, 24.0]),
-)
-point = st.tuples(coordinate, coordinate)
-
-
-@given(point, point, point)
-@example((0.1, 0.1), (0.2, 0.2), (0.3, 0.3))
-@example((5e-324, 0.0), (0.0, 5e-324), (0.0, 0.0))
-@example((1e150, 5e-324), (1e150, 0.0), (5e-324, 1e150))
-def test_orientation_is_exact(a, b, c):
-    got = orientation(*(np.array([p]) for p in (a, b, c)))
-    assert int(got[0]) == exact_sign(a, b, c)
-
-
-@given(point, st.floats(-4, 4), st.floats(-4, 4), st.integers(-3, 3))
-def test_orientation_is_exact_near_a_line(direction, s, t, ulps):
-    """Points on one line up to a few last digits: where floating point alone guesses."""
-    d = np.array(direction)
-    a, b, c = np.array([[0.1, 0.7]]), np.array([[0.1, 0.7] + s * d]), np.array([[0.1, 0.7] + t * d])
-    c[0, 0] += ulps * np.spacing(c[0, 0])
-    assert int(orientation(a, b, c)[0]) == exact_sign(a[0], b[0], c[0])
-
-
-def test_orientation_is_exact_where_floating_point_is_known_to_fail():
-    """The grid of Kettner and others (2008): points a few last digits from (½, ½), against one diagonal."""
-    k = np.arange(64) * 2.0**-53
-    p = np.stack(np.meshgrid(0.5 + k, 0.5 + k), -1).reshape(-1, 2)
-    q, r = np.full_like(p, 12.0), np.full_like(p, 24.0)
-    got = orientation(p, q, r)
-    assert np.array_equal(got, [exact_sign(a, (12, 12), (24, 24)) for a in p])
-    plain = (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
-    assert (np.sign(plain) != got).any(), "the case is hard enough"
-    for scale in (1e-140, 1e140):
-        assert np.array_equal(
-            orientation(p * scale, q * scale, r * scale),
-            [
-                exact_sign(a * scale, np.array([12, 12]) * scale, np.array([24, 24]) * scale)
-                for a in p
-            ],
-        )
-
-
-def test_orientation_is_exact_for_full_mantissas_on_a_rounded_line():
-    rng = np.random.default_rng(7)
-    a, b = rng.random((1500, 2)), rng.random((1500, 2))
-    c = a + rng.uniform(-1, 2, (1500, 1)) * (b - a)
-    assert np.array_equal(
-        orientation(a, b, c), [exact_sign(*abc) for abc in zip(a, b, c, strict=True)]
-    )
+from tests.support.exact import exact_sign
 
 
 def test_signs_turn_with_the_winding():
@@ -279,69 +207,6 @@ def test_a_surface_wound_twice_overlaps_though_its_boundaries_never_meet():
     assert found.pairs.tolist() == [[0, 1]]
 
 
-direction = st.tuples(st.integers(-2, 2), st.integers(-2, 2)).filter(any)
-
-
-def corner_boundary(*wedges):
-    """Boundaries that pass through the origin: (out, back) directions of each; segment 2k leaves wedge k."""
-    start, end = [], []
-    for out, back in wedges:
-        start += [(0, 0), back]
-        end += [out, (0, 0)]
-    n = len(start)
-    other = np.arange(n) ^ 1
-    return BoundarySegments(
-        np.arange(n),
-        np.arange(n) // 2,
-        np.array(start, float),
-        np.array(end, float),
-        other,
-        other,
-        np.ones(n // 2),
-    )
-
-
-def in_arc(angle, first, last):
-    turn = 2 * np.pi
-    span = (last - first) % turn or turn
-    inside = (angle - first) % turn
-    return (inside > 1e-9) & (inside < span - 1e-9)
-
-
-def angle_of(d):
-    return np.arctan2(d[1], d[0])
-
-
-MANY = np.arange(3600) * 2 * np.pi / 3600 + 1e-5
-
-
-@settings(max_examples=300)
-@given(direction, direction, direction, direction)
-@example((1, 0), (1, 0), (0, 1), (0, 2))
-@example((1, 0), (0, -1), (1, -1), (1, 0))
-def test_wedges_meet_where_they_share_a_direction(out_a, back_a, out_b, back_b):
-    boundary = corner_boundary((out_a, back_a), (out_b, back_b))
-    got = wedges_meet(boundary, np.array([0]), np.array([2]))[0]
-    expected = in_arc(MANY, angle_of(out_a), angle_of(back_a))
-    expected &= in_arc(MANY, angle_of(out_b), angle_of(back_b))
-    assert got == expected.any()
-
-
-@settings(max_examples=300)
-@given(direction, direction, direction)
-@example((1, 0), (-1, 0), (-1, 0))
-@example((1, 0), (1, -1), (-1, 0))
-@example((1, 0), (1, -1), (-1, -1))
-def test_a_wedge_reaches_to_the_left_of_a_line(line, out, back):
-    boundary = corner_boundary((out, back), (line, line))
-    d = np.array(line, float)
-    boundary.start[2], boundary.end[2] = -2 * d, 3 * d
-    got = wedge_left_of(boundary, np.array([0]), np.array([2]))[0]
-    left = angle_of(line)
-    expected = in_arc(MANY, angle_of(out), angle_of(back)) & in_arc(MANY, left, left + np.pi)
-    assert got == expected.any()
-
-
 def patches_of(uv, faces):
     edges = shared_edges(faces)
     _, corners = corner_classes(len(faces), edges)
@@ -394,71 +259,6 @@ def test_a_spiral_that_meets_itself_is_found_with_the_half_edges_that_cross():
     assert np.isin(pairs, cut_mesh.boundary).all()
 
 
-@settings(max_examples=40)
-@given(
-    st.integers(2, 60),
-    st.integers(0, 10**6),
-    st.sampled_from([1.0, 1e-9, 1e6]),
-    st.sampled_from([0.0, 0.02]),
-    st.sampled_from(["even", "mixed", "comb"]),
-)
-def test_candidates_hold_every_pair_that_meets(n, seed, scale, reach, kind):
-    rng = np.random.default_rng(seed)
-    start = rng.random((n, 2))
-    length = {"even": 0.1, "mixed": 10.0 ** rng.uniform(-6, 0, (n, 1)), "comb": 1e-4}[kind]
-    end = start + length * rng.normal(size=(n, 2))
-    if kind == "comb":
-        end[:, 1] += 1
-    start, end = start * scale, end * scale
-    group = rng.integers(0, 2, n)
-    pairs = set()
-    for i, j in Candidates(start, end, group, np.full(n, reach * scale)):
-        assert (i < j).all()
-        pairs |= set(zip(i.tolist(), j.tolist(), strict=True))
-    low, high = (
-        np.minimum(start, end) - reach * scale / 2,
-        np.maximum(start, end) + reach * scale / 2,
-    )
-    for i in range(n):
-        for j in range(i + 1, n):
-            if group[i] != group[j]:
-                assert (i, j) not in pairs
-                continue
-            a, b, c, d = start[[i]], end[[i]], start[[j]], end[[j]]
-            cross = orientation(a, b, c) * orientation(a, b, d) < 0
-            cross &= orientation(c, d, a) * orientation(c, d, b) < 0
-            touch = (low[i] <= high[j]).all() and (low[j] <= high[i]).all()
-            near = reach and np.linalg.norm(start[i] - start[j]) < reach * scale
-            if touch and (cross[0] or near):
-                assert (i, j) in pairs
-
-
-@pytest.mark.parametrize("shape", ["comb", "star", "uneven", "stack"])
-def test_the_work_grows_with_the_number_of_segments(shape):
-    """Pairs looked at for each segment stay bounded as the number of segments grows."""
-
-    def pairs_a_segment(n):
-        rng = np.random.default_rng(1)
-        if shape == "comb":  # long teeth side by side
-            x = np.arange(n) / n
-            start, end = np.stack([x, np.zeros(n)], 1), np.stack([x, np.ones(n)], 1)
-        elif shape == "star":  # rays that stop short of the middle
-            t = 2 * np.pi * np.arange(n) / n
-            ray = np.stack([np.cos(t), np.sin(t)], 1)
-            start, end = 0.2 * ray, ray
-        elif shape == "uneven":  # most of the segments in one corner
-            start = rng.random((n, 2)) ** 8
-            end = start + 1e-3 / n * rng.normal(size=(n, 2))
-            end[:3] = start[:3] + 1
-        else:  # several segments in each place
-            start = np.repeat(rng.random((n // 4, 2)), 4, 0)
-            end = start + 1e-4
-        group = np.zeros(len(start), np.int64)
-        return sum(len(i) for i, _ in Candidates(start, end, group, np.zeros(len(start)))) / n
-
-    assert pairs_a_segment(16000) < 4 * pairs_a_segment(1000) + 40
-
-
 def test_a_crowd_beyond_the_limit_counts_as_overlapping(monkeypatch):
     """Never one to one by omission: where not every pair can be looked at, the chart counts as overlapping."""
     import circparam.geometry.segment_grid as nearby
@@ -500,48 +300,21 @@ def test_a_flap_folded_out_of_a_hole_overlaps_without_any_crossing(folded):
     assert found.self_overlapping.tolist() == [folded]
 
 
-def random_boundary(seed: int, dense: int) -> BoundarySegments:
-    """Two charts: wavy closed loops whose parts come near each other, short segments and long."""
-    rng = np.random.default_rng(seed)
-    starts, ends, chart, following = [], [], [], []
-    for c, loops in enumerate((2, 1)):
-        for k in range(loops):
-            n = int(rng.integers(8, dense))
-            t = np.sort(rng.random(n)) * 2 * np.pi
-            r = 1 + 0.9 * np.sin(rng.integers(1, 9) * t + rng.random()) * rng.random() + 0.3 * k
-            p = np.stack([r * np.cos(t), r * np.sin(t)], 1)
-            at = sum(map(len, starts))
-            starts.append(p)
-            ends.append(np.roll(p, -1, axis=0))
-            chart += [c] * n
-            following.append(at + (np.arange(n) + 1) % n)
-    follow = np.concatenate(following)
-    before = np.empty_like(follow)
-    before[follow] = np.arange(len(follow))
-    order = np.arange(len(follow))
-    return BoundarySegments(
-        3 * order, np.array(chart), np.concatenate(starts), np.concatenate(ends), follow, before,
-        np.ones(2),
-    )  # fmt: skip
+def test_no_faces_do_not_overlap():
+    found = overlaps(np.zeros((0, 3), np.int64), np.zeros((0, 2)), np.zeros(0, np.int64))
+    assert len(found.self_overlapping) == 0
+    assert found.pairs.shape == found.crossings.shape == (0, 2)
 
 
-@settings(max_examples=60)
-@given(st.integers(0, 10**6), st.sampled_from([20, 150, 500]), st.floats(0.005, 0.3))
-def test_near_parts_of_a_boundary_against_brute_force(seed, dense, reach):
-    boundary = random_boundary(seed, dense)
-    i, j = np.triu_indices(len(boundary.chart), 1)
-    same = boundary.chart[i] == boundary.chart[j]
-    i, j = i[same], j[same]
-    loop, position, total = boundary.along
-    apart = np.abs(position[i] - position[j])
-    apart = np.minimum(apart, total[i] - apart)
-    far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach)
-    far &= (boundary.following[i] != j) & (boundary.before[i] != j)
-    i, j = i[far], j[far]
-    close = segment_distance(boundary.start[i], boundary.end[i], boundary.start[j], boundary.end[j])
-    for charts in ([True, True], [False, True]):
-        got = nearby(boundary, np.full(2, reach), np.array(charts))
-        keep = (close < reach) & np.array(charts)[boundary.chart[i]]
-        assert set(zip(*(g.tolist() for g in got), strict=True)) == set(
-            zip(i[keep].tolist(), j[keep].tolist(), strict=True)
-        )
+@pytest.mark.parametrize("first", [0, 1, 2])
+@pytest.mark.parametrize("angle", [0.0, 0.4, 2.0, 4.0])
+def test_which_corner_comes_first_and_how_a_coil_is_turned_tells_nothing(first, angle):
+    c, s = np.cos(angle), np.sin(angle)
+    for turns in (1, 2, 3):
+        uv, faces = coil(turns)
+        uv, faces = uv @ np.array([[c, s], [-s, c]]), np.roll(faces, first, axis=1)
+        found = overlaps(faces, uv, np.zeros(len(faces), np.int64))
+        assert found.self_overlapping.tolist() == [turns > 1]
+        mixed = np.array([np.roll(f, k) for k, f in enumerate(faces)])
+        found = overlaps(mixed, uv, np.zeros(len(faces), np.int64))
+        assert found.self_overlapping.tolist() == [turns > 1]

@@ -1,13 +1,24 @@
-"""Scan conversion: every pixel belongs to the face it should."""
+"""Scan conversion: every pixel belongs to the face it should; runs, crossings, gaps and free borders."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from circparam.geometry.raster import barycentric, fragments, rasterise
+from circparam.geometry import raster
+from circparam.geometry.raster import (
+    barycentric,
+    covered_runs,
+    fragments,
+    free_border,
+    owner_raster,
+    rasterise,
+    row_crossings,
+    shared_texels,
+    smallest_gap,
+)
 
 
 @settings(max_examples=40)
@@ -64,3 +75,285 @@ def test_barycentric_gives_the_pixel_back():
         there = np.einsum("pk,pkc->pc", b, xy[part.face])
         centre = np.stack([part.pixel % 30 + 0.5, part.pixel // 30 + 0.5], 1)
         assert np.abs(there - centre).max() < 1e-6
+
+
+def inside_or_on(corners: np.ndarray, size: int, slack: float) -> np.ndarray:
+    """(size, size) centres at most ``slack`` outside a triangle's edge lines (either winding)."""
+    x, y = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
+    a, b, c = corners
+    turn = np.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+    out = np.ones((size, size), bool)
+    for p, q in ((a, b), (b, c), (c, a)):
+        side = (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])
+        out &= turn * side >= -slack * np.hypot(*(q - p))
+    return out
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6))
+def test_runs_cover_centres_inside_and_on_edges(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    # corners on quarters of texels: centres on edges and corners are frequent
+    corners = rng.integers(-8, 56, (3, 2)) / 4
+    d = corners[1:] - corners[0]
+    assume(d[0, 0] * d[1, 1] != d[0, 1] * d[1, 0])
+    page, clashes = owner_raster(corners[None], np.array([5]), 12)
+    assert clashes == 0
+    assert set(np.unique(page)) <= {-1, 5}
+    assert np.array_equal(page == 5, inside_or_on(corners, 12, 1e-9))
+
+
+def test_a_centre_just_off_an_edge_is_covered_and_no_further() -> None:
+    square = np.array([[0.0, 0.0], [3.5, 0.0], [3.5, 3.5], [0.0, 3.5]])
+    for off, width in ((0.5e-6, 4), (2e-6, 3)):
+        corners = (square - [off, off])[[[0, 1, 2], [0, 2, 3]]]
+        page, _ = owner_raster(corners, np.zeros(2, np.int64), 8)
+        assert (page >= 0).sum() == width * width
+
+
+def test_two_owners_of_a_centre_clash() -> None:
+    corners = np.array([[[0, 0], [4, 0], [0, 4.0]], [[4, 4], [0, 4.0], [4, 0]]])
+    # the shared edge runs through four centres
+    assert owner_raster(corners, np.array([0, 1]), 4)[1] == 4
+    assert owner_raster(corners, np.array([3, 3]), 4)[1] == 0
+
+
+def test_blocks_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    corners = np.random.default_rng(0).uniform(-3, 33, (60, 3, 2))
+    whole = owner_raster(corners, np.arange(60), 30)
+    monkeypatch.setattr(raster, "ROWS_AT_ONCE", 50)
+    assert len(list(covered_runs(corners, 30))) > 5
+    parts = owner_raster(corners, np.arange(60), 30)
+    assert whole[1] > 0
+    assert parts[1] > 0
+    assert np.array_equal(whole[0] >= 0, parts[0] >= 0)
+    assert not list(covered_runs(np.zeros((0, 3, 2)), 30))
+
+
+@pytest.mark.parametrize("centre", [0.0, 0.5])
+def test_crossings_of_a_square(centre: float) -> None:
+    p = np.array([[1.0, 2.0], [4.0, 2.0], [5.0, 6.0], [1.0, 6.0]]) + centre
+    edge, row, x = row_crossings(p, np.roll(p, -1, axis=0), 20, centre)
+    assert edge.tolist() == [1] * 4 + [3] * 4, "rows of the lower end, not of the upper"
+    assert row.tolist() == [2, 3, 4, 5] * 2
+    assert np.allclose(x, [*(np.array([4, 4.25, 4.5, 4.75]) + centre), *[1 + centre] * 4])
+    assert row_crossings(p, np.roll(p, -1, axis=0), 4, centre)[1].tolist() == [2, 3] * 2
+    lower = p - [0, 4]
+    assert row_crossings(lower, np.roll(lower, -1, axis=0), 9, centre)[1].tolist() == [0, 1] * 2
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from([0.0, 0.5]))
+def test_each_row_is_crossed_where_an_edge_passes_its_centre(seed: int, centre: float) -> None:
+    p = np.random.default_rng(seed).uniform(-3, 13, (6, 2))
+    q = np.roll(p, -1, axis=0)
+    edge, row, x = row_crossings(p, q, 10, centre)
+    y = np.arange(10) + centre
+    above = p[:, 1, None] > y
+    assert np.array_equal(np.argwhere(above != np.roll(above, -1, axis=0)), np.c_[edge, row])
+    assert (np.bincount(row, minlength=10) % 2 == 0).all()
+    d, e = q[edge] - p[edge], np.c_[x, row + centre] - p[edge]
+    assert np.allclose(d[:, 0] * e[:, 1], d[:, 1] * e[:, 0], atol=1e-9)
+
+
+def test_a_gap_as_wide_as_the_search_is_found() -> None:
+    grid = np.full((9, 9), -1, np.int32)
+    grid[1, 1], grid[4, 5] = 2, 1
+    assert smallest_gap(grid, 5) == (5.0, (1, 2))
+    assert smallest_gap(grid, 4) == (np.inf, None)
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.integers(0, 7))
+def test_smallest_gap_is_that_of_all_pairs(seed: int, search: int) -> None:
+    rng = np.random.default_rng(seed)
+    grid = np.full(rng.integers(1, 24, 2), -1, np.int32)
+    for label in range(3):
+        y, x = rng.integers(0, 20, 2)
+        h, w = rng.integers(1, 5, 2)
+        block = grid[y : y + h, x : x + w]
+        block[block < 0] = label
+    at = np.argwhere(grid >= 0)
+    label = grid[tuple(at.T)]
+    distance = np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1))
+    distance[label[:, None] == label[None]] = np.inf
+    best = distance.min(initial=np.inf)
+    found, pair = smallest_gap(grid, search)
+    assert found == (best if best <= search else np.inf)
+    if pair is None:
+        assert found == np.inf
+    else:
+        k = np.argwhere(distance == best)
+        pairs = {tuple(sorted((int(label[i]), int(label[j])))) for i, j in k}
+        assert pair in pairs
+
+
+@pytest.mark.parametrize("side", range(4))
+@pytest.mark.parametrize("free", [0, 1, 3])
+def test_the_free_border_is_that_of_the_nearest_side(side: int, free: int) -> None:
+    grid = np.full((20, 20), -1, np.int32)
+    grid[free, 10] = 0
+    assert free_border(np.rot90(grid, side)) == free
+
+
+def test_an_empty_page_is_free_all_over() -> None:
+    assert free_border(np.full((7, 7), -1, np.int32)) == 7
+
+
+def test_the_nearer_face_is_seen_at_its_depth() -> None:
+    """Two right triangles over each other, one sloping through the other: depths at pixel centres."""
+    flat = [[0.0, 0.0], [8.0, 0.0], [0.0, 8.0]]
+    xy = np.array([flat, flat])
+    depth = np.array([[4.0, 4.0, 4.0], [0.0, 8.0, 0.0]])  # the second is at x
+    face, z, layers = rasterise(xy, 8, 8, depth)
+    assert layers.max() == 2
+    assert layers[0].tolist() == [2] * 7 + [0], "the centre on the slanted side belongs to the next"
+    assert face[0].tolist() == [1] * 4 + [0] * 3 + [-1]
+    np.testing.assert_allclose(z[0, :7], [0.5, 1.5, 2.5, 3.5, 4, 4, 4], atol=1e-6)
+    assert np.isinf(z[0, 7])
+    face, z, _ = rasterise(xy, 8, 8)
+    assert set(face[layers > 0].tolist()) == {0}, "without depths the lowest face wins"
+    assert set(z[layers > 0].tolist()) == {0.0}
+    # one depth everywhere, and depths of which none is a number
+    assert rasterise(xy, 8, 8, np.full((2, 3), 5.0))[1][0, 0] == pytest.approx(5)
+
+
+def test_pixels_of_a_rectangle_are_those_whose_centres_lie_inside() -> None:
+    for low, high, columns in ((0.0, 3.0, [0, 1, 2]), (0.5, 2.5, [0, 1]), (0.6, 2.6, [1, 2])):
+        a, b, c, d = [low, 1.0], [high, 1.0], [high, 3.0], [low, 3.0]
+        face, _, layers = rasterise(np.array([[a, b, c], [a, c, d]]), 5, 6)
+        assert layers.shape == (6, 5)
+        rows, found = np.nonzero(face >= 0)
+        assert sorted(set(rows.tolist())) == [1, 2]
+        assert sorted(set(found.tolist())) == columns
+        assert layers.max() == 1
+
+
+def test_triangles_beyond_the_picture_are_clipped() -> None:
+    xy = np.array([[[-50.0, -50.0], [90.0, -50.0], [-50.0, 90.0]]])
+    face, _, layers = rasterise(xy, 7, 4)
+    assert (face == 0).all()
+    assert (layers == 1).all()
+    beside = [
+        [[9.0, 0], [12, 0], [9, 9]],
+        [[-4.0, 0], [0.2, 0], [-4, 3]],
+        [[0.0, 6], [7, 6], [0, 9]],
+    ]
+    assert not rasterise(np.array(beside), 7, 4)[2].any()
+
+
+def test_runs_of_a_rectangle_and_of_its_mirror_image() -> None:
+    low, high = np.array([1.5, 2.5]), np.array([4.5, 3.5])
+    corners = np.array([[low, [high[0], low[1]], high], [low, high, [low[0], high[1]]]])
+    for winding in (corners, corners[:, ::-1]):
+        cells = set()
+        for triangle, row, first, length in covered_runs(winding, 9):
+            assert (length > 0).all()
+            assert (np.diff(triangle) >= 0).all()
+            for r, f, n in zip(row.tolist(), first.tolist(), length.tolist(), strict=True):
+                cells |= {(r, f + k) for k in range(n)}
+        assert cells == {(r, c) for r in (2, 3) for c in (1, 2, 3, 4)}
+
+
+def test_runs_outside_the_page_leave_no_owner() -> None:
+    """Left of it, right of it, above and below: nothing is covered, not even the texels at its ends."""
+    square = np.array([[[0.0, 0], [2, 0], [2, 2]], [[0, 0], [2, 2], [0, 2]]])
+    owner = np.array([0, 0])
+    for shift in ([-3.0, 1.0], [9.0, 1.0], [1.0, -4.0], [1.0, 9.0]):
+        page, clashes = owner_raster(square + shift, owner, 8)
+        assert (page == -1).all()
+        assert clashes == 0
+    page, _ = owner_raster(square + np.array([-1.0, 7.0]), owner, 8)
+    assert np.argwhere(page >= 0).tolist() == [[7, 0]]
+    page, _ = owner_raster(square + np.array([7.0, 3.0]), owner, 8)
+    assert np.argwhere(page >= 0).tolist() == [[3, 7], [4, 7]]
+
+
+def test_outlines_through_one_texel_share_it() -> None:
+    page = np.full((8, 8), -1, np.int32)
+    start, end = np.array([[0.5, 1.5], [0.5, 1.5]]), np.array([[6.5, 1.5], [0.5, 5.5]])
+    assert shared_texels(page, start, end, np.array([0, 1])) == 1, "the texel both begin in"
+    assert shared_texels(page, start, end, np.array([3, 3])) == 0
+    # another chart covers what the outlines run through: each texel once
+    page[1, 4:7] = 7
+    assert shared_texels(page, start, end, np.array([0, 0])) == 3
+    assert shared_texels(page, start, end, np.array([7, 7])) == 0
+    page[:] = 0
+    assert shared_texels(page, start, end, np.array([0, 0])) == 0
+    assert shared_texels(page, start, end, np.array([1, 1])) == 11, "7 to the right, 4 more below"
+    assert shared_texels(page, start[:0], end[:0], np.zeros(0, np.int64)) == 0
+
+
+def test_an_outline_is_followed_from_end_to_end_and_inside_the_page() -> None:
+    page = np.full((8, 8), -1, np.int32)
+    row = np.stack([np.arange(8) + 0.5, np.full(8, 2.5)], 1)
+    for k in range(8):
+        # a slanted edge that crosses every column, against a point in one texel of the row
+        start, end = np.array([[0.1, 2.1], row[k]]), np.array([[7.9, 2.9], row[k]])
+        assert shared_texels(page, start, end, np.array([0, 1])) == 1
+    # what lies beyond the border counts for the texel at the border
+    start, end = np.array([[-3.0, 0.5], [8.0, 8.0]]), np.array([[0.2, 0.5], [8.0, 8.0]])
+    page[0, 0] = page[7, 7] = 5
+    assert shared_texels(page, start, end, np.array([0, 0])) == 2
+
+
+def test_gaps_are_looked_for_between_labels_and_at_the_rim_of_the_grid() -> None:
+    grid = np.full((6, 9), -1, np.int32)
+    grid[:, :2], grid[:, 7:] = 0, 4
+    assert smallest_gap(grid, 9) == (6.0, (0, 4))
+    grid[0, 4] = 2
+    assert smallest_gap(grid, 9) == (3.0, (0, 2))
+    grid[:, 2] = 1
+    assert smallest_gap(grid, 9) == (1.0, (0, 1))
+    assert smallest_gap(grid, 0) == (np.inf, None)
+
+
+@pytest.mark.parametrize("slope", [-1e-7, 1e-7])
+def test_a_nearly_level_edge_just_below_a_row_covers_no_more_than_its_nearer_end(
+    slope: float,
+) -> None:
+    """Both ends lie within EDGE of the row of centres; the line through them would soon be far away."""
+    ends = np.array([[0.0, 1 - 5.5e-7 - slope / 2], [5.0, 1 - 5.5e-7 + slope / 2]])
+    for tip in ([2.0, -3.0], [2.0, 5.0]):
+        mirror = 1 if tip[1] < 0 else -1
+        there = np.array([*ends, tip])
+        if mirror < 0:
+            there[:2, 1] = 2 - there[:2, 1]
+        page, _ = owner_raster((there + np.array([1.5, 3.5]))[None], np.array([0]), 12)
+        covered = np.flatnonzero(page[4] >= 0)
+        assert len(covered) > 0
+        assert covered.min() >= 1
+        assert covered.max() <= 6
+        assert (6 if slope > 0 else 1) in covered
+
+
+def test_outlines_share_what_they_share_whichever_way_they_run() -> None:
+    rng = np.random.default_rng(6)
+    page = np.full((16, 16), -1, np.int32)
+    page[4:9, 3:12] = 2
+    start, end = rng.uniform(0, 16, (2, 12, 2))
+    owner = np.arange(12) % 3
+    found = shared_texels(page, start, end, owner)
+    assert found > 0
+    assert shared_texels(page, end, start, owner) == found
+    p, q = (v * [-1, 1] + [16, 0] for v in (start, end))
+    assert shared_texels(np.ascontiguousarray(page[:, ::-1]), p, q, owner) == found
+    # straight down, up, left and right through the middle of a page that another chart covers
+    full = np.zeros((7, 7), np.int32)
+    for a, b in (([0.5, 3.5], [6.5, 3.5]), ([3.5, 0.5], [3.5, 6.5])):
+        for s, e in ((a, b), (b, a)):
+            assert shared_texels(full, np.array([s]), np.array([e]), np.array([1])) == 7
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_a_speck_before_the_middle_of_a_side_is_found(turn: int) -> None:
+    grid = np.full((11, 11), -1, np.int32)
+    grid[2:7, 2:6] = 0
+    grid[4, 6] = 1
+    assert smallest_gap(np.rot90(grid, turn), 4) == (1.0, (0, 1))
+    grid[4, 6], grid[4, 7] = -1, 1
+    assert smallest_gap(np.rot90(grid, turn), 4) == (2.0, (0, 1))
+    # a block in another, with no gap at all
+    grid[:] = 0
+    grid[4:7, 4:7] = 3
+    assert smallest_gap(np.rot90(grid, turn), 4) == (1.0, (0, 3))

@@ -3,48 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circparam.core.arrays import cross2
 from circparam.core.monitor import Monitor
-from circparam.errors import NoResultError
 from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import RepairOptions, repair
-from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline import fallback
-from circparam.pipeline.cascade import FAULTY, Cascade, CascadeRules
-from circparam.pipeline.single_faces import LARGEST
+from circparam.pipeline.cascade import FAULTY, Cascade
 from tests.support import shapes, strategies
-
-
-def surface_of(p: np.ndarray, f: np.ndarray, polygons: np.ndarray | None = None) -> Surface:
-    return repair(Mesh(p, f, polygons), RepairOptions())[0]
-
-
-def start(
-    surface: Surface, corners: np.ndarray, cut: np.ndarray | None = None, **rules: object
-) -> Cascade:
-    cut = np.zeros(len(surface.edges), bool) if cut is None else cut
-    return Cascade(Atlas(surface, cut, corners), CascadeRules(**rules))
+from tests.support.cascades import flat, sound, start, surface_of
 
 
 def faulty(cascade: Cascade) -> list[bool]:
     return (fallback.faults(*cascade.open())[0] > 0).tolist()
-
-
-def sound(cascade: Cascade) -> bool:
-    fault, flipped = fallback.faults(*cascade.open())
-    return not fault.any() and not flipped.any()
-
-
-def flat(surface: Surface) -> np.ndarray:
-    return surface.points[surface.faces][:, :, :2].copy()
 
 
 def test_a_sound_layout_stays_as_it_is() -> None:
@@ -119,19 +94,6 @@ def test_a_chart_beyond_its_bound_is_split_until_its_parts_are_below() -> None:
     np.testing.assert_array_equal(in_no_time.atlas.corners, corners)
 
 
-def test_every_step_makes_a_new_cascade() -> None:
-    """What went in stays as it was: corners, seams, counts and notes."""
-    s = surface_of(*shapes.icosphere(1))
-    before = start(s, np.zeros((len(s.faces), 3, 2)))
-    after = fallback.settle(before, Monitor())
-    assert sound(after)
-    assert not before.atlas.corners.any()
-    assert not before.atlas.cut.any()
-    assert not before.tries.any()
-    assert before.repairs == ()
-    assert after.repairs
-
-
 def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:
     """Packed at its own best scale it would shrink all others to nothing."""
     s = surface_of(*shapes.row_of(shapes.grid(3, 3), 2))
@@ -177,51 +139,6 @@ def test_any_mesh_with_any_layout_ends_sound(
     assert sound(cascade)
 
 
-def test_a_method_that_fails_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every method broken, faces are laid down one by one."""
-
-    def broken(*args: object) -> None:
-        raise NoResultError("planted")
-
-    class Rows:
-        def __contains__(self, name: str) -> bool:
-            return True
-
-        def __getitem__(self, name: str) -> object:
-            return type("Row", (), {"function": staticmethod(broken)})
-
-    monkeypatch.setattr(fallback, "METHODS", Rows())
-    s = surface_of(*shapes.icosphere(1))
-    cascade = start(s, np.zeros((len(s.faces), 3, 2)))
-    cascade = fallback.settle(cascade, Monitor())
-    assert sound(cascade)
-    cut_mesh, uv = cascade.open()
-    assert cut_mesh.n_charts == len(s.faces)
-    # laid down as they are: every face isometric
-    side = np.linalg.norm(uv[cut_mesh.faces][:, 1] - uv[cut_mesh.faces][:, 0], axis=1)
-    np.testing.assert_allclose(side, cut_mesh.edge_lengths[:, 0], rtol=1e-12)
-
-
-def test_a_polygon_stays_in_one_piece(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Quads are halved and taken to pieces as quads: no seam runs inside one."""
-
-    def useless(cut_mesh: object, *rest: object) -> None:
-        raise NoResultError("planted")
-
-    p, f = shapes.grid(7, 7)
-    p = p + [0, 0, 1] * np.sin(9 * p[:, :1]) * 0.2
-    s = surface_of(p, f, np.arange(len(f)) // 2)
-    assert s.locked.sum() == len(f) // 2
-    row = type("Row", (), {"function": staticmethod(useless)})
-    table = {"isometric": row, "mean-value": row}
-    monkeypatch.setattr(fallback, "METHODS", table)
-    cascade = start(s, np.zeros((len(f), 3, 2)))
-    cascade = fallback.settle(cascade, Monitor())
-    assert sound(cascade)
-    assert not (cascade.atlas.cut & s.locked).any()
-    assert s.charts(cascade.atlas.cut)[0] == len(f) // 2
-
-
 @settings(max_examples=25)
 @given(strategies.surfaces())
 def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]) -> None:
@@ -235,26 +152,3 @@ def test_splitting_halves_every_chart_named(shape: tuple[np.ndarray, np.ndarray]
         count = len(np.unique(pieces[chart == c]))
         assert (count >= 2) if wanted[c] and (chart == c).sum() > 1 else count == 1
     assert after >= n
-
-
-def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() -> None:
-    """A quad as thin as a line: its two triangles have one uv a corner, so they cannot stand in alone."""
-    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1e-5, 0], [0, 1e-5, 0]])
-    surface = repair(Mesh(p, np.array([[0, 1, 2], [0, 2, 3]]), polygons=np.zeros(2, int)))[0]
-    cascade = start(surface, np.full((len(surface.faces), 3, 2), np.nan))
-    seen = []
-    for _ in range(40):
-        after = fallback.advance(cascade, np.array([fallback.FLIPPED]), Monitor())
-        if after is None:
-            break
-        cascade = after
-        seen.append((np.ptp(cascade.open()[1], axis=0).max(), int(cascade.singles[0])))
-    assert len(seen) < 40, "it ends"
-    assert cascade.singles.max() == LARGEST
-    cut_mesh, uv = cascade.open()
-    assert cascade.kept_sizes(cut_mesh).all()
-    assert fallback.faults(cut_mesh, uv)[0].tolist() == [fallback.SOUND]
-    side = np.linalg.norm(uv[cut_mesh.faces[:, 1]] - uv[cut_mesh.faces[:, 0]], axis=1)
-    assert side.min() > 1e-3 * np.ptp(uv, axis=0).max(), "no side is thin any more"
-    sizes = [size for size, singles in seen if singles >= 2]
-    assert (np.diff(np.log(sizes)) > np.log(2)).all()

@@ -231,3 +231,49 @@ def test_weights_stay_with_their_faces_when_other_charts_are_done() -> None:
         start, _ = tutte_embedding(cut_mesh, "mean-value")
         results.append(relax(cut_mesh, start, RelaxOptions(tolerance=1e-12, weight=w)).energy)
     assert results[1][1] == pytest.approx(results[0][0], rel=1e-9)
+
+
+class Misled(Objective):
+    """An objective whose direction is so many times its gradient: uphill where that is positive."""
+
+    times = 1.0
+
+    def direction(
+        self, uv: FloatArray, jacobian: FloatArray, g: FloatArray, proxy: bool
+    ) -> FloatArray:
+        return self.times * g
+
+
+@pytest.mark.parametrize("times", [1.0, np.nan, -1e4, -1e-3])
+def test_a_step_descends_wherever_the_model_points(times: float) -> None:
+    """Uphill or no number at all: down the gradient instead; too far: halved until the energy falls."""
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(120), 2))
+    uv, _ = tutte_embedding(cut_mesh, "circle")
+    objective = Misled(cut_mesh, None, 0.0)
+    objective.times = times
+    before = Iterate(uv, *objective.energies(uv))
+    active = np.ones(cut_mesh.n_charts, bool)
+    for proxy in (False, True):
+        step = newton_step(objective, before, active, proxy)
+        assert (step.length > 0).all()
+        assert (step.to.energy < before.energy).all()
+        assert (step.predicted > 0).all()
+        energy, jacobian = objective.energies(step.to.uv)
+        np.testing.assert_array_equal(step.to.energy, energy)
+        np.testing.assert_array_equal(step.to.jacobian, jacobian)
+
+
+def test_charts_that_are_not_active_or_not_sound_stay() -> None:
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(120), 3))
+    uv, _ = tutte_embedding(cut_mesh, "circle")
+    chart = cut_mesh.vertex_chart
+    uv = np.where((chart == 2)[:, None], uv * [-1, 1], uv)
+    objective = Objective(cut_mesh, None, 0.0)
+    before = Iterate(uv, *objective.energies(uv))
+    assert np.isfinite(before.energy).tolist() == [True, True, False]
+    step = newton_step(objective, before, np.array([True, False, True]), False)
+    assert step.length[0] > 0
+    assert step.length[1:].tolist() == [0, 0]
+    np.testing.assert_array_equal(step.to.uv[chart != 0], uv[chart != 0])
+    assert step.to.energy[0] < before.energy[0]
+    assert step.to.energy[1] == before.energy[1]

@@ -8,6 +8,7 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
+from circparam.solvers.objective import chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import flipped, untangle
 from tests.support import shapes
@@ -91,3 +92,32 @@ def test_a_thin_face_off_the_axes_counts_as_flipped_below_rounding_only():
     for height, bad in ((1e-12, False), (1e-16, True), (-1e-12, True)):
         uv = np.array([[0, 0], [1, 1], [0.5, 0.5 + height]])
         assert flipped(faces, uv).tolist() == [bad]
+
+
+@pytest.mark.parametrize("power", [-20, -10, 0, 10, 20])
+def test_what_counts_as_flipped_does_not_depend_on_the_scale(power):
+    faces = np.array([[0, 1, 2]])
+    for height, bad in ((1e-12, False), (2.0**-52, True), (0.0, True), (-1e-12, True)):
+        uv = np.array([[0, 0], [1, 1], [0.5, 0.5 + height]]) * 2.0**power
+        assert flipped(faces, uv).tolist() == [bad]
+
+
+def test_what_was_moved_gets_its_shape_back():
+    """A flat disk, untangled: Newton steps bring it near to itself, whose energy is 1, where that is asked."""
+    for seed in range(3):
+        cut_mesh, uv = tangled(seed=seed)
+        new, _ = untangle(cut_mesh, uv, rim(cut_mesh))
+        assert chart_energies(cut_mesh, new)[0] < 1 + 4e-6
+
+
+def test_no_region_is_needed_where_nothing_is_flipped_and_none_is_tried_out_of_time():
+    cut_mesh, points = patches_of(shapes.delaunay_disk(80))
+    new, report = untangle(cut_mesh, points[:, :2])
+    assert report.rings == 0
+    np.testing.assert_array_equal(new, points[:, :2])
+    cut_mesh, uv = tangled(150)
+    new, report = untangle(cut_mesh, uv, monitor=Monitor(timeout=-1.0))
+    np.testing.assert_array_equal(new, uv)
+    assert report.rings == 0
+    assert report.after.tolist() == report.before.tolist() != [0]
+    assert untangle(cut_mesh, uv)[1].rings > 0

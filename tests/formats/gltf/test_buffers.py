@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import itertools
 import json
 import struct
@@ -100,6 +101,7 @@ def test_chunks_are_whole_words(size: int) -> None:
     (json_kind, text), (bin_kind, padded) = chunks(glb_bytes({"é": "x" * size}, body))
     assert (json_kind, bin_kind) == (0x4E4F534A, 0x004E4942)
     assert json.loads(text) == {"é": "x" * size}
+    assert text.startswith('{"é":"x'.encode()[: 7 + (size > 0)]), "no escapes, no blanks"
     assert padded.rstrip(b"\0") == body.rstrip(b"\0")
     assert len(padded) - size in range(4)
     assert len(chunks(glb_bytes({}, None))) == 1
@@ -212,6 +214,7 @@ def test_entries_left_over_have_bytes_of_their_own(size: int) -> None:
     old = read_data(g.glb())
     data = encode(old, smooth_layout(old), "glb").data
     tree = tree_of(data)
+    assert {v["buffer"] for v in tree["bufferViews"]} == {0}
     spans = sorted((v.get("byteOffset", 0), v["byteLength"]) for v in tree["bufferViews"])
     assert all(start % 4 == 0 for start, _ in spans)
     ends = [start + length for start, length in spans]
@@ -221,3 +224,102 @@ def test_entries_left_over_have_bytes_of_their_own(size: int) -> None:
     assert all(a[0] + a[1] <= b[0] for a, b in itertools.pairwise(apart))
     again = read_data(data)
     assert again.tree.view(tree["images"][0]["bufferView"], "")[0].tobytes() == image  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("first", [0, 8])
+def test_bytes_of_old_uv_go_from_wherever_they_lay(first: int) -> None:
+    """Old uv at the very beginning of the buffer, or behind bytes that no view covers and that stay."""
+    points, faces = grid(3)
+    g = GltfMaker()
+    g.bin += b"keepthis"[:first]
+    uv = g.accessor(np.zeros((9, 2), "f4"))
+    attributes = {"TEXCOORD_0": uv, "POSITION": g.accessor(points)}
+    g.bin += b"and this"
+    index = g.accessor(faces.ravel().astype("u2"))
+    g.tree["meshes"] = [{"primitives": [{"attributes": attributes, "indices": index}]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    sizes, bodies = [], []
+    for _ in range(2):
+        data = encode(document, smooth_layout(document), "glb").data
+        sizes.append(tree_of(data)["buffers"][0]["byteLength"])
+        bodies.append(chunks(data)[1][1])
+        document = read_data(data)
+    assert sizes[0] == sizes[1] == len(g.bin), "as many bytes of uv came as went"
+    for body in bodies:
+        assert body.startswith(b"keepthis"[:first])
+        assert body.count(b"and this") == 1
+    np.testing.assert_array_equal(document.mesh.points, points)
+
+
+def test_a_glb_becomes_a_gltf_with_its_data_beside_it_or_inside(tmp_path: Path) -> None:
+    document = read_data(full_mesh(4).glb())
+    uvmap = smooth_layout(document)
+    assert_round_trip(document, uvmap, "gltf")
+    inside = json.loads(encode(document, uvmap, "gltf").data)
+    assert [set(b) for b in inside["buffers"]] == [{"uri", "byteLength"}]
+    (tmp_path / "in.glb").write_bytes(full_mesh(4).glb())
+    files = write(tmp_path / "out.gltf", read(tmp_path / "in.glb"), uvmap).files
+    assert files[0].name == "out.gltf", "the file itself first"
+    assert sorted(p.name for p in files) == ["out.bin", "out.gltf"]
+    beside = json.loads((tmp_path / "out.gltf").read_bytes())
+    assert [b["uri"] for b in beside["buffers"]] == ["out.bin"]
+    size = (tmp_path / "out.bin").stat().st_size
+    assert [b["byteLength"] for b in beside["buffers"]] == [size]
+    np.testing.assert_array_equal(read(tmp_path / "out.gltf").mesh.points, document.mesh.points)
+
+
+def test_several_buffers_become_one_in_a_glb() -> None:
+    """Positions in one buffer, normals and indices in another of odd length before it, all data URIs."""
+    points, faces = grid(3)
+    normals = np.random.default_rng(3).normal(size=(9, 3)).astype("f4")
+    index = faces.ravel().astype("u2")
+    bodies = [index.tobytes() + b"?", points.tobytes(), b"????" + normals.tobytes()]
+    tree = {
+        "asset": {"version": "2.0"},
+        "buffers": [
+            {
+                "byteLength": len(body),
+                "uri": "data:application/octet-stream;base64," + base64.b64encode(body).decode(),
+            }
+            for body in bodies
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": index.nbytes},
+            {"buffer": 1, "byteLength": points.nbytes},
+            {"buffer": 2, "byteOffset": 4, "byteLength": normals.nbytes},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5123, "count": index.size, "type": "SCALAR"},
+            {"bufferView": 1, "componentType": 5126, "count": 9, "type": "VEC3"},
+            {"bufferView": 2, "componentType": 5126, "count": 9, "type": "VEC3"},
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 1, "NORMAL": 2}, "indices": 0}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }
+    document = read_data(json.dumps(tree).encode())
+    assert document.mesh.faces.tolist() == faces.tolist()
+    data = encode(document, smooth_layout(document), "glb").data
+    assert len(tree_of(data)["buffers"]) == 1
+    assert {v["buffer"] for v in tree_of(data)["bufferViews"]} == {0}
+    views_do_not_overlap(data)
+    again = read_data(data)
+    np.testing.assert_array_equal(again.mesh.points, document.mesh.points)
+    np.testing.assert_array_equal(again.mesh.faces, document.mesh.faces)
+    entry = tree_of(data)["meshes"][0]["primitives"][0]["attributes"]
+    np.testing.assert_array_equal(again.tree.rows(entry["NORMAL"]).view("f4"), normals)  # type: ignore[attr-defined]
+
+
+def test_indices_that_a_primitive_had_not_are_as_small_as_they_may_be() -> None:
+    """A seam splits the vertices of a primitive that lists its triangles one by one."""
+    points, faces = grid(3)
+    g = GltfMaker()
+    g.tree["meshes"] = [
+        {"primitives": [{"attributes": {"POSITION": g.accessor(points[faces].reshape(-1, 3))}}]}
+    ]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    tree = tree_of(encode(document, layout_with_seams(document), "glb").data)
+    entry = tree["meshes"][0]["primitives"][0]
+    if "indices" in entry:
+        assert tree["accessors"][entry["indices"]]["componentType"] == 5123
+    assert set(entry["attributes"]) == {"POSITION", "TEXCOORD_0"}

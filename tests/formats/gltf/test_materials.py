@@ -115,3 +115,12 @@ def test_white_materials_are_none_and_wrong_ones_an_error() -> None:
     g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {}}}]
     with pytest.raises(InputError, match="a material is malformed"):
         read_data(g.glb()).textures()
+
+
+def test_colours_without_an_image_go_with_the_first_uv_set() -> None:
+    g = two_primitives(material=0)
+    g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.0, 0.25, 0.5]}}]
+    textures = read_data(g.glb()).textures()
+    assert textures is not None
+    assert textures.uv_set == 0
+    assert textures.images == ()

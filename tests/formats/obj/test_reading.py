@@ -141,3 +141,9 @@ def test_the_highest_index_is_the_last_line() -> None:
 def test_libraries_are_named_once() -> None:
     s = scan(b"mtllib a b.mtl\nmtllib c.mtl\nmtllib a b.mtl\nmtllib\nf 1\n")
     assert s.libraries() == ["a b.mtl", "c.mtl"]
+
+
+def test_the_corner_with_too_many_numbers_is_named_by_its_line() -> None:
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1 2 3\nf 3 1/1/1/1 2\n"
+    with pytest.raises(InputError, match=r"line 8.*more than v/vt/vn"):
+        read_data(text, format="obj")

@@ -88,3 +88,13 @@ def test_holes_stay_free_and_overlapping_layers_are_full():
     same_way = np.concatenate([outer, outer / 2])
     ends = np.concatenate([np.roll(outer, -1, 0), np.roll(outer / 2, -1, 0)])
     assert chart_masks(same_way, ends, np.zeros(1), 0.0).cells[0][2:-2, 2:-2].all()
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+def test_a_sliver_is_covered_all_along(turn):
+    """40 cells long, nowhere near a cell wide: it covers no centre, but touches every column."""
+    sliver = np.array([[0.0, 0.1], [40.0, 0.2], [40.0, 0.4]])[:, :: 1 - 2 * turn]
+    found = masks(sliver, [0.0], 0.0)
+    y, x = np.nonzero(found.cells[0])
+    along = (y if turn else x) + int(found.low[0, turn])
+    assert set(range(40)) <= set(along.tolist())

@@ -1,0 +1,68 @@
+"""Array operations against loops over their members."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circparam.core.arrays import (
+    cross2,
+    dot,
+    edge_keys,
+    first_of_runs,
+    group_count,
+    group_max,
+    group_min,
+    group_sum,
+    next_half_edge,
+    ranges,
+    relabel,
+)
+
+
+def test_the_next_half_edge_stays_in_its_face() -> None:
+    assert next_half_edge(np.arange(6)).tolist() == [1, 2, 0, 4, 5, 3]
+
+
+def test_keys_name_undirected_edges() -> None:
+    n = 5
+    a, b = np.divmod(np.arange(n * n), n)
+    key = edge_keys(a, b, n)
+    np.testing.assert_array_equal(key, edge_keys(b, a, n))
+    assert len(np.unique(key)) == n * (n + 1) / 2
+    low, high = np.divmod(key, n)
+    np.testing.assert_array_equal(np.stack([low, high]), np.sort([a, b], axis=0))
+
+
+@given(st.lists(st.integers(0, 5)))
+def test_ranges_count_inside_each_group(counts: list[int]) -> None:
+    assert ranges(np.array(counts, int)).tolist() == [k for c in counts for k in range(c)]
+
+
+@given(st.lists(st.integers(-3, 3)))
+def test_runs_and_labels(values: list[int]) -> None:
+    ordered = sorted(values)
+    firsts = [ordered.index(v) for v in sorted(set(values))]
+    assert first_of_runs(np.array(ordered, int)).tolist() == firsts
+    seen = list(dict.fromkeys(values))
+    count, labels = relabel(np.array(values, int))
+    assert count == len(seen)
+    assert labels.tolist() == [seen.index(v) for v in values]
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(-9, 9))))
+def test_groups_are_summed_counted_and_bounded(pairs: list[tuple[int, int]]) -> None:
+    groups = np.array([g for g, _ in pairs], int)
+    values = np.array([v for _, v in pairs], float)
+    members = [[v for g, v in pairs if g == k] for k in range(6)]
+    assert group_count(groups, 6).tolist() == [len(m) for m in members]
+    assert group_sum(values, groups, 6).tolist() == [sum(m) for m in members]
+    assert group_min(values, groups, 6).tolist() == [min(m, default=np.inf) for m in members]
+    assert group_max(values, groups, 6).tolist() == [max(m, default=-np.inf) for m in members]
+
+
+def test_products() -> None:
+    assert dot(np.array([1.0, 2, 3]), np.array([4.0, 5, -6])) == -4
+    assert cross2(np.array([[2.0, 0], [1, 1]]), np.array([[0.0, 3], [1, 1]])).tolist() == [6, 0]
+    assert cross2(np.array([0.0, 3]), np.array([2.0, 0])) == -6

@@ -1,0 +1,64 @@
+"""Stages, progress and the deadline."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from circparam.core import monitor as module
+from circparam.core.monitor import Monitor
+from circparam.errors import OutOfTimeError
+
+
+def test_seconds_of_inner_stages_count_for_themselves_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 1.0, 3.0, 10.0, 20.0, 25.0])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(clock))
+    monitor = Monitor()
+    with monitor.stage("outer"), monitor.stage("inner"):
+        pass
+    assert monitor.seconds == {"inner": 2.0, "outer": 8.0}
+    with monitor.stage("inner"):
+        pass
+    assert monitor.seconds == {"inner": 7.0, "outer": 8.0}, "they add up"
+
+
+def test_progress_goes_to_the_listener_under_the_name_of_its_stage() -> None:
+    heard: list[tuple[str, float, str]] = []
+    monitor = Monitor(lambda *what: heard.append(what))
+    with monitor.stage("a"):
+        monitor.update(0.5, "half")
+        with monitor.stage("b"):
+            monitor.update(1.0)
+        monitor.update(0.75)
+    assert heard == [
+        ("a", 0.0, ""), ("a", 0.5, "half"), ("b", 0.0, ""), ("b", 1.0, ""), ("a", 0.75, ""),
+    ]  # fmt: skip
+    Monitor().update(0.5)
+
+
+def test_a_stage_that_fails_is_measured_and_left() -> None:
+    monitor = Monitor()
+    with pytest.raises(ValueError, match="planted"), monitor.stage("a"):
+        raise ValueError("planted")
+    assert monitor.seconds["a"] >= 0
+    monitor.deadline = 0.0
+    with pytest.raises(OutOfTimeError, match="during the work"):
+        monitor.check()
+
+
+def test_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: clock[0])
+    monitor, unbound = Monitor(timeout=5.0), Monitor()
+    for now, late in ((104.9, False), (105.0, True), (106.0, True)):
+        clock[0] = now
+        assert monitor.expired is late
+        assert not unbound.expired
+        unbound.check()
+        with monitor.stage("solve"):
+            if late:
+                with pytest.raises(OutOfTimeError, match=r"during solve.*--timeout"):
+                    monitor.check()
+            else:
+                monitor.check()

@@ -1,0 +1,161 @@
+"""Boundaries as segments: their order, their sides, their lengths, and loops that lie folded out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.geometry.boundary import BoundarySegments, boundary_of, turned_out
+from circparam.mesh.halfedge import shared_edges
+
+SQUARE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 2.0]])
+HALVES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def segments(faces: np.ndarray, uv: np.ndarray, chart: np.ndarray) -> BoundarySegments:
+    return boundary_of(faces, uv, chart, shared_edges(faces), int(chart.max()) + 1)
+
+
+def ring(n: int, inner: float, outer: float) -> tuple[np.ndarray, np.ndarray]:
+    t = 2 * np.pi * np.arange(n) / n
+    circle = np.stack([np.cos(t), np.sin(t)], 1)
+    a, b = np.arange(n), (np.arange(n) + 1) % n
+    faces = np.concatenate([np.stack([a, a + n, b + n], 1), np.stack([a, b + n, b], 1)])
+    return np.concatenate([inner * circle, outer * circle]), faces
+
+
+def follows(boundary: BoundarySegments) -> None:
+    """Each segment ends where the one behind it begins, and is the one before that."""
+    n = len(boundary.chart)
+    np.testing.assert_array_equal(boundary.end, boundary.start[boundary.following])
+    np.testing.assert_array_equal(boundary.before[boundary.following], np.arange(n))
+    np.testing.assert_array_equal(boundary.following[boundary.before], np.arange(n))
+
+
+def enclosed(boundary: BoundarySegments) -> float:
+    s, e = boundary.start, boundary.end
+    return float((s[:, 0] * e[:, 1] - s[:, 1] * e[:, 0]).sum() / 2)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_a_square_has_its_four_sides_with_the_inside_on_the_left(mirror: float) -> None:
+    boundary = segments(HALVES, SQUARE * [mirror, 1.0], np.zeros(2, np.int64))
+    follows(boundary)
+    assert boundary.half_edge.tolist() == [0, 1, 4, 5], "all but the two of the diagonal"
+    assert enclosed(boundary) == pytest.approx(6)
+    assert boundary.size.tolist() == [pytest.approx(np.sqrt(6))]
+    loop, position, total = boundary.along
+    assert set(loop.tolist()) == {0}
+    np.testing.assert_allclose(total, 10)
+    length = np.linalg.norm(boundary.end - boundary.start, axis=1)
+    assert sorted(length.tolist()) == [2, 2, 3, 3]
+    np.testing.assert_allclose(np.mod(position + length, 10), position[boundary.following])
+    assert position[0] == pytest.approx(0), "counted from the first segment of the loop"
+
+
+def test_charts_side_by_side_have_boundaries_of_their_own() -> None:
+    small, large = SQUARE + np.array([10, 0]), 2 * SQUARE
+    uv = np.concatenate([large, small * [-1, 1]])
+    boundary = segments(np.r_[HALVES, HALVES + 4], uv, np.array([0, 0, 1, 1]))
+    follows(boundary)
+    assert boundary.chart.tolist() == [0] * 4 + [1] * 4
+    np.testing.assert_allclose(boundary.size, [np.sqrt(24), np.sqrt(6)])
+    loop, position, total = boundary.along
+    np.testing.assert_allclose(total, [20] * 4 + [10] * 4)
+    assert len(set(loop[:4].tolist())) == len(set(loop[4:].tolist())) == 1
+    assert loop[0] != loop[4]
+    assert position.min() == pytest.approx(0)
+    assert (position < total).all()
+    assert enclosed(boundary) == pytest.approx(30)
+
+
+def test_fans_that_share_a_vertex_are_followed_for_themselves() -> None:
+    """A bow tie: both triangles have the vertex 0, and each boundary comes back to where it began."""
+    uv = np.array([[0.0, 0.0], [2, -1], [2, 1], [-2, 1], [-2, -1]])
+    boundary = segments(np.array([[0, 1, 2], [0, 3, 4]]), uv, np.array([0, 1]))
+    follows(boundary)
+    assert (boundary.chart[boundary.following] == boundary.chart).all()
+    assert boundary.following.tolist() == [1, 2, 0, 4, 5, 3]
+
+
+def test_a_loop_is_as_long_as_its_segments() -> None:
+    uv, faces = ring(37, 1.0, 2.0)
+    boundary = segments(faces, uv, np.zeros(len(faces), np.int64))
+    follows(boundary)
+    loop, position, total = boundary.along
+    side = 2 * np.sin(np.pi / 37)
+    radius = np.linalg.norm(boundary.start, axis=1)
+    np.testing.assert_allclose(total, 37 * side * radius)
+    for k in set(loop.tolist()):
+        inside = loop == k
+        assert inside.sum() == 37
+        np.testing.assert_allclose(
+            np.sort(position[inside]), np.arange(37) * side * radius[inside][0], atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_a_second_loop_counter_clockwise_is_turned_out(scale: float) -> None:
+    """A ring's hole runs clockwise; drawn wider than the outer loop it is folded out, and so are both."""
+    uv, faces = ring(12, scale, 2 * scale)
+    chart = np.zeros(len(faces), np.int64)
+    boundary = segments(faces, uv, chart)
+    assert turned_out(boundary, 1).tolist() == [False]
+    # the hole turned by hand: its segments run the other way
+    s, e = boundary.start.copy(), boundary.end.copy()
+    hole = np.linalg.norm(s, axis=1) < 1.5 * scale
+    folded = BoundarySegments(
+        boundary.half_edge,
+        boundary.chart,
+        np.where(hole[:, None], s * [1, -1], s),
+        np.where(hole[:, None], e * [1, -1], e),
+        boundary.following,
+        boundary.before,
+        boundary.size,
+    )
+    assert turned_out(folded, 1).tolist() == [True]
+    # far from the origin, and beside a chart that is sound
+    far = scale * (SQUARE + 1000)
+    both = np.concatenate([far, uv + 1000 * scale])
+    boundary = segments(
+        np.r_[HALVES, faces + 4], both, np.repeat([0, 1], [len(HALVES), len(faces)])
+    )
+    assert turned_out(boundary, 2).tolist() == [False, False]
+
+
+def test_a_slit_has_no_area_but_for_rounding() -> None:
+    """Two long edges on one line far out, there and back: a loop, but not one that runs either way round."""
+    uv, faces = ring(12, 1.0, 2.0)
+    outer = segments(faces, uv, np.zeros(len(faces), np.int64))
+    for shift in (0.0, 1e3):
+        line = np.array([[0.1, 0.1], [0.3, 0.7]]) + shift / 3
+        slit = np.array([line, line[::-1]])
+        n = len(outer.chart)
+        boundary = BoundarySegments(
+            np.arange(n + 2),
+            np.zeros(n + 2, np.int64),
+            np.r_[outer.start, slit[:, 0]],
+            np.r_[outer.end, slit[:, 1]],
+            np.r_[outer.following, n + 1, n],
+            np.r_[outer.before, n + 1, n],
+            np.ones(1),
+        )
+        assert turned_out(boundary, 1).tolist() == [False]
+
+
+def test_two_loops_of_two_charts_are_not_turned_out() -> None:
+    uv = np.concatenate([SQUARE, SQUARE + 5])
+    boundary = segments(np.r_[HALVES, HALVES + 4], uv, np.array([0, 0, 1, 1]))
+    assert turned_out(boundary, 3).tolist() == [False, False, False]
+
+
+def test_no_faces_have_no_boundary() -> None:
+    none = boundary_of(
+        np.zeros((0, 3), np.int64),
+        np.zeros((0, 2)),
+        np.zeros(0, np.int64),
+        np.zeros((0, 2), np.int64),
+        0,
+    )
+    assert len(none.half_edge) == 0
+    assert all(len(a) == 0 for a in none.along)

@@ -1,0 +1,151 @@
+"""Gradients of a layout in space: what they say of the layout, and how they turn from face to face."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.arrays import FloatArray
+from circparam.geometry.gradient_transfer import (
+    face_axes,
+    space_gradients,
+    spread,
+    targets_from,
+    turn_gradients,
+)
+from circparam.geometry.intrinsic import jacobians
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import RepairOptions, repair
+from tests.support import shapes
+
+
+def atlas_of(shape: object, flatten: object = None) -> Atlas:
+    """An uncut shape; flatten: a function from points (…, 3) to uv (…, 2)."""
+    surface, _ = repair(Mesh(*shape), RepairOptions())  # type: ignore[misc]
+    corners = None if flatten is None else flatten(surface.points[surface.faces])  # type: ignore[operator]
+    return Atlas(surface, np.zeros(len(surface.edges), bool), corners)
+
+
+def bent(points: FloatArray, angle: float) -> FloatArray:
+    """A flat sheet over 0..1 bent up by an angle along the line x = ½."""
+    out = points.copy()
+    beyond = np.maximum(points[:, 0] - 0.5, 0)
+    out[:, 0] = np.minimum(points[:, 0], 0.5) + beyond * np.cos(angle)
+    out[:, 2] = beyond * np.sin(angle)
+    return out
+
+
+def test_gradients_of_a_linear_layout_are_its_rows() -> None:
+    rotation = shapes.rotation(2)
+    points, faces = shapes.delaunay_square(40)
+    rows = np.array([[2.0, 1.0, 0.0], [-1.0, 3.0, 0.0]]) @ rotation.T  # in the plane of the sheet
+    atlas = atlas_of((points @ rotation.T, faces), lambda p: p @ rows.T + [4.0, 5.0])
+    found = space_gradients(atlas)
+    np.testing.assert_allclose(found, np.broadcast_to(rows, found.shape), atol=1e-9)
+
+
+def test_targets_are_the_jacobians_of_the_layout() -> None:
+    atlas = atlas_of(shapes.bumped_disk(200), lambda p: p[..., :2] * [1.5, 0.7])
+    cut_mesh, uv = atlas.open()
+    targets = targets_from(atlas, space_gradients(atlas))
+    np.testing.assert_allclose(targets.transpose(2, 0, 1), jacobians(cut_mesh, uv), atol=1e-9)
+
+
+def test_axes_are_those_of_the_rest_triangles() -> None:
+    surface = atlas_of(shapes.hemisphere(6)).surface
+    x, y = face_axes(surface.points, surface.faces, surface.normals)
+    p = surface.points[surface.faces]
+    for axis, k in ((x, 0), (y, 1)):
+        coordinate = np.einsum("fcx,fx->fc", p - p[:, :1], axis)
+        np.testing.assert_allclose(coordinate, surface.rest_triangles[:, :, k], atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.5, 2.8])
+def test_the_turn_is_the_least_one_between_two_normals(angle: float) -> None:
+    """About the x axis by an angle: what lies along the axis stays, all else turns with the normal."""
+    c, s = np.cos(angle), np.sin(angle)
+    before, after = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, -s, c]])
+    gradients = np.array([[[1.0, 0.0, 0.0], [2.0, 3.0, 0.0]]])
+    expected = [[[1, 0, 0], [2, 3 * c, 3 * s]]]
+    turned = turn_gradients(gradients, before, after)
+    np.testing.assert_allclose(turned, expected, atol=1e-12)
+    np.testing.assert_allclose(turn_gradients(turned, after, before), gradients, atol=1e-12)
+
+
+def test_turns_keep_lengths_and_lie_in_the_new_plane() -> None:
+    rng = np.random.default_rng(4)
+    n, m = rng.normal(size=(2, 50, 3))
+    n, m = (v / np.linalg.norm(v, axis=1)[:, None] for v in (n, m))
+    g = rng.normal(size=(50, 2, 3))
+    g -= np.einsum("fdx,fx->fd", g, n)[:, :, None] * n[:, None]
+    keep = (n * m).sum(1) > -0.99
+    out = turn_gradients(g, n, m)[keep]
+    np.testing.assert_allclose(np.einsum("fdx,fx->fd", out, m[keep]), 0, atol=1e-9)
+    dots = [np.einsum("fdx,fex->fde", v, v) for v in (out, g[keep])]
+    np.testing.assert_allclose(*dots, atol=1e-9)
+
+
+def test_normals_that_are_opposite_give_finite_numbers() -> None:
+    g = np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    up = np.array([[0.0, 0.0, 1.0]])
+    assert np.isfinite(turn_gradients(g, up, -up)).all()
+
+
+def test_spread_unrolls_a_bent_sheet_from_what_is_known() -> None:
+    points, faces = shapes.grid(9, 5)
+    angle = 0.8
+    atlas = atlas_of((bent(points, angle), faces))
+    middle = atlas.surface.points[atlas.surface.faces].mean(1)
+    known = middle[:, 0] < 0.2
+    gradients = np.zeros((len(known), 2, 3))
+    gradients[known] = [[1, 0, 0], [0, 1, 0]]
+    found, have = spread(atlas, gradients, known)
+    assert have.all()
+    beyond = middle[:, 2] > 0
+    assert beyond.any()
+    across = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0]])
+    np.testing.assert_allclose(
+        found[beyond], np.broadcast_to(across, found[beyond].shape), atol=1e-9
+    )
+    flat = found[~beyond]
+    np.testing.assert_allclose(flat, np.broadcast_to(np.eye(3)[:2], flat.shape), atol=1e-9)
+
+
+def test_spread_takes_the_nearest_known_face_and_stays_in_the_chart() -> None:
+    points, faces = shapes.join(shapes.grid(9, 2, 8.0, 1.0), shapes.grid(3, 3))
+    atlas = atlas_of((points, faces))
+    m = len(faces)
+    x = atlas.surface.points[atlas.surface.faces].mean(1)[:, 0]
+    strip = np.arange(m) < 16
+    known = np.zeros(m, bool)
+    left, right = np.argmin(np.where(strip, x, np.inf)), np.argmax(np.where(strip, x, -np.inf))
+    known[[left, right]] = True
+    gradients = np.zeros((m, 2, 3))
+    gradients[left, :, 0], gradients[right, :, 0] = 1.0, 2.0
+    found, have = spread(atlas, gradients, known)
+    assert have.tolist() == strip.tolist(), "nothing is known of the other chart"
+    np.testing.assert_array_equal(found[strip & (x < 3.5)][:, 0, 0], 1.0)
+    np.testing.assert_array_equal(found[strip & (x > 4.5)][:, 0, 0], 2.0)
+    # a seam in the middle: each half has only its own
+    surface = atlas.surface
+    flat = surface.faces.ravel()
+    a = surface.points[flat[surface.edges[:, 0]]]
+    other = surface.edges[:, 0] // 3 * 3 + (surface.edges[:, 0] + 1) % 3
+    b = surface.points[flat[other]]
+    cut = (a[:, 0] == 6) & (b[:, 0] == 6)
+    parted = Atlas(surface, cut)
+    found, have = spread(parted, gradients, known)
+    assert have.tolist() == strip.tolist()
+    np.testing.assert_array_equal(found[strip & (x < 6)][:, 0, 0], 1.0)
+    np.testing.assert_array_equal(found[strip & (x > 6)][:, 0, 0], 2.0)
+
+
+def test_spread_leaves_what_is_known_and_knows_nothing_of_itself() -> None:
+    atlas = atlas_of(shapes.hemisphere(5))
+    m = len(atlas.surface.faces)
+    gradients = np.random.default_rng(0).normal(size=(m, 2, 3))
+    found, have = spread(atlas, gradients, np.ones(m, bool))
+    assert have.all()
+    np.testing.assert_array_equal(found, gradients)
+    assert not spread(atlas, gradients, np.zeros(m, bool))[1].any()

@@ -1,0 +1,289 @@
+"""Where the insides beside boundaries meet or come near, against angles and all pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from circparam.geometry.boundary import BoundarySegments, boundary_of
+from circparam.geometry.intersect import (
+    NEIGHBOURS,
+    meeting,
+    nearby,
+    segment_distance,
+    wedge_left_of,
+    wedges_meet,
+    winding_pairs,
+    windings,
+)
+from circparam.mesh.halfedge import shared_edges
+
+direction = st.tuples(st.integers(-2, 2), st.integers(-2, 2)).filter(any)
+
+
+def corner_boundary(*wedges):
+    """Boundaries that pass through the origin: (out, back) directions of each; segment 2k leaves wedge k."""
+    start, end = [], []
+    for out, back in wedges:
+        start += [(0, 0), back]
+        end += [out, (0, 0)]
+    n = len(start)
+    other = np.arange(n) ^ 1
+    return BoundarySegments(
+        np.arange(n),
+        np.arange(n) // 2,
+        np.array(start, float),
+        np.array(end, float),
+        other,
+        other,
+        np.ones(n // 2),
+    )
+
+
+def in_arc(angle, first, last):
+    turn = 2 * np.pi
+    span = (last - first) % turn or turn
+    inside = (angle - first) % turn
+    return (inside > 1e-9) & (inside < span - 1e-9)
+
+
+def angle_of(d):
+    return np.arctan2(d[1], d[0])
+
+
+MANY = np.arange(3600) * 2 * np.pi / 3600 + 1e-5
+
+
+@settings(max_examples=300)
+@given(direction, direction, direction, direction)
+@example((1, 0), (1, 0), (0, 1), (0, 2))
+@example((1, 0), (0, -1), (1, -1), (1, 0))
+def test_wedges_meet_where_they_share_a_direction(out_a, back_a, out_b, back_b):
+    boundary = corner_boundary((out_a, back_a), (out_b, back_b))
+    got = wedges_meet(boundary, np.array([0]), np.array([2]))[0]
+    expected = in_arc(MANY, angle_of(out_a), angle_of(back_a))
+    expected &= in_arc(MANY, angle_of(out_b), angle_of(back_b))
+    assert got == expected.any()
+
+
+@settings(max_examples=300)
+@given(direction, direction, direction)
+@example((1, 0), (-1, 0), (-1, 0))
+@example((1, 0), (1, -1), (-1, 0))
+@example((1, 0), (1, -1), (-1, -1))
+def test_a_wedge_reaches_to_the_left_of_a_line(line, out, back):
+    boundary = corner_boundary((out, back), (line, line))
+    d = np.array(line, float)
+    boundary.start[2], boundary.end[2] = -2 * d, 3 * d
+    got = wedge_left_of(boundary, np.array([0]), np.array([2]))[0]
+    left = angle_of(line)
+    expected = in_arc(MANY, angle_of(out), angle_of(back)) & in_arc(MANY, left, left + np.pi)
+    assert got == expected.any()
+
+
+def random_boundary(seed: int, dense: int) -> BoundarySegments:
+    """Two charts: wavy closed loops whose parts come near each other, short segments and long."""
+    rng = np.random.default_rng(seed)
+    starts, ends, chart, following = [], [], [], []
+    for c, loops in enumerate((2, 1)):
+        for k in range(loops):
+            n = int(rng.integers(8, dense))
+            t = np.sort(rng.random(n)) * 2 * np.pi
+            r = 1 + 0.9 * np.sin(rng.integers(1, 9) * t + rng.random()) * rng.random() + 0.3 * k
+            p = np.stack([r * np.cos(t), r * np.sin(t)], 1)
+            at = sum(map(len, starts))
+            starts.append(p)
+            ends.append(np.roll(p, -1, axis=0))
+            chart += [c] * n
+            following.append(at + (np.arange(n) + 1) % n)
+    follow = np.concatenate(following)
+    before = np.empty_like(follow)
+    before[follow] = np.arange(len(follow))
+    order = np.arange(len(follow))
+    return BoundarySegments(
+        3 * order, np.array(chart), np.concatenate(starts), np.concatenate(ends), follow, before,
+        np.ones(2),
+    )  # fmt: skip
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from([20, 150, 500]), st.floats(0.005, 0.3))
+def test_near_parts_of_a_boundary_against_brute_force(seed, dense, reach):
+    boundary = random_boundary(seed, dense)
+    i, j = np.triu_indices(len(boundary.chart), 1)
+    same = boundary.chart[i] == boundary.chart[j]
+    i, j = i[same], j[same]
+    loop, position, total = boundary.along
+    apart = np.abs(position[i] - position[j])
+    apart = np.minimum(apart, total[i] - apart)
+    far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach)
+    far &= (boundary.following[i] != j) & (boundary.before[i] != j)
+    i, j = i[far], j[far]
+    close = segment_distance(boundary.start[i], boundary.end[i], boundary.start[j], boundary.end[j])
+    for charts in ([True, True], [False, True]):
+        got = nearby(boundary, np.full(2, reach), np.array(charts))
+        keep = (close < reach) & np.array(charts)[boundary.chart[i]]
+        assert set(zip(*(g.tolist() for g in got), strict=True)) == set(
+            zip(i[keep].tolist(), j[keep].tolist(), strict=True)
+        )
+
+
+def loops(*charts: object) -> BoundarySegments:
+    """Closed polygons, counter-clockwise, a chart each; a chart with holes is a list of polygons."""
+    starts, ends, chart, following = [], [], [], []
+    at = 0
+    for c, polygons in enumerate(charts):
+        for polygon in polygons if isinstance(polygons, list) else [polygons]:
+            p = np.asarray(polygon, float)
+            n = len(p)
+            starts.append(p)
+            ends.append(np.roll(p, -1, axis=0))
+            chart += [c] * n
+            following += (at + (np.arange(n) + 1) % n).tolist()
+            at += n
+    follow = np.array(following)
+    return BoundarySegments(
+        np.arange(at), np.array(chart), np.concatenate(starts), np.concatenate(ends), follow,
+        np.argsort(follow), np.ones(len(charts)),
+    )  # fmt: skip
+
+
+def box(x: float, y: float, width: float = 1.0, height: float = 1.0) -> np.ndarray:
+    return np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+
+
+def met(boundary: BoundarySegments, between: bool = True) -> list[list[int]]:
+    i, j, crowded = meeting(boundary, between)
+    assert len(crowded) == 0
+    return np.stack([i, j], 1).tolist()
+
+
+@pytest.mark.parametrize(
+    ("second", "pairs"),
+    [
+        (box(3, 0), []),  # apart
+        (box(1, 0), []),  # side by side
+        (box(1, 1), []),  # a corner to a corner
+        (box(1, 0.5), []),  # part of a side
+        (box(1, 0.25, 1, 0.5), []),  # both corners inside one side
+        (np.array([[1, 0.5], [2, 0], [2, 1]]), []),  # a tip that touches a side from outside
+        (box(0.5, 0.5), [[1, 4], [2, 7]]),  # crossing
+        (box(0.5, 0.25, 1, 0.5), [[1, 4], [1, 6]]),  # a bar through a side
+        (box(0.25, 0.25, 0.5, 0.5), []),  # inside, without touching
+    ],
+)
+def test_boundaries_meet_where_they_cross_and_not_where_they_touch(second, pairs):
+    assert met(loops(box(0, 0), second)) == pairs
+
+
+def test_boundaries_that_touch_from_inside_meet():
+    for inner in (
+        box(0, 0),  # the same
+        box(0, 0, 0.5, 0.5),  # in a corner
+        box(0.25, 0, 0.5, 0.5),  # along a side
+        np.array([[0.5, 0.0], [0.75, 0.5], [0.25, 0.5]]),  # a tip on a side
+        np.array([[0.0, 0.0], [0.75, 0.5], [0.5, 0.75]]),  # a tip in a corner
+    ):
+        assert met(loops(box(0, 0), inner))
+        assert met(loops(inner, box(0, 0)))
+        assert not met(loops(box(0, 0), inner), between=False), "each alone is sound"
+
+
+def test_a_chart_meets_itself_but_not_in_segments_that_follow_each_other():
+    eight = np.array([[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]])
+    assert met(loops(eight), between=False) == [[0, 2]]
+    assert met(loops(eight), between=True) == []
+    assert met(loops(box(0, 0), eight + 9), between=False) == [[4, 6]]
+    assert met(loops(box(0, 0)), between=False) == []
+    # a segment of no length takes no part
+    doubled = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    assert met(loops(doubled), between=False) == []
+
+
+def test_segment_distance_of_ends_feet_and_parallels():
+    a, b = np.array([[0.0, 0.0]] * 6), np.array([[4.0, 0.0]] * 6)
+    c = np.array([[1, 2], [7, 4], [-3, 4], [2, 1], [6, 0], [3, -2]], float)
+    d = np.array([[3, 2], [9, 9], [-3, 9], [2, 5], [9, 0], [3, -9]], float)
+    expected = [2, 5, 5, 1, 2, 2]
+    np.testing.assert_allclose(segment_distance(a, b, c, d), expected)
+    np.testing.assert_allclose(segment_distance(c, d, a, b), expected)
+    np.testing.assert_allclose(segment_distance(d, c, b, a), expected)
+    np.testing.assert_allclose(segment_distance(a, a, c, c), np.linalg.norm(c, axis=1))
+
+
+def test_chamfers_part_only_segments_with_more_boundary_between_them():
+    """A long bar whose end is cut off by a short segment: its sides are near there by necessity."""
+    reach = 0.1
+    for short, near in ((0.08, 0), (0.18, 0), (0.2, 1)):
+        # two long sides, at the right joined by a bent end of this length that keeps them within reach
+        end = np.array([[20.0, 0.0], [20.0 + short / 2 - 0.025, 0.02], [20.0, 0.05]])
+        length = np.linalg.norm(np.diff(end, axis=0), axis=1).sum()
+        assert (length > 1.5 * reach) == bool(near)
+        bar = loops(np.concatenate([end, [[0.0, 9.0], [0.0, -9.0]]]))
+        for chamfers, expected in ((False, 1), (True, near)):
+            i, j = nearby(bar, np.array([reach]), np.array([True]), chamfers)
+            assert ((i == 2) & (j == 4)).sum() == expected
+
+
+def test_nearness_counts_for_the_charts_asked_for_only():
+    slit = [box(0, 0, 20, 10), box(5, 0.05, 10, 5)[::-1]]
+    both = loops(slit, [p + np.array([50, 0]) for p in slit])
+    reach = np.full(2, 0.06)
+    for charts in ([True, True], [True, False], [False, True]):
+        i, j = nearby(both, reach, np.array(charts))
+        assert np.unique(both.chart[i]).tolist() == np.flatnonzero(charts).tolist()
+        assert (both.chart[i] == both.chart[j]).all()
+    assert len(nearby(both, reach, np.array([False, False]))[0]) == 0
+    i, _ = nearby(both, np.array([0.06, 0.04]), np.array([True, True]))
+    assert set(both.chart[i].tolist()) == {0}
+
+
+def test_winding_numbers_inside_outside_and_in_holes():
+    ring = [box(0, 0, 9, 9), box(3, 3, 3, 3)[::-1]]
+    boundary = loops(ring, box(20, 0, 2, 2))
+    points = np.array([[1.5, 4.1], [4.5, 4.1], [-1.0, 4.1], [30.0, 1.1], [21.0, 1.1], [7.0, 8.9]])
+
+    def turns(own: bool, chart: int) -> dict[tuple[int, int], int]:
+        found = windings(boundary, points, np.full(len(points), chart), own)
+        return {(k, c): t for k, c, t in zip(*(f.tolist() for f in found), strict=True) if t}
+
+    assert turns(True, 0) == {(0, 0): 1, (5, 0): 1}
+    assert turns(True, 1) == {(4, 1): 1}
+    assert turns(False, 0) == {(4, 1): 1}
+    assert turns(False, 1) == {(0, 0): 1, (5, 0): 1}
+    mirrored = loops(box(0, 0, 9, 9)[::-1])
+    _, _, count = windings(mirrored, points[:1], np.zeros(1, np.int64), True)
+    assert count.tolist() == [-1]
+    twice = loops(np.concatenate([box(0, 0, 9, 9), box(-1, -1, 12, 12)]))
+    assert windings(twice, points[:1], np.zeros(1, np.int64), True)[2].tolist() == [2]
+    assert len(windings(boundary, points[:0], np.zeros(0, np.int64), True)[0]) == 0
+
+
+def test_rays_through_corners_count_them_once():
+    """Points level with corners, where a ray passes two segments at once or a level one."""
+    diamond = np.array([[0.0, -2.0], [2.0, 0.0], [0.0, 2.0], [-2.0, 0.0]])
+    steps = np.array([[0, -2], [3, -2], [3, 0], [2, 0], [2, 2], [0, 2]], float)
+    points = np.array([[0.5, 0.0], [-1.0, 0.0], [-3.0, 0.0], [-3.0, 2.0], [-3.0, -2.0]])
+    for shape, inside in ((diamond, [1, 1, 0, 0, 0]), (steps, [1, 0, 0, 0, 0])):
+        boundary = loops(shape)
+        k, _, turns = windings(boundary, points, np.zeros(5, np.int64), True)
+        assert np.bincount(k, turns, 5).tolist() == inside
+
+
+def test_winding_pairs_name_who_lies_in_whom():
+    boundary = loops(box(0, 0, 9, 9), box(2, 2, 3, 3), box(3, 3), box(20, 20))
+    points = np.array([[8.0, 8.1], [2.5, 2.6], [3.5, 3.6], [20.5, 20.6]])
+    inside, outside = winding_pairs(boundary, np.arange(4), points)
+    assert sorted(zip(inside.tolist(), outside.tolist(), strict=True)) == [(1, 0), (2, 0), (2, 1)]
+
+
+def test_faces_and_loops_by_hand_agree():
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    uv = box(0, 0, 3, 2)
+    made = boundary_of(faces, uv, np.zeros(2, np.int64), shared_edges(faces), 1)
+    hand = loops(uv)
+    np.testing.assert_allclose(made.start, hand.start)
+    np.testing.assert_allclose(made.end, hand.end)
+    np.testing.assert_array_equal(made.following, hand.following)

@@ -1,0 +1,124 @@
+"""Angles, Jacobians and Laplacians: formulas against angles, known triangles and affine maps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.arrays import FloatArray
+from circparam.geometry.intrinsic import (
+    corner_angles,
+    corner_products,
+    cotangent_laplacian,
+    cotangents,
+    jacobians,
+    signed_areas,
+    singular_values,
+    tan_half_angles,
+    vertex_angle_sums,
+)
+from circparam.mesh.cut_mesh import CutMesh
+from tests.support import shapes
+from tests.support.charts import patches_of, rim
+
+
+def loose(triangles: object) -> CutMesh:
+    """Triangles (m, 3, 2) that share no vertex, a chart each."""
+    rest = np.asarray(triangles, float)
+    m = len(rest)
+    return CutMesh(np.arange(3 * m).reshape(m, 3), rest, np.arange(m), np.zeros((0, 2), int))
+
+
+def random_triangles(count: int = 80) -> CutMesh:
+    """Counter-clockwise, of many sizes, acute and obtuse."""
+    p = (
+        np.random.default_rng(0).normal(size=(count, 3, 2))
+        * 10.0 ** np.linspace(-3, 3, count)[:, None, None]
+    )
+    area = signed_areas(np.arange(3 * count).reshape(-1, 3), p.reshape(-1, 2))
+    return loose(np.where((area < 0)[:, None, None], p[:, ::-1], p))
+
+
+def test_angles_of_known_triangles() -> None:
+    cut_mesh = loose([[[0, 0], [4, 0], [0, 3]], [[0, 0], [2, 0], [1, np.sqrt(3)]]])
+    angles = corner_angles(cut_mesh)
+    np.testing.assert_allclose(angles[0], [np.pi / 2, np.arctan2(3, 4), np.arctan2(4, 3)])
+    np.testing.assert_allclose(angles[1], np.pi / 3)
+    dot, cross = corner_products(cut_mesh)
+    np.testing.assert_allclose(dot[0], [0, 16, 9], atol=1e-12)
+    np.testing.assert_allclose(cross[0], 12)
+    np.testing.assert_allclose(tan_half_angles(cut_mesh)[0], [1, 1 / 3, 1 / 2])
+    np.testing.assert_allclose(cotangents(cut_mesh)[0], [0, 4 / 3, 3 / 4], atol=1e-15)
+
+
+def test_tangents_and_cotangents_are_those_of_the_angles() -> None:
+    cut_mesh = random_triangles()
+    angles = corner_angles(cut_mesh)
+    assert (angles > np.pi / 2).any()
+    np.testing.assert_allclose(angles.sum(1), np.pi)
+    np.testing.assert_allclose(tan_half_angles(cut_mesh), np.tan(angles / 2), rtol=1e-9)
+    np.testing.assert_allclose(cotangents(cut_mesh), 1 / np.tan(angles), rtol=1e-7, atol=1e-9)
+
+
+def test_half_angles_keep_their_digits_at_needles_and_caps() -> None:
+    cut_mesh = loose([[[0, 0], [1, 0], [1, 1e-9]], [[0, 0], [1, 0], [-1, 1e-9]]])
+    t = tan_half_angles(cut_mesh)[:, 0]
+    assert t[0] == pytest.approx(5e-10, rel=1e-12)
+    assert t[1] == pytest.approx(2e9, rel=1e-6)
+    np.testing.assert_allclose(corner_angles(cut_mesh).sum(1), np.pi)
+
+
+def test_angles_round_inner_vertices_of_a_plane_are_a_full_turn() -> None:
+    cut_mesh, _ = patches_of(shapes.delaunay_disk(60))
+    sums = vertex_angle_sums(cut_mesh, corner_angles(cut_mesh))
+    inner = ~rim(cut_mesh)
+    np.testing.assert_allclose(sums[inner], 2 * np.pi)
+    # Gauss and Bonnet: the boundary of a disk turns once
+    assert (np.pi - sums[~inner]).sum() == pytest.approx(2 * np.pi)
+
+
+def test_the_jacobian_of_an_affine_map_is_its_matrix() -> None:
+    cut_mesh = random_triangles(20)
+    matrix = np.array([[2.0, -1.0], [0.5, 3.0]])
+    uv = cut_mesh.rest_triangles.reshape(-1, 2) @ matrix.T + [5.0, -7.0]
+    np.testing.assert_allclose(
+        jacobians(cut_mesh, uv), np.broadcast_to(matrix, (20, 2, 2)), atol=1e-7
+    )
+
+
+def test_singular_values_are_those_of_a_decomposition() -> None:
+    j = np.random.default_rng(1).normal(size=(200, 2, 2))
+    large, small = singular_values(j)
+    expected = np.linalg.svd(j, compute_uv=False)
+    np.testing.assert_allclose(large, expected[:, 0])
+    np.testing.assert_allclose(small, expected[:, 1] * np.sign(np.linalg.det(j)), atol=1e-12)
+    # rank one, and none at all
+    large, small = singular_values(np.array([[[3.0, 0], [4, 0]], [[0, 0], [0, 0]]]))
+    np.testing.assert_allclose(large, [5, 0])
+    np.testing.assert_allclose(small, [0, 0])
+    large, small = singular_values(np.array([[[0.25, 0], [0, 0.5]]]))
+    assert (large[0], small[0]) == (0.5, 0.25)
+
+
+def test_signed_areas_follow_the_winding() -> None:
+    uv = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 3.0]])
+    assert signed_areas(np.array([[0, 1, 2], [2, 1, 0], [0, 0, 1]]), uv).tolist() == [3, -3, 0]
+
+
+def test_the_laplacian_measures_the_energy_of_functions() -> None:
+    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(50), 2))
+    matrix = cotangent_laplacian(cut_mesh).toarray()
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-12)
+    np.testing.assert_allclose(matrix.sum(1), 0, atol=1e-10)
+    assert np.linalg.eigvalsh(matrix).min() > -1e-9
+    u: FloatArray = points[:, 0] * 2 - points[:, 1] * 3
+    assert u @ matrix @ u / 2 == pytest.approx(13 * cut_mesh.areas.sum() / 2)
+    # the weight of the inner edge of a square cut in two is that of two right angles: zero
+    square, _ = patches_of(
+        (np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]), [[0, 1, 2], [0, 2, 3]])
+    )
+    got = cotangent_laplacian(square).toarray()
+    np.testing.assert_allclose(
+        np.sort(got[~np.eye(4, dtype=bool)]), [-0.5] * 8 + [0] * 4, atol=1e-12
+    )
+    np.testing.assert_allclose(np.diag(got), 1)

@@ -1,0 +1,190 @@
+"""Pairs of segments that may meet: none is missed, and their number grows with that of the segments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.geometry import segment_grid
+from circparam.geometry.predicates import orientation
+from circparam.geometry.segment_grid import Candidates
+
+
+@settings(max_examples=40)
+@given(
+    st.integers(2, 60),
+    st.integers(0, 10**6),
+    st.sampled_from([1.0, 1e-9, 1e6]),
+    st.sampled_from([0.0, 0.02]),
+    st.sampled_from(["even", "mixed", "comb"]),
+)
+def test_candidates_hold_every_pair_that_meets(n, seed, scale, reach, kind):
+    rng = np.random.default_rng(seed)
+    start = rng.random((n, 2))
+    length = {"even": 0.1, "mixed": 10.0 ** rng.uniform(-6, 0, (n, 1)), "comb": 1e-4}[kind]
+    end = start + length * rng.normal(size=(n, 2))
+    if kind == "comb":
+        end[:, 1] += 1
+    start, end = start * scale, end * scale
+    group = rng.integers(0, 2, n)
+    pairs = set()
+    for i, j in Candidates(start, end, group, np.full(n, reach * scale)):
+        assert (i < j).all()
+        pairs |= set(zip(i.tolist(), j.tolist(), strict=True))
+    low, high = (
+        np.minimum(start, end) - reach * scale / 2,
+        np.maximum(start, end) + reach * scale / 2,
+    )
+    for i in range(n):
+        for j in range(i + 1, n):
+            if group[i] != group[j]:
+                assert (i, j) not in pairs
+                continue
+            a, b, c, d = start[[i]], end[[i]], start[[j]], end[[j]]
+            cross = orientation(a, b, c) * orientation(a, b, d) < 0
+            cross &= orientation(c, d, a) * orientation(c, d, b) < 0
+            touch = (low[i] <= high[j]).all() and (low[j] <= high[i]).all()
+            near = reach and np.linalg.norm(start[i] - start[j]) < reach * scale
+            if touch and (cross[0] or near):
+                assert (i, j) in pairs
+
+
+@pytest.mark.parametrize("shape", ["comb", "star", "uneven", "stack"])
+def test_the_work_grows_with_the_number_of_segments(shape):
+    """Pairs looked at for each segment stay bounded as the number of segments grows."""
+
+    def pairs_a_segment(n):
+        rng = np.random.default_rng(1)
+        if shape == "comb":  # long teeth side by side
+            x = np.arange(n) / n
+            start, end = np.stack([x, np.zeros(n)], 1), np.stack([x, np.ones(n)], 1)
+        elif shape == "star":  # rays that stop short of the middle
+            t = 2 * np.pi * np.arange(n) / n
+            ray = np.stack([np.cos(t), np.sin(t)], 1)
+            start, end = 0.2 * ray, ray
+        elif shape == "uneven":  # most of the segments in one corner
+            start = rng.random((n, 2)) ** 8
+            end = start + 1e-3 / n * rng.normal(size=(n, 2))
+            end[:3] = start[:3] + 1
+        else:  # several segments in each place
+            start = np.repeat(rng.random((n // 4, 2)), 4, 0)
+            end = start + 1e-4
+        group = np.zeros(len(start), np.int64)
+        return sum(len(i) for i, _ in Candidates(start, end, group, np.zeros(len(start)))) / n
+
+    assert pairs_a_segment(16000) < 4 * pairs_a_segment(1000) + 40
+
+
+def found_pairs(start, end, group=None, reach=0.0):
+    n = len(start)
+    group = np.zeros(n, np.int64) if group is None else np.asarray(group)
+    candidates = Candidates(
+        np.asarray(start, float), np.asarray(end, float), group, np.full(n, reach)
+    )
+    pairs = [(i, j) for a, b in candidates for i, j in zip(a.tolist(), b.tolist(), strict=True)]
+    return candidates, pairs
+
+
+def test_boxes_that_touch_are_candidates_and_boxes_apart_are_not():
+    start = [[0, 0], [1, 1], [2.5, 0], [0, 3]]
+    end = [[1, 1], [2, 2], [3, 1], [1, 4]]
+    _, pairs = found_pairs(start, end)
+    assert set(pairs) == {(0, 1)}
+    # widened by the reach, each box by half of it
+    assert set(found_pairs(start, end, reach=0.5)[1]) == {(0, 1), (1, 2)}
+    assert set(found_pairs(start, end, reach=0.49)[1]) == {(0, 1)}
+    assert set(found_pairs(start, end, reach=1.0)[1]) == {(0, 1), (1, 2), (1, 3)}
+    assert found_pairs(start, end, [0, 1, 2, 3], 9.0)[1] == []
+
+
+def test_one_segment_none_and_points_of_no_length():
+    assert found_pairs(np.zeros((0, 2)), np.zeros((0, 2)))[1] == []
+    assert found_pairs([[0, 0]], [[1, 1]])[1] == []
+    same = np.full((3, 2), 7.0)
+    assert set(found_pairs(same, same)[1]) == {(0, 1), (0, 2), (1, 2)}
+    assert found_pairs(same, same, [0, 2, 5])[1] == [], "labels in between may be missing"
+
+
+def test_chunks_hold_the_same_pairs(monkeypatch):
+    rng = np.random.default_rng(5)
+    start = rng.random((80, 2))
+    end = start + rng.normal(scale=0.2, size=(80, 2))
+    whole = set(found_pairs(start, end)[1])
+    monkeypatch.setattr(segment_grid, "CHUNK", 7)
+    parts, pairs = found_pairs(start, end)
+    assert set(pairs) == whole
+    assert len(list(parts)) > len(whole) / 7
+    assert not parts.cut_short
+
+
+@pytest.mark.parametrize("few", [0, 1, 3])
+def test_what_is_left_out_of_a_crowd_is_told(monkeypatch, few):
+    """A crowd in group 1 and two segments in group 3: beyond the limit only the next few are looked at."""
+    n = 20
+    start = np.zeros((n + 2, 2))
+    end = np.ones((n + 2, 2))
+    group = np.r_[np.ones(n, int), 3, 3]
+    monkeypatch.setattr(segment_grid, "LIMIT", 10)
+    monkeypatch.setattr(segment_grid, "FEW", few)
+    candidates, pairs = found_pairs(start, end, group)
+    assert candidates.cut_short
+    assert 1 in candidates.crowded.tolist()
+    assert (3 in candidates.crowded.tolist()) == (few == 0)
+    expected = {(i, j) for i in range(n) for j in range(i + 1, min(i + 1 + few, n))}
+    assert {p for p in pairs if p[1] < n} == expected
+    monkeypatch.setattr(segment_grid, "LIMIT", 10_000)
+    candidates, pairs = found_pairs(start, end, group)
+    assert not candidates.cut_short
+    assert len(set(pairs)) == n * (n - 1) / 2 + 1
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, np.pi / 2, 2.0])
+def test_crowds_of_parallel_segments_are_swept_across(turn):
+    """300 long teeth close together, at any angle, and one that crosses them all."""
+    n = 300
+    x = np.arange(n) / n
+    start, end = np.stack([x, np.zeros(n)], 1), np.stack([x, np.full(n, 5.0)], 1)
+    start, end = np.r_[start, [[-1.0, 2.0]]], np.r_[end, [[2.0, 2.5]]]
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.array([[c, -s], [s, c]])
+    start, end = start @ turned.T, end @ turned.T
+    _, pairs = found_pairs(start, end)
+    assert {(k, n) for k in range(n)} <= set(pairs)
+
+
+def crossing(start, end):
+    """(i, j), i < j, of all segments that cross properly, by brute force."""
+    i, j = np.triu_indices(len(start), 1)
+    a, b, c, d = start[i], end[i], start[j], end[j]
+    cross = orientation(a, b, c) * orientation(a, b, d) < 0
+    cross &= orientation(c, d, a) * orientation(c, d, b) < 0
+    return set(zip(i[cross].tolist(), j[cross].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (1e6, -1e6)])
+def test_cells_so_crowded_that_they_are_quartered_hold_every_crossing(corner):
+    """A tangle of 1000 segments of many lengths: each cell of the first grid holds more than it should."""
+    rng = np.random.default_rng(8)
+    start = rng.random((1000, 2)) * [2.0, 1.0] + corner
+    end = start + rng.normal(size=(1000, 2)) * 10.0 ** rng.uniform(-1.3, 0, (1000, 1))
+    expected = crossing(start, end)
+    assert len(expected) > 1000
+    candidates, pairs = found_pairs(start, end)
+    assert expected <= set(pairs)
+    assert not candidates.cut_short
+    twice = np.repeat([0, 1], 500)
+    apart = {(i, j) for i, j in expected if twice[i] == twice[j]}
+    assert apart <= set(found_pairs(start, end, twice)[1])
+
+
+def test_a_pile_that_no_grid_parts_is_looked_at_in_full():
+    n = 70
+    rng = np.random.default_rng(2)
+    start = np.r_[np.zeros((n, 2)), rng.random((40, 2)) * 9]
+    end = np.r_[np.ones((n, 2)), rng.random((40, 2)) * 9]
+    candidates, pairs = found_pairs(start, end)
+    assert {(i, j) for i in range(n) for j in range(i + 1, n)} <= set(pairs)
+    assert crossing(start, end) <= set(pairs)
+    assert not candidates.cut_short

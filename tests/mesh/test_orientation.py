@@ -1,0 +1,96 @@
+"""Windings that agree, and surfaces with one side only."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circparam.geometry.overlap import signs
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.orientation import double_cover
+from circparam.mesh.repair import repair
+from circparam.mesh.restore import complete
+from tests.support import shapes
+from tests.support.surfaces import check_surface, layout
+
+
+@given(
+    st.integers(2, 12), st.lists(st.tuples(st.integers(0, 11), st.integers(0, 11), st.booleans()))
+)
+def test_double_cover_finds_signs_where_there_are_any(n, edges):
+    edges = [(i % n, j % n, flip) for i, j, flip in edges]
+    i, j, flip = (np.array([e[k] for e in edges], [int, int, bool][k]) for k in range(3))
+    component, sign, two_sided = double_cover(n, i, j, flip)
+    wrong = (sign[i] ^ sign[j]) != flip if len(edges) else np.zeros(0, bool)
+    assert not wrong[two_sided[component[i]]].any() if len(edges) else True
+    for c in np.flatnonzero(~two_sided):  # by hand: no signs satisfy all pairs of this component
+        nodes = np.flatnonzero(component == c)
+        mine = [(a, b, x) for a, b, x in edges if a in nodes]
+        for bits in range(2 ** len(nodes)):
+            value = {int(v): bits >> k & 1 for k, v in enumerate(nodes)}
+            assert any((value[a] ^ value[b]) != x for a, b, x in mine)
+
+
+def test_winding_is_made_consistent_and_undone_in_the_file():
+    p, f = shapes.icosphere(3)
+    rng = np.random.default_rng(1)
+    back = rng.random(len(f)) < 0.3
+    mixed = np.where(back[:, None], f[:, [0, 2, 1]], f)
+    mesh = Mesh(p, mixed)
+    surface, repairs = repair(mesh)
+    assert np.array_equal(surface.reversed_faces, back), "the side with more area wins"
+    assert repairs.n_reversed == back.sum()
+    check_surface(mesh, surface, repairs)
+    uv, uv_faces = layout(surface)
+    got = complete(mesh, surface, repairs, uv, uv_faces)
+    solved = signs(uv, uv_faces)
+    assert np.array_equal(signs(got.uv, got.uv_faces), np.where(back, -solved, solved))
+
+
+def test_components_are_oriented_each_by_its_own_majority():
+    p, f = shapes.join(shapes.icosphere(1), shapes.icosphere(1))
+    f = f.copy()
+    f[:80] = f[:80, ::-1]  # all of the first one: nothing disagrees, nothing is turned
+    f[81] = f[81][::-1]
+    surface, repairs = repair(Mesh(_apart(p), f))
+    assert np.flatnonzero(surface.reversed_faces).tolist() == [81]
+    assert repairs.n_reversed == 1
+
+
+def _apart(p):
+    p = p.copy()
+    p[len(p) // 2 :] += [5, 0, 0]
+    return p
+
+
+@pytest.mark.parametrize("polygons", [False, True])
+@pytest.mark.parametrize("shape", [shapes.moebius, shapes.klein])
+def test_one_sided_surfaces_are_cut_open_between_polygons(shape, polygons):
+    p, f = shape()
+    quads = np.arange(len(f)) // 2 if polygons else None
+    back = np.random.default_rng(4).random(len(f)) < 0.4  # windings differ even inside a polygon
+    f = np.where(back[:, None], f[:, [0, 2, 1]], f)
+    mesh = Mesh(p, f, polygons=quads)
+    surface, repairs = repair(mesh)
+    assert repairs.non_orientable == 1
+    assert repairs.mobius_edges > 0
+    assert repairs.nonmanifold_vertices == 0
+    check_surface(mesh, surface, repairs)
+    assert surface.cut_mesh(np.zeros(len(surface.edges), bool)).n_charts == 1
+    if polygons:
+        inside = quads[surface.source[surface.edges // 3]]
+        assert int((inside[:, 0] == inside[:, 1]).sum()) == len(f) // 2, "no polygon is cut"
+        assert np.array_equal(surface.locked, inside[:, 0] == inside[:, 1])
+
+
+def test_two_cubes_that_share_an_edge_stay_wound_alike():
+    p, f = shapes.cube(1)
+    q = np.unique(np.round(p, 9), axis=0)
+    step = q.max(0) - q.min(0)
+    mesh = Mesh(np.concatenate([p, p + step * [1, 1, 0]]), np.concatenate([f, f + len(p)]))
+    surface, repairs = repair(mesh)
+    assert repairs.nonmanifold_edges == 1
+    assert repairs.n_reversed == 0
+    check_surface(mesh, surface, repairs)

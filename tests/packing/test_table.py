@@ -1,0 +1,39 @@
+"""Which packers are asked: by the number of charts, the effort, and the time."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from circparam.packing.options import PackOptions
+from circparam.packing.placement import Packer, always
+from circparam.packing.table import PACKERS
+
+
+@pytest.mark.parametrize(
+    ("charts", "effort", "asked"),
+    [
+        (1, 1.0, ["shelf", "nest"]),
+        (40, 1.0, ["shelf", "nest"]),
+        (41, 1.0, ["shelf", "skyline", "nest"]),
+        (250, 1.0, ["shelf", "skyline", "nest"]),
+        (251, 1.0, ["shelf", "skyline"]),
+        (60, 0.19, ["shelf", "skyline", "nest"]),
+        (61, 0.19, ["shelf", "skyline"]),
+        (61, 0.2, ["shelf", "skyline", "nest"]),
+    ],
+)
+def test_who_applies(charts: int, effort: float, asked: list[str]) -> None:
+    shapes, options = SimpleNamespace(n=charts), PackOptions(effort=effort)
+    assert [row.name for row in PACKERS if row.function.applies(shapes, options)] == asked
+
+
+def test_only_the_shelf_is_instant_and_only_the_skyline_a_fallback() -> None:
+    assert [row.name for row in PACKERS if row.function.instant] == ["shelf"]
+    assert [row.name for row in PACKERS if row.function.fallback] == ["skyline"]
+    plain = Packer(lambda task: None)
+    assert not plain.instant
+    assert not plain.fallback
+    assert plain.applies is always
+    assert plain(None) is None  # type: ignore[arg-type]

@@ -1,0 +1,88 @@
+"""Charts at one texel density, packed, or side by side."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.core.monitor import Monitor
+from circparam.formats.memory import from_arrays
+from circparam.pipeline.options import Options
+from circparam.pipeline.place import chart_tiles, place, sized
+from tests.support import shapes
+from tests.support.charts import patches_of
+
+QUICK = {"effort": 0.01}
+
+
+def test_texel_density_is_one() -> None:
+    """Charts of one shape at two sizes get one density, so lengths in uv are as on the surface."""
+    p, f = shapes.grid(5, 5)
+    result = circparam.unwrap(shapes.join((p, f), (p * 3 + [5, 0, 0], f)), **QUICK)
+    q = result.uv[result.uv_faces]
+    side = np.linalg.norm(q[:, 1] - q[:, 0], axis=1)
+    assert side[len(f) :].mean() / side[: len(f)].mean() == pytest.approx(3, rel=1e-6)
+
+
+def test_no_normalize_keeps_the_solver_coordinates() -> None:
+    p, f = shapes.grid(6, 6)
+    result = circparam.unwrap((p * 7, f), cut="none", method="isometric", normalize=False)
+    q = result.uv[result.uv_faces]
+    s = (p * 7)[f]
+    np.testing.assert_allclose(
+        np.linalg.norm(q[:, 1] - q[:, 0], axis=1),
+        np.linalg.norm(s[:, 1] - s[:, 0], axis=1),
+        rtol=1e-4,  # the energy is at its minimum to 1e-6, so lengths are to about its root
+    )
+    assert result.measures["pack"] is None
+
+
+def test_several_charts_side_by_side_without_packing() -> None:
+    shape = shapes.row_of(shapes.bumped_disk(30), 3)
+    result = circparam.unwrap(shape, cut="none", method="circle", normalize=False)
+    assert result.verification.valid
+    assert result.measures["charts"] == 3
+
+
+def test_atlases_by_group() -> None:
+    """Each group fills a page of its own; what shares texels across groups is no overlap."""
+    p, f = shapes.row_of(shapes.grid(5, 5), 2)
+    document = from_arrays(p, f, groups=np.repeat([0, 1], len(f) // 2))
+    apart = circparam.unwrap(document, group_by="primitive", **QUICK)
+    assert apart.verification.valid, apart.reasons
+    u = apart.uv[apart.uv_faces]
+    half = len(f) // 2
+    for part in (u[:half], u[half:]):
+        assert np.ptp(part.reshape(-1, 2), axis=0).min() > 0.9
+    together = circparam.unwrap(document, **QUICK)
+    u = together.uv[together.uv_faces]
+    assert np.ptp(u[:half].reshape(-1, 2), axis=0).max() < 0.75
+
+
+def test_side_by_side_the_first_stays_and_none_touches_another() -> None:
+    cut_mesh, points = patches_of(shapes.row_of(shapes.grid(4, 4), 3))
+    uv = points[:, :2] * [1.0, 2.0]
+    uv = uv - np.where(cut_mesh.vertex_chart > 0, 5.0, 0.0)[:, None]
+    found = place(cut_mesh, uv, Options(normalize=False), Monitor()).uv
+    first = cut_mesh.vertex_chart == 0
+    np.testing.assert_array_equal(found[first], uv[first])
+    np.testing.assert_array_equal(found[:, 1], uv[:, 1])
+    span = [np.sort(found[cut_mesh.vertex_chart == c, 0])[[0, -1]] for c in range(3)]
+    gaps = [b[0] - a[1] for a, b in itertools.pairwise(span)]
+    assert gaps == pytest.approx([0.02, 0.02]), "two hundredths of the widest"
+    assert [b - a for a, b in span] == pytest.approx([1, 1, 1])
+
+
+def test_sizes_are_those_of_the_surface_but_for_charts_that_keep_theirs() -> None:
+    cut_mesh, points = patches_of(shapes.row_of(shapes.grid(4, 4), 2))
+    grown = points[:, :2] * np.where(cut_mesh.vertex_chart == 0, 5.0, 0.25)[:, None]
+
+    def width(uv: np.ndarray) -> list[float]:
+        return [float(np.ptp(uv[cut_mesh.vertex_chart == c, 0])) for c in (0, 1)]
+
+    assert width(sized(cut_mesh, grown, None)) == pytest.approx([1, 1])
+    assert width(sized(cut_mesh, grown, np.array([True, False]))) == pytest.approx([5, 1])
+    assert chart_tiles(cut_mesh, np.where(cut_mesh.chart == 1, 7, 3)).tolist() == [3, 7]

@@ -1,0 +1,86 @@
+"""Out to disk and back: numbers, index maps and seams of the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.errors import OptionError
+from circparam.pipeline.save import export_seams, save, seam_pairs, write_map
+from tests.support import shapes
+
+QUICK = {"effort": 0.01}
+FLAT = {"cut": "none", "method": "mean-value", **QUICK}
+
+
+def test_stored_numbers_are_what_the_file_holds(tmp_path: Path) -> None:
+    """The layout of the result is bit for bit that of the file, in float32 and in text."""
+    shape = shapes.bumped_disk(80)
+    for name in ("o.glb", "o.obj", "o.ply"):
+        result = circparam.unwrap(shape, tmp_path / name, **FLAT)
+        memory = circparam.unwrap(shape, format=name[2:], **FLAT)
+        again = circparam.read(tmp_path / name)
+        uvmap = again.uv(0)
+        assert uvmap is not None
+        assert result.face_map is not None
+        np.testing.assert_array_equal(
+            uvmap.uv[uvmap.uv_faces], result.uv[result.uv_faces][result.face_map]
+        )
+        np.testing.assert_array_equal(memory.uv[memory.uv_faces], result.uv[result.uv_faces])
+
+
+def test_index_maps(tmp_path: Path) -> None:
+    p, f = shapes.cube(2)
+    result = circparam.unwrap((p, f), tmp_path / "o.glb", **QUICK)
+    again = circparam.read(tmp_path / "o.glb")
+    assert result.vertex_map is not None
+    assert result.face_map is not None
+    np.testing.assert_allclose(again.mesh.points, p[result.vertex_map], atol=1e-6)
+    np.testing.assert_array_equal(result.vertex_map[again.mesh.faces], f[result.face_map])
+    np.testing.assert_array_equal(result.vertex_map[: len(p)], np.arange(len(p)))
+
+
+def test_seams_are_the_cut_edges_as_pairs_of_vertices_of_the_input(tmp_path: Path) -> None:
+    """Some faces wound the other way: turned for the solve, their corners are still those of the file."""
+    p, f = shapes.cube(2)
+    side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
+    f = np.where(side[:, None], f[:, [0, 2, 1]], f)
+    result = circparam.unwrap((p, f), sharp=np.pi / 3, **QUICK)
+    assert result.repair_report.n_reversed == side.sum() > 0
+    pairs = seam_pairs(result)
+    cut = len(result.surface.edges) - len(result.verification.cut_mesh.edges)
+    assert len(pairs) == cut > 0
+    assert (pairs[:, 0] < pairs[:, 1]).all()
+    assert (np.diff(pairs[:, 0] * len(p) + pairs[:, 1]) > 0).all()
+    # by hand: edges whose two faces have other uv at their ends
+    at: dict[tuple[int, int], list[set[int]]] = {}
+    for face, uv in zip(f.tolist(), result.uv_faces.tolist(), strict=True):
+        for k in range(3):
+            a, b = face[k], face[(k + 1) % 3]
+            at.setdefault((min(a, b), max(a, b)), []).append({uv[k], uv[(k + 1) % 3]})
+    expected = [edge for edge, (one, other) in sorted(at.items()) if one != other]
+    assert pairs.tolist() == [list(edge) for edge in expected]
+    export_seams(result, tmp_path / "s.txt")
+    np.testing.assert_array_equal(np.loadtxt(tmp_path / "s.txt", int), pairs)
+
+
+def test_a_saved_result_names_its_file_and_its_maps(tmp_path: Path) -> None:
+    result = circparam.unwrap(shapes.cube(1), **QUICK)
+    with pytest.raises(OptionError, match="index map belongs to a written file"):
+        write_map(result, tmp_path / "m.npz")
+    written = save(result, tmp_path / "o.obj")
+    assert result.path is None
+    assert written.path == str(tmp_path / "o.obj")
+    assert written.files[0] == written.path
+    assert written.measures["flips"] == 0
+    with pytest.raises(OptionError, match=r"is an \.npz file"):
+        write_map(written, tmp_path / "m.zip")
+    write_map(written, tmp_path / "m.npz")
+    with np.load(tmp_path / "m.npz") as held:
+        assert sorted(held) == ["chart", "face", "vertex"]
+        np.testing.assert_array_equal(held["chart"], written.charts[held["face"]])
+    with pytest.raises(OptionError, match="--overwrite"):
+        save(result, tmp_path / "o.obj")

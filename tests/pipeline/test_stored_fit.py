@@ -1,0 +1,71 @@
+"""Layouts whose numbers, as the format stores them, have no flip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from tests.support import shapes
+
+QUICK = {"effort": 0.01}
+
+
+def test_a_layout_spoiled_by_rounding_is_mended() -> None:
+    """Numbers that only float32 turns over: found on the stored numbers, and the chart is split."""
+    result = circparam.unwrap(shapes.tube(6.0), format="glb", **QUICK)
+    assert result.verification.valid
+
+
+def test_a_disk_that_cannot_be_stored_is_named_not_hidden() -> None:
+    result = circparam.unwrap(shapes.tube(9.0), format="glb", cut="disk", method="uniform", **QUICK)
+    assert result.status == "degraded"
+    assert any("flipped" in line and "chart 0" in line for line in result.reasons)
+    assert result.warnings
+
+
+def test_needles_that_no_stored_number_holds_end_without_a_flip(tmp_path: Path) -> None:
+    """Faces that differ in size by 1e12, 1e-11 thin: a triangle stands in for each, and it is large enough."""
+    at = 0.37957113403931
+    x = [0, 0.5, 1, 1, at + 1.3e-14, at + 8e-15, at + 3e-15, at + 3e-15]
+    x += [0.6430306723995923, at + 5e-15, 0.4569060321995523, at + 6e-15, 0.7155932782944245]
+    y = [0, 0, 0, 5, *[5.476844597344704] * 3, 5.4768445973446536, 3.406380391058848]
+    y += [5.4768445973446316, 3.111924960843914, 5.476844597344659, 5.356314968091522]
+    p = np.stack([x, 1e-11 * np.array(y), np.zeros(13)], 1)
+    f = np.array([
+        [11, 5, 6], [7, 11, 6], [12, 5, 11], [12, 3, 4], [5, 12, 4], [7, 9, 11], [9, 10, 11], [9, 7, 0],
+        [1, 9, 0], [10, 9, 1], [10, 8, 11], [8, 12, 11], [8, 1, 2], [8, 10, 1], [3, 8, 2], [12, 8, 3],
+    ])  # fmt: skip
+    result = circparam.unwrap((p, f), tmp_path / "o.ply", resolution=64, effort=0.0)
+    assert (result.measures["flips"], result.measures["overlap"]) == (0, 0)
+    assert result.status == "degraded", "their shape is lost, and that is said"
+
+
+def test_a_chart_lies_as_the_file_winds_most_of_it() -> None:
+    """One side of a cube is wound the other way: turned for the solve, its chart is no mirror image."""
+    p, f = shapes.cube(2)
+    side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
+    f = np.where(side[:, None], f[:, [0, 2, 1]], f)
+    result = circparam.unwrap((p, f), sharp=np.pi / 3, effort=0.0)
+    q = result.uv[result.uv_faces]
+    ahead, back = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
+    assert side.any()
+    assert result.repair_report.n_reversed == side.sum()
+    assert (ahead[:, 0] * back[:, 1] > ahead[:, 1] * back[:, 0]).all()
+    assert result.measures["mirrored"] == 0
+
+
+@pytest.mark.parametrize("turned", [0, 1])
+@pytest.mark.parametrize("height", [1.0, 1.0 - 1e-15, 1.0 + 1e-15])
+def test_where_both_sides_are_as_large_the_first_face_lies_upright(
+    turned: int, height: float
+) -> None:
+    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, height, 0]])
+    f = np.array([[0, 1, 2], [0, 2, 3]])
+    f[turned] = f[turned][::-1]
+    result = circparam.unwrap((p, f), resolution=64, effort=0.01)
+    a, b, c = result.uv[result.uv_faces[0]]
+    assert result.measures["mirrored"] == 0
+    assert np.linalg.det([b - a, c - a]) > 0

@@ -1,0 +1,122 @@
+"""Convex combination maps: means of neighbours, on a convex boundary, for disks with or without holes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.errors import OptionError, TopologyError
+from circparam.geometry.intrinsic import signed_areas
+from circparam.solvers.tutte.embed import require_boundary, tutte_embedding
+from circparam.solvers.tutte.outer import TutteOptions
+from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
+from tests.support import shapes
+from tests.support.charts import apart, patches_of, rim
+
+
+@pytest.mark.parametrize("scheme", ["uniform", "mean-value", "harmonic"])
+def test_inner_vertices_are_the_weighted_means_of_their_neighbours(scheme):
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(80), 2))
+    uv, report = tutte_embedding(cut_mesh, scheme)
+    w = half_edge_weights(cut_mesh, WEIGHTS[scheme].function)
+    i, j = cut_mesh.faces.ravel(), cut_mesh.faces[:, [1, 2, 0]].ravel()
+    n = cut_mesh.n_vertices
+    total = np.bincount(i, w, n)
+    mean = np.stack([np.bincount(i, w * uv[j, d], n) for d in (0, 1)], 1) / total[:, None]
+    inner = ~rim(cut_mesh)
+    np.testing.assert_allclose(mean[inner], uv[inner], atol=1e-9)
+    np.testing.assert_array_equal(report.system.free, inner)
+    assert not report.clamped
+
+
+def test_the_boundary_is_a_circle_of_the_area_of_the_chart():
+    points, faces = shapes.bumped_disk(150)
+    cut_mesh, _ = patches_of(shapes.join((points, faces), (3 * points + [9, 0, 0], faces)))
+    uv, _ = tutte_embedding(cut_mesh)
+    radius = np.linalg.norm(uv, axis=1)
+    for c, area in enumerate(cut_mesh.chart_areas):
+        mine = cut_mesh.vertex_chart == c
+        on = mine & rim(cut_mesh)
+        assert np.ptp(radius[on]) < 1e-9 * radius[on].max()
+        assert (radius[mine & ~rim(cut_mesh)] < radius[on].min()).all()
+        np.testing.assert_allclose(radius[on], np.sqrt(area / np.pi))
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
+
+
+def test_a_flat_wheel_comes_back():
+    """A regular polygon about its middle is its own Tutte map."""
+    t = 2 * np.pi * np.arange(9) / 9
+    points = np.c_[np.cos(t), np.sin(t), 0 * t]
+    faces = np.stack([np.arange(9), (np.arange(9) + 1) % 9, np.full(9, 9)], 1)
+    cut_mesh, at = patches_of((np.vstack([points, [0, 0, 0]]), faces))
+    uv, report = tutte_embedding(cut_mesh, "uniform")
+    assert apart(uv, at[:, :2]) < 1e-12
+    np.testing.assert_allclose(uv[report.system.free], 0, atol=1e-12)
+    # other places of the fixed vertices: solved again with the same factor
+    moved = report.system.solve(report.system.fixed_uv * [2.0, 3.0] + [5.0, -1.0])
+    np.testing.assert_allclose(moved, uv * [2.0, 3.0] + [5.0, -1.0], atol=1e-9)
+
+
+def test_holes_are_closed_for_the_solve_and_left_out_of_the_result():
+    cut_mesh, _ = patches_of(shapes.planar_holes(2))
+    uv, report = tutte_embedding(cut_mesh, "mean-value")
+    assert uv.shape == (cut_mesh.n_vertices, 2)
+    assert report.system.cut_mesh.n_vertices == cut_mesh.n_vertices + 2
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
+
+
+def test_a_grade_draws_neighbours_together_and_a_level_one_does_nothing():
+    cut_mesh, _ = patches_of(shapes.bumped_disk(120))
+    plain, _ = tutte_embedding(cut_mesh, "mean-value")
+    level, _ = tutte_embedding(cut_mesh, "mean-value", grade=np.full(cut_mesh.n_vertices, 0.7))
+    inner = ~rim(cut_mesh)
+    np.testing.assert_allclose(level, plain, atol=1e-9)
+    # rows are weighted by exp(-grade of the neighbour): by hand for one vertex
+    grade = np.random.default_rng(0).random(cut_mesh.n_vertices)
+    uv, _ = tutte_embedding(cut_mesh, "mean-value", grade=grade)
+    w = half_edge_weights(cut_mesh, WEIGHTS["mean-value"].function)
+    i, j = cut_mesh.faces.ravel(), cut_mesh.faces[:, [1, 2, 0]].ravel()
+    for v in np.flatnonzero(inner)[:10]:
+        out = i == v
+        share = w[out] * np.exp(-grade[j[out]])
+        np.testing.assert_allclose((share[:, None] * uv[j[out]]).sum(0) / share.sum(), uv[v])
+    assert np.abs(uv - plain).max() > 1e-3
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
+    holed, _ = patches_of(shapes.annulus(12, 3))
+    uv, _ = tutte_embedding(holed, "mean-value", grade=np.linspace(0, 2, holed.n_vertices))
+    assert (signed_areas(holed.faces, uv) > 0).all()
+
+
+def test_negative_weights_are_counted_in_their_chart_and_clamped_where_asked():
+    sound, rough = shapes.delaunay_disk(50), shapes.noisy(*shapes.bumped_disk(600), amount=0.5)
+    cut_mesh, _ = patches_of(shapes.join(sound, (rough[0] + [9, 0, 0], rough[1])))
+    _, report = tutte_embedding(cut_mesh, "harmonic")
+    assert report.negative[0] == 0
+    assert report.negative[1] > 0
+    uv, again = tutte_embedding(cut_mesh, "harmonic", TutteOptions(clamp=True))
+    assert again.clamped
+    assert again.negative.tolist() == report.negative.tolist()
+    assert (signed_areas(cut_mesh.faces, uv) > 0).all()
+
+
+def test_what_is_no_disk_is_refused_with_its_genus():
+    disk = shapes.grid()
+    for shape, says in (
+        (shapes.icosphere(1), "chart 1 has 0 boundaries and genus 0"),
+        (shapes.torus(12, 8), "chart 1 has 0 boundaries and genus 1"),
+    ):
+        moved = (shape[0] + [50, 0, 0], shape[1])
+        cut_mesh, _ = patches_of(shapes.join(disk, moved))
+        with pytest.raises(TopologyError, match=f"{says}.*--cut disk"):
+            tutte_embedding(cut_mesh)
+    require_boundary(patches_of(disk)[0])
+    require_boundary(patches_of(shapes.annulus())[0])
+    with pytest.raises(OptionError, match="unknown"):
+        tutte_embedding(patches_of(disk)[0], "no such weights")
+
+
+def test_stages_are_measured():
+    monitor = Monitor()
+    tutte_embedding(patches_of(shapes.grid())[0], monitor=monitor)
+    assert set(monitor.seconds) == {"weights", "solve"}
