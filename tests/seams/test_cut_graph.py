@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from circparam.core.arrays import next_half_edge
 from circparam.core.graph import Graph, spanning_forest
 from circparam.core.monitor import Monitor
-from circparam.errors import InputError, OptionError, TopologyError
+from circparam.errors import InputError, TopologyError
 from circparam.mesh.cut_mesh import close_holes
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.seams import SEAMS
-from circparam.seams.constraints import dihedral_angles, match_edges
+from circparam.seams.constraints import dihedral_angles
 from circparam.seams.options import SeamOptions
 from tests.support import shapes
 
@@ -193,20 +193,6 @@ def test_demanded_seams_are_kept_and_each_part_becomes_a_disk():
     seams = cut_disk(surface, SeamOptions(groups=groups, cut_groups=True))
     across = groups[surface.edges[:, 0] // 3] != groups[surface.edges[:, 1] // 3]
     assert np.array_equal(seams.cut, across), "two halves with one boundary each need no more"
-
-
-def test_named_edges():
-    surface = surface_of(shapes.grid(4, 4))
-    edges, missing = match_edges(surface, np.array([[5, 6], [6, 5], [0, 1], [0, 15], [3, 99]]))
-    assert edges.sum() == 1
-    assert missing.tolist() == [3, 4], "a boundary edge is an edge, though there is nothing to cut"
-    seams = cut_disk(surface, SeamOptions(cut=np.array([[5, 6], [0, 15]])))
-    assert np.array_equal(seams.cut, edges)
-    assert any("[0, 15]" in note for note in seams.notes)
-    with pytest.raises(OptionError, match="names no edge"):
-        cut_disk(surface, SeamOptions(cut=np.array([[0, 15]])))
-    with pytest.raises(OptionError, match="--seams and by --no-seams"):
-        cut_disk(surface, SeamOptions(cut=np.array([[5, 6]]), no_cut=np.array([[6, 5]])))
 
 
 def test_none_takes_disks_and_names_what_is_no_disk():

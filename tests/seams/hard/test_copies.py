@@ -1,0 +1,48 @@
+"""Components that are copies of each other, and those that are nearly."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from circparam.core.monitor import Monitor
+from circparam.mesh.atlas import Atlas
+from circparam.seams import SEAMS
+from circparam.seams.hard.copies import find_copies
+from circparam.seams.options import SeamOptions
+from tests.support import shapes
+from tests.support.atlases import surface_of
+from tests.support.parts import PARTS
+
+
+def test_copies_of_a_part_get_the_same_charts() -> None:
+    """Three pipes, one of them turned, and one a little longer: that one is no copy."""
+    part = PARTS["flanged pipe"]()
+    turned = part.points @ shapes.rotation(1).T + [5.0, 0, 0]
+    longer = part.points * [1.0, 1.0, 1.1] + [0, 5.0, 0]
+    surface = surface_of(
+        *shapes.join((part.points, part.faces), (turned, part.faces), (longer, part.faces))
+    )
+    copies = find_copies(surface)
+    m = len(part.faces)
+    assert np.array_equal(copies.original, np.r_[np.arange(m), np.arange(m), 2 * m + np.arange(m)])
+    atlas = Atlas(surface, SEAMS["charts"].function(surface, SeamOptions(), Monitor()).cut)
+    n = len(atlas.cut) // 3
+    assert np.array_equal(atlas.cut[:n], atlas.cut[n : 2 * n])
+    _, chart = atlas.charts()
+    assert len(np.unique(chart[:m])) == len(np.unique(chart[m : 2 * m]))
+
+
+def test_mirror_images_and_other_windings_are_no_copies() -> None:
+    """Same faces, same sides: but a dent is no bump, and an edge locked on one side is none on the other."""
+    points, faces = shapes.grid(3, 3)
+    points = points + np.array([[0, 0, 0.3]]) * (np.arange(9) == 4)[:, None]
+    dent = points * [1, 1, -1] + [3.0, 0, 0]
+    surface = surface_of(*shapes.join((points, faces), (dent, faces)))
+    assert find_copies(surface).first.all()
+    twice = surface_of(*shapes.join((points, faces), (points + 3.0, faces)))
+    assert find_copies(twice).first.mean() == 0.5
+    locked = twice.locked.copy()
+    locked[0] = True
+    assert find_copies(dataclasses.replace(twice, locked=locked)).first.all()
