@@ -7,11 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from circparam import samples
-from circparam.core.graph import matching
 from circparam.core.monitor import Monitor
 from circparam.formats.io import read
 from circparam.geometry.distortion import best_chart_scales, measure
@@ -158,20 +155,48 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
     assert abs(proxy.charts()[0] - direct.charts()[0]) <= 1
 
 
-@given(st.integers(0, 5000))
-@settings(max_examples=60)
-def test_matching_is_the_greedy_one(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    n, count = int(rng.integers(1, 12)), int(rng.integers(0, 30))
-    left, right = rng.integers(0, n, count), rng.integers(0, n, count)
-    score = np.round(rng.random(count), 1)
-    used = np.zeros(n, bool)
-    expected = []
-    for k in sorted(range(count), key=lambda k: (-score[k], k)):
-        if not used[left[k]] and not used[right[k]]:
-            used[left[k]] = used[right[k]] = True
-            expected.append(k)
-    assert matching(score, left, right, n).tolist() == sorted(expected)
+class Called(Exception):  # noqa: N818 - stands for the way that was taken
+    pass
+
+
+def stop(*_: object) -> None:
+    raise Called
+
+
+def test_hard_surfaces_are_not_grown_unless_a_number_of_charts_is_asked_for(monkeypatch) -> None:
+    """And organic ones are not decided by their regions."""
+    box, ball = surface_of(*shapes.cube(2)), surface_of(*shapes.icosphere(2))
+    find, plain = module.charts, SeamOptions()
+    monkeypatch.setattr(module, "grown_atlas", stop)
+    assert find(box, plain, Monitor()).cut.any()
+    for surface, options in ((ball, plain), (box, SeamOptions(max_charts=2))):
+        with pytest.raises(Called):
+            find(surface, options, Monitor())
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "hard_atlas", stop)
+    with pytest.raises(Called):
+        find(box, plain, Monitor())
+    assert find(ball, plain, Monitor()).cut.any()
+
+
+@pytest.mark.parametrize(("holes", "closed"), [(4, True), (5, False)])
+def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
+    monkeypatch, holes: int, closed: bool
+) -> None:
+    """Nine holes and an outer boundary are ten; four and one are half of it."""
+    full, less = surface_of(*shapes.holed_sheet(9)), surface_of(*shapes.holed_sheet(holes))
+    assert (module.complexity(full), module.complexity(less)) == (10, holes + 1)
+    monkeypatch.setattr(module, "MANY", 9)
+    monkeypatch.setattr(module, "close_small_holes", lambda _: less)
+    monkeypatch.setattr(module, "without_fans", stop)
+    grown = module.grown_atlas
+    if closed:
+        with pytest.raises(Called):
+            grown(full, 1.05, SeamOptions(), Monitor(), [])
+    else:
+        assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
+    monkeypatch.setattr(module, "MANY", 10)
+    assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
 
 
 FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply")

@@ -280,3 +280,24 @@ def test_spanning_forest_takes_edges_in_order():
             expected.append(int(e))
             label = [x if v == y else v for v in label]
     assert chosen.tolist() == sorted(expected)
+
+
+def test_arcs_of_a_seam_end_at_branches_and_at_every_boundary():
+    """Nodes from 6 on are boundaries: the arcs on both sides of one are two, whatever its number."""
+    module, _ = parts(surface_of(shapes.torus(8, 8)))
+    a = np.array([0, 1, 7, 2, 3, 4])
+    b = np.array([1, 7, 2, 6, 6, 3])
+    weight = np.array([1.0, 1, 0.5, 0.6, 1.2, 1.3])
+    chart, none = np.zeros(6, np.int64), np.zeros(6, bool)
+    seam = np.ones(6, bool)
+    found = module._longest_arcs(seam, none, a, b, chart, weight, 6)
+    assert np.flatnonzero(found).tolist() == [4, 5], "6, 3, 4 is longer than 0, 1, 7 and 7, 2, 6"
+    tried = found.copy()
+    found = module._longest_arcs(seam, tried, a, b, chart, weight, 6)
+    assert np.flatnonzero(found).tolist() == [0, 1]
+    # node 2 is a branch where a third edge ends
+    found = module._longest_arcs(
+        np.ones(3, bool), none[:3], np.array([0, 1, 1]), np.array([1, 2, 3]), chart[:3],
+        np.array([1.0, 3.0, 2.0]), 6,
+    )  # fmt: skip
+    assert np.flatnonzero(found).tolist() == [1]

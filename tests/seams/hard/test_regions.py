@@ -9,6 +9,8 @@ from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import (
     HARD,
     ORGANIC,
+    corner_angles,
+    curvature,
     flats,
     hardness,
     seam_prices,
@@ -17,7 +19,7 @@ from circparam.seams.hard.regions import (
 )
 from tests.support import shapes
 from tests.support.atlases import surface_of
-from tests.support.parts import PARTS, circle, extrude, rectangle
+from tests.support.parts import PARTS, circle, extrude, lathe, rectangle
 
 
 def test_slivers_have_the_normals_of_what_they_lie_in() -> None:
@@ -100,3 +102,51 @@ def test_seams_are_dear_in_flats_and_cheap_on_sharp_edges() -> None:
     rows = surface.edge_lengths[(kind == wall).all(1)] < 0.501  # without the diagonals of the quads
     assert inside.min() > smooth[rows].max() > convex.max() > concave.max()
     assert prices.flat.sum() >= len(inside)
+
+
+def test_curved_walls_between_mostly_sharp_edges_are_hard_without_any_large_flat() -> None:
+    """A thick tube with a chamfer: a fifth of its creases is blunt, and little of it is flat."""
+    profile = np.array([[0.5, 0], [1, 0], [1, 2], [0.9, 2.2], [0.5, 2.2]])
+    part = lathe(profile, 48)
+    surface = surface_of(part.points, part.faces)
+    angle, _ = turns(surface)
+    crease = angle > np.radians(20)
+    blunt = surface.edge_lengths[crease & (angle < np.radians(40))].sum()
+    assert 0.1 < blunt / surface.edge_lengths[crease].sum() < 0.5
+    assert (hardness(surface) == HARD).all()
+
+
+@pytest.mark.parametrize("rings", [8, 20])
+def test_many_regions_of_many_faces_are_parts_not_scraps(rings: int) -> None:
+    """A bellows, every fourth of its creases blunt: more than sixteen regions, each of many faces."""
+    height = np.cumsum([0.5 if k % 4 < 2 else 0.2 for k in range(rings)]) - 0.5
+    radius = np.where(np.arange(rings) % 2 == 0, 1.0, 0.88)
+    outside = np.stack([radius, height], 1)
+    profile = np.r_[[[0.3, 0.0]], outside, [[0.3, height[-1]]]]
+    part = lathe(profile, 48)
+    surface = surface_of(part.points, part.faces)
+    angle, _ = turns(surface)
+    crease = angle > np.radians(20)
+    blunt = surface.edge_lengths[crease & (angle < np.radians(40))].sum()
+    assert 0.1 < blunt / surface.edge_lengths[crease].sum() < 0.5
+    assert (hardness(surface) == HARD).all()
+
+
+def test_angles_of_corners_and_what_they_leave() -> None:
+    """3, 4, 5; a cube has a quarter turn at each corner, and a square sheet one at each of its own."""
+    p = np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0]])
+    surface = surface_of(p, np.array([[0, 1, 2]]))
+    angles = np.sort(corner_angles(surface.rest_triangles)[0])
+    assert angles == pytest.approx([np.arctan2(3, 4), np.arctan2(4, 3), np.pi / 2])
+    first = corner_angles(np.array([[[0.0, 0], [4, 0], [0, 3]]]))[0]
+    assert first == pytest.approx([np.pi / 2, np.arctan2(3, 4), np.arctan2(4, 3)])
+    box = surface_of(*shapes.cube(2))
+    defect, rim = curvature(box.cut_mesh(np.zeros(len(box.edges), bool)))
+    assert not rim.any()
+    assert np.sort(defect)[-8:] == pytest.approx(np.pi / 2)
+    assert np.sort(defect)[:-8] == pytest.approx(0, abs=1e-9)
+    sheet = surface_of(*shapes.grid(4, 4))
+    defect, rim = curvature(sheet.cut_mesh(np.zeros(len(sheet.edges), bool)))
+    assert rim.sum() == 12
+    assert np.sort(defect)[-4:] == pytest.approx(np.pi / 2)
+    assert np.sort(defect)[:-4] == pytest.approx(0, abs=1e-9)

@@ -188,3 +188,16 @@ def test_a_bound_that_no_chart_can_keep_moves_nothing() -> None:
     assert np.array_equal(atlas.cut, was)
     assert np.array_equal(atlas.corners, corners)
     assert laid.energy == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize("spoilt", [[True, True], [True, False], [False, False]])
+def test_charts_whose_jacobians_are_of_no_use_are_embedded_anew(spoilt: list[bool]) -> None:
+    """A layout seen from behind: no solve turns it round."""
+    atlas = jagged()
+    _, before = atlas.charts()
+    behind = np.array(spoilt)[before][:, None, None]
+    atlas.corners = np.where(behind, atlas.corners * [-1, 1], atlas.corners)
+    atlas.cut = straight(atlas)
+    laid = lay_out_again(atlas, before, FINE)
+    assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert not laid.overlapping.any()
