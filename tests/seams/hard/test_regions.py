@@ -150,3 +150,15 @@ def test_angles_of_corners_and_what_they_leave() -> None:
     assert rim.sum() == 12
     assert np.sort(defect)[-4:] == pytest.approx(np.pi / 2)
     assert np.sort(defect)[:-4] == pytest.approx(0, abs=1e-9)
+
+
+def test_edges_of_a_box_are_sharp_and_creases() -> None:
+    surface = surface_of(*shapes.cube(2))
+    angle, concave = turns(surface)
+    prices = seam_prices(surface)
+    assert np.array_equal(prices.sharp, angle > 1)
+    assert np.array_equal(prices.crease, angle > 1)
+    assert np.array_equal(prices.flat, angle < 1)
+    assert not concave[angle > 1].any()
+    assert prices.price[angle > 1] == pytest.approx(0.4)
+    assert prices.price[angle < 1] == pytest.approx(4.0)

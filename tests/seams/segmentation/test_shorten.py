@@ -172,3 +172,14 @@ def test_bands_are_rings_round_chains_that_end_at_junctions_and_boundaries() -> 
         away = np.arange(1, 6) if chains.start[0] == row[0] else np.arange(5, 0, -1)
         assert (steps == away).all()
         assert (owner[2, [0, -1]] == -1).all()
+
+
+def test_chains_that_find_no_way_keep_their_path() -> None:
+    """Two seams, all edges locked: neither finds one, and both stay."""
+    surface = surface_of(*shapes.row_of(shapes.grid(9, 9), 2))
+    atlas = cut_between(surface, (middles(surface)[:, 1] > 0.5).astype(np.int64))
+    locked = dataclasses.replace(surface, locked=np.ones(len(atlas.cut), bool))
+    atlas = Atlas(locked, atlas.cut)
+    assert propose(atlas, 2).n == 2
+    assert atlas.cut.any()
+    assert np.array_equal(moved(atlas, 2), atlas.cut)
