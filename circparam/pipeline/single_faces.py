@@ -75,7 +75,6 @@ def _stand_in(cascade: Cascade, faces: BoolArray) -> Cascade:
     )
     atlas.corners[fid] = uv[cut_mesh.faces]
     singles[fid] = np.maximum(singles[fid] + 1, 2)
-    return replace(cascade, atlas=atlas, singles=singles)
-    atlas.repairs.append(
+    return replace(cascade, atlas=atlas, singles=singles).repaired(
         f"{len(fid)} face(s) too thin or small to be stored got a regular polygon instead"
     )

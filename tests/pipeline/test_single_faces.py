@@ -74,6 +74,7 @@ def test_polygons_that_no_number_holds_become_regular_ones_and_stop_growing() ->
         seen.append((np.ptp(cascade.open()[1], axis=0).max(), int(cascade.singles[0])))
     assert len(seen) < 40, "it ends"
     assert cascade.singles.max() == LARGEST
+    assert "got a regular polygon instead" in cascade.repairs[-1]
     cut_mesh, uv = cascade.open()
     assert cascade.kept_sizes(cut_mesh).all()
     assert fallback.faults(cut_mesh, uv)[0].tolist() == [fallback.SOUND]

@@ -7,46 +7,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from circparam import samples
-from circparam.core.graph import matching
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker
 from circparam.formats.io import read
 from circparam.geometry.distortion import best_chart_scales, measure
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
-from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS
 from circparam.seams import charts as module
-from circparam.seams.multires.decimate import decimate
-from circparam.seams.multires.transfer_seams import _Router
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation import grow
-from circparam.seams.segmentation.decide import ROUGH
-from circparam.seams.segmentation.enforce import enforce
-from circparam.seams.segmentation.layout import judge, lay_out_fresh
-from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.paths import Bands, chains_of, route
-from circparam.seams.segmentation.small import absorb
-from circparam.seams.segmentation.unions import MergeOptions
-from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
+from tests.support.atlases import relaxed, surface_of
 from tests.support.formats_tools import corpus_files
-
-
-def surface_of(shape) -> Surface:
-    return repair(Mesh(*shape))[0]
 
 
 def atlas_of(shape, **options) -> tuple[Surface, Atlas]:
     """The charts of a shape, checked for everything that is promised of them."""
-    surface = surface_of(shape)
+    surface = surface_of(*shape)
     wanted = SeamOptions(**options)
     seams = SEAMS["charts"].function(surface, wanted, Monitor())
     atlas = Atlas(surface, seams.cut, seams.uv)
@@ -63,25 +43,6 @@ def atlas_of(shape, **options) -> tuple[Surface, Atlas]:
         scaled = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
         assert measure(cut_mesh, scaled).sd_max_chart <= wanted.max_distortion
     return surface, atlas
-
-
-def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -> None:
-    surface = surface_of(shapes.icosphere(3))
-    start = Atlas(surface, np.zeros(len(surface.edges), bool))
-    grow.first_charts(start, grow.dual_graph(surface), 40)
-    lay_out_fresh(start, None, ROUGH)
-    monkeypatch.setattr("circparam.core.workers.HALVED", 100)
-    merged = []
-    for worker in (None, Worker(module.__name__, worth_it=False)):
-        atlas = Atlas(surface, start.cut, start.corners)
-        merger = Merger(atlas, MergeOptions(1.05), np.zeros(len(atlas.cut), bool), worker)
-        assert merger.round(Monitor())
-        merged.append((atlas, merger.tally))
-    (once, tally), (halves, other) = merged
-    assert tally == other
-    assert 2 < tally["merged"] <= tally["trials"]
-    assert np.array_equal(once.cut, halves.cut)
-    assert np.allclose(once.corners, halves.corners, atol=1e-9)
 
 
 def test_a_flat_sheet_stays_in_one_piece_without_a_seam() -> None:
@@ -119,36 +80,14 @@ def test_round_shapes_need_few_charts(shape, most: int) -> None:
     assert atlas.charts()[0] <= most
 
 
-def least(shape) -> tuple[Atlas, float]:
-    """A surface without seams, laid out with the least symmetric Dirichlet energy, and that energy."""
-    surface = surface_of(shape)
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    fine = RelaxOptions(tolerance=1e-10, max_iterations=200)
-    return atlas, float(lay_out_fresh(atlas, None, fine).energy[0])
-
-
 @pytest.mark.parametrize("share", [0.995, 1.005])
 @pytest.mark.parametrize("shape", [shapes.hemisphere(8), shapes.bumped_disk(300)])
 def test_the_bound_of_charts_is_kept_to_half_a_percent_of_its_excess(shape, share: float) -> None:
     """What is above it by that little even at its best is cut, what is below stays whole."""
-    _, energy = least(shape)
+    _, energy = relaxed(shape)
     assert energy > 1.02
     _, atlas = atlas_of(shape, max_distortion=1 + (energy - 1) * share)
     assert atlas.cut.any() == (share < 1)
-
-
-@pytest.mark.parametrize("share", [0.995, 1.005])
-@pytest.mark.parametrize("shape", [shapes.hemisphere(8), shapes.bumped_disk(300)])
-def test_enforcing_holds_the_bound_to_half_a_percent_of_its_excess(shape, share: float) -> None:
-    atlas, energy = least(shape)
-    cut_mesh = atlas.cut_mesh()
-    laid = judge(cut_mesh, atlas.gather(cut_mesh))
-    bound = 1 + (energy - 1) * share
-    graph = grow.dual_graph(atlas.surface)
-    enforce(atlas, graph, laid, bound, module.FINAL, Monitor())
-    assert atlas.cut.any() == (share < 1)
-    cut_mesh = atlas.cut_mesh()
-    assert judge(cut_mesh, atlas.gather(cut_mesh)).energy.max() <= bound
 
 
 def test_a_lower_bound_gives_more_seam_and_less_distortion() -> None:
@@ -183,7 +122,7 @@ def test_awkward_surfaces_end_in_a_valid_atlas(shape) -> None:
 
 def test_forced_seams_are_cut_and_forbidden_ones_are_not() -> None:
     shape = shapes.cube(3)
-    surface = surface_of(shape)
+    surface = surface_of(*shape)
     free = atlas_of(shape)[1]
     flat = surface.faces.ravel()
     ends = np.stack(
@@ -216,86 +155,48 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
     assert abs(proxy.charts()[0] - direct.charts()[0]) <= 1
 
 
-def test_the_proxy_keeps_the_genus_and_maps_every_vertex() -> None:
-    surface = surface_of(shapes.torus(60, 30))
-    proxy = decimate(surface, 600)
-    none = np.zeros(len(proxy.surface.edges), bool)
-    assert proxy.surface.cut_mesh(none).euler().tolist() == [0]
-    assert len(proxy.surface.faces) < 700
-    assert proxy.cell.min() >= 0
-    assert set(proxy.cell.tolist()) == set(range(len(proxy.surface.points)))
+class Called(Exception):  # noqa: N818 - stands for the way that was taken
+    pass
 
 
-def test_a_vertex_where_a_carried_path_may_end_is_not_moved_again() -> None:
-    """Chains that find no path are halved; both halves end at the middle, also when one is halved once more."""
-    surface = surface_of(shapes.torus(60, 30))
-    proxy = decimate(surface, 600)
-    coarse = Atlas(proxy.surface, np.zeros(len(proxy.surface.edges), bool))
-    grow.first_charts(coarse, grow.dual_graph(proxy.surface), 6)
-    a, b = (ends[coarse.cut] for ends in coarse.ends)
-    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
-    nowhere = np.zeros(len(proxy.surface.points), bool)
-    chains = chains_of(a, b, len(nowhere), nowhere)
-    flat, along = proxy.surface.faces.ravel(), proxy.surface.faces[:, [1, 2, 0]].ravel()
-    router = _Router(fine, proxy, (flat, along), nowhere, chains)
-    middle = np.unique(chains.vertex)
-    router.stand_again(middle, middle)
-    stand = router.stand[middle].copy()
-    assert np.array_equal(proxy.cell[stand], middle)
-    # paths now run through those vertices
-    fine.cut = np.isin(fine.ends[0], stand) | np.isin(fine.ends[1], stand)
-    router.stand_again(middle, middle)
-    assert np.array_equal(router.stand[middle], stand)
+def stop(*_: object) -> None:
+    raise Called
 
 
-@given(st.integers(0, 5000))
-@settings(max_examples=60)
-def test_matching_is_the_greedy_one(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    n, count = int(rng.integers(1, 12)), int(rng.integers(0, 30))
-    left, right = rng.integers(0, n, count), rng.integers(0, n, count)
-    score = np.round(rng.random(count), 1)
-    used = np.zeros(n, bool)
-    expected = []
-    for k in sorted(range(count), key=lambda k: (-score[k], k)):
-        if not used[left[k]] and not used[right[k]]:
-            used[left[k]] = used[right[k]] = True
-            expected.append(k)
-    assert matching(score, left, right, n).tolist() == sorted(expected)
+def test_hard_surfaces_are_not_grown_unless_a_number_of_charts_is_asked_for(monkeypatch) -> None:
+    """And organic ones are not decided by their regions."""
+    box, ball = surface_of(*shapes.cube(2)), surface_of(*shapes.icosphere(2))
+    find, plain = module.charts, SeamOptions()
+    monkeypatch.setattr(module, "grown_atlas", stop)
+    assert find(box, plain, Monitor()).cut.any()
+    for surface, options in ((ball, plain), (box, SeamOptions(max_charts=2))):
+        with pytest.raises(Called):
+            find(surface, options, Monitor())
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "hard_atlas", stop)
+    with pytest.raises(Called):
+        find(box, plain, Monitor())
+    assert find(ball, plain, Monitor()).cut.any()
 
 
-def test_chains_end_at_junctions_and_closed_ones_are_halved() -> None:
-    # a path 0-1-2-3, a closed loop 4-5-6-7, and a junction at 2 with a branch to 8
-    a = np.array([0, 1, 2, 4, 5, 6, 7, 2])
-    b = np.array([1, 2, 3, 5, 6, 7, 4, 8])
-    chains = chains_of(a, b, 9, np.zeros(9, bool))
-    ends = sorted(
-        tuple(sorted(e)) for e in zip(chains.start.tolist(), chains.end.tolist(), strict=True)
-    )
-    assert ends == [(0, 2), (2, 3), (2, 8), (4, 6), (4, 6)]
-    assert chains.size.sum() == len(a)
-    assert sorted(chains.vertex.tolist()) == [1, 5, 7]
-
-
-def test_routes_are_shortest_inside_their_bands_and_never_cross() -> None:
-    """Two chains on a grid, side by side: each keeps to its own columns although the other's are shorter."""
-    width, height = 6, 8
-    index = np.arange(width * height).reshape(height, width)
-    a = np.r_[index[:, :-1].ravel(), index[:-1].ravel()]
-    b = np.r_[index[:, 1:].ravel(), index[1:].ravel()]
-    owner = np.where(np.arange(width) < 3, 0, 1) * np.ones((height, 1), int)
-    value = np.arange(height)[:, None] * np.ones(width)
-    start, end = index[0, [1, 4]], index[-1, [1, 4]]
-    owner = owner.ravel().copy()
-    owner[np.r_[start, end]] = -1
-    bands = Bands((a, b), np.ones(len(a)), owner, value.ravel())
-    found = route(bands, start, end, np.full(2, height - 1))
-    assert len(found.failed) == 0
-    assert np.bincount(found.chain).tolist() == [height - 1, height - 1]
-    for k in range(2):
-        on = found.edges[found.chain == k]
-        columns = np.r_[a[on], b[on]] % width
-        assert ((columns < 3) == (k == 0)).all()
+@pytest.mark.parametrize(("holes", "closed"), [(4, True), (5, False)])
+def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
+    monkeypatch, holes: int, closed: bool
+) -> None:
+    """Nine holes and an outer boundary are ten; four and one are half of it."""
+    full, less = surface_of(*shapes.holed_sheet(9)), surface_of(*shapes.holed_sheet(holes))
+    assert (module.complexity(full), module.complexity(less)) == (10, holes + 1)
+    monkeypatch.setattr(module, "MANY", 9)
+    monkeypatch.setattr(module, "close_small_holes", lambda _: less)
+    monkeypatch.setattr(module, "without_fans", stop)
+    grown = module.grown_atlas
+    if closed:
+        with pytest.raises(Called):
+            grown(full, 1.05, SeamOptions(), Monitor(), [])
+    else:
+        assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
+    monkeypatch.setattr(module, "MANY", 10)
+    assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
 
 
 FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply")
@@ -318,64 +219,8 @@ def test_samples(name: str) -> None:
     atlas_of((mesh.points, mesh.faces))
 
 
-def test_seeds_spread_over_components_in_few_searches(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Many components share the searches; one component takes its farthest cell each time."""
-    searches = []
-    plain = grow.distances
-
-    def counted(*given: object) -> object:
-        searches.append(1)
-        return plain(*given)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(grow, "distances", counted)
-    tail = np.arange(400)[np.arange(400) % 4 != 3]  # 100 paths of four cells
-    region = grow.grow(400, tail, tail + 1, np.ones(len(tail)), 200, 0)
-    assert len(searches) <= 3
-    assert (np.array([len(np.unique(r)) for r in region.reshape(100, 4)]) == 2).all()
-    line = np.arange(8)
-    region = grow.grow(9, line, line + 1, np.ones(8), 3, 0)
-    assert len(np.unique(region)) == 3
-    assert len(np.unique(region[[0, 4, 8]])) == 3
-
-
-def straddled() -> Atlas:
-    """A sphere in two charts and a third, of a few faces, across the seam between them."""
-    surface = surface_of(shapes.icosphere(3))
-    middle = surface.points[surface.faces].mean(1)
-    half = (middle[:, 2] > 0).astype(np.int64)
-    half[np.linalg.norm(middle - [1.0, 0, 0], axis=1) < 0.25] = 2
-    e = surface.edges // 3
-    atlas = Atlas(surface, half[e[:, 0]] != half[e[:, 1]])
-    assert atlas.charts()[0] == 3
-    lay_out_fresh(atlas, None, ROUGH)
-    return atlas
-
-
-def test_small_charts_join_their_neighbours_face_by_face() -> None:
-    atlas = straddled()
-    few = int(np.bincount(atlas.charts()[1]).min())
-    assert absorb(atlas, MergeOptions(1.6), few, Monitor()) == 0
-    assert atlas.charts()[0] == 3, "as large as asked already"
-    # the two halves alone would close to a sphere: the bound keeps them apart
-    assert absorb(atlas, MergeOptions(1.6), few + 1, Monitor()) == 0
-    n, chart = atlas.charts()
-    assert np.bincount(chart).min() > few
-    cut_mesh = atlas.cut_mesh()
-    laid = judge(cut_mesh, atlas.gather(cut_mesh))
-    assert n == 2
-    assert not laid.bad(1.6).any()
-
-
-def test_small_charts_that_nobody_takes_stay_as_they_were() -> None:
-    atlas = straddled()
-    before = atlas.cut.copy()
-    few = int(np.bincount(atlas.charts()[1]).min())
-    assert absorb(atlas, MergeOptions(1.0001), few + 1, Monitor()) == 1
-    assert np.array_equal(atlas.cut, before)
-
-
 def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
-    surface = surface_of(shapes.cylinder(24, 8, caps=True))
+    surface = surface_of(*shapes.cylinder(24, 8, caps=True))
     for least in (1, 40):
         wanted = SeamOptions(max_distortion=1.02, min_chart_faces=least)
         seams = SEAMS["charts"].function(surface, wanted, Monitor())

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from circparam.core.arrays import next_half_edge
 from circparam.core.graph import Graph, spanning_forest
 from circparam.core.monitor import Monitor
-from circparam.errors import InputError, OptionError, TopologyError
+from circparam.errors import InputError, TopologyError
 from circparam.mesh.cut_mesh import close_holes
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.seams import SEAMS
-from circparam.seams.constraints import dihedral_angles, match_edges
+from circparam.seams.constraints import dihedral_angles
 from circparam.seams.options import SeamOptions
 from tests.support import shapes
 
@@ -195,20 +195,6 @@ def test_demanded_seams_are_kept_and_each_part_becomes_a_disk():
     assert np.array_equal(seams.cut, across), "two halves with one boundary each need no more"
 
 
-def test_named_edges():
-    surface = surface_of(shapes.grid(4, 4))
-    edges, missing = match_edges(surface, np.array([[5, 6], [6, 5], [0, 1], [0, 15], [3, 99]]))
-    assert edges.sum() == 1
-    assert missing.tolist() == [3, 4], "a boundary edge is an edge, though there is nothing to cut"
-    seams = cut_disk(surface, SeamOptions(cut=np.array([[5, 6], [0, 15]])))
-    assert np.array_equal(seams.cut, edges)
-    assert any("[0, 15]" in note for note in seams.notes)
-    with pytest.raises(OptionError, match="names no edge"):
-        cut_disk(surface, SeamOptions(cut=np.array([[0, 15]])))
-    with pytest.raises(OptionError, match="--seams and by --no-seams"):
-        cut_disk(surface, SeamOptions(cut=np.array([[5, 6]]), no_cut=np.array([[6, 5]])))
-
-
 def test_none_takes_disks_and_names_what_is_no_disk():
     none = SEAMS["none"].function
     assert not none(surface_of(shapes.grid()), SeamOptions(), Monitor()).cut.any()
@@ -294,3 +280,24 @@ def test_spanning_forest_takes_edges_in_order():
             expected.append(int(e))
             label = [x if v == y else v for v in label]
     assert chosen.tolist() == sorted(expected)
+
+
+def test_arcs_of_a_seam_end_at_branches_and_at_every_boundary():
+    """Nodes from 6 on are boundaries: the arcs on both sides of one are two, whatever its number."""
+    module, _ = parts(surface_of(shapes.torus(8, 8)))
+    a = np.array([0, 1, 7, 2, 3, 4])
+    b = np.array([1, 7, 2, 6, 6, 3])
+    weight = np.array([1.0, 1, 0.5, 0.6, 1.2, 1.3])
+    chart, none = np.zeros(6, np.int64), np.zeros(6, bool)
+    seam = np.ones(6, bool)
+    found = module._longest_arcs(seam, none, a, b, chart, weight, 6)
+    assert np.flatnonzero(found).tolist() == [4, 5], "6, 3, 4 is longer than 0, 1, 7 and 7, 2, 6"
+    tried = found.copy()
+    found = module._longest_arcs(seam, tried, a, b, chart, weight, 6)
+    assert np.flatnonzero(found).tolist() == [0, 1]
+    # node 2 is a branch where a third edge ends
+    found = module._longest_arcs(
+        np.ones(3, bool), none[:3], np.array([0, 1, 1]), np.array([1, 2, 3]), chart[:3],
+        np.array([1.0, 3.0, 2.0]), 6,
+    )  # fmt: skip
+    assert np.flatnonzero(found).tolist() == [1]

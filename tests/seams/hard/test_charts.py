@@ -1,0 +1,191 @@
+"""Hard surfaces: seams stay out of flats, tubes unroll whole, and nothing changes for organic shapes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.geometry.distortion import best_chart_scales, measure
+from circparam.geometry.overlap import overlaps, self_overlapping, signs
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+from circparam.seams import SEAMS
+from circparam.seams import charts as module
+from circparam.seams.hard.charts import take_better, uncoiled
+from circparam.seams.hard.regions import (
+    DOUBTFUL,
+    HARD,
+    ORGANIC,
+    hardness,
+    seam_prices,
+    turns,
+)
+from circparam.seams.hard.unroll import layers, straight, unroll
+from circparam.seams.options import SeamOptions
+from circparam.seams.segmentation.layout import judge
+from tests.support import shapes
+from tests.support.atlases import coil, energies, surface_of
+from tests.support.parts import PARTS, Part, circle, extrude, lathe, rectangle, rounded_box, shaken
+
+
+def atlas_of(part: Part, bound: float = 1.05) -> tuple[Surface, Atlas]:
+    """The charts of a part, checked for everything that is promised of any."""
+    surface = surface_of(part.points, part.faces)
+    seams = SEAMS["charts"].function(surface, SeamOptions(max_distortion=bound), Monitor())
+    atlas = Atlas(surface, seams.cut, seams.uv)
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
+    assert np.array_equal(uv[cut_mesh.faces], seams.uv)
+    assert not not_disks(cut_mesh).any()
+    assert (signs(uv, cut_mesh.faces) > 0).all()
+    found = overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges)
+    assert not found.self_overlapping.any()
+    scaled = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
+    assert measure(cut_mesh, scaled).sd_max_chart <= bound
+    return surface, atlas
+
+
+def check_whole(part: Part, bound: float = 1.05) -> Atlas:
+    """No seam runs inside a flat, and each flat and tube is in one chart."""
+    surface, atlas = atlas_of(part, bound)
+    label = part.surface[surface.source]
+    ends = label[surface.edges // 3]
+    inside = (ends[:, 0] == ends[:, 1]) & part.flat[ends[:, 0]]
+    assert inside.any()
+    assert not atlas.cut[inside].any()
+    _, chart = atlas.charts()
+    for k in np.flatnonzero(part.flat | part.tube):
+        assert len(np.unique(chart[label == k])) == 1
+    return atlas
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_flats_and_tubes_of_parts_stay_whole(name) -> None:
+    check_whole(PARTS[name]())
+
+
+@pytest.mark.parametrize("bound", [1.05, 1.01])
+def test_flats_of_a_part_without_any_sharp_edge_stay_whole(bound) -> None:
+    part = rounded_box()
+    assert (hardness(surface_of(part.points, part.faces)) == DOUBTFUL).all()
+    check_whole(part, bound)
+
+
+@pytest.mark.parametrize("name", ["plate", "gear", "bracket"])
+def test_a_tight_bound_does_not_cut_flats_either(name) -> None:
+    check_whole(PARTS[name](), 1.002)
+
+
+@pytest.mark.parametrize("name", ["plate", "flanged pipe", "letters"])
+@pytest.mark.parametrize("scale", [1e-3, 25.4])
+def test_noise_of_single_precision_and_units_cut_no_flat(name, scale) -> None:
+    part = shaken(PARTS[name](), 1e-7)
+    check_whole(Part(part.points * scale, part.faces, part.surface, part.flat, part.tube))
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.integers(0, 3), st.integers(5, 40), st.floats(0.05, 0.4), st.floats(0.1, 3.0), st.booleans()
+)
+def test_plates_with_any_holes_stay_whole(holes, around, radius, height, sunk) -> None:
+    """Also where pockets take the place of one hole."""
+    loops = [circle(around, radius, x) for x in (-1.2, 0.0, 1.2)[:holes]]
+    pockets = [(loops.pop(), height / 3)] if sunk and loops else []
+    check_whole(extrude(rectangle(4.0, 1.5), loops, height, pockets))
+
+
+def test_a_coil_is_laid_straight() -> None:
+    surface = surface_of(*coil())
+    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    uv = unroll(cut_mesh)
+    assert self_overlapping(cut_mesh, uv).all()
+    assert layers(cut_mesh, uv).tolist() == [3]
+    assert not self_overlapping(cut_mesh, straight(cut_mesh)).any()
+    laid = uncoiled(judge(cut_mesh, uv), np.ones(1, bool), 1.05)
+    assert not laid.bad(1.05).any()
+    assert laid.energy == pytest.approx(energies(cut_mesh, laid.uv))
+    # and where the bound does not allow it, what was there stays
+    again = uncoiled(judge(cut_mesh, uv), np.ones(1, bool), 1.0 + 1e-5)
+    assert np.array_equal(again.uv, uv)
+    assert again.overlapping.all()
+
+
+def test_organic_components_are_laid_out_as_without_the_hard_ones() -> None:
+    """A sphere beside a plate gets the seams it has alone."""
+    ball = shapes.noisy(*shapes.icosphere(3), amount=0.02)
+    part = PARTS["plate"]()
+    both = surface_of(*shapes.join(ball, (part.points + np.array([5.0, 0, 0]), part.faces)))
+    alone = surface_of(*ball)
+    find = SEAMS["charts"].function
+    together = find(both, SeamOptions(), Monitor())
+    single = find(alone, SeamOptions(), Monitor())
+    sphere = (hardness(both) == ORGANIC)[both.edges[:, 0] // 3]
+    assert np.array_equal(together.cut[sphere], single.cut)
+
+
+def test_organic_shapes_do_not_go_the_way_of_hard_ones(monkeypatch) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(module, "hard_atlas", never)
+    surface = surface_of(*shapes.bumped_disk())
+    module.charts(surface, SeamOptions(), Monitor())
+
+
+def test_of_two_atlases_each_component_takes_the_better(monkeypatch) -> None:
+    """Two cubes: one atlas cuts all edges of the first, the other those of the second."""
+    part = PARTS["cube"]()
+    pair = shapes.join((part.points, part.faces), (part.points + 3.0, part.faces))
+    surface = surface_of(*pair)
+    first = surface.points[surface.faces[surface.edges[:, 0] // 3, 0], 0] < 2
+    sharp = turns(surface)[0] > 1
+    one = Atlas(surface, sharp & first)
+    other = Atlas(surface, sharp & ~first, prices=seam_prices(surface))
+    take_better(one, np.ones(len(surface.faces), bool), other, 0.25)
+    assert not one.cut.any()
+
+
+def test_doubtful_components_end_no_worse_than_either_way(monkeypatch) -> None:
+    surface = surface_of(*shapes.icosphere(1))
+    monkeypatch.setattr(module, "hardness", lambda s: np.full(len(s.faces), DOUBTFUL))
+    both = module.charts(surface, SeamOptions(), Monitor())
+    costs = []
+    for kind in (ORGANIC, HARD):
+        monkeypatch.setattr(module, "hardness", lambda s, kind=kind: np.full(len(s.faces), kind))
+        costs.append(cost(surface, module.charts(surface, SeamOptions(), Monitor()).cut))
+    assert cost(surface, both.cut) == pytest.approx(min(costs))
+
+
+def cost(surface: Surface, cut: np.ndarray) -> float:
+    """Seam length and a quarter for every chart."""
+    atlas = Atlas(surface, cut)
+    return atlas.seam_length + 0.25 * atlas.charts()[0]
+
+
+def test_a_flanged_pipe_keeps_the_number_of_its_charts_whatever_its_tubes_have() -> None:
+    """Finer tubes are the same model: as many charts, and seams as long."""
+    found = []
+    for n in (32, 96):
+        profile = np.array([[0.5, 0], [1, 0], [1, 0.2], [0.6, 0.2], [0.6, 2], [0.5, 2]])
+        atlas = check_whole(lathe(profile, n))
+        found.append((atlas.charts()[0], atlas.seam_length))
+    assert abs(found[0][0] - found[1][0]) <= 2
+    assert found[0][1] == pytest.approx(found[1][1], rel=0.25)
+
+
+def test_the_helper_changes_nothing() -> None:
+    """Halves of the trials by a second process, or all here."""
+    part = PARTS["plate"]()
+    surface = surface_of(part.points, part.faces)
+    out = []
+    for wanted in (True, False):
+        with Worker(module.__name__, wanted) as worker:
+            out.append(
+                module.hard_atlas(surface, 1.05, SeamOptions(), worker, Monitor(), []).corners
+            )
+    assert np.array_equal(*out)

@@ -1,0 +1,164 @@
+"""Which surfaces are hard, their flats and normals, and what seams cost there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.mesh.surface import Surface
+from circparam.seams.hard.regions import (
+    HARD,
+    ORGANIC,
+    corner_angles,
+    curvature,
+    flats,
+    hardness,
+    seam_prices,
+    sure_normals,
+    turns,
+)
+from tests.support import shapes
+from tests.support.atlases import surface_of
+from tests.support.parts import PARTS, circle, extrude, lathe, rectangle
+
+
+def test_slivers_have_the_normals_of_what_they_lie_in() -> None:
+    """Points on the edge between two triangles of a flat, off it by less than single precision can tell."""
+    rng = np.random.default_rng(0)
+    n = 12
+    x = np.linspace(0, 1, n)
+    low = np.stack([x, 0 * x, 0 * x], 1)
+    high = low + [0, 1e-7, 0] + 1e-7 * rng.uniform(-1, 1, (n, 3)) * [0, 0, 1]
+    top, bottom = [[0.5, 1.0, 0.0]], [[0.5, -1.0, 0.0]]
+    points = np.concatenate([low, high, top, bottom])
+    k = np.arange(n - 1)
+    faces = np.concatenate(
+        [
+            np.stack([k, k + 1, n + k + 1], 1),
+            np.stack([k, n + k + 1, n + k], 1),
+            np.stack([n + k, n + k + 1, 0 * k + 2 * n], 1),
+            np.stack([k + 1, k, 0 * k + 2 * n + 1], 1),
+        ]
+    )
+    surface = Surface(
+        points,
+        faces,
+        np.arange(len(faces)),
+        np.zeros(len(faces), bool),
+        surface_of(points, faces).edges,
+        np.zeros(len(surface_of(points, faces).edges), bool),
+    )
+    assert surface.normals[:, 2].min() < 0.9
+    assert sure_normals(surface)[:, 2] == pytest.approx(np.ones(len(faces)), abs=1e-6)
+    label, _ = flats(surface, turns(surface)[0])
+    assert label.max() == 0
+
+
+def test_a_fine_tube_is_not_a_flat() -> None:
+    """Its faces turn less than flats do, one by one."""
+    surface = surface_of(*shapes.cylinder(around=900, along=1))
+    angle, _ = turns(surface)
+    assert angle.max() < np.radians(0.5)
+    label, _ = flats(surface, angle)
+    assert label.max() > 100
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_parts_are_hard(name) -> None:
+    part = PARTS[name]()
+    assert (hardness(surface_of(part.points, part.faces)) == HARD).all()
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        shapes.icosphere(3),
+        shapes.torus(48, 32),
+        shapes.bumped_disk(),
+        shapes.noisy(*shapes.icosphere(4), amount=0.05),
+        shapes.double_torus(),
+    ],
+)
+def test_round_shapes_are_organic(shape) -> None:
+    assert (hardness(surface_of(*shape)) == ORGANIC).all()
+
+
+def test_a_round_shape_of_few_faces_is_not_taken_for_a_hard_one() -> None:
+    assert (hardness(surface_of(*shapes.icosphere(1))) != HARD).all()
+
+
+def test_seams_are_dear_in_flats_and_cheap_on_sharp_edges() -> None:
+    """And on concave ones cheaper still: the floor of a pocket against the rim of the plate."""
+    part = extrude(rectangle(4.0, 2.0), (), 1.0, [(circle(48, 0.5), 0.5)])
+    surface = surface_of(part.points, part.faces)
+    prices = seam_prices(surface)
+    kind = np.sort(part.surface[surface.source][surface.edges // 3], axis=1)
+    floor, wall = np.flatnonzero(part.flat)[-1], np.flatnonzero(part.tube)[0]
+    inside = prices.price[(kind[:, 0] == kind[:, 1]) & part.flat[kind[:, 0]]]
+    smooth = prices.price[(kind == wall).all(1)]
+    concave = prices.price[(kind == sorted([floor, wall])).all(1)]
+    convex = prices.price[(kind == sorted([1, wall])).all(1)]
+    assert min(len(k) for k in (inside, smooth, concave, convex)) > 0
+    rows = surface.edge_lengths[(kind == wall).all(1)] < 0.501  # without the diagonals of the quads
+    assert inside.min() > smooth[rows].max() > convex.max() > concave.max()
+    assert prices.flat.sum() >= len(inside)
+
+
+def test_curved_walls_between_mostly_sharp_edges_are_hard_without_any_large_flat() -> None:
+    """A thick tube with a chamfer: a fifth of its creases is blunt, and little of it is flat."""
+    profile = np.array([[0.5, 0], [1, 0], [1, 2], [0.9, 2.2], [0.5, 2.2]])
+    part = lathe(profile, 48)
+    surface = surface_of(part.points, part.faces)
+    angle, _ = turns(surface)
+    crease = angle > np.radians(20)
+    blunt = surface.edge_lengths[crease & (angle < np.radians(40))].sum()
+    assert 0.1 < blunt / surface.edge_lengths[crease].sum() < 0.5
+    assert (hardness(surface) == HARD).all()
+
+
+@pytest.mark.parametrize("rings", [8, 20])
+def test_many_regions_of_many_faces_are_parts_not_scraps(rings: int) -> None:
+    """A bellows, every fourth of its creases blunt: more than sixteen regions, each of many faces."""
+    height = np.cumsum([0.5 if k % 4 < 2 else 0.2 for k in range(rings)]) - 0.5
+    radius = np.where(np.arange(rings) % 2 == 0, 1.0, 0.88)
+    outside = np.stack([radius, height], 1)
+    profile = np.r_[[[0.3, 0.0]], outside, [[0.3, height[-1]]]]
+    part = lathe(profile, 48)
+    surface = surface_of(part.points, part.faces)
+    angle, _ = turns(surface)
+    crease = angle > np.radians(20)
+    blunt = surface.edge_lengths[crease & (angle < np.radians(40))].sum()
+    assert 0.1 < blunt / surface.edge_lengths[crease].sum() < 0.5
+    assert (hardness(surface) == HARD).all()
+
+
+def test_angles_of_corners_and_what_they_leave() -> None:
+    """3, 4, 5; a cube has a quarter turn at each corner, and a square sheet one at each of its own."""
+    p = np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0]])
+    surface = surface_of(p, np.array([[0, 1, 2]]))
+    angles = np.sort(corner_angles(surface.rest_triangles)[0])
+    assert angles == pytest.approx([np.arctan2(3, 4), np.arctan2(4, 3), np.pi / 2])
+    first = corner_angles(np.array([[[0.0, 0], [4, 0], [0, 3]]]))[0]
+    assert first == pytest.approx([np.pi / 2, np.arctan2(3, 4), np.arctan2(4, 3)])
+    box = surface_of(*shapes.cube(2))
+    defect, rim = curvature(box.cut_mesh(np.zeros(len(box.edges), bool)))
+    assert not rim.any()
+    assert np.sort(defect)[-8:] == pytest.approx(np.pi / 2)
+    assert np.sort(defect)[:-8] == pytest.approx(0, abs=1e-9)
+    sheet = surface_of(*shapes.grid(4, 4))
+    defect, rim = curvature(sheet.cut_mesh(np.zeros(len(sheet.edges), bool)))
+    assert rim.sum() == 12
+    assert np.sort(defect)[-4:] == pytest.approx(np.pi / 2)
+    assert np.sort(defect)[:-4] == pytest.approx(0, abs=1e-9)
+
+
+def test_edges_of_a_box_are_sharp_and_creases() -> None:
+    surface = surface_of(*shapes.cube(2))
+    angle, concave = turns(surface)
+    prices = seam_prices(surface)
+    assert np.array_equal(prices.sharp, angle > 1)
+    assert np.array_equal(prices.crease, angle > 1)
+    assert np.array_equal(prices.flat, angle < 1)
+    assert not concave[angle > 1].any()
+    assert prices.price[angle > 1] == pytest.approx(0.4)
+    assert prices.price[angle < 1] == pytest.approx(4.0)

@@ -1,0 +1,200 @@
+"""Charts and layout of a coarse surface on the fine one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
+from circparam.seams.multires.decimate import Proxy
+from circparam.seams.multires.transfer_layout import (
+    drop_slivers,
+    fine_targets,
+    match_charts,
+    nearest_coarse_face,
+    separate,
+)
+from circparam.seams.segmentation.grow import dual_graph
+from circparam.solvers.poisson import from_jacobians
+from tests.support import shapes
+from tests.support.atlases import as_it_lies, cut_between, energies, middles, surface_of
+
+N = 8  # cells of the coarse sheet along each side; the fine one has three times as many
+
+
+def sheets(bend: float = 0.0) -> tuple[Surface, Proxy]:
+    """A sheet, and a coarse one over it; the cell of a fine vertex is the nearest coarse one."""
+    fine, coarse = (surface_of(*shapes.grid(n + 1, n + 1)) for n in (3 * N, N))
+    if bend:
+        fine, coarse = (
+            surface_of(
+                np.stack([np.sin(bend * s.points[:, 0]), s.points[:, 1],
+                          np.cos(bend * s.points[:, 0])], 1) / [bend, 1, bend],
+                s.faces,
+            )
+            for s in (fine, coarse)
+        )  # fmt: skip
+    distance = np.linalg.norm(fine.vertex_points[:, None] - coarse.points, axis=2)
+    return fine, Proxy(coarse, distance.argmin(1), np.zeros((0, 2), np.int64))
+
+
+def in_two(surface: Surface, at: float = 0.5) -> Atlas:
+    return cut_between(surface, (middles(surface)[:, 0] > at).astype(np.int64))
+
+
+def test_every_fine_face_has_a_coarse_face_near_it() -> None:
+    fine, proxy = sheets()
+    near = nearest_coarse_face(fine, proxy)
+    centre = middles(proxy.surface)
+    away = np.linalg.norm(middles(fine) - centre[near], axis=1)
+    assert near.min() >= 0
+    assert away.max() < 1.2 / N
+    # among the faces round the cell of its first corner none is nearer
+    cell = proxy.cell[fine.corner_vertex[:, 0]]
+    beside = (proxy.surface.faces[None] == cell[:, None, None]).any(2)
+    every = np.linalg.norm(middles(fine)[:, None] - centre, axis=2)
+    assert away == pytest.approx(np.where(beside, every, np.inf).min(1))
+    assert beside[np.arange(len(near)), near].all()
+
+
+def test_faces_without_a_cell_have_none_and_those_that_face_away_come_last() -> None:
+    fine, proxy = sheets()
+    lost = proxy.cell.copy()
+    lost[:40] = -1
+    near = nearest_coarse_face(fine, Proxy(proxy.surface, lost, proxy.apart))
+    assert np.array_equal(near < 0, lost[fine.corner_vertex[:, 0]] < 0)
+    # two coarse sheets on each other, one wound the other way: the fine one takes that of its own side
+    points, faces = proxy.surface.points, proxy.surface.faces
+    twin = Surface(
+        points,
+        np.r_[faces[:, ::-1], faces],
+        np.arange(2 * len(faces)),
+        np.zeros(2 * len(faces), bool),
+        proxy.surface.edges,
+        proxy.surface.locked,
+    )
+    near = nearest_coarse_face(fine, Proxy(twin, proxy.cell, proxy.apart))
+    assert (near >= len(faces)).all()
+
+
+def test_fine_charts_stand_for_those_they_share_the_most_area_with() -> None:
+    fine, proxy = sheets()
+    coarse = in_two(proxy.surface)
+    _, coarse_chart = coarse.charts()
+    near = nearest_coarse_face(fine, proxy)
+    # three strips: the outer ones are the charts, the small one in the middle is a sliver
+    x = middles(fine)[:, 0]
+    label = np.where(x > 0.55, 2, (x > 0.3).astype(np.int64))
+    atlas = cut_between(fine, label)
+    found = match_charts(atlas, coarse_chart, near)
+    of = [int(found.chart[label == k][0]) for k in range(3)]
+    right = coarse_chart[middles(proxy.surface)[:, 0] > 0.5][0]
+    assert found.main[of].tolist() == [1 - right, 1 - right, right]
+    assert found.real[of].tolist() == [True, False, True]
+    assert np.array_equal(found.chart, atlas.charts()[1])
+    # without any coarse face it stands for itself
+    near[label == 1] = -1
+    assert match_charts(atlas, coarse_chart, near).real.all()
+
+
+def test_slivers_are_glued_to_the_neighbour_with_the_longest_common_seam() -> None:
+    """A small square in a corner of the left chart, another one on the seam, more of it in the right one."""
+    fine, proxy = sheets()
+    coarse_chart = in_two(proxy.surface).charts()[1]
+    near = nearest_coarse_face(fine, proxy)
+    x, y = middles(fine)[:, 0], middles(fine)[:, 1]
+    label = (x > 0.5).astype(np.int64)
+    label[(x < 0.25) & (y < 0.25)] = 2
+    label[(x > 0.375) & (x < 0.75) & (y > 0.375) & (y < 0.625)] = 3
+    atlas = cut_between(fine, label)
+    assert atlas.charts()[0] == 4
+    found = drop_slivers(atlas, coarse_chart, near)
+    assert found.real.all()
+    n, chart = atlas.charts()
+    assert n == 2
+    assert np.array_equal(found.chart, chart)
+    left, right = chart[label == 0][0], chart[label == 1][0]
+    assert left != right
+    assert (chart[label == 2] == left).all()
+    assert (chart[label == 3] == right).all()
+    # good ones are left alone
+    good = in_two(fine)
+    before = good.cut.copy()
+    assert drop_slivers(good, coarse_chart, near).real.all()
+    assert np.array_equal(good.cut, before)
+
+
+def test_slivers_without_a_neighbour_stay() -> None:
+    """Two sheets that are one coarse chart: the smaller one is no chart of its own, and has nobody."""
+    points, faces = shapes.grid(5, 5)
+    fine = surface_of(*shapes.join((points, faces), (0.5 * points + [0, 2.0, 0], faces)))
+    atlas = Atlas(fine, np.zeros(len(fine.edges), bool))
+    found = drop_slivers(atlas, np.zeros(1, np.int64), np.zeros(len(fine.faces), np.int64))
+    assert sorted(found.real.tolist()) == [False, True]
+    assert found.real[found.chart[0]]
+    assert not atlas.cut.any()
+
+
+def test_charts_whose_seam_was_not_found_are_parted_along_their_labels() -> None:
+    fine, proxy = sheets()
+    coarse = in_two(proxy.surface)
+    _, coarse_chart = coarse.charts()
+    near = nearest_coarse_face(fine, proxy)
+    atlas = Atlas(fine, np.zeros(len(fine.edges), bool))
+    separate(atlas, dual_graph(fine), coarse, coarse_chart, near)
+    n, chart = atlas.charts()
+    assert n == 2
+    x = middles(fine)[:, 0]
+    left, right = chart[x < 0.5 - 1 / N], chart[x > 0.5 + 1 / N]
+    assert len(np.unique(left)) == len(np.unique(right)) == 1
+    assert left[0] != right[0]
+    assert 0.99 < fine.edge_lengths[atlas.cut].sum() < 1.3
+    # where the seam is there, nothing is added
+    good = in_two(fine)
+    before = good.cut.copy()
+    separate(good, dual_graph(fine), coarse, coarse_chart, near)
+    assert np.array_equal(good.cut, before)
+    # nor for a small part of another chart: here less than a third of it
+    most = in_two(fine, 0.6)
+    before = most.cut.copy()
+    separate(most, dual_graph(fine), coarse, coarse_chart, near)
+    assert np.array_equal(most.cut, before)
+
+
+@pytest.mark.parametrize("bend", [0.0, 1.2])
+def test_the_fine_layout_is_the_coarse_one(bend: float) -> None:
+    """Both charts keep shape and direction, on a sheet and on one that is bent."""
+    flat, _ = sheets()
+    fine, proxy = sheets(bend)
+    coarse, atlas = in_two(proxy.surface, 0.4), in_two(fine, 0.4)
+    _, coarse_chart = coarse.charts()
+    rolled = surface_of(*shapes.grid(N + 1, N + 1))
+    turn = np.array([[0.0, 1], [-1, 0]])
+    plane = rolled.points[rolled.faces][:, :, :2]
+    second = (coarse_chart == 1)[:, None, None]
+    coarse.corners = np.where(second, plane @ turn, plane)
+    near = nearest_coarse_face(fine, proxy)
+    found = drop_slivers(atlas, coarse_chart, near)
+    targets, whole = fine_targets(coarse, atlas, coarse_chart, near, found)
+    assert whole.all()
+    cut_mesh = atlas.cut_mesh()
+    uv, _ = from_jacobians(cut_mesh, targets)
+    assert energies(cut_mesh, uv) == pytest.approx([1.0, 1.0], abs=2e-2 if bend else 1e-9)
+    edge = np.diff(uv[cut_mesh.faces], axis=1)
+    own = flat.points[flat.faces][:, :, :2]
+    mine = np.where((found.main[found.chart] == 1)[:, None, None], own @ turn, own)
+    assert np.abs(edge - np.diff(mine, axis=1)).max() < (0.2 if bend else 1e-6) / N
+
+
+def test_charts_without_a_coarse_face_have_no_targets() -> None:
+    fine, proxy = sheets()
+    coarse = as_it_lies(in_two(proxy.surface))
+    atlas = in_two(fine)
+    _, coarse_chart = coarse.charts()
+    near = nearest_coarse_face(fine, proxy)
+    near[middles(fine)[:, 0] > 0.5] = -1
+    found = match_charts(atlas, coarse_chart, near)
+    _, whole = fine_targets(coarse, atlas, coarse_chart, near, found)
+    right = found.chart[middles(fine)[:, 0] > 0.5][0]
+    assert whole.tolist() == [k != right for k in range(2)]

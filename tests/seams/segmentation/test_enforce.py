@@ -1,0 +1,191 @@
+"""Charts held to the bound: slit, split, pushed apart or laid out anew."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh, not_disks
+from circparam.seams import charts as module
+from circparam.seams.segmentation import grow
+from circparam.seams.segmentation.enforce import enforce, lay_out_sound, unstick
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
+from circparam.solvers.newton import RelaxOptions, relax
+from circparam.solvers.objective import chart_energies
+from tests.support import shapes
+from tests.support.atlases import as_it_lies, cut_between, middles, relaxed, surface_of, uncut
+
+
+@pytest.mark.parametrize("share", [0.995, 1.005])
+@pytest.mark.parametrize("shape", [shapes.hemisphere(8), shapes.bumped_disk(300)])
+def test_enforcing_holds_the_bound_to_half_a_percent_of_its_excess(shape, share: float) -> None:
+    atlas, energy = relaxed(shape)
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
+    bound = 1 + (energy - 1) * share
+    graph = grow.dual_graph(atlas.surface)
+    enforce(atlas, graph, laid, bound, module.FINAL, Monitor())
+    assert atlas.cut.any() == (share < 1)
+    cut_mesh = atlas.cut_mesh()
+    assert judge(cut_mesh, atlas.gather(cut_mesh)).energy.max() <= bound
+
+
+GAPS = RelaxOptions(tolerance=1e-6, max_iterations=40)
+
+
+def judged(atlas: Atlas) -> ChartLayouts:
+    cut_mesh = atlas.cut_mesh()
+    return judge(cut_mesh, atlas.gather(cut_mesh))
+
+
+def flat_arc(turn: float) -> tuple[np.ndarray, np.ndarray]:
+    """A flat ring of an angle, about a full turn, one end a little above the other."""
+    t, r = np.meshgrid(np.linspace(0, turn, 60), np.linspace(0.7, 1, 4), indexing="ij")
+    t, r = t.ravel(), r.ravel()
+    p = np.stack([r * np.cos(t), r * np.sin(t), 1e-4 * t], 1)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(59), np.arange(3), indexing="ij"))
+    a, b, c, d = 4 * i + j, 4 * i + j + 1, 4 * i + j + 5, 4 * i + j + 4
+    return p, np.r_[np.stack([a, b, c], 1), np.stack([a, c, d], 1)][:, ::-1]
+
+
+def upright(atlas: Atlas) -> Atlas:
+    """As it lies, mirrored where it is seen from behind."""
+    as_it_lies(atlas)
+    d = atlas.corners[:, 1:] - atlas.corners[:, :1]
+    area = (d[:, 0, 0] * d[:, 1, 1] - d[:, 0, 1] * d[:, 1, 0]).sum()
+    atlas.corners = atlas.corners * [np.sign(area), 1]
+    return atlas
+
+
+def test_parts_that_lie_on_each_other_by_little_are_pushed_apart() -> None:
+    """Only in charts that are chosen and below the bound; no seam is needed for it."""
+    surface = surface_of(*flat_arc(2 * np.pi + 0.005))
+    start = upright(Atlas(surface, np.zeros(len(surface.edges), bool)))
+    laid = judged(start)
+    assert laid.overlapping.all()
+    assert laid.energy[0] < 1.001
+    yes, no = np.ones(1, bool), np.zeros(1, bool)
+    pushed = unstick(start, laid, 1.05, Monitor(), yes)
+    assert not pushed.overlapping.any()
+    assert pushed.energy[0] <= 1.05
+    assert np.array_equal(start.corners, pushed.uv[pushed.cut_mesh.faces])
+    for which, bound in ((no, 1.05), (yes, np.nextafter(laid.energy[0], 0))):
+        atlas = upright(Atlas(surface, np.zeros(len(surface.edges), bool)))
+        kept = unstick(atlas, laid, float(bound), Monitor(), which)
+        assert kept is laid
+    atlas = upright(Atlas(surface, np.zeros(len(surface.edges), bool)))
+    enforce(atlas, grow.dual_graph(surface), laid, 1.05, GAPS, Monitor())
+    assert not atlas.cut.any()
+    assert not judged(atlas).bad(1.05).any()
+
+
+def test_charts_that_lie_on_themselves_are_cut_and_good_ones_are_not() -> None:
+    """A ring of one turn and a half, which nothing pushes apart, beside a flat sheet."""
+    ring = flat_arc(3 * np.pi)
+    sheet = shapes.grid(12, 12)
+    surface = surface_of(*shapes.join(ring, (sheet[0] + [3.0, 0, 0], sheet[1])))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    m = len(ring[1])
+    as_it_lies(atlas)
+    alone = upright(uncut(*ring))
+    atlas.corners[:m] = alone.corners
+    flat = atlas.corners[m:].copy()
+    laid = judged(atlas)
+    assert laid.overlapping.tolist() == [True, False]
+    enforce(atlas, grow.dual_graph(surface), laid, 1.05, GAPS, Monitor())
+    after = judged(atlas)
+    assert not after.bad(1.05).any()
+    on_ring = surface.edges[:, 0] // 3 < m
+    assert atlas.cut[on_ring].any()
+    assert not atlas.cut[~on_ring].any()
+    assert np.array_equal(atlas.corners[m:], flat)
+    # cut, not bent: the pieces keep the layout they had
+    assert after.energy == pytest.approx(np.ones(after.cut_mesh.n_charts), abs=1e-3)
+    assert 3 <= after.cut_mesh.n_charts <= 4
+
+
+@pytest.mark.parametrize("bound", [1.3, 1.05, 1.01])
+def test_a_closed_shape_ends_in_good_disks_whatever_the_bound(bound: float) -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
+    laid = lay_out_fresh(atlas, None, GAPS)
+    count = atlas.charts()[0]
+    enforce(atlas, grow.dual_graph(surface), laid, bound, GAPS, Monitor())
+    after = judged(atlas)
+    assert not after.bad(bound).any()
+    assert not not_disks(after.cut_mesh).any()
+    assert (after.cut_mesh.n_charts > count) == (laid.energy.max() > 1 + (bound - 1) * 1.6)
+
+
+def test_good_charts_and_single_cells_are_left_as_they_are() -> None:
+    atlas = as_it_lies(uncut(*shapes.grid(5, 5)))
+    before = atlas.corners.copy()
+    enforce(atlas, grow.dual_graph(atlas.surface), judged(atlas), 1.0 + 1e-9, GAPS, Monitor())
+    assert not atlas.cut.any()
+    assert np.array_equal(atlas.corners, before)
+    # one polygon cannot be split
+    ball = shapes.hemisphere(3)
+    surface = surface_of(*ball)
+    surface = dataclasses.replace(surface, locked=np.ones(len(surface.edges), bool))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    laid = lay_out_fresh(atlas, None, GAPS)
+    enforce(atlas, grow.dual_graph(surface), laid, 1.001, GAPS, Monitor())
+    assert not atlas.cut.any()
+    # and when the time is up nothing is begun
+    free = uncut(*ball)
+    laid = lay_out_fresh(free, None, GAPS)
+    enforce(free, grow.dual_graph(free.surface), laid, 1.001, GAPS, Monitor(timeout=0.0))
+    assert not free.cut.any()
+
+
+def test_few_cells_that_are_bad_are_taken_apart_at_once() -> None:
+    """A pyramid of four faces: each then is a chart without distortion."""
+    points = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 3]])
+    atlas = uncut(points, np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))
+    laid = lay_out_fresh(atlas, None, GAPS)
+    assert laid.energy[0] > 1.2
+    enforce(atlas, grow.dual_graph(atlas.surface), laid, 1.001, GAPS, Monitor())
+    assert not judged(atlas).bad(1.001).any()
+    assert atlas.cut.any()
+
+
+def layouts() -> tuple[CutMesh, np.ndarray]:
+    """A flat sheet, a bumped disk and one face alone, with good layouts."""
+    single = shapes.triangle()
+    parts = shapes.grid(6, 6), shapes.bumped_disk(80), (single[0] * 2, single[1])
+    atlas = uncut(*shapes.join(*parts))
+    laid = lay_out_fresh(atlas, None, GAPS)
+    assert np.isfinite(laid.energy).all()
+    return laid.cut_mesh, laid.uv
+
+
+@pytest.mark.parametrize("wild", ["huge", "far", "flipped", "folded", "good", "collapsed"])
+def test_layouts_of_any_kind_become_sound_ones(wild: str) -> None:
+    """Also where one chart alone is bad; the others then end where they are the best."""
+    cut_mesh, uv = layouts()
+    good = relax(cut_mesh, uv, GAPS).energy
+    for charts in ([0], [1], [0, 1, 2]):
+        mine = np.isin(cut_mesh.vertex_chart, charts)
+        bad = uv.copy()
+        rng = np.random.default_rng(0)
+        if wild == "huge":
+            bad[mine] = 1e7 * rng.normal(size=(int(mine.sum()), 2))
+        elif wild == "far":
+            bad[np.flatnonzero(mine)[0]] = 1e9
+        elif wild == "flipped":
+            bad[mine] *= [-1, 1]
+        elif wild == "folded":
+            inner = np.flatnonzero(mine)[5 % int(mine.sum())]
+            bad[inner] += 0.7
+        elif wild == "collapsed":
+            bad[mine] = 0.0
+        given = bad.copy()
+        out = lay_out_sound(cut_mesh, bad, GAPS, Monitor())
+        assert np.array_equal(bad, given, equal_nan=True), "what was given stays"
+        # what was untangled is relaxed for some steps, not to the end
+        worst = 1.2 if wild in ("flipped", "folded") else 1.001
+        assert (chart_energies(cut_mesh, out) <= worst * good).all()

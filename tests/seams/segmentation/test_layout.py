@@ -1,0 +1,203 @@
+"""Layouts judged, and charts laid out anew after their seams have moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.workers import Worker
+from circparam.mesh.atlas import Atlas
+from circparam.seams.segmentation.grow import dual_graph
+from circparam.seams.segmentation.layout import (
+    ChartLayouts,
+    chart_halves,
+    judge,
+    lay_out_again,
+    lay_out_fresh,
+    shorten_seams,
+)
+from circparam.solvers.newton import RelaxOptions
+from tests.support import shapes
+from tests.support.atlases import (
+    as_it_lies,
+    cut_between,
+    cut_where,
+    energies,
+    middles,
+    surface_of,
+    uncut,
+)
+
+FINE = RelaxOptions(tolerance=1e-8, max_iterations=60)
+
+
+def test_charts_are_bad_above_the_bound_flipped_or_on_themselves() -> None:
+    cut_mesh = uncut(*shapes.triangle()).cut_mesh()
+    energy = np.array([1.0, 1.5, np.nextafter(1.5, 2), np.inf, np.nan, 1.0])
+    over = np.array([False, False, False, True, True, True])
+    laid = ChartLayouts(cut_mesh, np.zeros((3, 2)), energy, over)
+    assert laid.bad(1.5).tolist() == [False, False, True, True, True, True]
+    assert laid.bad(np.inf).tolist() == [False, False, False, True, True, True]
+
+
+def three() -> Atlas:
+    """A sheet in three strips, laid out as it lies."""
+    surface = surface_of(*shapes.grid(10, 4, 3.0, 1.0))
+    return as_it_lies(cut_between(surface, np.floor(middles(surface)[:, 0]).astype(np.int64)))
+
+
+def test_flips_stretches_and_overlaps_are_judged_chart_by_chart() -> None:
+    atlas = three()
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
+    of = cut_mesh.vertex_chart
+    flipped = uv * np.where(of == 1, -1, 1)[:, None] ** [1, 0]
+    stretched = np.where((of == 2)[:, None], flipped * [2, 1], flipped)
+    laid = judge(cut_mesh, stretched)
+    # (4 + 1/4 + 1 + 1) / 4 for a stretch by two
+    assert laid.energy == pytest.approx([1.0, np.inf, 1.5625])
+    assert laid.overlapping.tolist() == [False, True, False]
+    assert judge(cut_mesh, uv).energy == pytest.approx(np.ones(3))
+
+
+def test_parts_nearer_than_the_margin_overlap() -> None:
+    """A ring with a narrow gap: good without a margin, and with one that is smaller than the gap."""
+    t = np.linspace(0, 2 * np.pi - 0.02, 60)
+    rim = [np.stack([r * np.cos(t), r * np.sin(t), 0 * t], 1) for r in (0.8, 1.0)]
+    k = np.arange(59)
+    faces = np.r_[np.stack([k, 60 + k, 61 + k], 1), np.stack([k, 61 + k, k + 1], 1)]
+    atlas = as_it_lies(uncut(np.concatenate(rim), faces))
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
+    root = np.sqrt(cut_mesh.areas.sum())
+    assert not judge(cut_mesh, uv).overlapping.any()
+    assert not judge(cut_mesh, uv, 0.5 * 0.016 / root).overlapping.any()
+    assert judge(cut_mesh, uv, 3 * 0.02 / root).overlapping.all()
+    # a turn more, and it lies on itself
+    angle = np.arctan2(uv[:, 1], uv[:, 0]) % (2 * np.pi - 0.01)
+    wound = np.linalg.norm(uv, axis=1)[:, None] * np.stack(
+        [np.cos(1.2 * angle), np.sin(1.2 * angle)], 1
+    )
+    assert judge(cut_mesh, wound).overlapping.all()
+
+
+def test_fresh_layouts_are_isometric_where_that_is_possible_and_others_stay() -> None:
+    atlas = three()
+    moved = atlas.corners + 5.0
+    for which in (None, np.array([True, False, True])):
+        atlas.corners = moved * 2.0
+        laid = lay_out_fresh(atlas, which, FINE)
+        fresh = np.ones(3, bool) if which is None else which
+        assert laid.energy[fresh] == pytest.approx(1.0, abs=1e-4)
+        faces = fresh[laid.cut_mesh.chart]
+        assert np.array_equal(atlas.corners[~faces], 2 * moved[~faces])
+        assert np.array_equal(laid.uv[laid.cut_mesh.faces], atlas.corners)
+        assert laid.energy == pytest.approx(energies(laid.cut_mesh, laid.uv))
+    atlas.corners = moved
+    lay_out_fresh(atlas, np.zeros(3, bool), FINE)
+    assert np.array_equal(atlas.corners, moved)
+
+
+def test_halves_hold_every_chart_once_and_a_worker_changes_nothing() -> None:
+    atlas = three()
+    parts = chart_halves(atlas.cut_mesh())
+    assert np.sum([part for part, *_ in parts], axis=0).tolist() == [1, 1, 1]
+    for part, sub, vid, fid in parts:
+        cut_mesh = atlas.cut_mesh()
+        assert sub.n_charts == part.sum()
+        assert np.array_equal(np.flatnonzero(part[cut_mesh.chart]), fid)
+        assert np.array_equal(np.flatnonzero(part[cut_mesh.vertex_chart]), vid)
+    plain = lay_out_fresh(atlas, None, FINE)
+    with Worker("circparam.seams.charts", worth_it=False) as worker:
+        halves = lay_out_fresh(atlas, None, FINE, worker)
+    assert np.allclose(plain.uv, halves.uv, atol=1e-9)
+
+
+def jagged() -> Atlas:
+    """A flat sheet in two charts, cut across at y = 0.5 but round two faces over that line."""
+    surface = surface_of(*shapes.grid(9, 9))
+    middle = middles(surface)
+    below = middle[:, 1] < 0.5
+    below |= (middle[:, 1] < 0.55) & np.isin((middle[:, 0] * 8).astype(int), [2, 5])
+    return as_it_lies(cut_between(surface, below.astype(np.int64)))
+
+
+def straight(atlas: Atlas) -> np.ndarray:
+    return cut_where(atlas.surface, np.abs(atlas.surface.points[:, 1] - 0.5) < 1e-9)
+
+
+def test_faces_that_changed_their_chart_are_laid_out_beside_their_new_neighbours() -> None:
+    """The two charts of a flat sheet lie turned against each other; the seam between them moves."""
+    atlas = jagged()
+    _, before = atlas.charts()
+    turned = atlas.corners @ np.array([[0.0, 1], [-1, 0]])
+    atlas.corners = np.where((before == 1)[:, None, None], turned, atlas.corners)
+    atlas.cut = straight(atlas)
+    laid = lay_out_again(atlas, before, FINE)
+    assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-9)
+    assert not laid.overlapping.any()
+    assert np.array_equal(atlas.corners, laid.uv[laid.cut_mesh.faces])
+    # each chart keeps the direction it had
+    chart = laid.cut_mesh.chart
+    stays = chart == before
+    assert stays.sum() == len(chart) - 2
+    edge = np.diff(atlas.corners, axis=1)
+    flat = atlas.surface.points[atlas.surface.faces][:, :, :2]
+    own = np.where((chart == 1)[:, None, None], flat @ np.array([[0.0, 1], [-1, 0]]), flat)
+    assert np.allclose(edge, np.diff(own, axis=1), atol=1e-6)
+
+
+def test_seams_are_shortened_where_all_charts_stay_good() -> None:
+    atlas = jagged()
+    graph = dual_graph(atlas.surface)
+    laid = shorten_seams(atlas, graph, 1.01, FINE)
+    assert np.array_equal(atlas.cut, straight(atlas))
+    assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-9)
+    pinned = jagged()
+    was = pinned.cut.copy()
+    shorten_seams(pinned, graph, 1.01, FINE, pinned=np.ones(len(was), bool))
+    assert np.array_equal(pinned.cut, was)
+
+
+def test_seams_that_would_spoil_a_chart_stay_and_so_does_its_layout() -> None:
+    """Beside a half ball, bad before and after, and part of the same layout."""
+    flat = shapes.grid(9, 9)
+    round_ = shapes.hemisphere(4)
+    surface = surface_of(*shapes.join(flat, (round_[0] + [3.0, 0, 0], round_[1])))
+    one = jagged()
+    cut = np.zeros(len(surface.edges), bool)
+    cut[: len(one.cut)] = one.cut
+    atlas = Atlas(surface, cut)
+    assert np.array_equal(surface.edges[: len(one.cut)], one.surface.edges)
+    lay_out_fresh(atlas, None, FINE)
+    corners = atlas.corners.copy()
+    laid = shorten_seams(atlas, dual_graph(surface), 1.0001, FINE)
+    # the half ball is above the bound before and after, so nothing may change
+    assert laid.bad(1.0001).sum() == 1
+    assert np.array_equal(atlas.cut, cut)
+    assert np.array_equal(atlas.corners, corners)
+
+
+def test_a_bound_that_no_chart_can_keep_moves_nothing() -> None:
+    """Every chain would end beside a bad chart: the seams and the layout are what they were."""
+    atlas = jagged()
+    graph = dual_graph(atlas.surface)
+    bound = 1.0 - 1e-9  # nothing is below it
+    was, corners = atlas.cut.copy(), atlas.corners.copy()
+    laid = shorten_seams(atlas, graph, bound, FINE)
+    assert np.array_equal(atlas.cut, was)
+    assert np.array_equal(atlas.corners, corners)
+    assert laid.energy == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize("spoilt", [[True, True], [True, False], [False, False]])
+def test_charts_whose_jacobians_are_of_no_use_are_embedded_anew(spoilt: list[bool]) -> None:
+    """A layout seen from behind: no solve turns it round."""
+    atlas = jagged()
+    _, before = atlas.charts()
+    behind = np.array(spoilt)[before][:, None, None]
+    atlas.corners = np.where(behind, atlas.corners * [-1, 1], atlas.corners)
+    atlas.cut = straight(atlas)
+    laid = lay_out_again(atlas, before, FINE)
+    assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert not laid.overlapping.any()

@@ -1,0 +1,220 @@
+"""Merging charts: what is glued, what never is, and what is not tried again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.mesh.atlas import Atlas
+from circparam.seams import charts as module
+from circparam.seams.segmentation import grow
+from circparam.seams.segmentation.decide import ROUGH
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
+from circparam.seams.segmentation.merge import FREE_WORK, Merger
+from circparam.seams.segmentation.state import arcs_of
+from circparam.seams.segmentation.unions import MergeOptions
+from circparam.solvers.newton import RelaxOptions
+from tests.support import shapes
+from tests.support.atlases import (
+    as_it_lies,
+    cut_between,
+    cut_where,
+    middles,
+    surface_of,
+    uncut,
+)
+
+
+def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -> None:
+    surface = surface_of(*shapes.icosphere(3))
+    start = Atlas(surface, np.zeros(len(surface.edges), bool))
+    grow.first_charts(start, grow.dual_graph(surface), 40)
+    lay_out_fresh(start, None, ROUGH)
+    monkeypatch.setattr("circparam.core.workers.HALVED", 100)
+    merged = []
+    for worker in (None, Worker(module.__name__, worth_it=False)):
+        atlas = Atlas(surface, start.cut, start.corners)
+        merger = Merger(atlas, MergeOptions(1.05), np.zeros(len(atlas.cut), bool), worker)
+        assert merger.round(Monitor())
+        merged.append((atlas, merger.tally))
+    (once, tally), (halves, other) = merged
+    assert tally == other
+    assert 2 < tally["merged"] <= tally["trials"]
+    assert np.array_equal(once.cut, halves.cut)
+    assert np.allclose(once.corners, halves.corners, atol=1e-9)
+
+
+def merger_of(atlas: Atlas, fixed: np.ndarray | None = None, **options) -> Merger:
+    fixed = np.zeros(len(atlas.cut), bool) if fixed is None else fixed
+    return Merger(atlas, MergeOptions(**{"bound": 1.05, **options}), fixed)
+
+
+def judged(atlas: Atlas) -> ChartLayouts:
+    cut_mesh = atlas.cut_mesh()
+    return judge(cut_mesh, atlas.gather(cut_mesh))
+
+
+def halves_of_a_ring() -> Atlas:
+    """A flat ring in two charts, laid out apart from each other."""
+    surface = surface_of(*shapes.annulus(24, 3))
+    atlas = as_it_lies(cut_between(surface, (middles(surface)[:, 1] > 0).astype(np.int64)))
+    _, chart = atlas.charts()
+    atlas.corners = atlas.corners + 3.0 * chart[:, None, None]
+    return atlas
+
+
+def test_two_charts_that_close_a_flat_ring_are_glued_at_both_arcs_at_once() -> None:
+    """One arc alone leaves both sides of the other touching: that is tried first, and fails."""
+    atlas = halves_of_a_ring()
+    merger = merger_of(atlas, margin=0.05, bound=1.0001)
+    assert merger.round(Monitor())
+    assert merger.tally["overlap"] == 1
+    assert atlas.charts()[0] == 2
+    assert merger.round(Monitor())
+    assert (merger.tally["overlap"], atlas.charts()[0]) == (2, 2), "the other arc is tried next"
+    assert merger.round(Monitor())
+    assert atlas.charts()[0] == 1
+    assert not atlas.cut.any()
+    assert judged(atlas).energy == pytest.approx([1.0])
+    assert merger.tally["merged"] == 1
+    assert merger.tally["trials"] == 3
+    assert not merger.round(Monitor()), "nothing is left"
+
+
+def test_seams_that_are_fixed_are_never_glued_nor_in_a_pair() -> None:
+    atlas = halves_of_a_ring()
+    x = atlas.surface.vertex_points[:, 0]
+    right = atlas.cut & (x[atlas.ends[0]] > 0)
+    merger = merger_of(atlas, right, bound=1.0001, margin=0.0)
+    merger.run(Monitor())
+    assert atlas.cut[right].all()
+    held = halves_of_a_ring()
+    all_of_them = held.cut.copy()
+    merger = merger_of(held, all_of_them)
+    assert not merger.round(Monitor())
+    assert np.array_equal(held.cut, all_of_them)
+    assert merger.tally["trials"] == 0
+
+
+def test_flat_strips_merge_in_few_rounds_and_keep_their_shape() -> None:
+    """Eight strips of a sheet: at most half of them vanish in a round, all in the end."""
+    surface = surface_of(*shapes.grid(9, 3, 8.0, 1.0))
+    atlas = as_it_lies(cut_between(surface, np.floor(middles(surface)[:, 0]).astype(np.int64)))
+    merger = merger_of(atlas)
+    assert merger.round(Monitor())
+    first = atlas.charts()[0]
+    assert 4 <= first < 8
+    assert merger.tally["merged"] == 8 - first
+    merger.run(Monitor())
+    assert not atlas.cut.any()
+    assert judged(atlas).energy == pytest.approx([1.0])
+    assert merger.tally["merged"] == 7
+    assert merger.work >= len(surface.faces)
+    assert not merger.round(Monitor())
+
+
+def test_a_union_above_the_bound_is_refused_and_not_tried_again() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
+    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-5))
+    before = atlas.cut.copy(), atlas.corners.copy()
+    merger = merger_of(atlas, bound=1.5)
+    merger.run(Monitor())
+    assert np.array_equal(atlas.cut, before[0])
+    assert np.array_equal(atlas.corners, before[1])
+    trials = merger.tally["trials"] + merger.tally["topology"]
+    assert trials >= 1
+    assert not merger.round(Monitor())
+    assert merger.tally["trials"] + merger.tally["topology"] == trials
+
+
+def test_a_cube_becomes_a_net_and_one_chart_is_left() -> None:
+    surface = surface_of(*shapes.cube(2))
+    normal = np.round(surface.normals).astype(np.int64)
+    atlas = cut_between(surface, normal @ [1, 3, 9])
+    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-5))
+    assert atlas.charts()[0] == 6
+    merger_of(atlas, bound=1.0001).run(Monitor())
+    assert atlas.charts()[0] == 1
+    # seven of the twelve edges
+    assert atlas.seam_length == pytest.approx(7 / np.sqrt(6))
+    assert not judged(atlas).bad(1.0001).any()
+
+
+def test_limits_of_faces_time_rounds_and_work_are_kept() -> None:
+    surface = surface_of(*shapes.grid(5, 3, 4.0, 1.0))
+
+    def strips() -> Atlas:
+        label = np.floor(middles(surface)[:, 0]).astype(np.int64)
+        return as_it_lies(cut_between(surface, label))
+
+    atlas = strips()
+    merger_of(atlas, faces=8).run(Monitor())
+    assert np.bincount(atlas.charts()[1]).tolist() == [8, 8]
+    atlas = strips()
+    merger_of(atlas, faces=7).run(Monitor())
+    assert atlas.charts()[0] == 4
+    atlas = strips()
+    merger_of(atlas, rounds=0).run(Monitor())
+    assert atlas.charts()[0] == 4
+    merger_of(atlas, rounds=1).run(Monitor())
+    assert 1 < atlas.charts()[0] < 4
+    atlas = strips()
+    merger_of(atlas).run(Monitor(timeout=0.0))
+    assert atlas.charts()[0] == 4
+    merger = merger_of(atlas, work=2.0)
+    assert merger.limit == 2 * len(surface.faces) + FREE_WORK
+    merger.work = merger.limit + 1
+    merger.run(Monitor())
+    assert atlas.charts()[0] == 4
+    merger.work = merger.limit
+    merger.run(Monitor())
+    assert atlas.charts()[0] < 4
+
+
+def test_the_longest_common_seam_is_glued_first() -> None:
+    """Three charts in an L: those with the longer seam, in shares of their boundary, join first."""
+    points, faces = shapes.grid(7, 5, 6.0, 4.0)
+    surface = surface_of(points, faces)
+    x, y = middles(surface)[:, 0], middles(surface)[:, 1]
+    atlas = as_it_lies(cut_between(surface, np.where(x > 4, 2, (y > 3).astype(np.int64))))
+    assert atlas.charts()[0] == 3
+    merger_of(atlas, rounds=1).run(Monitor())
+    _, chart = atlas.charts()
+    low, high, side = (chart[(x < 4) & (y < 3)][0], chart[(x < 4) & (y > 3)][0], chart[x > 4][0])
+    assert low == high != side
+
+
+def test_a_slit_is_zipped_up_from_its_tip() -> None:
+    atlas = as_it_lies(uncut(*shapes.grid(9, 9)))
+    surface = atlas.surface
+    x, y = surface.points[:, 0], surface.points[:, 1]
+    atlas.cut = cut_where(surface, (np.abs(y - 0.5) < 1e-9) & (x < 0.6))
+    assert atlas.cut.sum() == 4
+    merger = merger_of(atlas)
+    merger.run(Monitor())
+    assert not atlas.cut.any()
+    assert merger.tally["merged"] == 1
+
+
+def test_what_failed_is_remembered_when_seams_have_moved_less_the_slack() -> None:
+    """The floor of a union that failed stays on the arcs that the same two charts have then."""
+    surface = surface_of(*shapes.icosphere(2))
+    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
+    merger = merger_of(atlas)
+    _, before = atlas.charts()
+    arcs = arcs_of(atlas, before)
+    merger.lower_bound[atlas.cut] = 2.0
+    z = middles(surface)[:, 2]
+    atlas.cut = cut_between(surface, (z > 0.2).astype(np.int64)).cut
+    merger.seams_moved(before, arcs)
+    assert merger.lower_bound[atlas.cut] == pytest.approx(2.0 * 0.7)
+    assert not merger.lower_bound[~atlas.cut].any()
+    # what is known to be worse than the bound is not tried any more
+    area = surface.areas.sum()
+    for least, tried in ((1.01, False), (0.99, True)):
+        merger = merger_of(atlas, bound=1.5)
+        merger.lower_bound[atlas.cut] = 0.5 * area * least
+        assert merger.round(Monitor()) == tried

@@ -1,0 +1,99 @@
+"""Small charts that join their neighbours, or stay as they were."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import repair
+from circparam.seams.segmentation.decide import ROUGH
+from circparam.seams.segmentation.layout import judge, lay_out_fresh
+from circparam.seams.segmentation.small import _take_apart, absorb, small_note
+from circparam.seams.segmentation.unions import MergeOptions
+from tests.support import shapes
+from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
+
+
+def straddled() -> Atlas:
+    """A sphere in two charts and a third, of a few faces, across the seam between them."""
+    surface = surface_of(*shapes.icosphere(3))
+    middle = surface.points[surface.faces].mean(1)
+    half = (middle[:, 2] > 0).astype(np.int64)
+    half[np.linalg.norm(middle - [1.0, 0, 0], axis=1) < 0.25] = 2
+    e = surface.edges // 3
+    atlas = Atlas(surface, half[e[:, 0]] != half[e[:, 1]])
+    assert atlas.charts()[0] == 3
+    lay_out_fresh(atlas, None, ROUGH)
+    return atlas
+
+
+def test_small_charts_join_their_neighbours_face_by_face() -> None:
+    atlas = straddled()
+    few = int(np.bincount(atlas.charts()[1]).min())
+    assert absorb(atlas, MergeOptions(1.6), few, Monitor()) == 0
+    assert atlas.charts()[0] == 3, "as large as asked already"
+    # the two halves alone would close to a sphere: the bound keeps them apart
+    assert absorb(atlas, MergeOptions(1.6), few + 1, Monitor()) == 0
+    n, chart = atlas.charts()
+    assert np.bincount(chart).min() > few
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
+    assert n == 2
+    assert not laid.bad(1.6).any()
+
+
+def test_small_charts_that_nobody_takes_stay_as_they_were() -> None:
+    atlas = straddled()
+    before = atlas.cut.copy()
+    few = int(np.bincount(atlas.charts()[1]).min())
+    assert absorb(atlas, MergeOptions(1.0001), few + 1, Monitor()) == 1
+    assert np.array_equal(atlas.cut, before)
+
+
+def test_only_small_charts_are_taken_apart_and_no_polygon_is() -> None:
+    """Every piece lies without distortion; the layouts of the others stay as they are."""
+    points, faces = shapes.grid(13, 3, 6.0, 1.0)
+    surface = repair(Mesh(points, faces, polygons=np.arange(len(faces)) // 2))[0]
+    label = np.floor(middles(surface)[:, 0] / 2).astype(np.int64)
+    for k in range(3):
+        atlas = as_it_lies(cut_between(surface, label))
+        atlas.corners = atlas.corners * 2.0
+        before = atlas.cut.copy(), atlas.corners.copy()
+        _, chart = atlas.charts()
+        which = np.zeros(3, bool)
+        which[chart[label == k]] = True
+        _take_apart(atlas, chart, which)
+        inside = (label[surface.edges // 3] == k).all(1) & ~surface.locked
+        assert np.array_equal(atlas.cut, before[0] | inside)
+        mine = label == k
+        assert np.array_equal(atlas.corners[~mine], before[1][~mine])
+        side = np.linalg.norm(np.diff(atlas.corners[mine], axis=1), axis=2)
+        true = np.linalg.norm(np.diff(surface.points[surface.faces[mine]], axis=1), axis=2)
+        assert side == pytest.approx(true, rel=1e-3)
+
+
+def test_charts_with_a_neighbour_count_as_small_below_the_number_asked_for() -> None:
+    """Not those that are alone, however small they are; flat ones join whatever lies beside them."""
+    sheet = shapes.grid(7, 3, 6.0, 1.0)
+    alone = shapes.triangle()
+    surface = surface_of(*shapes.join(sheet, (alone[0] + np.array([9.0, 0, 0]), alone[1])))
+    x = middles(surface)[:, 0]
+    label = np.where(x > 8, 2, (x > 5).astype(np.int64))
+    for least, charts in ((4, 3), (5, 2), (20, 2)):
+        atlas = as_it_lies(cut_between(surface, label))
+        assert np.sort(np.bincount(atlas.charts()[1])).tolist() == [1, 4, 20]
+        assert absorb(atlas, MergeOptions(1.05), least, Monitor()) == 0
+        assert atlas.charts()[0] == charts
+    atlas = as_it_lies(cut_between(surface, label))
+    assert absorb(atlas, MergeOptions(1.05), 5, Monitor(timeout=0.0)) == 1, "no time: it stays"
+    assert atlas.charts()[0] == 3
+
+
+def test_the_note_counts_the_charts_that_stay() -> None:
+    assert small_note(0, 5) == []
+    (note,) = small_note(2, 5)
+    assert note.startswith("2 charts stay below 5 faces")
+    assert len(small_note(1, 5)) == 1

@@ -1,0 +1,102 @@
+"""Arcs of the seams between junctions, and what charts were before a change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.seams.segmentation.state import CONE, arcs_of, main_parts
+from tests.support import shapes
+from tests.support.atlases import cut_between, cut_where, middles, surface_of, uncut
+
+
+def test_a_seam_across_a_sheet_is_one_arc() -> None:
+    surface = surface_of(*shapes.grid(9, 9, 4.0, 2.0))
+    atlas = cut_between(surface, (middles(surface)[:, 1] > 1).astype(np.int64))
+    _, chart = atlas.charts()
+    arcs = arcs_of(atlas, chart)
+    assert len(arcs.left) == 1
+    assert arcs.length == pytest.approx([4.0])
+    assert (arcs.left.tolist(), arcs.right.tolist()) == ([0], [1])
+    assert not arcs.tip.any()
+    assert np.array_equal(np.sort(arcs.edge), np.flatnonzero(atlas.cut))
+    assert arcs.arc.tolist() == [0] * 8
+
+
+def test_four_quarters_meet_in_a_junction_of_four_arcs() -> None:
+    surface = surface_of(*shapes.grid(9, 9, 4.0, 2.0))
+    middle = middles(surface)
+    atlas = cut_between(surface, (middle[:, 0] > 2.5).astype(np.int64) + 2 * (middle[:, 1] > 1))
+    n, chart = atlas.charts()
+    arcs = arcs_of(atlas, chart)
+    assert n == 4
+    assert sorted(arcs.length.tolist()) == pytest.approx([1.0, 1.0, 1.5, 2.5])
+    corner = {tuple(c > [2.5, 1]): int(k) for c, k in zip(middle[:, :2], chart, strict=True)}
+    beside = sorted(zip(arcs.left.tolist(), arcs.right.tolist(), strict=True))
+    around = [corner[k] for k in ((False, False), (True, False), (True, True), (False, True))]
+    expected = [(min(p), max(p)) for p in zip(around, around[1:] + around[:1], strict=True)]
+    assert beside == sorted(expected)
+    for k in range(4):
+        on = arcs.edge[arcs.arc == k]
+        assert atlas.lengths[on].sum() == pytest.approx(arcs.length[k])
+        ends = np.sort(chart[surface.edges[on] // 3], axis=1)
+        assert (ends == [arcs.left[k], arcs.right[k]]).all()
+
+
+def test_a_slit_has_a_tip_and_one_chart_on_both_sides() -> None:
+    """From the boundary inwards it has one free end; from boundary to boundary it has none."""
+    atlas = uncut(*shapes.grid(9, 9))
+    x, y = atlas.surface.points[:, 0], atlas.surface.points[:, 1]
+    for reach, tip in ((0.5, True), (0.875, True), (1.0, False)):
+        atlas.cut = cut_where(atlas.surface, (np.abs(y - 0.5) < 1e-9) & (x < reach + 1e-9))
+        arcs = arcs_of(atlas, atlas.charts()[1])
+        assert arcs.tip.tolist() == [tip]
+        assert arcs.length == pytest.approx([reach])
+        assert (arcs.left == arcs.right).tolist() == [tip]
+    # in the middle, both ends are free
+    atlas.cut = cut_where(atlas.surface, (np.abs(y - 0.5) < 1e-9) & (np.abs(x - 0.5) < 0.3))
+    arcs = arcs_of(atlas, atlas.charts()[1])
+    assert arcs.tip.tolist() == [True]
+    assert len(arcs.edge) == 4
+
+
+def test_arcs_end_at_vertices_of_more_curvature_than_asked_for() -> None:
+    """A pyramid cut through its tip: one arc, or two where its curvature is above the bound."""
+    points, faces = shapes.grid(5, 5)
+    points = points + [0, 0, 0.15] * (np.arange(25) == 12)[:, None]
+    atlas = uncut(points, faces)
+    atlas.cut = cut_where(atlas.surface, np.abs(atlas.surface.points[:, 0] - 0.5) < 1e-9)
+    _, chart = atlas.charts()
+    tip = int(np.flatnonzero(atlas.surface.vertex_points[:, 2] > 0)[0])
+    defect = float(np.abs(atlas.angle_defects[tip]))
+    assert 0.1 < defect < CONE
+    for cone, count in ((defect, 1), (np.nextafter(defect, 0), 2), (CONE, 1)):
+        assert len(arcs_of(atlas, chart, cone).left) == count
+    steep = uncut(points * [1, 1, 10], faces)
+    assert np.abs(steep.angle_defects[tip]) > CONE
+    steep.cut = atlas.cut
+    assert sorted(arcs_of(steep, chart).length) == pytest.approx([0.25 + np.hypot(0.25, 1.5)] * 2)
+
+
+def test_no_seam_has_no_arc() -> None:
+    atlas = uncut(*shapes.grid(3, 3))
+    arcs = arcs_of(atlas, atlas.charts()[1])
+    assert len(arcs.left) == len(arcs.edge) == len(arcs.tip) == 0
+
+
+def test_a_chart_comes_mainly_from_where_most_of_its_area_was() -> None:
+    chart = np.array([0, 0, 0, 1, 1, 2, 2])
+    before = np.array([0, 1, 1, 1, 2, 0, 3])
+    area = np.array([3.0, 1.0, 1.5, 1.0, 1.1, 2.0, 2.0])
+    main = main_parts(chart, before, area)
+    # 3 against 2.5; 1 against 1.1; of equals the first
+    assert main.tolist() == [True, False, False, False, True, True, False]
+    assert main_parts(chart, chart, area).all()
+
+
+def test_a_seam_of_one_edge_inside_a_chart_has_a_tip() -> None:
+    atlas = uncut(*shapes.grid(5, 5))
+    x, y = atlas.surface.points[:, 0], atlas.surface.points[:, 1]
+    atlas.cut = cut_where(atlas.surface, (y == 0.5) & ((x == 0.5) | (x == 0.25)))
+    assert atlas.cut.sum() == 1
+    assert arcs_of(atlas, atlas.charts()[1]).tip.tolist() == [True]

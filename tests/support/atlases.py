@@ -1,0 +1,71 @@
+"""Surfaces and atlases of shapes, cut where the test says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import repair
+from circparam.mesh.surface import Surface
+from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.solvers.newton import RelaxOptions, relax
+
+
+def surface_of(points: np.ndarray, faces: np.ndarray) -> Surface:
+    """The surface of a mesh."""
+    return repair(Mesh(points, faces))[0]
+
+
+def uncut(points: np.ndarray, faces: np.ndarray) -> Atlas:
+    """The atlas of a mesh without any seam."""
+    surface = surface_of(points, faces)
+    return Atlas(surface, np.zeros(len(surface.edges), bool))
+
+
+def cut_between(surface: Surface, label: np.ndarray) -> Atlas:
+    """Seams between faces of different labels ((m,))."""
+    ends = label[surface.edges // 3]
+    return Atlas(surface, ends[:, 0] != ends[:, 1])
+
+
+def cut_where(surface: Surface, on: np.ndarray) -> np.ndarray:
+    """(e,) bool: edges both ends of which are chosen vertices ((n,) bool over the points)."""
+    flat = surface.faces.ravel()
+    h = surface.edges[:, 0]
+    ahead = surface.faces[:, [1, 2, 0]].ravel()
+    result: np.ndarray = on[flat[h]] & on[ahead[h]]
+    return result
+
+
+def middles(surface: Surface) -> np.ndarray:
+    """(m, 3) centroids of the faces."""
+    result: np.ndarray = surface.points[surface.faces].mean(1)
+    return result
+
+
+def as_it_lies(atlas: Atlas) -> Atlas:
+    """The atlas of a flat surface, its layout the plane it lies in."""
+    atlas.corners = np.ascontiguousarray(atlas.surface.points[atlas.surface.faces][:, :, :2])
+    return atlas
+
+
+def energies(cut_mesh, uv) -> np.ndarray:
+    """(n_charts,) symmetric Dirichlet energy / 4."""
+    return relax(cut_mesh, uv, RelaxOptions(max_iterations=0)).energy
+
+
+def coil(turns: float = 2.5, n: int = 200, width: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+    """The flank of a screw: a strip that unrolls to a ring it runs through more than once."""
+    t = np.linspace(0, 2 * np.pi * turns, n)
+    rim = [np.stack([r * np.cos(t), r * np.sin(t), 0.02 * t], 1) for r in (1.0, 1.0 + width)]
+    k = np.arange(n - 1)
+    faces = np.concatenate([np.stack([k, n + k, n + k + 1], 1), np.stack([k, n + k + 1, k + 1], 1)])
+    return np.concatenate(rim), faces
+
+
+def relaxed(shape: tuple[np.ndarray, np.ndarray]) -> tuple[Atlas, float]:
+    """A surface without seams, laid out with the least symmetric Dirichlet energy, and that energy."""
+    atlas = uncut(*shape)
+    fine = RelaxOptions(tolerance=1e-10, max_iterations=200)
+    return atlas, float(lay_out_fresh(atlas, None, fine).energy[0])
