@@ -186,7 +186,7 @@ def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
     """Nine holes and an outer boundary are ten; four and one are half of it."""
     full, less = surface_of(*shapes.holed_sheet(9)), surface_of(*shapes.holed_sheet(holes))
     assert (module.complexity(full), module.complexity(less)) == (10, holes + 1)
-    monkeypatch.setattr(module, "MANY", 9)
+    monkeypatch.setattr(module, "LOOPS", 9)
     monkeypatch.setattr(module, "close_small_holes", lambda _: less)
     monkeypatch.setattr(module, "without_fans", stop)
     grown = module.grown_atlas
@@ -195,7 +195,7 @@ def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
             grown(full, 1.05, SeamOptions(), Monitor(), [])
     else:
         assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
-    monkeypatch.setattr(module, "MANY", 10)
+    monkeypatch.setattr(module, "LOOPS", 10)
     assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
 
 
