@@ -80,7 +80,7 @@ def row(path: Path, folder: Path, judge: Path | None) -> tuple[list[str], dict[s
             continue
         f, flat = made.figures, in_flats(folder / f"{file}.obj")
         cells += [
-            str(f["charts"]), f"{f['seam_length']:.2f}", f"{flat:.2f}", f"{f['sd']:.4f}", f"{made.seconds:.1f}"
+            str(f["charts"]), f"{f['seam_length']:.2f}", f"{flat:.2f}", f"{f['sd']:.5g}", f"{made.seconds:.1f}"
         ]  # fmt: skip
         figures |= {f"{name} {k}": f[k] for k in ("charts", "seam_length")}
         figures |= {f"{name} flat": flat, f"{name} clean": float(made.clean())}

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +131,11 @@ def main() -> int:
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         hashes = dict(zip(todo, pool.map(lambda case: _case(*case), todo.values()), strict=True))
     if told.work == "store":
-        facts = {"python": platform.python_version(), "machine": platform.machine()}
+        facts = {
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            **{name: version(name) for name in ("numpy", "scipy", "trimesh", "pillow")},
+        }
         told.file.write_text(json.dumps({"facts": facts, "hashes": hashes}, indent=1) + "\n")
         print(f"{len(hashes)} cases stored, {sum(map(len, hashes.values()))} hashes")
         return 0
