@@ -69,7 +69,9 @@ def row(path: Path, folder: Path, judge: Path | None) -> tuple[list[str], dict[s
     default = atlas.unwrap(path, folder, judge, atlas.BOUND, limit)
     peer = atlas.peer("xatlas", path, folder, judge, limit)
     cells, figures = [path.stem], {}
-    bound = max(1.01, peer.figures["sd"]) if peer.ok else 1.01
+    # a collapsed face makes the figure a number without meaning: then the strictest bound
+    sane = peer.ok and peer.figures["sd"] < atlas.ABSURD
+    bound = max(1.01, peer.figures["sd"]) if sane else 1.01
     beside = atlas.unwrap(path, folder, judge, bound, limit)
     files = (f"{path.stem}-{atlas.BOUND:.4f}", f"{path.stem}-xatlas", f"{path.stem}-{bound:.4f}")
     for name, made, file in zip(
