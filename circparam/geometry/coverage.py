@@ -26,13 +26,13 @@ class Coverage:
     """What a raster of the pages shows.
 
     share: covered share of the pages, 0..1. gap: smallest distance in texels between the centres of covered
-    texels of two charts, infinity where it is beyond what was searched. boundary: smallest number of empty
+    texels of two charts, infinity where it is beyond what was searched. border: smallest number of empty
     texels between a covered one and the edge of its page. near: charts (2,) at the smallest gap, or None.
     """
 
     share: float
     gap: float
-    boundary: int
+    border: int
     near: tuple[int, int] | None
 
 
@@ -43,15 +43,15 @@ def cover(cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int) -> Co
     search: the radius in texels up to which gaps are looked for.
     """
     page = pages_of(cut_mesh, uv)
-    shares, gap, boundary, near = [], np.inf, resolution, None
+    shares, gap, border, near = [], np.inf, resolution, None
     for p in range(int(page.max(initial=0)) + 1):
         grid = label_grid(cut_mesh, uv - [p, 0], resolution, page == p)
         shares.append(float((grid >= 0).mean()))
-        boundary = min(boundary, free_border(grid))
+        border = min(border, free_border(grid))
         here, pair = smallest_gap(grid, search)
         if here < gap:
             gap, near = here, pair
-    return Coverage(float(np.mean(shares)), gap, boundary, near)
+    return Coverage(float(np.mean(shares)), gap, border, near)
 
 
 def pages_of(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:

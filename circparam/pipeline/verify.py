@@ -85,7 +85,7 @@ class Verification:
             "seam_length": self.seam_length,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,
-            "border_texels": None if c is None else c.boundary,
+            "border_texels": None if c is None else c.border,
         }
 
 
@@ -282,9 +282,9 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
                 f"charts {c.near[0]} and {c.near[1]} are {max(c.gap - 1, 0):.1f} texels apart: "
                 f"{promise.padding} were asked for"
             )
-        if c.boundary < promise.padding:
+        if c.border < promise.padding:
             out.append(
-                f"{c.boundary} texels are empty at the border: {promise.padding} were asked for"
+                f"{c.border} texels are empty at the border: {promise.padding} were asked for"
             )
     return out
 

@@ -23,12 +23,12 @@ def match_edges(surface: Surface, pairs: IntArray) -> tuple[BoolArray, IntArray]
     a, b = flat[h], flat[next_half_edge(h)]
     key = edge_keys(a, b, n)
     low, high = np.min(pairs, 1, initial=n), np.max(pairs, 1, initial=0)
-    wanted = low * n + high
+    asked = low * n + high
     outside = (pairs < 0).any(1) | (pairs >= n).any(1)
     rim = surface.boundary
     c, d = flat[rim], flat[next_half_edge(rim)]
     known = np.concatenate([key, edge_keys(c, d, n)])
-    return np.isin(key, wanted[~outside]), np.flatnonzero(outside | ~np.isin(wanted, known))
+    return np.isin(key, asked[~outside]), np.flatnonzero(outside | ~np.isin(asked, known))
 
 
 def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArray, list[str]]:
@@ -54,16 +54,16 @@ def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArra
         locked = locked | forbidden
         forced &= ~forbidden
     if options.cut is not None:
-        wanted = _named(surface, options.cut, "--seams", notes)
-        inside = int((wanted & surface.locked).sum())
+        asked = _named(surface, options.cut, "--seams", notes)
+        inside = int((asked & surface.locked).sum())
         if inside:
             notes.append(f"{inside} of the edges of --seams lie inside a polygon and were not cut")
-        clash = wanted & locked & ~surface.locked
+        clash = asked & locked & ~surface.locked
         if clash.any():
             raise OptionError(
                 f"{int(clash.sum())} edges are named by --seams and by --no-seams: take them out of one"
             )
-        forced |= wanted & ~surface.locked
+        forced |= asked & ~surface.locked
     return dataclasses.replace(surface, locked=locked), forced, notes
 
 

@@ -71,14 +71,14 @@ class Mirror:
         return dataclasses.replace(self, images=images)
 
 
-def find_mirror(surface: Surface, wanted: str) -> Mirror:
+def find_mirror(surface: Surface, asked: str) -> Mirror:
     """The mirror plane across an axis, or the best of all ('auto').
 
     Raises OptionError, with the best that was found, where the surface is no mirror image of itself.
     """
     used = np.unique(surface.faces)
     best: tuple[float, str, float] = (-1.0, "", 0.0)
-    for axis in AXES if wanted == "auto" else (wanted,):
+    for axis in AXES if asked == "auto" else (asked,):
         x = surface.points[used, AXES.index(axis)]
         for at in ((x.min() + x.max()) / 2, 0.0, float(np.median(x)), float(x.mean())):
             share = _likeness(surface, axis, float(at), used)
@@ -87,7 +87,7 @@ def find_mirror(surface: Surface, wanted: str) -> Mirror:
     share, axis, at = best
     if share < ALIKE:
         raise OptionError(
-            f"--symmetry {wanted}: the mesh is no mirror image of itself; across {axis} = {at:.6g} only "
+            f"--symmetry {asked}: the mesh is no mirror image of itself; across {axis} = {at:.6g} only "
             f"{share:.1%} of its vertices have a counterpart: leave it out"
         )
     images = _images(surface, axis, at, used)

@@ -18,7 +18,7 @@ AGGREGATE_SIZE = 60  # vertices in one aggregate of the coarse space
 
 
 class BlockPattern:
-    """Where the blocks of the edges and vertices of cut mesh stand in a block-sparse-row matrix."""
+    """Where the blocks of the edges and vertices of the cut mesh stand in a block-sparse-row matrix."""
 
     def __init__(self, cut_mesh: CutMesh) -> None:
         flat = cut_mesh.faces.ravel()

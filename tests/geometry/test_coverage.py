@@ -70,7 +70,7 @@ def test_gap_between_two_squares(texels: int, gap: float) -> None:
     found = cover(cut_mesh, uv, n, 8)
     assert found.gap == gap
     assert found.near == (0, 1)
-    assert found.boundary == 10
+    assert found.border == 10
     assert found.share == pytest.approx(0.08, abs=0.002)
 
 
@@ -84,4 +84,4 @@ def test_pages_are_tiles() -> None:
     assert pages_of(cut_mesh, uv).tolist() == [0, 1, 2]
     found = cover(cut_mesh, uv, 50, 4)
     assert found.share == pytest.approx(0.04, abs=0.005)
-    assert found.boundary == 5
+    assert found.border == 5

@@ -90,8 +90,8 @@ def _decided(
         enforce(atlas, graph, layouts, bound, FINAL, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            wanted = MergeOptions(bound, margin=MARGIN, rigid=True)
-            left = absorb(atlas, wanted, options.min_chart_faces, monitor)
+            merging = MergeOptions(bound, margin=MARGIN, rigid=True)
+            left = absorb(atlas, merging, options.min_chart_faces, monitor)
             notes += small_note(left, options.min_chart_faces)
     return atlas
 

@@ -30,15 +30,15 @@ def close_small_holes(surface: Surface) -> Surface:
     """
     loops = surface.cut_mesh(np.zeros(len(surface.edges), bool)).loops
     size = np.diff(loops.start)
-    wanted = ~loops.outer & (size >= 3) & (size <= LARGEST)
+    small = ~loops.outer & (size >= 3) & (size <= LARGEST)
     m, h, loop = len(surface.faces), loops.half_edges, loops.loop_of
     start, position = surface.faces.ravel(), ranges(size)
     root = loops.start[:-1][loop]
     # the two edges at the root have no face of their own
-    base = wanted[loop] & (position > 0) & (position < size[loop] - 1)
+    base = small[loop] & (position > 0) & (position < size[loop] - 1)
     fans = np.stack([start[next_half_edge(h)], start[h], start[h[root]]], 1)
-    wanted &= ~np.isin(np.arange(len(size)), loop[base][_folds(surface, fans[base], loop[base])])
-    base &= wanted[loop]
+    small &= ~np.isin(np.arange(len(size)), loop[base][_folds(surface, fans[base], loop[base])])
+    base &= small[loop]
     if not base.any():
         return surface
     f = np.full(len(h), -1)

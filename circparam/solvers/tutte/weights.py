@@ -1,6 +1,6 @@
 """Convex-combination weights: what each inner vertex takes of each of its neighbours.
 
-A scheme is one function of cut mesh. It returns a pair (forward, backward) of (m, 3) arrays: what the face
+A scheme is one function of the cut mesh. It returns a pair (forward, backward) of (m, 3) arrays: what the face
 adds to the weight w_ij of its half-edge i → j, and to w_ji of the same edge read backwards. The function
 ``half_edge_weights`` adds the two faces of every edge up. All schemes are intrinsic (they read the rest
 triangles only) and work on all charts at once; none needs a loop over vertices.
