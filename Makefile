@@ -79,8 +79,9 @@ mutants: $(VENV)/.dev ## 200 planted faults: the share that the tests notice (ha
 figures: $(VENV)/.dev ## the pictures of README and docs
 	$(RUN) -m tests.tools.figures
 
-docs: $(VENV)/.dev ## docs/cli.md out of the help texts
+docs: $(VENV)/.dev ## docs/cli.md out of the help texts, typed keywords out of the options
 	$(RUN) -m tests.tools.reference
+	$(RUN) -m tests.tools.keywords
 
 clean: ## remove what make has made
 	rm -rf $(VENV) demo-output test-artefacts build dist *.egg-info

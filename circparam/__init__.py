@@ -29,25 +29,24 @@ from circparam.errors import (
 
 if TYPE_CHECKING:
     from circparam.formats.document import Document
-    from circparam.formats.io import read, write
+    from circparam.integrations.parametrize import parametrize
+    from circparam.integrations.python import inspect, read, repack, save, unwrap, write
     from circparam.mesh.mesh import Mesh, UVMap
-    from circparam.pipeline.inspect import inspect
     from circparam.pipeline.options import Options
     from circparam.pipeline.result import Result
-    from circparam.pipeline.save import save
     from circparam.pipeline.summary import summarise
-    from circparam.pipeline.unwrap import repack, unwrap
 
 
 _HOME = {
-    "unwrap": "circparam.pipeline.unwrap",
-    "repack": "circparam.pipeline.unwrap",
-    "inspect": "circparam.pipeline.inspect",
+    "unwrap": "circparam.integrations.python",
+    "repack": "circparam.integrations.python",
+    "inspect": "circparam.integrations.python",
+    "parametrize": "circparam.integrations.parametrize",
     "Result": "circparam.pipeline.result",
-    "save": "circparam.pipeline.save",
+    "save": "circparam.integrations.python",
     "Options": "circparam.pipeline.options",
-    "read": "circparam.formats",
-    "write": "circparam.formats",
+    "read": "circparam.integrations.python",
+    "write": "circparam.integrations.python",
     "Document": "circparam.formats",
     "summarise": "circparam.pipeline.summary",
     "Mesh": "circparam.mesh.mesh",
@@ -71,6 +70,7 @@ __all__ = [
     "UVMap",
     "__version__",
     "inspect",
+    "parametrize",
     "read",
     "repack",
     "save",

@@ -181,7 +181,7 @@ def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
 
 
 def _keywords(given: dict[str, Any]) -> dict[str, Any]:
-    """The options of the library out of those of the command: files read, angles in radians.
+    """The options of the library out of those of the command, files read.
 
     The format is left to the streams: it says nothing of meshes in files.
     """
@@ -189,8 +189,6 @@ def _keywords(given: dict[str, Any]) -> dict[str, Any]:
 
     out = common.library_keywords(given)
     out.pop("format", None)
-    if "sharp" in out:
-        out["sharp"] = out["sharp"] * 3.141592653589793 / 180
     if out.get("boundary", "").startswith("polygon:"):
         corners = out["boundary"].removeprefix("polygon:")
         out |= {"boundary": "polygon", "polygon": sidecars.read_polygon(corners)}

@@ -62,6 +62,8 @@ def seam_options(
     given = _given(
         o, ("max_distortion", "max_stretch", "max_charts", "min_chart_faces", "sharp", "symmetry")
     )
+    if o.sharp is not None:
+        given["sharp"] = o.sharp * np.pi / 180
     groups = document.mesh.groups
     several = groups is not None and len(np.unique(groups)) > 1
     check_scene(document, o)

@@ -57,7 +57,7 @@ def _boundaries() -> list[str]:
 class Options:
     """What an unwrap is asked to do; the help text of each field says what it is.
 
-    Angles are radians here (``sharp``), degrees on the command line. ``polygon``: (k, 2) corners. ``pins``:
+    Angles (``sharp``) are degrees. ``polygon``: (k, 2) corners. ``pins``:
     (p, 3) vertex of the mesh, u, v. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``bff_boundary``: "disk", or
     the target length of each edge of the outer boundary. ``max_distortion``: the area-weighted symmetric
     Dirichlet energy / 4 (1 is perfect). ``weld``: a distance in mesh units. ``cut_materials`` None: where
@@ -138,7 +138,7 @@ class Options:
     )
     sharp: float | None = option(
         "seams", "Always cut edges at least so sharp.", metavar="DEGREES",
-        bounds=Range(0.0, 3.1416, "an angle between 0 and 180 degrees"), applies=applies.with_seams,
+        bounds=Range(0.0, 180.0, "an angle between 0 and 180 degrees"), applies=applies.with_seams,
     )
     keep_uv_seams: bool | None = option(
         "seams", "Start from the charts of the file's own uv.", applies=applies.with_charts

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import NoResultError, OutOfTimeError
 from circparam.formats.document import Document
+from circparam.formats.memory import to_trimesh
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.options import DEFAULT_PADDING, DEFAULT_RESOLUTION, Options
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +69,34 @@ class Result:
     def measures(self) -> dict[str, float | int | None]:
         """Every figure of the layout by name: charts, flips, overlap, distortion, seam_length, pack ..."""
         return self.verification.numbers()
+
+    @cached_property
+    def _split(self) -> tuple[IntArray, IntArray, IntArray]:
+        """A vertex for each uv of each vertex: its vertex and uv (k,), and the number of each corner (m, 3)."""
+        vertex, uv = self.mesh.faces.ravel(), self.uv_faces.ravel()
+        rows = len(self.uv) + 1
+        pairs, corner = np.unique(vertex * rows + uv + 1, return_inverse=True)
+        return pairs // rows, pairs % rows - 1, corner.reshape(-1, 3)
+
+    @property
+    def vmapping(self) -> npt.NDArray[np.uint32]:
+        """(k,) uint32, ascending: the input vertex of each vertex of ``indices`` and ``uvs``."""
+        return self._split[0].astype(np.uint32)
+
+    @property
+    def indices(self) -> npt.NDArray[np.uint32]:
+        """(m, 3) uint32: the faces, in the order of the mesh, over ``vmapping`` and ``uvs``."""
+        return self._split[2].astype(np.uint32)
+
+    @property
+    def uvs(self) -> npt.NDArray[np.float32]:
+        """(k, 2) float32: the uv of each vertex of ``indices``; 0 where a face has none."""
+        table = np.concatenate([self.uv, np.zeros((1, 2))])
+        return table[self._split[1]].astype(np.float32)
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """The mesh with its layout as a trimesh.Trimesh: vertices split along seams, faces in their order."""
+        return to_trimesh(self.mesh.points[self._split[0]], self._split[2], self.uvs)
 
 
 def promise(options: Options) -> Promise:

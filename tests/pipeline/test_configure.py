@@ -86,13 +86,13 @@ def test_seams_are_told_in_points_of_the_surface() -> None:
     p, f = shapes.grid(3, 3)
     doubled = np.r_[p, p[:1]]  # the last vertex lies on the first: they are one point
     f = np.where(f == 0, len(p), f)
-    got = seams_of((doubled, f), seams=[[9, 1]], no_seams=[[3, 4]], max_charts=5, sharp=1.0)
+    got = seams_of((doubled, f), seams=[[9, 1]], no_seams=[[3, 4]], max_charts=5, sharp=90)
     _, report = repair(Mesh(doubled, f), RepairOptions())
     assert got.cut is not None
     assert got.cut.tolist() == [report.weld[[9, 1]].tolist()]
     assert got.no_cut is not None
     assert got.no_cut.tolist() == [report.weld[[3, 4]].tolist()]
-    assert (got.max_charts, got.sharp, got.cut_groups) == (5, 1.0, False)
+    assert (got.max_charts, got.sharp, got.cut_groups) == (5, np.pi / 2, False)
 
 
 @pytest.mark.parametrize("vertex", [-1, 9])

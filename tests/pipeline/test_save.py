@@ -48,7 +48,7 @@ def test_seams_are_the_cut_edges_as_pairs_of_vertices_of_the_input(tmp_path: Pat
     p, f = shapes.cube(2)
     side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
     f = np.where(side[:, None], f[:, [0, 2, 1]], f)
-    result = circparam.unwrap((p, f), sharp=np.pi / 3, **QUICK)
+    result = circparam.unwrap((p, f), sharp=60, **QUICK)
     assert result.repair_report.n_reversed == side.sum() > 0
     pairs = seam_pairs(result)
     cut = len(result.surface.edges) - len(result.verification.cut_mesh.edges)

@@ -48,7 +48,7 @@ def test_a_chart_lies_as_the_file_winds_most_of_it() -> None:
     p, f = shapes.cube(2)
     side = (p[f][:, :, 2] == p[:, 2].max()).all(1)
     f = np.where(side[:, None], f[:, [0, 2, 1]], f)
-    result = circparam.unwrap((p, f), sharp=np.pi / 3, effort=0.0)
+    result = circparam.unwrap((p, f), sharp=60, effort=0.0)
     q = result.uv[result.uv_faces]
     ahead, back = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
     assert side.any()

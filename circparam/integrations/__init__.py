@@ -1,0 +1,1 @@
+"""Where circparam meets other programs: Python callers, xatlas' signature, Blender."""

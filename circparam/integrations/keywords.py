@@ -1,0 +1,56 @@
+"""The options as typed keywords, for completion and type checks; made by ``make docs``."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypedDict
+
+import numpy.typing as npt
+
+
+class Keywords(TypedDict, total=False):
+    """Keywords of ``unwrap``, ``repack`` and ``parametrize``: the fields of ``Options``."""
+
+    method: str
+    start: str | None
+    boundary: str | None
+    polygon: npt.ArrayLike | None
+    spacing: Literal["arc-length", "uniform"] | None
+    clamp: bool | None
+    pins: npt.ArrayLike | None
+    tolerance: float | None
+    blend: float | None
+    lscm: Literal["spectral", "pinned"] | None
+    linear: bool | None
+    bff_boundary: Any
+    cut: Literal["charts", "disk", "none"]
+    max_distortion: float | None
+    max_stretch: float | None
+    max_charts: int | None
+    min_chart_faces: int | None
+    sharp: float | None
+    keep_uv_seams: bool | None
+    seams: Any
+    no_seams: Any
+    cut_materials: bool | None
+    symmetry: Literal["x", "y", "z", "auto"] | None
+    pack_splits: int | None
+    resolution: int | None
+    padding: int | None
+    pages: int | None
+    texel_density: float | None
+    rotate: Literal["free", "90", "none"] | None
+    effort: float | None
+    scale: bool | None
+    normalize: bool | None
+    uv_set: int | None
+    overwrite_uv: bool | None
+    ply_uv: Literal["vertex", "face"] | None
+    copy_assets: bool | None
+    lightmap: bool | None
+    group_by: Literal["primitive", "mesh", "scene"] | None
+    unshare: bool | None
+    repair: bool
+    weld: float | None
+    format: str | None
+    overwrite: bool
+    timeout: float | None

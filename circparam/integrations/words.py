@@ -1,0 +1,81 @@
+"""Errors in the words of Python: messages name options as the command line spells them, a caller does not.
+
+``max_distortion 0.5`` is ``max_distortion=0.5`` for who calls a function, and ``--max-distortion 0.5`` for who
+types a command. The messages are written once, with flags; here they are turned into keywords.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+from circparam.core.fields import Spec, flag, specs
+from circparam.errors import CircparamError
+from circparam.pipeline.options import ALIASES, Options
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+# a flag that stands alone, and what may follow it as its value: a number or a word in quotes
+FLAG = re.compile(
+    r"(?<![\w-])(--[a-z][a-z-]*[a-z])(?: ('[^']*'|[-+]?\d[\w.+-]*[\w]|[-+]?\d|[a-z-]+|FILE))?"
+)
+
+
+@functools.cache
+def _flags() -> dict[str, tuple[str, Spec]]:
+    """Every spelling of an option on the command line → (name of the keyword, what is known of it)."""
+    out = {}
+    for name, spec in specs(Options).items():
+        for spelling in {"--" + name.replace("_", "-"), flag(name, spec), *spec.flag.split("/")}:
+            out[spelling.split(" ")[0] or "--" + name] = (name, spec)
+    for old, name in ALIASES.items():
+        out["--" + old.replace("_", "-")] = (name, specs(Options)[name])
+    out["--boundary"] = ("boundary", specs(Options)["boundary"])
+    return out
+
+
+def in_python(message: str) -> str:
+    """A message with keywords where it names flags: ``--cut none`` becomes ``cut='none'``."""
+    return FLAG.sub(_keyword, message)
+
+
+def _keyword(found: re.Match[str]) -> str:
+    spelling, value = found.group(1), found.group(2)
+    if spelling not in _flags():
+        return found.group(0)
+    name, spec = _flags()[spelling]
+    rest = "" if value is None else f" {value}"
+    if spec.flag.endswith("/" + spelling) or (spelling.startswith("--no-") and spec.switches_off):
+        return f"{name}=False{rest}"
+    if value == "FILE":
+        return f"{name}=..."
+    if value is not None and (value[0] in "'+-.0123456789"):
+        return f"{name}={value}"
+    words = {*spec.choices, *(spec.names() if spec.names else ())}
+    if value in words:
+        return f"{name}={value!r}"
+    return f"{name}=True{rest}" if _is_switch(name, spec) else name + rest
+
+
+def _is_switch(name: str, spec: Spec) -> bool:
+    """Whether an option is on or off."""
+    return "bool" in str(Options.__annotations__[name])
+
+
+def python_words(function: Callable[P, T]) -> Callable[P, T]:
+    """A function whose errors name keywords instead of flags; class and cause stay."""
+
+    @functools.wraps(function)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            return function(*args, **kwargs)
+        except CircparamError as error:
+            said = in_python(str(error))
+            if said == str(error):
+                raise
+            raise type(error)(said).with_traceback(error.__traceback__) from error.__cause__
+
+    return wrapped

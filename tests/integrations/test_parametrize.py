@@ -1,0 +1,135 @@
+"""xatlas' one call: the same code runs with either package, and gets a valid layout."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+
+import circparam
+from circparam.errors import InputError, OptionError
+from tests.support import shapes, strategies
+
+xatlas = pytest.importorskip("xatlas", reason="the baseline is not installed")
+QUICK = {"effort": 0.01}
+
+
+def export(mesh: trimesh.Trimesh, uv_package: Any) -> trimesh.Trimesh:
+    """What the exporters of generated meshes do: unwrap, split the vertices, hand out a textured mesh."""
+    vmapping, indices, uvs = uv_package.parametrize(mesh.vertices, mesh.faces)
+    return trimesh.Trimesh(
+        vertices=mesh.vertices[vmapping],
+        faces=indices,
+        vertex_normals=mesh.vertex_normals[vmapping],
+        visual=trimesh.visual.TextureVisuals(uv=uvs),
+        process=False,
+    )
+
+
+def signed_areas(uvs: Any, indices: Any) -> Any:
+    a, b, c = np.moveaxis(uvs[indices].astype(np.float64), 1, 0)
+    return (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+
+
+@pytest.mark.parametrize("package", [xatlas, circparam], ids=["xatlas", "circparam"])
+def test_the_same_code_runs_with_both(package: Any) -> None:
+    mesh = trimesh.Trimesh(*shapes.icosphere(2), process=False)
+    textured = export(mesh, package)
+    np.testing.assert_array_equal(textured.vertices[textured.faces], mesh.vertices[mesh.faces])
+    assert textured.visual.uv.shape == (len(textured.vertices), 2)
+
+
+def test_shapes_and_types_are_those_of_xatlas() -> None:
+    p, f = shapes.cube(3)
+    ours, theirs = circparam.parametrize(p, f, **QUICK), xatlas.parametrize(p, f)
+    for a, b in zip(ours, theirs, strict=True):
+        assert (type(a), a.dtype, a.ndim, a.shape[1:]) == (type(b), b.dtype, b.ndim, b.shape[1:])
+    assert len(ours[0]) <= 1.05 * len(theirs[0])
+
+
+@settings(max_examples=15)
+@given(strategies.surfaces())
+def test_every_output_is_a_valid_layout_of_the_input(mesh: Any) -> None:
+    p, f = mesh
+    vmapping, indices, uvs = circparam.parametrize(p, f, **QUICK)
+    np.testing.assert_array_equal(vmapping[indices], f)
+    assert len(np.unique(np.c_[vmapping, uvs], axis=0)) <= len(vmapping) == len(uvs)
+    assert set(np.unique(indices)) == set(range(len(vmapping)))
+    assert (np.diff(vmapping.astype(int)) >= 0).all()
+    assert uvs.min() >= 0
+    assert uvs.max() <= 1
+
+
+def test_the_numbers_handed_out_hold_no_flip() -> None:
+    """Signs of the float32 numbers themselves, computed in float64."""
+    p, f = shapes.icosphere(3)
+    _, indices, uvs = circparam.parametrize(p, f)
+    assert (signed_areas(uvs, indices) > 0).all()
+
+
+@pytest.mark.parametrize("kind", [">i4", "<i8", ">u2", "u4", "i1"])
+def test_indices_of_every_integer_type(kind: str) -> None:
+    p, f = shapes.cube(1)
+    usual = circparam.parametrize(p, f, **QUICK)
+    for a, b in zip(usual, circparam.parametrize(p, f.astype(kind), **QUICK), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("kind", [">f8", ">f4", "i4", "f2"])
+def test_points_of_every_type_and_in_views(kind: str) -> None:
+    p, f = shapes.cube(1)
+    wide = np.repeat(np.asarray(p * 2, kind), 2, axis=1)[:, ::2]
+    usual = circparam.parametrize(p * 2, f, **QUICK)
+    before = wide.copy()
+    for a, b in zip(usual, circparam.parametrize(wide, f[:, ::-1][:, ::-1], **QUICK), strict=True):
+        np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(wide, before)
+
+
+P, F = shapes.cube(1)
+BAD = {
+    "float faces": ((P, F.astype(float)), "integers"),
+    "quads": ((P, np.c_[F, F[:, 0]]), "quads"),
+    "out of range": ((P, F + 100), "names a vertex outside"),
+    "negative": ((P, F - 1), "names a vertex outside"),
+    "beyond int64": ((P, F.astype(np.uint64) + np.uint64(2**63)), "not so many"),
+    "NaN": ((np.where(P > 0.4, np.nan, P), F), "NaN"),
+    "no faces": ((P, np.zeros((0, 3), int)), "no faces"),
+    "no points": ((np.zeros((0, 3)), F), "names a vertex outside"),
+    "ragged": ((P, [[0, 1, 2], [0, 1]]), "no array"),
+    "words": ((np.full((8, 3), "a"), F), "real numbers"),
+    "complex": ((P + 1j, F), "real numbers"),
+    "normals": ((P, F, P[:3]), "normal"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_arrays_get_one_clear_exception(name: str) -> None:
+    arrays, said = BAD[name]
+    with pytest.raises(InputError, match=said) as caught:
+        circparam.parametrize(*arrays)
+    assert "\n" not in str(caught.value)
+    assert "--" not in str(caught.value)
+
+
+def test_options_of_files_do_not_apply() -> None:
+    for name, value in {"overwrite": True, "ply_uv": "face", "format": "obj", "uv_set": 1}.items():
+        with pytest.raises(OptionError, match=f"{name} concerns files"):
+            circparam.parametrize(P, F, **{name: value})
+
+
+def test_a_result_has_the_same_three_arrays() -> None:
+    p, f = shapes.icosphere(2)
+    result = circparam.unwrap((p, f), **QUICK)
+    np.testing.assert_array_equal(result.vmapping[result.indices], f)
+    np.testing.assert_array_equal(
+        result.uvs[result.indices], result.uv[result.uv_faces].astype(np.float32)
+    )
+    mesh = result.to_trimesh()
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], p[f])
+    np.testing.assert_array_equal(
+        np.asarray(mesh.visual.uv, np.float32)[mesh.faces], result.uvs[result.indices]
+    )

@@ -1,0 +1,63 @@
+"""circparam/integrations/keywords.py, the options as typed keywords, made from the fields of ``Options``.
+
+usage: ``python -m tests.tools.keywords [--check]``
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+from circparam.core.fields import KEY, Spec
+from circparam.pipeline.options import Options
+
+PAGE = Path(__file__).parents[2] / "circparam" / "integrations" / "keywords.py"
+HEAD = '''"""The options as typed keywords, for completion and type checks; made by ``make docs``."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypedDict
+
+import numpy.typing as npt
+
+
+class Keywords(TypedDict, total=False):
+    """Keywords of ``unwrap``, ``repack`` and ``parametrize``: the fields of ``Options``."""
+
+'''
+
+
+def page() -> str:
+    """The whole module."""
+    lines = []
+    for field in dataclasses.fields(Options):
+        spec: Spec = field.metadata[KEY]
+        lines.append(f"    {field.name}: {_type(str(field.type), spec)}")
+    return HEAD + "\n".join(lines) + "\n"
+
+
+def _type(kind: str, spec: Spec) -> str:
+    none = " | None" if kind.endswith("None") else ""
+    base = kind.removesuffix(" | None")
+    if spec.choices:
+        base = f"Literal[{', '.join(repr(c) for c in spec.choices)}]".replace("'", '"')
+    elif base == "FloatArray":
+        base = "npt.ArrayLike"
+    return base + none
+
+
+def main() -> int:
+    """Write the module, or with ``--check`` tell whether it is current."""
+    text = page()
+    if "--check" in sys.argv[1:]:
+        current = PAGE.exists() and PAGE.read_text("utf-8") == text
+        if not current:
+            print(f"{PAGE.name} is not what Options says: run make docs", file=sys.stderr)
+        return 0 if current else 1
+    PAGE.write_text(text, "utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
