@@ -17,6 +17,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 
 if TYPE_CHECKING:
     import trimesh
+    from trimesh import Trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +115,7 @@ def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene | Any) -> Document:
     return from_arrays(mesh.vertices, mesh.faces, uv, name="the trimesh object")
 
 
-def to_trimesh(points: FloatArray, faces: IntArray, uv: npt.NDArray[np.float32]) -> trimesh.Trimesh:
+def to_trimesh(points: FloatArray, faces: IntArray, uv: npt.NDArray[np.float32]) -> Trimesh:
     """Points (k, 3), faces (m, 3) and a uv for each point (k, 2) as a trimesh.Trimesh, in their order."""
     import trimesh
 

@@ -20,7 +20,7 @@ from circparam.pipeline.options import DEFAULT_PADDING, DEFAULT_RESOLUTION, Opti
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
 if TYPE_CHECKING:
-    import trimesh
+    from circparam.formats.memory import Trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ class Result:
         table = np.concatenate([self.uv, np.zeros((1, 2))])
         return table[self._split[1]].astype(np.float32)
 
-    def to_trimesh(self) -> trimesh.Trimesh:
+    def to_trimesh(self) -> Trimesh:
         """The mesh with its layout as a trimesh.Trimesh: vertices split along seams, faces in their order."""
         return to_trimesh(self.mesh.points[self._split[0]], self._split[2], self.uvs)
 
