@@ -17,7 +17,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 
 if TYPE_CHECKING:
     import trimesh
-    from trimesh import Trimesh
+    from trimesh import Trimesh as Trimesh
 
 
 @dataclass(frozen=True, eq=False)
