@@ -43,6 +43,7 @@ COMMANDS = {
     "bake": Entry(_HERE + "bake", "Carry colours or an old texture into the new uv."),
     "methods": Entry(_HERE + "methods", "Show every method, and what it guarantees."),
     "samples": Entry(_HERE + "samples", "List the bundled meshes, or save one."),
+    "blender": Entry(_HERE + "blender", "Save the add-on for Blender."),
 }
 _EPILOG = """\b
 Examples:

@@ -1,0 +1,34 @@
+"""``circparam blender``: hand out the add-on for Blender."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from circparam.cli import common
+
+_EPILOG = """\b
+Examples:
+  circparam blender -o circparam_addon.zip
+"""
+
+
+@click.command(epilog=_EPILOG)
+@common.output
+@common.overwrite
+def command(output: str | None, overwrite: bool) -> None:
+    """Save the add-on for Blender 4.2 and newer as a zip file.
+
+    In Blender: Edit > Preferences > Get Extensions > Install from Disk. It adds "Unwrap with circparam" to the
+    UV and Object menus; its preferences name the circparam program where it is not on the path.
+    """
+    from circparam.core.files import write_files
+    from circparam.errors import OptionError
+    from circparam.integrations.blender import addon_zip
+
+    path = Path(output or "circparam_addon.zip")
+    if path.suffix.lower() != ".zip":
+        raise OptionError(f"-o {path}: the add-on is a .zip file, name it so")
+    write_files({path: addon_zip()}, overwrite)
+    click.echo(f"saved {path}", err=True)

@@ -1,0 +1,35 @@
+"""The add-on for Blender as the zip file that Blender installs."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from importlib import resources
+
+from circparam._version import __version__
+
+MANIFEST = f"""schema_version = "1.0.0"
+id = "circparam_addon"
+name = "circparam"
+version = "{__version__}"
+tagline = "Unwrap with few charts, bounded distortion, no flips"
+maintainer = "circparam"
+type = "add-on"
+blender_version_min = "4.2.0"
+license = ["SPDX:MIT"]
+tags = ["UV"]
+
+[permissions]
+files = "Hands the mesh to the circparam program in a temporary folder"
+"""
+FOLDER = "circparam_addon"  # as extensions and older add-ons have it
+
+
+def addon_zip() -> bytes:
+    """The zip file, the same bytes each time."""
+    code = resources.files("circparam.integrations").joinpath("blender_addon.py").read_bytes()
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in (("__init__.py", code), ("blender_manifest.toml", MANIFEST.encode())):
+            archive.writestr(zipfile.ZipInfo(f"{FOLDER}/{name}", (2026, 1, 1, 0, 0, 0)), data)
+    return buffer.getvalue()
