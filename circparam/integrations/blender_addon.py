@@ -19,7 +19,6 @@ import numpy as np
 bl_info = {
     "name": "circparam",
     "description": "Unwrap with few charts, bounded distortion, no flips and no overlaps",
-    "author": "circparam",
     "version": (0, 2, 0),
     "blender": (4, 2, 0),
     "location": "UV menu, Object > Unwrap with circparam",
@@ -40,8 +39,7 @@ def command_line(path):
         if found is None:
             raise Failure(f"{path}: no such program; correct the path in the preferences")
         return [found]
-    found = shutil.which("circparam")
-    if found:
+    if found := shutil.which("circparam"):
         return [found]
     if importlib.util.find_spec("circparam") is not None:
         return [sys.executable, "-m", "circparam"]
@@ -215,7 +213,6 @@ class OBJECT_OT_circparam(bpy.types.Operator):
             context.window_manager.progress_update(self._done)
             return {"RUNNING_MODAL"}
         context.window_manager.event_timer_remove(self._timer)
-        context.window_manager.progress_end()
         context.workspace.status_text_set(None)
         return self._end(context)
 
@@ -310,6 +307,7 @@ class OBJECT_OT_circparam(bpy.types.Operator):
 
     def _end(self, context):
         shutil.rmtree(self._folder, ignore_errors=True)
+        context.window_manager.progress_end()
         if self._reports:
             self.report({"INFO"}, "; ".join(self._reports))
         if self._failures:
@@ -338,7 +336,8 @@ MENUS = ("VIEW3D_MT_uv_map", "IMAGE_MT_uvs", "VIEW3D_MT_object")
 
 def register():
     """Add the operator and its lines in the menus."""
-    any(map(bpy.utils.register_class, CLASSES))
+    for one in CLASSES:
+        bpy.utils.register_class(one)
     for name in MENUS:
         getattr(bpy.types, name).append(entry)
 
