@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing fuzz mutants figures docs clean
+.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -82,6 +82,18 @@ figures: $(VENV)/.dev ## the pictures of README and docs
 docs: $(VENV)/.dev ## docs/cli.md out of the help texts, typed keywords out of the options
 	$(RUN) -m tests.tools.reference
 	$(RUN) -m tests.tools.keywords
+
+dist: $(VENV)/.dev ## wheel and sdist in dist/; the wheel is tried in an environment of its own
+	rm -rf dist build
+	$(RUN) -m build --outdir dist . > /dev/null
+	$(PYTHON) -m venv dist/trial
+	dist/trial/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	cd dist && trial/bin/circparam samples creature -o trial/creature.ply \
+	  && trial/bin/circparam unwrap trial/creature.ply -o trial/creature_uv.glb --preview trial/creature.png \
+	  --fail-if 'flips>0,overlap>0,mirrored>0'
+	cd dist && trial/bin/circparam blender -o trial/addon.zip
+	rm -rf dist/trial build
+	@ls dist
 
 clean: ## remove what make has made
 	rm -rf $(VENV) demo-output test-artefacts build dist *.egg-info

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from circparam._version import __version__
 from circparam.cli import COMMANDS, cli
 from tests.tools import reference
 
@@ -95,3 +96,11 @@ def test_make_help_lists_every_target() -> None:
     targets = set(re.findall(r"^([a-z-]+):", text, re.M))
     told = set(re.findall(r"^([a-z-]+):.*## ", text, re.M))
     assert targets == told
+
+
+def test_the_version_stands_once() -> None:
+    """The citation names the version of the code, and the changes have a section for it."""
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.M)
+    assert cited is not None
+    assert cited[1] == __version__
+    assert f"\n## {__version__}" in (ROOT / "CHANGELOG.md").read_text("utf-8")
