@@ -14,9 +14,12 @@ from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
 from circparam.formats.assets import find_assets
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout
+from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, sniff, writable
 from circparam.mesh.mesh import UVMap
+
+CURABLE = 1 << 24  # bytes of a refused file up to which it is tried whether trimesh takes it
 
 
 @dataclass(frozen=True)
@@ -53,37 +56,52 @@ def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
 
 
 def read(
-    path: str | os.PathLike[str], *, format: str | None = None, unshare: bool = False
-) -> Document:
+    path: str | os.PathLike[str], *, format: str | None = None, unshare: bool = False,
+    reader: str | None = None,
+) -> Document:  # fmt: skip
     """Read a mesh file; ``-`` is standard input.
 
     format: a name of ``FORMATS``; else the content tells, and where it does not, the suffix. unshare: meshes
-    that several nodes use (glTF) become copies, one for each node; other formats are read as ever.
+    that several nodes use (glTF) become copies, one for each node; other formats are read as ever. reader:
+    'trimesh' reads geometry and uv through trimesh, whatever there is of an own reader.
     Raises InputError where the file is missing, unreadable, malformed, without faces, or holds NaN, or where
     its name says another format than its content.
     """
     data, source = read_bytes(path)
-    return read_data(data, source, format=format, unshare=unshare)
+    return read_data(data, source, format=format, unshare=unshare, reader=reader)
 
 
 def read_data(
-    data: bytes, source: Source | None = None, *, format: str | None = None, unshare: bool = False
-) -> Document:
+    data: bytes, source: Source | None = None, *, format: str | None = None, unshare: bool = False,
+    reader: str | None = None,
+) -> Document:  # fmt: skip
     """Read a mesh from bytes; see ``read``."""
     source = source or Source("the given data")
     name = _format_of_content(data, source) if format is None else format_of("", format)
+    if reader == "trimesh":
+        return read_through_trimesh(data, source, name)
     row = FORMATS[name].function
     read_it = row.unshare if unshare and row.unshare is not None else row.read
     try:
         return read_it(data, source)
     except InputError as error:
-        if str(error).startswith(source.name):
-            raise
-        raise source.error(error) from None
+        line = str(error) if str(error).startswith(source.name) else str(source.error(error))
+        raise InputError(line + _other_reader(data, source, name)) from None
     except (MemoryError, RecursionError) as error:
         raise source.error(
             f"it asks for more memory than there is ({type(error).__name__})"
         ) from None
+
+
+def _other_reader(data: bytes, source: Source, name: str) -> str:
+    """A cure for what the own reader refuses: trimesh, where it takes the file."""
+    if FORMATS[name].function.foreign or len(data) > CURABLE:
+        return ""
+    try:
+        read_through_trimesh(data, source, name)
+    except (InputError, MemoryError, RecursionError):
+        return ""
+    return "; trimesh reads it, perhaps not all of it: --reader trimesh"
 
 
 def _format_of_content(data: bytes, source: Source) -> str:

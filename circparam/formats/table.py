@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from circparam.core.arrays import FloatArray
 from circparam.core.registry import Row, Table
 from circparam.formats.document import Document, Encoded, WriteOptions
+from circparam.formats.foreign import read_as
 from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import stored_uv
 from circparam.formats.gltf.export import to_glb, to_gltf
@@ -39,7 +40,8 @@ class Format:
     format, None where it has no place for uv. round_uv: (uv (k, 2), document or None) → the uv as they are
     after being written and read; the document only where it is of this format. output: the format that its
     meshes are written to when nothing is said, '' for itself. unshare: reads with meshes that several nodes
-    use copied for each; None where meshes of the format cannot be shared.
+    use copied for each; None where meshes of the format cannot be shared. foreign: it is read through trimesh,
+    which keeps geometry and uv only.
     """
 
     read: Read
@@ -50,6 +52,7 @@ class Format:
     round_uv: RoundUV | None = None
     output: str = ""
     unshare: Read | None = None
+    foreign: bool = False
 
     def __call__(self, data: bytes, source: Source) -> Document:
         """Read a file of this format."""
@@ -87,6 +90,26 @@ def _is_obj(data: bytes) -> bool:
     return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:OBJ_HEAD], re.M) is not None
 
 
+def _is_3mf(data: bytes) -> bool:
+    return data[:2] == b"PK" and b".model" in data
+
+
+def _is_zae(data: bytes) -> bool:
+    return data[:2] == b"PK" and b".dae" in data
+
+
+def _is_dae(data: bytes) -> bool:
+    return re.search(rb"<COLLADA\b", _text(data)) is not None
+
+
+def _is_xaml(data: bytes) -> bool:
+    return re.match(rb"<[^>]*schemas\.microsoft\.com/winfx", _text(data)) is not None
+
+
+def _is_step(data: bytes) -> bool:
+    return _text(data).startswith(b"ISO-10303-21;")
+
+
 def _text(data: bytes) -> bytes:
     """The beginning of a file without byte order mark and blanks."""
     return data[:HEAD].lstrip(b"\xef\xbb\xbf \t\r\n")
@@ -120,6 +143,16 @@ FORMATS: Table[Format] = Table(
         "STL: no place for uv, written as GLB"),
     Row("off", Format(read_off, (".off", ".coff"), _is_off, output="glb"),
         "OFF: no place for uv, written as GLB"),
+    Row("3mf", Format(read_as("3mf"), (".3mf",), _is_3mf, output="glb", foreign=True),
+        "3MF through trimesh, written as GLB"),
+    Row("dae", Format(read_as("dae"), (".dae",), _is_dae, rank=1, output="glb", foreign=True),
+        "COLLADA through trimesh, written as GLB"),
+    Row("zae", Format(read_as("zae"), (".zae",), _is_zae, output="glb", foreign=True),
+        "zipped COLLADA through trimesh, written as GLB"),
+    Row("xaml", Format(read_as("xaml"), (".xaml",), _is_xaml, rank=1, output="glb", foreign=True),
+        "XAML through trimesh, written as GLB"),
+    Row("step", Format(read_as("step"), (".step", ".stp"), _is_step, output="glb", foreign=True),
+        "STEP through trimesh and cascadio, written as GLB"),
 )  # fmt: skip
 
 

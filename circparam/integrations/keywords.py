@@ -52,5 +52,6 @@ class Keywords(TypedDict, total=False):
     repair: bool
     weld: float | None
     format: str | None
+    reader: Literal["own", "trimesh"] | None
     overwrite: bool
     timeout: float | None

@@ -6,7 +6,7 @@ import dataclasses
 import inspect as introspection
 import os
 from collections.abc import Callable
-from typing import Any, TypeVar, Unpack
+from typing import Any, Literal, TypeVar, Unpack
 
 from circparam.core.monitor import Listener
 from circparam.formats import io
@@ -99,15 +99,20 @@ def inspect(
 
 @python_words
 def read(
-    path: str | os.PathLike[str], *, format: str | None = None, unshare: bool = False
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    unshare: bool = False,
+    reader: Literal["own", "trimesh"] | None = None,
 ) -> Document:
     """Read a mesh file; ``-`` is standard input.
 
     format: its name ('obj', 'ply' ...); else the content tells, and where it does not, the suffix. unshare:
-    meshes that several nodes use (glTF) become copies, one for each node. Raises InputError where the file is
+    meshes that several nodes use (glTF) become copies, one for each node. reader: 'trimesh' reads geometry and
+    uv through trimesh, whatever the format. Raises InputError where the file is
     missing, unreadable, malformed, without faces, or holds NaN.
     """
-    return io.read(path, format=format, unshare=unshare)
+    return io.read(path, format=format, unshare=unshare, reader=reader)
 
 
 @python_words

@@ -85,3 +85,9 @@ def with_atlases(o: Any, name: str) -> str | None:
 def with_one_atlas(o: Any, name: str) -> str | None:
     """Only where there is one packed atlas."""
     return None if o.packed and not o.grouped else "it makes one packed atlas of the scene"
+
+
+def with_shared_meshes(o: Any, name: str) -> str | None:
+    """Only where meshes stay shared: trimesh gives every node its own copy."""
+    both = o.unshare and getattr(o, name) == "trimesh"
+    return "trimesh copies a mesh for every node anyway: leave out --unshare" if both else None

@@ -31,7 +31,7 @@ def open_source(source: Any, options: Options) -> Document:
     if isinstance(source, Document):
         return source
     if isinstance(source, (str, os.PathLike)):
-        return read(os.fspath(source), unshare=bool(options.unshare))
+        return read(os.fspath(source), unshare=bool(options.unshare), reader=options.reader)
     if isinstance(source, Mesh):
         return from_arrays(source.points, source.faces)
     if isinstance(source, tuple) and len(source) == 2:

@@ -226,6 +226,10 @@ class Options:
     )
 
     format: str | None = option("files", "Format of what comes through '-' (stdin, stdout).")
+    reader: str | None = option(
+        "files", "Read geometry and uv through trimesh, whatever the format.", shown="own",
+        choices=("own", "trimesh"), applies=applies.with_shared_meshes,
+    )
     overwrite: bool = option(
         "files", "Replace an output file that exists already.", default=False
     )

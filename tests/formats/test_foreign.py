@@ -1,0 +1,290 @@
+"""Formats that come through trimesh: geometry as trimesh has it, a clear line where something is missing."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import struct
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+import circparam
+from circparam.cli import cli
+from circparam.errors import InputError, OptionError
+from circparam.formats import foreign
+from circparam.formats.io import read, read_data
+from circparam.formats.table import sniff
+from tests.support import shapes
+from tests.support.formats_tools import corpus_files
+
+QUICK = {"effort": 0.01}
+
+
+def scene() -> trimesh.Scene:
+    """A cube, and a ball that a node moves and turns."""
+    out = trimesh.Scene()
+    out.add_geometry(trimesh.Trimesh(*shapes.cube(2), process=False))
+    turn = trimesh.transformations.rotation_matrix(0.3, [1, 2, 3])
+    turn[:3, 3] = [3, 0, 1]
+    out.add_geometry(trimesh.Trimesh(*shapes.icosphere(1), process=False), transform=turn)
+    return out
+
+
+def three_mf() -> bytes:
+    pytest.importorskip("lxml")
+    return bytes(scene().export(file_type="3mf"))
+
+
+def collada() -> bytes:
+    """A triangle pair in COLLADA, under a node that moves it by 5 along x."""
+    dae = pytest.importorskip("collada")
+    file = dae.Collada()
+    p = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    source = dae.source.FloatSource("p", p.ravel(), ("X", "Y", "Z"))
+    geometry = dae.geometry.Geometry(file, "g", "g", [source])
+    inputs = dae.source.InputList()
+    inputs.addInput(0, "VERTEX", "#p")
+    geometry.primitives.append(
+        geometry.createTriangleSet(np.array([0, 1, 2, 0, 2, 3]), inputs, "m")
+    )
+    file.geometries.append(geometry)
+    node = dae.scene.Node(
+        "n", children=[dae.scene.GeometryNode(geometry)],
+        transforms=[dae.scene.TranslateTransform(5, 0, 0)],
+    )  # fmt: skip
+    file.scenes.append(dae.scene.Scene("s", [node]))
+    file.scene = file.scenes[0]
+    out = io.BytesIO()
+    file.write(out)
+    return out.getvalue()
+
+
+def step() -> bytes:
+    """A tetrahedron as a faceted boundary representation."""
+    pytest.importorskip("cascadio")
+    lines, number = [], 0
+
+    def add(text: str) -> int:
+        nonlocal number
+        number += 1
+        lines.append(f"#{number}={text};")
+        return number
+
+    def frame(a: int, b: int, c: int) -> tuple[np.ndarray, np.ndarray]:
+        first, normal = p[b] - p[a], np.cross(p[b] - p[a], p[c] - p[a])
+        return normal / np.linalg.norm(normal), first / np.linalg.norm(first)
+
+    p = np.array([(0.0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10)])
+    points = [add(f"CARTESIAN_POINT('',({x},{y},{z}))") for x, y, z in p]
+    faces = []
+    for a, b, c in [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]:
+        loop = add(f"POLY_LOOP('',(#{points[a]},#{points[b]},#{points[c]}))")
+        bound = add(f"FACE_OUTER_BOUND('',#{loop},.T.)")
+        axes = [add(f"DIRECTION('',({','.join(f'{x:.9f}' for x in d)}))") for d in frame(a, b, c)]
+        place = add(f"AXIS2_PLACEMENT_3D('',#{points[a]},#{axes[0]},#{axes[1]})")
+        plane = add(f"PLANE('',#{place})")
+        faces.append(add(f"FACE_SURFACE('',(#{bound}),#{plane},.T.)"))
+    shell = add(f"CLOSED_SHELL('',({','.join(f'#{f}' for f in faces)}))")
+    brep = add(f"FACETED_BREP('',#{shell})")
+    app = add("APPLICATION_CONTEXT('automotive design')")
+    context = add(f"PRODUCT_CONTEXT('',#{app},'mechanical')")
+    product = add(f"PRODUCT('p','p','',(#{context}))")
+    formation = add(f"PRODUCT_DEFINITION_FORMATION('','',#{product})")
+    kind = add(f"PRODUCT_DEFINITION_CONTEXT('part definition',#{app},'design')")
+    definition = add(f"PRODUCT_DEFINITION('design','',#{formation},#{kind})")
+    shape = add(f"PRODUCT_DEFINITION_SHAPE('','',#{definition})")
+    unit = add("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.))")
+    angle = add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))")
+    solid = add("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())")
+    space = add(
+        "(GEOMETRIC_REPRESENTATION_CONTEXT(3)"
+        f"GLOBAL_UNIT_ASSIGNED_CONTEXT((#{unit},#{angle},#{solid}))REPRESENTATION_CONTEXT('',''))"
+    )
+    body = add(f"FACETED_BREP_SHAPE_REPRESENTATION('',(#{brep}),#{space})")
+    add(f"SHAPE_DEFINITION_REPRESENTATION(#{shape},#{body})")
+    head = (
+        "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'','','');\n"
+        "FILE_SCHEMA(('AUTOMOTIVE_DESIGN'));\nENDSEC;\nDATA;\n"
+    )
+    return (head + "\n".join(lines) + "\nENDSEC;\nEND-ISO-10303-21;\n").encode()
+
+
+def draco_glb() -> bytes:
+    """A ball in a GLB whose only primitive is compressed with Draco."""
+    draco = pytest.importorskip("DracoPy")
+    p, f = shapes.icosphere(1)
+    data = draco.encode(p.astype(np.float32), f.astype(np.uint32), quantization_bits=16)
+    data += bytes(-len(data) % 4)
+    tree = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_draco_mesh_compression"],
+        "extensionsRequired": ["KHR_draco_mesh_compression"],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{
+            "attributes": {"POSITION": 0}, "indices": 1,
+            "extensions": {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}},
+        }]}],
+        "accessors": [
+            {"componentType": 5126, "count": len(p), "type": "VEC3",
+             "min": p.min(0).tolist(), "max": p.max(0).tolist()},
+            {"componentType": 5125, "count": f.size, "type": "SCALAR"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": len(data)}],
+        "buffers": [{"byteLength": len(data)}],
+    }  # fmt: skip
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    body = (
+        struct.pack("<I4s", len(text), b"JSON")
+        + text
+        + struct.pack("<I4s", len(data), b"BIN\0")
+        + data
+    )
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def test_content_tells_the_format() -> None:
+    assert sniff(three_mf()) == "3mf"
+    assert sniff(collada()) == "dae"
+    assert sniff(b"ISO-10303-21;\nHEADER;") == "step"
+    assert sniff(b"PK\x03\x04 something else") is None
+
+
+def test_a_3mf_has_the_geometry_of_its_scene() -> None:
+    whole = scene().to_mesh()
+    document = read_data(three_mf())
+    np.testing.assert_allclose(
+        np.sort(document.mesh.points[document.mesh.faces].reshape(-1, 9), 0),
+        np.sort(np.asarray(whole.triangles).reshape(-1, 9), 0),
+        atol=1e-6,
+    )
+    assert document.mesh.groups is not None
+    assert np.bincount(document.mesh.groups).tolist() == [48, 80]
+    assert "materials" in document.notes[0]
+
+
+def test_node_transforms_of_collada_apply() -> None:
+    document = read_data(collada())
+    assert document.mesh.points[document.mesh.faces].reshape(-1, 3).min(0).tolist() == [5, 0, 0]
+    assert len(document.mesh.faces) == 2
+
+
+def test_step_is_meshed(capfd: pytest.CaptureFixture[str]) -> None:
+    document = read_data(step())
+    assert len(document.mesh.faces) == 4
+    with pytest.raises(InputError, match="STEP"):
+        read_data(b"ISO-10303-21;\nrubbish")
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("make", [three_mf, collada, step])
+def test_it_is_unwrapped_to_glb(make: object, tmp_path: Path) -> None:
+    suffix = {three_mf: ".3mf", collada: ".dae", step: ".stp"}[make]  # type: ignore[index]
+    path = tmp_path / f"ein Teil{suffix}"
+    path.write_bytes(make())  # type: ignore[operator]
+    result = circparam.unwrap(path, tmp_path / "o.glb", **QUICK)
+    assert (result.status, result.measures["flips"], result.measures["overlap"]) == ("ok", 0, 0)
+    again = read(tmp_path / "o.glb")
+    assert again.uv() is not None
+    assert len(again.mesh.faces) == len(result.mesh.faces)
+
+
+def test_a_compressed_glb_names_the_reader_that_takes_it(tmp_path: Path) -> None:
+    path = tmp_path / "ball.glb"
+    path.write_bytes(draco_glb())
+    with pytest.raises(InputError, match="--reader trimesh"):
+        read(path)
+    document = read(path, reader="trimesh")
+    p, f = shapes.icosphere(1)
+    np.testing.assert_allclose(
+        np.sort(document.mesh.points, 0), np.sort(p, 0), atol=2 * np.ptp(p) / 2**16
+    )
+    assert len(document.mesh.faces) == len(f)
+    result = circparam.unwrap(path, tmp_path / "o.glb", reader="trimesh", **QUICK)
+    assert result.measures["flips"] == 0
+
+
+def test_what_trimesh_does_not_take_either_names_no_reader() -> None:
+    with pytest.raises(InputError) as caught:
+        read_data(b"v 0 0 0\nv 1 0 0\nf 1 2\n", format="obj")
+    assert "--reader" not in str(caught.value)
+
+
+def plain_zip() -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr("a.txt", "no mesh")
+    return out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("a.3mf", plain_zip()),
+        ("b.3mf", b"PK\x03\x04rubbish"),
+        ("c.dae", b"<COLLADA></COLLADA>"),
+        ("d.dae", b"<COLLADA"),
+        ("e.stp", b"ISO-10303-21;"),
+        ("f.zae", plain_zip()),
+        ("g.xaml", b"<a/>"),
+    ],
+)
+def test_broken_files_are_one_line(tmp_path: Path, name: str, data: bytes) -> None:
+    path = tmp_path / name
+    path.write_bytes(data)
+    result = CliRunner().invoke(cli, ["unwrap", str(path), "-o", str(tmp_path / "o.glb")])
+    assert result.exit_code == 3, result.output
+    assert result.stderr.count("\n") == 1
+    assert name in result.stderr
+    assert not (tmp_path / "o.glb").exists()
+
+
+def test_points_without_faces_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.xyz"
+    path.write_text("0 0 0\n1 0 0\n0 1 0\n", "utf-8")
+    result = CliRunner().invoke(cli, ["check", str(path)])
+    assert result.exit_code in (2, 3)
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_missing_package_names_its_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(foreign.NEEDS, "dae", {"no_such_module": "no-such-module"})
+    with pytest.raises(InputError, match=r"read with no-such-module: pip install"):
+        read_data(b"<COLLADA></COLLADA>", format="dae")
+
+
+def test_shared_meshes_are_copied_anyway() -> None:
+    with pytest.raises(OptionError, match="leave out"):
+        circparam.Options(reader="trimesh", unshare=True)
+
+
+def test_silence_leaves_the_streams_as_they_were(capfd: pytest.CaptureFixture[str]) -> None:
+    with foreign._silent():
+        os.write(1, b"unheard")
+        os.write(2, b"unheard")
+    os.write(1, b"heard\n")
+    os.write(2, b"also\n")
+    out, err = capfd.readouterr()
+    assert (out, err) == ("heard\n", "also\n")
+
+
+@pytest.mark.parametrize("path", corpus_files())
+def test_both_readers_find_the_same_triangles(path: Path) -> None:
+    own = read(path, unshare=True)
+    if path.name == "igea.ply":
+        pytest.skip("trimesh reads no strips")
+    other = read(path, reader="trimesh")
+    if own.mesh.polygons is not None:
+        pytest.skip("trimesh cuts polygons by another rule")
+    centres = [d.mesh.points[d.mesh.faces].mean(1) for d in (own, other)]
+    along = np.random.default_rng(0).normal(size=(3, 5))
+    a, b = (np.sort(c @ along, 0) for c in centres)
+    np.testing.assert_allclose(a, b, atol=1e-5 * np.abs(a).max())
