@@ -146,6 +146,12 @@ def verdict(
                 + "; give a longer --timeout"
             )
         warnings.append("out of time: this is the best valid result so far")
+    count, most = verification.cut_mesh.n_charts, options.max_charts
+    if most is not None and count > most:
+        warnings.append(
+            f"--max-charts {most}: {count} charts were reached; pieces that do not hang together, edges that "
+            "must be cut and charts that would overlap keep them apart"
+        )
     if wrong:
         return Verdict("degraded", wrong, warnings + wrong)
     if repairs:

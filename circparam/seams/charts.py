@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.workers import HALVED, Worker, in_halves
 from circparam.mesh.atlas import Atlas
@@ -24,7 +25,7 @@ from circparam.seams.multires.transfer_layout import (
 )
 from circparam.seams.multires.transfer_seams import transfer_seams
 from circparam.seams.options import SeamOptions, Seams
-from circparam.seams.segmentation.decide import CHART_COST, LOOPS, decide
+from circparam.seams.segmentation.decide import CHART_COST, CROWD, LOOPS, decide, reach_count
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import (
     DualGraph,
@@ -53,6 +54,7 @@ MARGIN = 0.004  # share of the root of its area that parts of one chart keep apa
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
+ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
 STRICT = 1.05  # bound up to which seams are added for that
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 
@@ -122,11 +124,44 @@ def mirrored_atlas(
 def bounded_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
-    """Decide the seams of a surface and lay its charts out: hard components from their regions."""
+    """Decide the seams of a surface and lay its charts out: hard components from their regions.
+
+    A number of charts is reached from the atlas without one, so that it never leads to more.
+    """
+    most = options.max_charts
+    if most is None:
+        return free_atlas(surface, bound, options, monitor, notes)
+    free = dataclasses.replace(options, max_charts=None)
+    atlas = free_atlas(surface, bound, free, monitor, notes)
+    count = atlas.charts()[0]
+    pieces, _ = components(len(surface.faces), *(surface.edges // 3).T)
+    if count <= max(most, pieces) or monitor.expired:
+        return atlas
+    tried = [atlas, grown_atlas(surface, bound, options, monitor, notes)]
+    if len(surface.faces) <= REGROUP_FACES and count <= CROWD:
+        merged = Atlas(surface, atlas.cut.copy(), atlas.corners.copy())
+        with monitor.stage("charts"):
+            reach_count(merged, bound, most, monitor)
+        tried.append(merged)
+    return min(tried, key=lambda one: worth(one, most, bound))
+
+
+def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, float, float]:
+    """What counts where so many charts are wanted, the least first: charts beyond, distortion, seam length."""
+    cut_mesh = atlas.cut_mesh()
+    energy = judge(cut_mesh, atlas.gather(cut_mesh)).energy
+    over = float(np.average(energy, weights=cut_mesh.chart_areas))
+    return max(cut_mesh.n_charts, most), max(over, bound), atlas.seam_length
+
+
+def free_atlas(
+    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
+) -> Atlas:
+    """As many charts as the bound needs."""
     kind = hardness(surface)
     hard, doubtful = kind == HARD, kind == DOUBTFUL
     doubtful &= doubtful.sum() <= DOUBTS
-    if not (hard | doubtful).any() or options.max_charts is not None:
+    if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     if not hard.all():
@@ -165,7 +200,8 @@ def finish(
     make_disks(atlas, graph)
     with monitor.stage("enforce"):
         count, chart = atlas.charts()
-        to_bound = bound if options.max_charts is None else None
+        # where the number of charts counts more than the bound, only what overlaps is split
+        to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_halves(chart)
         tasks = [(atlas.part(faces), to_bound) for faces in parts]
         for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
@@ -177,12 +213,11 @@ def finish(
             notes += grow_small(atlas, bound, options.min_chart_faces, monitor)
 
 
-def settle_part(atlas: Atlas, bound: float | None, monitor: Monitor) -> Atlas:
-    """Relax charts, and hold them to a bound where there is one."""
+def settle_part(atlas: Atlas, bound: float, monitor: Monitor) -> Atlas:
+    """Relax charts, and hold them to a bound."""
     with monitor.stage("relax"):
         layouts = relaxed_layouts(atlas, monitor)
-    if bound is not None:
-        enforce(atlas, dual_graph(atlas.surface), layouts, bound, FINAL, monitor)
+    enforce(atlas, dual_graph(atlas.surface), layouts, bound, FINAL, monitor)
     return atlas
 
 

@@ -101,6 +101,23 @@ def test_max_charts_is_kept_where_the_bound_is_not() -> None:
     assert atlas.charts()[0] == 1
 
 
+@pytest.mark.parametrize(
+    "shape",
+    [shapes.cube(4), shapes.double_torus(), shapes.row_of(shapes.icosphere(2), 3)],
+    ids=["cube", "double torus", "three balls"],
+)
+def test_a_number_of_charts_never_leads_to_more(shape) -> None:
+    """Nor, where the free atlas has no more, to any other atlas."""
+    bound = {"max_distortion": 1.01}
+    _, free = atlas_of(shape, **bound)
+    count = free.charts()[0]
+    for most in (1, 2, count, count + 3):
+        _, atlas = atlas_of(shape, max_charts=most, **bound)
+        assert atlas.charts()[0] <= count
+        if most >= count:
+            assert np.array_equal(atlas.cut, free.cut)
+
+
 def test_every_component_gets_charts_of_its_own() -> None:
     shape = shapes.row_of(shapes.cube(2), 5)
     surface, atlas = atlas_of(shape)
@@ -163,13 +180,14 @@ def stop(*_: object) -> None:
     raise Called
 
 
-def test_hard_surfaces_are_not_grown_unless_a_number_of_charts_is_asked_for(monkeypatch) -> None:
+def test_hard_surfaces_are_not_grown(monkeypatch) -> None:
     """And organic ones are not decided by their regions."""
     box, ball = surface_of(*shapes.cube(2)), surface_of(*shapes.icosphere(2))
     find, plain = module.charts, SeamOptions()
     monkeypatch.setattr(module, "grown_atlas", stop)
     assert find(box, plain, Monitor()).cut.any()
-    for surface, options in ((ball, plain), (box, SeamOptions(max_charts=2))):
+    assert find(box, SeamOptions(max_charts=2), Monitor()).cut.any()
+    for surface, options in ((ball, plain), (ball, SeamOptions(max_charts=2))):
         with pytest.raises(Called):
             find(surface, options, Monitor())
     monkeypatch.undo()

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
@@ -141,11 +142,12 @@ def grow_and_merge(
 def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:
     """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
     fixed = np.zeros(len(atlas.cut), bool)
+    pieces, _ = components(len(atlas.surface.faces), *(atlas.surface.edges // 3).T)
     for _ in range(24):
         n, _ = atlas.charts()
-        if n <= count:
+        if n <= max(count, pieces):
             break
         bound = 1 + max(bound - 1, 1e-3) * 1.6
-        merger = Merger(atlas, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS), fixed)
+        merger = Merger(atlas, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS, zip=False), fixed)
         while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
             pass

@@ -157,6 +157,8 @@ class Merger:
             key = np.r_[key, (key[len(arcs.left) :] ^ RING) * MIX]
             length = np.r_[length, ring]
             may = np.r_[may, (ring > 0) & ~waiting]
+        if not self.options.zip:
+            may &= left != right
         may &= ~self._hopeless(arcs, chart, left, right, pair)
         rim = self._perimeters(arcs, chart, n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last

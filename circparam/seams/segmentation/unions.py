@@ -30,7 +30,8 @@ class MergeOptions:
     Poisson start. rounds: at most so many. margin: parts of one chart keep this share of the root of its area
     apart. cone: curvature of a vertex above which arcs end there. faces: no union has more (None: any may).
     rigid: layouts that fit together as they are stay so; nothing is solved for them.
-    work: how many faces all trials may have, in those of the surface, besides FREE_WORK (None: any number).
+    zip: whether the two sides of one chart are glued too. work: how many faces all trials may have, in those of
+    the surface, besides FREE_WORK (None: any number).
     """
 
     bound: float
@@ -41,6 +42,7 @@ class MergeOptions:
     margin: float = 0.004
     faces: int | None = None
     rigid: bool = False
+    zip: bool = True
     work: float | None = None
 
 
