@@ -95,7 +95,7 @@ class Atlas:
     @cached_property
     def lengths(self) -> FloatArray:
         """(e,) length of every edge, weighted by what a seam along it means where that is known."""
-        length = self.surface.edge_lengths
+        length = self.surface.priced_lengths
         return length if self.prices is None else length * self.prices.price
 
     @cached_property
@@ -112,6 +112,12 @@ class Atlas:
     def seam_length(self) -> float:
         """Length of all seams over the square root of the area."""
         total = self.surface.edge_lengths[self.cut].sum()
+        return float(total / np.sqrt(self.surface.areas.sum()))
+
+    @property
+    def seam_price(self) -> float:
+        """As ``seam_length``, with what the surface asks for each edge."""
+        total = self.surface.priced_lengths[self.cut].sum()
         return float(total / np.sqrt(self.surface.areas.sum()))
 
     def charts(self) -> tuple[int, IntArray]:

@@ -12,6 +12,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
+from circparam.seams.hidden import hiding_prices
 from circparam.seams.hard.charts import hard_atlas, take_better
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
@@ -66,13 +67,15 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """
     mirror = None if options.symmetry is None else find_mirror(surface, options.symmetry)
     surface, forced, notes = constrain(surface, options)
+    if options.hide_seams > 0:
+        with monitor.stage("visibility"):
+            price = hiding_prices(surface, options.hide_seams)
+            surface = dataclasses.replace(surface, price=price)
     if mirror is not None:
         surface = dataclasses.replace(surface, locked=mirror.closed(surface.locked))
         forced = mirror.closed(forced) & ~surface.locked
         notes.append(mirror.note)
-    opened = dataclasses.replace(
-        surface, edges=surface.edges[~forced], locked=surface.locked[~forced]
-    )
+    opened = surface.without_edges(forced)
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
     if mirror is None:
         atlas = bounded_atlas(opened, bound, options, monitor, notes)

@@ -19,6 +19,7 @@ from circparam.seams.segmentation.grow import (
     make_disks,
     split_charts,
 )
+from circparam.seams.segmentation.hide import move_seams
 from circparam.seams.segmentation.layout import lay_out_fresh, shorten_seams
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.shorten import propose
@@ -50,7 +51,16 @@ def decide(
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, bound)
     if rest.any():
-        atlas.put(rest, best_of_starts(surface.part(rest), bound, margin, worker, monitor))
+        part = surface.part(rest)
+        blind = dataclasses.replace(part, price=None)
+        best = best_of_starts(blind, bound, margin, worker, monitor)
+        if part.price is not None:
+            best = Atlas(part, best.cut, best.corners)
+            a=best.seam_length,best.seam_price
+            import time; t=time.process_time()
+            move_seams(best, bound, margin, monitor)
+            print('   hide',len(part.faces),'len %.3f price %.3f -> %.3f %.3f  t %.2f'%(*a,best.seam_length,best.seam_price,time.process_time()-t))
+        atlas.put(rest, best)
     if max_charts is not None:
         reach_count(atlas, bound, max_charts, monitor)
     return atlas

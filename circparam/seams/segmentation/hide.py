@@ -1,0 +1,100 @@
+"""Move seams to where they cost less: pieces of every chain, a few edges long, one small step after another."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.monitor import Monitor
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.segmentation.layout import chains_beside, judge, lay_out_again
+from circparam.seams.segmentation.shorten import Proposal, edge_costs, propose
+from circparam.solvers.newton import RelaxOptions
+from circparam.solvers.separate import push_apart
+
+_E=lambda k,d: [int(x) for x in os.environ.get(k,d).split(',')]
+STEPS = tuple(zip(_E('RINGS','2,2,1'), _E('PIECE','12,12,8'), _E('OFF','0,6,4')))  # rings of the bands, edges of a piece, where the first one ends
+TRIES = 6  # of one step, each with half of the pieces that spoilt a chart
+LEAST = 1e-3  # of what a piece costs: it stays where no more than that is won
+RELAX = RelaxOptions(tolerance=1e-3, max_iterations=8)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """The atlas with some pieces moved. bad: (n,) charts of it that are not as good as they must be."""
+
+    atlas: Atlas
+    chart: IntArray
+    bad: BoolArray
+
+
+def move_seams(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> None:
+    """Move pieces of seams to cheaper places, as far as every chart stays a good one.
+
+    The number of charts stays, and no piece moves that would bring its charts above the bound, let them overlap
+    themselves or come closer to that than ``margin`` (share of the root of a chart's area).
+    """
+    for rings, size, first in STEPS:
+        if monitor.expired:
+            return
+        proposal = propose(atlas, rings, pieces=(size, first))
+        cost = edge_costs(atlas)
+        now = np.flatnonzero(proposal.old >= 0)
+        then = np.flatnonzero(proposal.new >= 0)
+        old = group_sum(cost[now], proposal.old[now], proposal.n)
+        gain = old - group_sum(cost[then], proposal.new[then], proposal.n)
+        take = gain > LEAST * old
+        rank = gain / np.maximum(old, 1e-300)
+        for _ in range(TRIES):
+            if not take.any():
+                break
+            trial = _moved(atlas, proposal, take, bound, margin, monitor)
+            if not trial.bad.any():
+                atlas.cut, atlas.corners = trial.atlas.cut, trial.atlas.corners
+                break
+            beside = chains_beside(trial.atlas, proposal, trial.chart, trial.bad, take)
+            take &= ~_lower_half(rank, beside)
+
+
+def _lower_half(rank: FloatArray, which: BoolArray) -> BoolArray:
+    """(n,) bool: of those, the half that ranks lowest, at least one."""
+    number = np.flatnonzero(which)
+    order = number[np.argsort(rank[number], kind="stable")]
+    out = np.zeros(len(which), bool)
+    out[order[: (len(order) + 1) // 2]] = True
+    return out
+
+
+def _moved(
+    atlas: Atlas, proposal: Proposal, take: BoolArray, bound: float, margin: float, monitor: Monitor
+) -> _Trial:
+    """Lay out the charts whose seams move; the others keep their layout."""
+    count, before = atlas.charts()
+    moved = Atlas(atlas.surface, proposal.cut(take), atlas.corners, atlas.prices)
+    n, chart = moved.charts()
+    sides = chart[atlas.surface.edges[moved.cut != atlas.cut] // 3]
+    bad = np.zeros(n, bool)
+    touched = np.zeros(n, bool)
+    touched[sides] = True
+    faces = touched[chart]
+    part = moved.part(faces)
+    number = np.flatnonzero(touched)
+    if n != count or not_disks(part.cut_mesh()).any():
+        bad[touched] = True
+        return _Trial(moved, chart, bad)
+    layouts = lay_out_again(part, before[faces], RELAX, margin)
+    near = layouts.overlapping & (layouts.energy <= bound)
+    wrong = layouts.bad(bound)
+    if near.any():
+        sub, vid, fid = layouts.cut_mesh.subset(near)
+        pushed, fine = push_apart(sub, layouts.uv[vid], margin, bound, monitor)
+        kept = fine[sub.chart]
+        part.corners[fid[kept]] = pushed[sub.faces[kept]]
+        wrong[np.flatnonzero(near)[fine]] = False
+    moved.put(faces, part)
+    bad[number[wrong]] = True
+    return _Trial(moved, chart, bad)
