@@ -26,6 +26,8 @@ SMALL = 0.7  # pixels: faces whose longest edge is below that leave their centre
 FRAME = 2  # empty pixels round the picture
 SPACING = 8.0  # pixels between the places at which a long edge is looked at
 MOST = 8  # of them on one edge
+JUDGED = 64  # directions that a reported share is measured from
+COARSE, FINE, FEW = 128, 256, 10_000  # side of the picture for it; up to so many faces the coarse one
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +183,18 @@ def edge_shares(
     shares = seen_shares(triangles, places, count, pixels)
     result: FloatArray = group_sum(shares, edge, len(asked)) / number
     return result
+
+
+def visible_share(surface: Surface, cut: BoolArray) -> float | None:
+    """Share of the length of some edges ((e,) bool) that is seen, in the mean over JUDGED directions: Σ length · share
+    / Σ length, shares as ``edge_shares`` has them. None where the edges have no length.
+    """
+    length = surface.edge_lengths[cut]
+    total = float(length.sum())
+    if not total > 0:
+        return None
+    pixels = COARSE if len(surface.faces) <= FEW else FINE
+    return float((length * edge_shares(surface, JUDGED, pixels, cut)).sum() / total)
 
 
 def _sides(surface: Surface) -> tuple[FloatArray, BoolArray]:

@@ -209,7 +209,8 @@ def _decided(
         inner = 1 + (bound - 1) * (1 - SLACK)
         coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
     with monitor.stage("carry"):
-        return transfer_to_fine(surface, graph, coarse, proxy), graph
+        # prices have done their part: paths that avoid what they would on every edge are longer, and cost charts
+        return transfer_to_fine(dataclasses.replace(surface, price=None), graph, coarse, proxy), graph
 
 
 def grow_small(atlas: Atlas, bound: float, least: int, monitor: Monitor) -> list[str]:

@@ -1,4 +1,4 @@
-"""What seams cost where they are hardly seen: less, by how few directions see an edge."""
+"""What seams cost where they are hardly seen: the less, the fewer directions see an edge."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ from circparam.core.arrays import FloatArray
 from circparam.geometry.visibility import edge_shares
 from circparam.mesh.surface import Surface
 
-DIRECTIONS = 24  # for prices; what is reported is seen from 64
+DIRECTIONS = 64
+FEWER, LARGE = 24, 150_000  # directions for surfaces of more faces than that
 PIXELS = 128
-LEAST = 0.05  # price of an edge that nobody sees, where nothing else counts
-TYPICAL = 0.5  # of the directions see an edge on a convex shape
+TYPICAL = 0.5  # of the directions see an edge of a convex shape
+LEAST = 0.2  # of that: what is seen from fewer is as good as hidden
+POWER = 4.0  # of the share in the price, at full strength
 
 
 def hiding_prices(surface: Surface, strength: float) -> FloatArray:
-    """(e,) price of every edge, in its lengths: 1 − strength · (1 − share / TYPICAL), within LEAST and 1 / LEAST.
+    """(e,) price of every edge, in its lengths: (share / TYPICAL) to the power POWER · strength.
 
-    share: of DIRECTIONS from which the edge is seen. strength: 0 (all alike) to 1.
+    share: of all directions from which the edge is seen, and no less than LEAST · TYPICAL. strength: from 0, where
+    all edges are alike, to 1. An edge on a convex place costs its length, one down a groove that half as many
+    directions see a quarter of it at a strength of ½.
     """
-    share = edge_shares(surface, DIRECTIONS, PIXELS)
-    return np.maximum(1 - strength * (1 - share / TYPICAL), LEAST)
+    count = DIRECTIONS if len(surface.faces) <= LARGE else FEWER
+    share = edge_shares(surface, count, PIXELS)
+    price: FloatArray = np.maximum(share / TYPICAL, LEAST) ** (POWER * strength)
+    return price

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 
+HIDDEN = 0.5  # hide_seams where nothing else is asked for
+
 
 @dataclass(frozen=True, eq=False)
 class SeamOptions:
@@ -34,7 +36,7 @@ class SeamOptions:
     cut_groups: bool = False
     start: BoolArray | None = None
     symmetry: str | None = None
-    hide_seams: float = 0.0
+    hide_seams: float = HIDDEN
 
 
 @dataclass(frozen=True, eq=False)

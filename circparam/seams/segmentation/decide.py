@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,18 +48,15 @@ def decide(
     monitor: Monitor,
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole."""
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    atlas = Atlas(replace(surface, price=None), np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, bound)
     if rest.any():
         part = surface.part(rest)
-        blind = dataclasses.replace(part, price=None)
-        best = best_of_starts(blind, bound, margin, worker, monitor)
+        # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
+        best = best_of_starts(replace(part, price=None), bound, margin, worker, monitor)
         if part.price is not None:
             best = Atlas(part, best.cut, best.corners)
-            a=best.seam_length,best.seam_price
-            import time; t=time.process_time()
             move_seams(best, bound, margin, monitor)
-            print('   hide',len(part.faces),'len %.3f price %.3f -> %.3f %.3f  t %.2f'%(*a,best.seam_length,best.seam_price,time.process_time()-t))
         atlas.put(rest, best)
     if max_charts is not None:
         reach_count(atlas, bound, max_charts, monitor)
@@ -71,7 +68,7 @@ def whole_components(atlas: Atlas, bound: float) -> BoolArray:
     cut_mesh = atlas.cut_mesh()
     able = ~not_disks(cut_mesh)
     if able.any():
-        layouts = lay_out_fresh(atlas, able, dataclasses.replace(ROUGH, give_up=bound))
+        layouts = lay_out_fresh(atlas, able, replace(ROUGH, give_up=bound))
         able &= ~layouts.bad(bound)
     return able[cut_mesh.chart]
 

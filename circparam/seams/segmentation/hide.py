@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
@@ -16,8 +15,8 @@ from circparam.seams.segmentation.shorten import Proposal, edge_costs, propose
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.separate import push_apart
 
-_E=lambda k,d: [int(x) for x in os.environ.get(k,d).split(',')]
-STEPS = tuple(zip(_E('RINGS','2,2,1'), _E('PIECE','12,12,8'), _E('OFF','0,6,4')))  # rings of the bands, edges of a piece, where the first one ends
+# rings of the bands, edges of a piece, and where the first piece of a chain ends: each step has other ends
+STEPS = ((3, 20, 0), (3, 20, 10), (2, 12, 3), (2, 12, 9))
 TRIES = 6  # of one step, each with half of the pieces that spoilt a chart
 LEAST = 1e-3  # of what a piece costs: it stays where no more than that is won
 RELAX = RelaxOptions(tolerance=1e-3, max_iterations=8)
@@ -69,22 +68,35 @@ def _lower_half(rank: FloatArray, which: BoolArray) -> BoolArray:
     return out
 
 
+def _torn(chart: IntArray, before: IntArray) -> BoolArray:
+    """(n,) bool: the chart is a smaller part of what was one chart before."""
+    width = int(before.max()) + 1
+    pairs, size = np.unique(chart * width + before, return_counts=True)
+    now, was = np.divmod(pairs, width)
+    order = np.lexsort((-size, now))
+    main = order[first_of_runs(now[order])]  # what most of each chart was
+    order = main[np.lexsort((-size[main], was[main]))]
+    bad = np.ones(int(chart.max()) + 1, bool)
+    bad[now[order[first_of_runs(was[order])]]] = False
+    return bad
+
+
 def _moved(
     atlas: Atlas, proposal: Proposal, take: BoolArray, bound: float, margin: float, monitor: Monitor
 ) -> _Trial:
     """Lay out the charts whose seams move; the others keep their layout."""
-    count, before = atlas.charts()
+    _, before = atlas.charts()
     moved = Atlas(atlas.surface, proposal.cut(take), atlas.corners, atlas.prices)
     n, chart = moved.charts()
     sides = chart[atlas.surface.edges[moved.cut != atlas.cut] // 3]
-    bad = np.zeros(n, bool)
+    bad = _torn(chart, before)
     touched = np.zeros(n, bool)
     touched[sides] = True
     faces = touched[chart]
     part = moved.part(faces)
     number = np.flatnonzero(touched)
-    if n != count or not_disks(part.cut_mesh()).any():
-        bad[touched] = True
+    bad[number[not_disks(part.cut_mesh())]] = True
+    if bad.any():  # no need to lay anything out
         return _Trial(moved, chart, bad)
     layouts = lay_out_again(part, before[faces], RELAX, margin)
     near = layouts.overlapping & (layouts.energy <= bound)
