@@ -8,27 +8,30 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
 from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
-from circparam.seams.segmentation.layout import chains_beside, judge, lay_out_again
+from circparam.seams.segmentation.layout import chains_beside, lay_out_again
 from circparam.seams.segmentation.shorten import Proposal, edge_costs, propose
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.separate import push_apart
 
 # rings of the bands, edges of a piece, and where the first piece of a chain ends: each step has other ends
 STEPS = ((3, 20, 0), (3, 20, 10), (2, 12, 3), (2, 12, 9))
-TRIES = 6  # of one step, each with half of the pieces that spoilt a chart
+TRIES = 7  # of one step
 LEAST = 1e-3  # of what a piece costs: it stays where no more than that is won
 RELAX = RelaxOptions(tolerance=1e-3, max_iterations=8)
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """The atlas with some pieces moved. bad: (n,) charts of it that are not as good as they must be."""
+    """The atlas with some pieces moved. bad: (n,) charts of it that are not as good as they must be. stretch:
+    (m,) of each face, 1 where nothing was laid out."""
 
     atlas: Atlas
     chart: IntArray
     bad: BoolArray
+    stretch: FloatArray
 
 
 def move_seams(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> None:
@@ -42,27 +45,63 @@ def move_seams(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> N
             return
         proposal = propose(atlas, rings, pieces=(size, first))
         cost = edge_costs(atlas)
-        now = np.flatnonzero(proposal.old >= 0)
-        then = np.flatnonzero(proposal.new >= 0)
+        now, then = np.flatnonzero(proposal.old >= 0), np.flatnonzero(proposal.new >= 0)
         old = group_sum(cost[now], proposal.old[now], proposal.n)
         gain = old - group_sum(cost[then], proposal.new[then], proposal.n)
-        take = gain > LEAST * old
-        rank = gain / np.maximum(old, 1e-300)
-        for _ in range(TRIES):
-            if not take.any():
-                break
-            trial = _moved(atlas, proposal, take, bound, margin, monitor)
-            if not trial.bad.any():
-                atlas.cut, atlas.corners = trial.atlas.cut, trial.atlas.corners
-                break
-            beside = chains_beside(trial.atlas, proposal, trial.chart, trial.bad, take)
-            take &= ~_lower_half(rank, beside)
+        best = _most_moved(atlas, proposal, gain > LEAST * old, (bound, margin), monitor)
+        if best is not None:
+            atlas.cut, atlas.corners = best.cut, best.corners
 
 
-def _lower_half(rank: FloatArray, which: BoolArray) -> BoolArray:
-    """(n,) bool: of those, the half that ranks lowest, at least one."""
+def _most_moved(
+    atlas: Atlas,
+    proposal: Proposal,
+    wanted: BoolArray,
+    limits: tuple[float, float],
+    monitor: Monitor,
+) -> Atlas | None:
+    """The atlas with as many of the pieces moved as a few trials find; None where that is none.
+
+    Pieces beside a chart that got bad are halved: those beside faces that are stretched least are tried at
+    once, the others later. limits: the bound and the margin.
+    """
+    best, taken, queue = None, np.zeros_like(wanted), [wanted]
+    for _ in range(TRIES):
+        while queue and not queue[-1].any():
+            queue.pop()
+        if not queue:
+            break
+        group = queue.pop()
+        trial = _moved(atlas, proposal, taken | group, limits, monitor)
+        if not trial.bad.any():
+            best, taken = trial.atlas, taken | group
+            continue
+        beside = chains_beside(trial.atlas, proposal, trial.chart, trial.bad, group)
+        suspect = _upper_half(_stretch_along(proposal, trial), beside)
+        if beside.sum() > 1:
+            queue.append(suspect)
+        if (group & ~suspect).any():
+            queue.append(group & ~suspect)
+    return best
+
+
+def _stretch_along(proposal: Proposal, trial: _Trial) -> FloatArray:
+    """(n,) mean stretch of the faces beside each piece, along its old path and its new one."""
+    e = trial.atlas.surface.edges // 3
+    here = trial.stretch[e].sum(1)
+    total, count = np.zeros(proposal.n), np.zeros(proposal.n)
+    for path in (proposal.old, proposal.new):
+        on = np.flatnonzero(path >= 0)
+        total += group_sum(here[on], path[on], proposal.n)
+        count += np.bincount(path[on], minlength=proposal.n)
+    result: FloatArray = total / np.maximum(count, 1)
+    return result
+
+
+def _upper_half(rank: FloatArray, which: BoolArray) -> BoolArray:
+    """(n,) bool: of those, the half that ranks highest, at least one."""
     number = np.flatnonzero(which)
-    order = number[np.argsort(rank[number], kind="stable")]
+    order = number[np.argsort(-rank[number], kind="stable")]
     out = np.zeros(len(which), bool)
     out[order[: (len(order) + 1) // 2]] = True
     return out
@@ -82,25 +121,28 @@ def _torn(chart: IntArray, before: IntArray) -> BoolArray:
 
 
 def _moved(
-    atlas: Atlas, proposal: Proposal, take: BoolArray, bound: float, margin: float, monitor: Monitor
+    atlas: Atlas,
+    proposal: Proposal,
+    take: BoolArray,
+    limits: tuple[float, float],
+    monitor: Monitor,
 ) -> _Trial:
     """Lay out the charts whose seams move; the others keep their layout."""
+    bound, margin = limits
     _, before = atlas.charts()
     moved = Atlas(atlas.surface, proposal.cut(take), atlas.corners, atlas.prices)
     n, chart = moved.charts()
-    sides = chart[atlas.surface.edges[moved.cut != atlas.cut] // 3]
-    bad = _torn(chart, before)
+    bad, stretch = _torn(chart, before), np.ones(len(chart))
     touched = np.zeros(n, bool)
-    touched[sides] = True
-    faces = touched[chart]
+    touched[chart[atlas.surface.edges[moved.cut != atlas.cut] // 3]] = True
+    faces, number = touched[chart], np.flatnonzero(touched)
     part = moved.part(faces)
-    number = np.flatnonzero(touched)
     bad[number[not_disks(part.cut_mesh())]] = True
     if bad.any():  # no need to lay anything out
-        return _Trial(moved, chart, bad)
+        return _Trial(moved, chart, bad, stretch)
     layouts = lay_out_again(part, before[faces], RELAX, margin)
-    near = layouts.overlapping & (layouts.energy <= bound)
     wrong = layouts.bad(bound)
+    near = layouts.overlapping & (layouts.energy <= bound)
     if near.any():
         sub, vid, fid = layouts.cut_mesh.subset(near)
         pushed, fine = push_apart(sub, layouts.uv[vid], margin, bound, monitor)
@@ -109,4 +151,5 @@ def _moved(
         wrong[np.flatnonzero(near)[fine]] = False
     moved.put(faces, part)
     bad[number[wrong]] = True
-    return _Trial(moved, chart, bad)
+    stretch[faces] = face_stretch(layouts.cut_mesh, layouts.uv)
+    return _Trial(moved, chart, bad, stretch)
