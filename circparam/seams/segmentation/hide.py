@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,9 +17,10 @@ from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.separate import push_apart
 
 # rings of the bands, edges of a piece, and where the first piece of a chain ends: each step has other ends
-STEPS = ((3, 20, 0), (3, 20, 10), (2, 12, 3), (2, 12, 9))
-TRIES = 7  # of one step
+STEPS = ((3, 20, 0), (3, 20, 10), (2, 12, 6))
+TRIES = 6  # of one step
 LEAST = 1e-3  # of what a piece costs: it stays where no more than that is won
+ENOUGH = 0.8  # of the excess of the bound over 1: charts are not relaxed further for a trial
 RELAX = RelaxOptions(tolerance=1e-3, max_iterations=8)
 
 
@@ -140,7 +141,8 @@ def _moved(
     bad[number[not_disks(part.cut_mesh())]] = True
     if bad.any():  # no need to lay anything out
         return _Trial(moved, chart, bad, stretch)
-    layouts = lay_out_again(part, before[faces], RELAX, margin)
+    enough = replace(RELAX, bound=1 + ENOUGH * (bound - 1), give_up=bound)
+    layouts = lay_out_again(part, before[faces], enough, margin)
     wrong = layouts.bad(bound)
     near = layouts.overlapping & (layouts.energy <= bound)
     if near.any():
