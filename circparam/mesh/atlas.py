@@ -95,8 +95,14 @@ class Atlas:
     @cached_property
     def lengths(self) -> FloatArray:
         """(e,) length of every edge, weighted by what a seam along it means where that is known."""
-        length = self.surface.priced_lengths
-        return length if self.prices is None else length * self.prices.price
+        if self.prices is None:
+            return self.surface.priced_lengths
+        # a seam in a flat is no better for being hidden: that would be what brings seams into flats
+        length = np.where(
+            self.prices.flat, self.surface.edge_lengths, self.surface.priced_lengths
+        )
+        result: FloatArray = length * self.prices.price
+        return result
 
     @cached_property
     def costs(self) -> FloatArray:
