@@ -1,8 +1,8 @@
 """From how many directions places on a surface are seen: z-buffers along axes spread evenly over the sphere.
 
-A direction is that of parallel light from far away. Every axis stands for two directions that run against each
-other, so one pass over the faces fills both of its z-buffers, the nearest and the farthest depth of every pixel.
-Faces that are smaller than a pixel only leave their centre there. A place is looked up one pixel out along its
+A direction is that of parallel light from far away. Every axis stands for two directions that run against
+each other, so one pass over the faces fills both of its z-buffers, the nearest and the farthest depth of every
+pixel. Faces that are smaller than a pixel only leave their centre there. A place is looked up one pixel out along its
 normal: there the slope of its own face cannot hide it, since within half a pixel a face rises by at most
 tan(angle) / √2 pixels along the axis, and one pixel along the normal are 1 / cos(angle).
 
@@ -27,7 +27,11 @@ FRAME = 2  # empty pixels round the picture
 SPACING = 8.0  # pixels between the places at which a long edge is looked at
 MOST = 8  # of them on one edge
 JUDGED = 64  # directions that a reported share is measured from
-COARSE, FINE, FEW = 128, 256, 10_000  # side of the picture for it; up to so many faces the coarse one
+COARSE, FINE, FEW = (
+    128,
+    256,
+    10_000,
+)  # side of the picture for it; up to so many faces the coarse one
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,9 @@ def seen_shares(triangles: FloatArray, places: Places, count: int, pixels: int) 
     scene = _scene((triangles - centre) / pixel)
     normal = places.normal.sum(1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    vectors = np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)])
+    vectors = np.concatenate(
+        [(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]
+    )
     for axis in axes(count // 2):
         frame = _frame(axis)
         seen += _looked_up(vectors, places.sheet, frame, _buffers(scene, frame, pixels))
@@ -94,7 +100,7 @@ def _frame(axis: FloatArray) -> FloatArray:
 def _buffers(
     scene: tuple[FloatArray, FloatArray], frame: FloatArray, pixels: int
 ) -> tuple[FloatArray, FloatArray]:
-    """((pixels²,) largest height along the axis in every pixel, (pixels²,) smallest); ∓ infinite where empty."""
+    """((pixels²,) largest height in every pixel, (pixels²,) smallest), ∓ infinite in empty ones."""
     faces, centres = scene
     top, bottom = np.full(pixels * pixels, -np.inf), np.full(pixels * pixels, np.inf)
     if len(faces):
@@ -162,8 +168,8 @@ def edge_shares(
 ) -> FloatArray:
     """(k,) share of ``count`` directions from which each edge is seen, in the mean over its length.
 
-    which: (e,) bool, the k edges that are asked for, None for all. Convex edges in the open have a half and more,
-    concave ones less than a half, and edges of closed inner shells none.
+    which: (e,) bool, the k edges that are asked for, None for all. Convex edges in the open have a
+    half and more, concave ones less than a half, and edges of closed inner shells none.
     """
     asked = np.arange(len(surface.edges)) if which is None else np.flatnonzero(which)
     triangles = surface.points[surface.faces]
@@ -179,15 +185,18 @@ def edge_shares(
     at = ((ranges(number) + 0.5) / number[edge])[:, None]
     outward, sheet = _sides(surface)
     normal = (surface.normals * outward[:, None])[h // 3]
-    places = Places(start[edge] * (1 - at) + end[edge] * at, normal[edge], sheet[h[:, 0] // 3][edge])
+    places = Places(
+        start[edge] * (1 - at) + end[edge] * at, normal[edge], sheet[h[:, 0] // 3][edge]
+    )
     shares = seen_shares(triangles, places, count, pixels)
     result: FloatArray = group_sum(shares, edge, len(asked)) / number
     return result
 
 
 def visible_share(surface: Surface, cut: BoolArray) -> float | None:
-    """Share of the length of some edges ((e,) bool) that is seen, in the mean over JUDGED directions: Σ length · share
-    / Σ length, shares as ``edge_shares`` has them. None where the edges have no length.
+    """Share of the length of some edges ((e,) bool) that is seen, in the mean over JUDGED directions.
+
+    It is Σ length · share / Σ length, shares as ``edge_shares`` has them; None where the edges have no length.
     """
     length = surface.edge_lengths[cut]
     total = float(length.sum())

@@ -98,9 +98,7 @@ class Atlas:
         if self.prices is None:
             return self.surface.priced_lengths
         # a seam in a flat is no better for being hidden: that would be what brings seams into flats
-        length = np.where(
-            self.prices.flat, self.surface.edge_lengths, self.surface.priced_lengths
-        )
+        length = np.where(self.prices.flat, self.surface.edge_lengths, self.surface.priced_lengths)
         result: FloatArray = length * self.prices.price
         return result
 

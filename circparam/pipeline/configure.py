@@ -61,8 +61,10 @@ def seam_options(
     """What the seams need to know, from the options and the file."""
     given = _given(
         o,
-        ("max_distortion", "max_stretch", "max_charts", "min_chart_faces", "sharp", "hide_seams")
-        + ("symmetry",),
+        (
+            *("max_distortion", "max_stretch", "max_charts", "min_chart_faces"),
+            *("sharp", "hide_seams", "symmetry"),
+        ),
     )
     groups = document.mesh.groups
     several = groups is not None and len(np.unique(groups)) > 1

@@ -33,7 +33,8 @@ EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may li
 class Verification:
     """What was found. Faces are those of the surface (degenerate and duplicate ones are set aside).
 
-    cut: (e,) bool, edges of the surface whose two sides have different uv; cut_mesh: the surface cut there; uv (nv, 2) of its vertices. missing: faces without uv.
+    cut: (e,) bool, edges of the surface whose two sides have different uv; cut_mesh: the surface cut there; uv
+    (nv, 2) of its vertices. missing: faces without uv.
     flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
     clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
     that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that

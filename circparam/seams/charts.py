@@ -12,9 +12,9 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
-from circparam.seams.hidden import hiding_prices
 from circparam.seams.hard.charts import hard_atlas, take_better
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
+from circparam.seams.hidden import hiding_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
@@ -209,8 +209,9 @@ def _decided(
         inner = 1 + (bound - 1) * (1 - SLACK)
         coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
     with monitor.stage("carry"):
-        # prices have done their part: paths that avoid what they would on every edge are longer, and cost charts
-        return transfer_to_fine(dataclasses.replace(surface, price=None), graph, coarse, proxy), graph
+        # prices have done their part: paths that heed them edge by edge are longer, and cost charts
+        blind = dataclasses.replace(surface, price=None)
+        return transfer_to_fine(blind, graph, coarse, proxy), graph
 
 
 def grow_small(atlas: Atlas, bound: float, least: int, monitor: Monitor) -> list[str]:

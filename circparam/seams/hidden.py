@@ -19,9 +19,9 @@ POWER = 4.0  # of the share in the price, at full strength
 def hiding_prices(surface: Surface, strength: float) -> FloatArray:
     """(e,) price of every edge, in its lengths: (share / TYPICAL) to the power POWER · strength.
 
-    share: of all directions from which the edge is seen, and no less than LEAST · TYPICAL. strength: from 0, where
-    all edges are alike, to 1. An edge on a convex place costs its length, one down a groove that half as many
-    directions see a quarter of it at a strength of ½.
+    share: of all directions from which the edge is seen, and no less than LEAST · TYPICAL. strength: from 0,
+    where all edges are alike, to 1. An edge on a convex place costs its length; one down a groove that half as
+    many directions see costs a quarter of it at a strength of ½.
     """
     count = DIRECTIONS if len(surface.faces) <= LARGE else FEWER
     share = edge_shares(surface, count, PIXELS)

@@ -21,8 +21,8 @@ class SeamOptions:
     of the surface (mesh vertices through ``RepairReport.weld``) whose edge must be, or may not be, a seam.
     groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are seams. start:
     (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or 'auto' for
-    the first of them, across which the seams are the mirror image of each other. hide_seams: 0 to 1, how much cheaper
-    seams are where they are hardly seen (see ``seams.hidden``).
+    the first of them, across which the seams are the mirror image of each other. hide_seams: 0 to 1, how
+    much cheaper seams are where they are hardly seen (see ``seams.hidden``).
     """
 
     max_distortion: float = 1.05

@@ -39,7 +39,7 @@ def plates(gap: float, n: int = 8) -> Shape:
     p, f = shapes.cube(n)
     low, size = p.min(0), np.ptp(p, axis=0)
     slab = (p - low) / size * [1.0, 1.0, 0.1]
-    return shapes.join((slab, f), (slab + [0, 0, 0.1 + gap], f))
+    return shapes.join((slab, f), (slab + np.array([0.0, 0.0, 0.1 + gap]), f))
 
 
 def shares(shape: Shape, count: int = 64, pixels: int = 256) -> tuple[Surface, np.ndarray]:
@@ -109,7 +109,9 @@ def test_plates_that_face_each_other_hide_what_lies_between_them() -> None:
     assert means[0] < 0.12
 
 
-def test_a_sheet_is_seen_from_both_sides_and_a_closed_surface_from_outside_however_it_is_wound() -> None:
+def test_a_sheet_is_seen_from_both_sides_and_a_closed_surface_from_outside_however_it_is_wound() -> (
+    None
+):
     _, sheet = shares(shapes.grid(9, 7))
     assert sheet == pytest.approx(1, abs=0.07)
     points, faces = shapes.icosphere(3)

@@ -6,7 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_sum,
+    next_half_edge,
+)
 from circparam.core.graph import components, nearest, undirected
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge

@@ -19,9 +19,9 @@ from circparam.seams.segmentation.grow import (
     make_disks,
     split_charts,
 )
-from circparam.seams.segmentation.move import move_seams
 from circparam.seams.segmentation.layout import lay_out_fresh, shorten_seams
 from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.move import move_seams
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
