@@ -2,8 +2,8 @@
 
 A direction is that of parallel light from far away. Every axis stands for two directions that run against
 each other, so one pass over the faces fills both of its z-buffers, the nearest and the farthest depth of every
-pixel. Faces that are smaller than a pixel only leave their centre there. A place is looked up one pixel out along its
-normal: there the slope of its own face cannot hide it, since within half a pixel a face rises by at most
+pixel. Faces that are smaller than a pixel only leave their centre there. A place is looked up a pixel out along
+its normal: there the slope of its own face cannot hide it, since within half a pixel a face rises by at most
 tan(angle) / √2 pixels along the axis, and one pixel along the normal are 1 / cos(angle).
 
 All faces hide what lies behind them, whichever way they are wound. The front of a place is the side that its
