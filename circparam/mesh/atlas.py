@@ -95,17 +95,17 @@ class Atlas:
     @cached_property
     def lengths(self) -> FloatArray:
         """(e,) length of every edge, weighted by what a seam along it means where that is known."""
-        if self.prices is None:
-            return self.surface.priced_lengths
-        # a seam in a flat is no better for being hidden: that would be what brings seams into flats
-        length = np.where(self.prices.flat, self.surface.edge_lengths, self.surface.priced_lengths)
-        result: FloatArray = length * self.prices.price
-        return result
+        length = self.surface.edge_lengths
+        return length if self.prices is None else length * self.prices.price
 
     @cached_property
     def costs(self) -> FloatArray:
-        """(e,) the weighted lengths, infinite where an edge is locked."""
-        return np.where(self.surface.locked, np.inf, self.lengths)
+        """(e,) the weighted lengths at the prices of the surface, infinite where an edge is locked."""
+        cost = self.lengths
+        if self.surface.price is not None:
+            # a seam in a flat is no better for being hidden: that would be what brings seams into flats
+            cost = cost * np.where(False if self.flat is None else self.flat, 1, self.surface.price)
+        return np.where(self.surface.locked, np.inf, cost)
 
     @property
     def flat(self) -> BoolArray | None:
