@@ -70,7 +70,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
         "1 is perfect)",
     )
     row("stretch", _tail(report))
-    row("seam length", f"{_number(report['seam_length'])} x sqrt(area)")
+    row("seam length", _seams(report))
     if report["pack"] is not None:
         row("packed", f"{100 * report['pack']:.1f} % of the page")
     row("time", f"{report['seconds']:.2f} s")
@@ -139,11 +139,18 @@ def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
     row("stretch L2, L-infinity", f"{_number(uv['stretch_l2'])}, {_number(uv['stretch_linf'])}")
     row("stretch", _tail(uv))
     row("angle, area", f"{_number(uv['angle'])}, {_number(uv['area'])}")
-    row("seam length", f"{_number(uv['seam_length'])} x sqrt(area)")
+    row("seam length", _seams(uv))
     if uv["pack"] is not None:
         row("packed", f"{100 * uv['pack']:.1f} %")
     for line in uv["faults"]:
         row("fault", line)
+
+
+def _seams(report: dict[str, Any]) -> str:
+    """How long the seams are, and how much of that is seen."""
+    length = f"{_number(report['seam_length'])} x sqrt(area)"
+    seen = report.get("seam_visible")
+    return length if seen is None else f"{length}, {100 * seen:.0f} % of it seen from a direction"
 
 
 def _tail(report: dict[str, Any]) -> str:

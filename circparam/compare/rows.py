@@ -13,8 +13,8 @@ INPUT = "input"  # the row of the uv that the file has
 
 # names of ``Verification.numbers`` in the order of a report
 FIGURES = (
-    "charts", "seam_length", "flips", "mirrored", "overlap", "missing", "distortion", "distortion_max_chart",
-    "stretch_l2", "stretch_linf", "angle", "area", "pack",
+    "charts", "seam_length", "seam_visible", "flips", "mirrored", "overlap", "missing",
+    "distortion", "distortion_max_chart", "stretch_l2", "stretch_linf", "angle", "area", "pack",
 )  # fmt: skip
 
 

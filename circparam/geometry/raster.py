@@ -43,17 +43,19 @@ def fragments(xy: FloatArray, width: int, height: int) -> Iterator[Fragments]:
     """
     x, y = np.ascontiguousarray(xy[..., 0]), np.ascontiguousarray(xy[..., 1])
     with np.errstate(invalid="ignore"):
-        first = np.clip(np.ceil(y.min(1) - 0.5), 0, height)
-        last = np.clip(np.ceil(y.max(1) - 0.5), 0, height)
-        seen = (last > first) & (x.max(1) > 0.5) & (x.min(1) <= width - 0.5)
-    face = np.flatnonzero(seen & np.isfinite(xy).all((1, 2)))
+        left, right = extremes(x)
+        first, last = (np.clip(np.ceil(end - 0.5), 0, height) for end in extremes(y))
+        seen = (last > first) & (right > 0.5) & (left <= width - 0.5)
+        # a sum is finite where all of it is; coordinates too large for that are no pixels
+        seen &= np.isfinite(x[:, 0] + x[:, 1] + x[:, 2] + y[:, 0] + y[:, 1] + y[:, 2])
+    face = np.flatnonzero(seen)
     x, y = x[face], y[face]
     order = np.argsort(y, axis=1, kind="stable")
     x, y = np.take_along_axis(x, order, 1), np.take_along_axis(y, order, 1)
     top = first[face].astype(np.int64)
     rows = last[face].astype(np.int64) - top
     # an upper bound of each face's pixels decides where the chunks end
-    bound = np.cumsum(rows * np.minimum(np.ptp(x, axis=1) + 1, width))
+    bound = np.cumsum(rows * np.minimum((right - left)[face] + 1, width))
     ends = np.arange(CHUNK, bound[-1] + CHUNK, CHUNK) if len(bound) else np.zeros(0)
     start = 0
     for stop in np.unique(np.minimum(np.searchsorted(bound, ends) + 1, len(face))):
@@ -61,6 +63,12 @@ def fragments(xy: FloatArray, width: int, height: int) -> Iterator[Fragments]:
         start = int(stop)
         if rows[part].size:
             yield _fill(x[part], y[part], face[part], top[part], rows[part], width)
+
+
+def extremes(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """((m,) least, (m,) largest of three values (m, 3)): columns at a time, which is several times faster."""
+    a, b, c = values[:, 0], values[:, 1], values[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _fill(

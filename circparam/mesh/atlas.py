@@ -100,8 +100,12 @@ class Atlas:
 
     @cached_property
     def costs(self) -> FloatArray:
-        """(e,) the weighted lengths, infinite where an edge is locked."""
-        return np.where(self.surface.locked, np.inf, self.lengths)
+        """(e,) the weighted lengths at the prices of the surface, infinite where an edge is locked."""
+        cost = self.lengths
+        if self.surface.price is not None:
+            # a seam in a flat is no better for being hidden: that would be what brings seams into flats
+            cost = cost * np.where(False if self.flat is None else self.flat, 1, self.surface.price)
+        return np.where(self.surface.locked, np.inf, cost)
 
     @property
     def flat(self) -> BoolArray | None:
@@ -112,6 +116,12 @@ class Atlas:
     def seam_length(self) -> float:
         """Length of all seams over the square root of the area."""
         total = self.surface.edge_lengths[self.cut].sum()
+        return float(total / np.sqrt(self.surface.areas.sum()))
+
+    @property
+    def seam_price(self) -> float:
+        """As ``seam_length``, with what the surface asks for each edge."""
+        total = self.surface.priced_lengths[self.cut].sum()
         return float(total / np.sqrt(self.surface.areas.sum()))
 
     def charts(self) -> tuple[int, IntArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,7 @@ class Surface:
     ascending order of i. A half-edge in no pair is on a boundary: a non-manifold edge keeps pairs of faces,
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
     locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
+    price: (e,) what a seam along an edge costs, in lengths of the edge; None where all edges are alike.
     """
 
     points: FloatArray
@@ -33,6 +34,7 @@ class Surface:
     reversed_faces: BoolArray
     edges: IntArray
     locked: BoolArray
+    price: FloatArray | None = None
 
     @cached_property
     def corner_vertex(self) -> IntArray:
@@ -75,6 +77,11 @@ class Surface:
         return result
 
     @cached_property
+    def priced_lengths(self) -> FloatArray:
+        """(e,) what a seam along each edge costs: its length, times its price where there is one."""
+        return self.edge_lengths if self.price is None else self.edge_lengths * self.price
+
+    @cached_property
     def boundary(self) -> IntArray:
         """Half-edges on a boundary of the surface itself, ascending."""
         return boundary_half_edges(len(self.faces), self.edges)
@@ -107,6 +114,12 @@ class Surface:
         _, corners = corner_classes(len(fid), e)
         return CutMesh(corners, self.rest_triangles[fid], chart[fid], e), fid
 
+    def without_edges(self, cut: BoolArray) -> Surface:
+        """The surface opened along some edges ((e,) bool), which become boundaries."""
+        keep = ~cut
+        price = None if self.price is None else self.price[keep]
+        return replace(self, edges=self.edges[keep], locked=self.locked[keep], price=price)
+
     def part(self, faces: BoolArray) -> Surface:
         """Some faces ((m,) bool); where they meet the others is a boundary."""
         fid = np.flatnonzero(faces)
@@ -121,4 +134,5 @@ class Surface:
             self.reversed_faces[fid],
             3 * local[e // 3] + e % 3,
             self.locked[inside],
+            None if self.price is None else self.price[inside],
         )

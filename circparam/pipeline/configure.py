@@ -60,7 +60,11 @@ def seam_options(
 ) -> SeamOptions:
     """What the seams need to know, from the options and the file."""
     given = _given(
-        o, ("max_distortion", "max_stretch", "max_charts", "min_chart_faces", "sharp", "symmetry")
+        o,
+        (
+            *("max_distortion", "max_stretch", "max_charts", "min_chart_faces"),
+            *("sharp", "hide_seams", "symmetry"),
+        ),
     )
     if o.sharp is not None:
         given["sharp"] = o.sharp * np.pi / 180

@@ -153,6 +153,11 @@ class Options:
         "seams", "Cut between materials.", flag="--cut-materials/--no-cut-materials",
         shown="where there are several", applies=applies.with_seams,
     )
+    hide_seams: float | None = option(
+        "seams", "Put seams where they are hardly seen: 0 not, 1 at any length.", metavar="H",
+        shown="0.5", bounds=Range(0.0, 1.0, "a weight from 0 (all places alike) to 1 (hidden ones only)"),
+        applies=applies.with_charts,
+    )
     symmetry: str | None = option(
         "seams", "Mirror the seams across this axis, or across the first that fits.",
         choices=("x", "y", "z", "auto"), applies=applies.with_charts,

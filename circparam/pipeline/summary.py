@@ -20,7 +20,8 @@ def summarise(result: Result) -> dict[str, Any]:
 
     Figures are those of the file as read back. distortion: symmetric Dirichlet energy / 4 of the atlas at
     its best scale, 1 is perfect; distortion_max_chart: of the worst chart at that scale. seam_length is in
-    units of √(surface area). pack: covered share of the pages. flips, overlap, mirrored, missing: 0 in a
+    units of √(surface area); seam_visible is the share of it that is seen, in the mean over 64 directions, null
+    where there is no seam. pack: covered share of the pages. flips, overlap, mirrored, missing: 0 in a
     valid layout. stages: seconds.
     """
     numbers = {k: plain(v) for k, v in result.measures.items()}

@@ -7,6 +7,7 @@ seams are where the uv of the two sides of an edge differ, charts are what lies 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from circparam.geometry.coverage import Coverage, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
 from circparam.geometry.overlap import overlaps, signs
 from circparam.geometry.predicates import SignArray
+from circparam.geometry.visibility import visible_share
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
@@ -31,13 +33,16 @@ EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may li
 class Verification:
     """What was found. Faces are those of the surface (degenerate and duplicate ones are set aside).
 
-    cut_mesh: the surface cut where uv differ; uv (nv, 2) of its vertices. missing: faces without uv.
+    cut: (e,) bool, edges of the surface whose two sides have different uv; cut_mesh: the surface cut there; uv
+    (nv, 2) of its vertices. missing: faces without uv.
     flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
     clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
     that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that
     of all seams / √(surface area). coverage: None where the layout was not rasterised.
     """
 
+    surface: Surface
+    cut: BoolArray
     cut_mesh: CutMesh
     uv: FloatArray
     missing: int
@@ -52,6 +57,11 @@ class Verification:
     uv_min: FloatArray
     uv_max: FloatArray
     coverage: Coverage | None
+
+    @cached_property
+    def seam_visible(self) -> float | None:
+        """Share of the length of all seams that is seen, in the mean over 64 directions; None without seams."""
+        return visible_share(self.surface, self.cut)
 
     @property
     def overlap(self) -> int:
@@ -83,6 +93,7 @@ class Verification:
             "angle": m.whole["angle"],
             "area": m.whole["area"],
             "seam_length": self.seam_length,
+            "seam_visible": self.seam_visible,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,
             "border_texels": None if c is None else c.border,
@@ -135,6 +146,8 @@ def verify(
     outside = np.zeros(0, np.int64) if resolution is None else _outside(cut_mesh, uv, used)
     alike = points if own is None else _at_best_scales(part, points, own[faces])
     return Verification(
+        surface=surface,
+        cut=cut,
         cut_mesh=cut_mesh,
         uv=uv,
         missing=int((~ok).sum()),

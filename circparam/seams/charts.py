@@ -15,6 +15,7 @@ from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
+from circparam.seams.hidden import hiding_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
@@ -68,13 +69,15 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """
     mirror = None if options.symmetry is None else find_mirror(surface, options.symmetry)
     surface, forced, notes = constrain(surface, options)
+    if options.hide_seams > 0:
+        with monitor.stage("visibility"):
+            price = hiding_prices(surface, options.hide_seams)
+            surface = dataclasses.replace(surface, price=price)
     if mirror is not None:
         surface = dataclasses.replace(surface, locked=mirror.closed(surface.locked))
         forced = mirror.closed(forced) & ~surface.locked
         notes.append(mirror.note)
-    opened = dataclasses.replace(
-        surface, edges=surface.edges[~forced], locked=surface.locked[~forced]
-    )
+    opened = surface.without_edges(forced)
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
     if mirror is None:
         atlas = bounded_atlas(opened, bound, options, monitor, notes)
@@ -241,7 +244,9 @@ def _decided(
         inner = 1 + (bound - 1) * (1 - SLACK)
         coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
     with monitor.stage("carry"):
-        return transfer_to_fine(surface, graph, coarse, proxy), graph
+        # prices have done their part: paths that heed them edge by edge are longer, and cost charts
+        blind = dataclasses.replace(surface, price=None)
+        return transfer_to_fine(blind, graph, coarse, proxy), graph
 
 
 def grow_small(atlas: Atlas, bound: float, least: int, monitor: Monitor) -> list[str]:

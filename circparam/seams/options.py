@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 
+HIDDEN = 0.5  # hide_seams where nothing else is asked for
+
 
 @dataclass(frozen=True, eq=False)
 class SeamOptions:
@@ -19,7 +21,8 @@ class SeamOptions:
     of the surface (mesh vertices through ``RepairReport.weld``) whose edge must be, or may not be, a seam.
     groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are seams. start:
     (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or 'auto' for
-    the first of them, across which the seams are the mirror image of each other.
+    the first of them, across which the seams are the mirror image of each other. hide_seams: 0 to 1, how
+    much cheaper seams are where they are hardly seen (see ``seams.hidden``).
     """
 
     max_distortion: float = 1.05
@@ -33,6 +36,7 @@ class SeamOptions:
     cut_groups: bool = False
     start: BoolArray | None = None
     symmetry: str | None = None
+    hide_seams: float = HIDDEN
 
 
 @dataclass(frozen=True, eq=False)

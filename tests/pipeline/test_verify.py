@@ -12,6 +12,7 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline.gates import GATE_NAMES
 from circparam.pipeline.verify import Promise, corners_of, reasons, uv_seams, verify
 from tests.support import shapes
+from tests.support.atlases import surface_of
 
 
 def two_squares() -> tuple[Surface, np.ndarray, np.ndarray]:
@@ -159,3 +160,20 @@ def test_winding_of_the_file_does_not_matter() -> None:
     assert ok.all()
     np.testing.assert_array_equal(corners, p[surface.faces][:, :, :2])
     assert verify(surface, UVMap(p[:, :2], g)).flips == 0
+
+
+def test_the_visible_share_is_that_of_the_seams_of_the_uv() -> None:
+    """A ball in a ball: two seams of the same course, of which only the outer one is seen."""
+    p, f = shapes.icosphere(3)
+    both = shapes.join((p, f), (0.5 * p, f))
+    surface = surface_of(*both)
+    right = surface.points[surface.faces].mean(1)[:, 0] > 0
+    inner = np.linalg.norm(surface.points[surface.faces], axis=2).max(1) < 0.7
+    uv = np.random.default_rng(0).uniform(0, 1, (4, len(surface.points), 2))
+    corners = uv[2 * inner.astype(int) + right][np.arange(len(inner))[:, None], surface.faces]
+    uvmap = UVMap(corners.reshape(-1, 2), np.arange(3 * len(inner)).reshape(-1, 3))
+    found = verify(surface, uvmap).seam_visible
+    assert found == pytest.approx(0.5 / 1.5, abs=0.03)
+    flat = surface_of(*shapes.grid(4, 4))
+    plain = verify(flat, UVMap(flat.points[:, :2].copy(), flat.faces))
+    assert plain.numbers()["seam_visible"] is None

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_sum,
+    next_half_edge,
+)
 from circparam.core.graph import components, nearest, undirected
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge
@@ -108,7 +115,26 @@ def decimate(surface: Surface, target: int) -> Proxy:
     number = np.full(n, -1)
     number[kept] = np.arange(len(kept))
     proxy, apart = pair_edges(position[kept], number[coarse])
-    return Proxy(proxy, _settle(surface, number[root]), apart)
+    cell = _settle(surface, number[root])
+    return Proxy(_priced(proxy, surface, cell), cell, apart)
+
+
+def _priced(proxy: Surface, surface: Surface, cell: IntArray) -> Surface:
+    """The proxy with the prices of the surface: those of both cells that an edge joins, in the mean."""
+    if surface.price is None:
+        return proxy
+    flat = surface.corner_vertex.ravel()
+    h = surface.edges[:, 0]
+    ends = cell[np.r_[flat[h], flat[next_half_edge(h)]]]
+    known = ends >= 0
+    weight = np.tile(surface.edge_lengths, 2)[known]
+    n = len(proxy.points)
+    total = group_sum(weight, ends[known], n)
+    price = group_sum(weight * np.tile(surface.price, 2)[known], ends[known], n)
+    price = np.where(total > 0, price / np.maximum(total, 1e-300), 1.0)
+    coarse = proxy.faces.ravel()
+    h = proxy.edges[:, 0]
+    return replace(proxy, price=(price[coarse[h]] + price[coarse[next_half_edge(h)]]) / 2)
 
 
 def _main_parts(points: FloatArray, faces: IntArray, component: IntArray) -> BoolArray:

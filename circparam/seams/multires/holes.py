@@ -54,6 +54,9 @@ def close_small_holes(surface: Surface) -> Surface:
     ]
     edges = np.sort(np.concatenate([surface.edges, *pairs]), axis=1)
     locked = np.r_[surface.locked, np.zeros(len(edges) - len(surface.edges), bool)]
+    price = np.ones(len(edges))
+    if surface.price is not None:  # the new edges lie over holes: nothing is known of them
+        price[: len(surface.edges)] = surface.price
     order = np.argsort(edges[:, 0], kind="stable")
     beside = h[at] // 3
     return replace(
@@ -63,6 +66,7 @@ def close_small_holes(surface: Surface) -> Surface:
         reversed_faces=np.r_[surface.reversed_faces, surface.reversed_faces[beside]],
         edges=edges[order],
         locked=locked[order],
+        price=None if surface.price is None else price[order],
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from circparam.seams.segmentation.grow import (
 )
 from circparam.seams.segmentation.layout import lay_out_fresh, shorten_seams
 from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.move import move_seams
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
@@ -48,10 +49,16 @@ def decide(
     monitor: Monitor,
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole."""
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    atlas = Atlas(replace(surface, price=None), np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, bound)
     if rest.any():
-        atlas.put(rest, best_of_starts(surface.part(rest), bound, margin, worker, monitor))
+        part = surface.part(rest)
+        # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
+        best = best_of_starts(replace(part, price=None), bound, margin, worker, monitor)
+        if part.price is not None:
+            best = Atlas(part, best.cut, best.corners)
+            move_seams(best, bound, margin, monitor)
+        atlas.put(rest, best)
     if max_charts is not None:
         reach_count(atlas, bound, max_charts, monitor)
     return atlas
@@ -62,7 +69,7 @@ def whole_components(atlas: Atlas, bound: float) -> BoolArray:
     cut_mesh = atlas.cut_mesh()
     able = ~not_disks(cut_mesh)
     if able.any():
-        layouts = lay_out_fresh(atlas, able, dataclasses.replace(ROUGH, give_up=bound))
+        layouts = lay_out_fresh(atlas, able, replace(ROUGH, give_up=bound))
         able &= ~layouts.bad(bound)
     return able[cut_mesh.chart]
 

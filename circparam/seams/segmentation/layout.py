@@ -148,7 +148,7 @@ def shorten_seams(
     layouts = attempt(take)
     if not layouts.bad(bound).any():
         return layouts
-    open_chains = np.flatnonzero(gain > 1e-3 * atlas.surface.edge_lengths[start_cut].sum())
+    open_chains = np.flatnonzero(gain > 1e-3 * atlas.surface.priced_lengths[start_cut].sum())
     take[:] = False
     n = int(before.max()) + 1
     for _ in range(ROUNDS):
@@ -159,7 +159,7 @@ def shorten_seams(
         trial = take.copy()
         trial[chosen] = True
         layouts = attempt(trial)
-        spoilt = _chains_beside(atlas, proposal, layouts.cut_mesh.chart, layouts.bad(bound), trial)
+        spoilt = chains_beside(atlas, proposal, layouts.cut_mesh.chart, layouts.bad(bound), trial)
         take[chosen[~spoilt[chosen]]] = True
         open_chains = np.setdiff1d(open_chains, chosen)
     layouts = attempt(take)
@@ -175,7 +175,7 @@ def _chain_sides(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """The charts on both sides of every chain, and how much shorter its new path is."""
     e = atlas.surface.edges
-    length = atlas.surface.edge_lengths
+    length = atlas.surface.priced_lengths
     on = np.flatnonzero(proposal.old >= 0)
     chain = proposal.old[on]
     left, right = np.zeros(proposal.n, np.int64), np.zeros(proposal.n, np.int64)
@@ -187,7 +187,7 @@ def _chain_sides(
     return left, right, gain
 
 
-def _chains_beside(
+def chains_beside(
     atlas: Atlas, proposal: Proposal, chart: IntArray, bad: BoolArray, take: BoolArray
 ) -> BoolArray:
     """(n,) chains that were moved and touch a bad chart, on their old path or their new one."""

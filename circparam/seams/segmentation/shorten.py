@@ -21,7 +21,7 @@ def edge_costs(atlas: Atlas) -> FloatArray:
     surface = atlas.surface
     e = surface.edges
     turn = 1 - (surface.normals[e[:, 0] // 3] * surface.normals[e[:, 1] // 3]).sum(1)
-    cost = surface.edge_lengths / (1 + SHARP_BONUS * np.clip(2 * turn, 0, 1))
+    cost = surface.priced_lengths / (1 + SHARP_BONUS * np.clip(2 * turn, 0, 1))
     return np.where(surface.locked, np.inf, cost)
 
 
@@ -69,10 +69,16 @@ class Proposal:
         return result
 
 
-def propose(atlas: Atlas, rings: int = 2, pinned: BoolArray | None = None) -> Proposal:
+def propose(
+    atlas: Atlas,
+    rings: int = 2,
+    pinned: BoolArray | None = None,
+    pieces: tuple[int, int] | None = None,
+) -> Proposal:
     """Shorten all seams inside bands of ``rings`` edges; junctions and ends on boundaries stay.
 
-    pinned: (e,) bool, seams that stay as they are (sharp edges, seams the user asked for). The bands are
+    pinned: (e,) bool, seams that stay as they are (sharp edges, seams the user asked for). pieces: (k, i),
+    chains end at their i-th vertex as well, and at every k-th after it. The bands are
     disjoint, so any choice of moved and unmoved chains is free of crossings.
     """
     n_edges = len(atlas.cut)
@@ -86,6 +92,9 @@ def propose(atlas: Atlas, rings: int = 2, pinned: BoolArray | None = None) -> Pr
     stop = atlas.on_boundary.copy()
     stop[a[kept]] = stop[b[kept]] = True
     chains = chains_of(a[move], b[move], n, stop)
+    if pieces is not None:
+        stop[chains.vertex[chains.position % pieces[0] == pieces[1]]] = True
+        chains = chains_of(a[move], b[move], n, stop)
     owner, value = bands(atlas.ends, n, chains, stop, rings)
     cost = edge_costs(atlas)
     usable = np.flatnonzero(np.isfinite(cost) & ~kept)

@@ -159,6 +159,8 @@ def _slit(
     reach = np.where(again[cut_mesh.vertex_chart[peaks]], 1.0, REACH)
     slit = slit_to(atlas, cut_mesh, peaks, goal, reach)
     faces = slit[cut_mesh.chart]
+    if not slit.any():  # no way leads there
+        return which[cut_mesh.chart]
     after = atlas.cut_mesh()
     changed = np.zeros(after.n_charts, bool)
     changed[after.chart[faces]] = True

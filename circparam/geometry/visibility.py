@@ -1,0 +1,219 @@
+"""From how many directions places on a surface are seen: z-buffers along axes spread evenly over the sphere.
+
+A direction is that of parallel light from far away. Every axis stands for two directions that run against
+each other, so one pass over the faces fills both of its z-buffers, the nearest and the farthest depth of every
+pixel. Faces that are smaller than a pixel only leave their centre there. A place is looked up a pixel out along
+its normal: there the slope of its own face cannot hide it, since within half a pixel a face rises by at most
+tan(angle) / √2 pixels along the axis, and one pixel along the normal are 1 / cos(angle).
+
+All faces hide what lies behind them, whichever way they are wound. The front of a place is the side that its
+normal shows; a place on a sheet (a component with a boundary) is seen from both sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge, ranges
+from circparam.core.graph import components
+from circparam.geometry.raster import extremes, fragments
+from circparam.mesh.surface import Surface
+
+GOLDEN = (1 + 5**0.5) / 2
+SMALL = 0.7  # pixels: faces whose longest edge is below that leave their centre only
+FRAME = 2  # empty pixels round the picture
+SPACING = 8.0  # pixels between the places at which a long edge is looked at
+MOST = 8  # of them on one edge
+JUDGED = 64  # directions that a reported share is measured from
+COARSE, FINE, FEW = (
+    128,
+    256,
+    10_000,
+)  # side of the picture for it; up to so many faces the coarse one
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """What may be seen. point: (k, 3); normal: (k, 2, 3) of the faces that meet there, not zero; sheet: (k,)
+    bool, it is seen from behind as well."""
+
+    point: FloatArray
+    normal: FloatArray
+    sheet: BoolArray
+
+
+def axes(count: int) -> FloatArray:
+    """(count, 3) unit vectors that are spread evenly over a half of the sphere (a Fibonacci lattice).
+
+    With their opposites they are 2 · count directions.
+    """
+    k = np.arange(count) + 0.5
+    z = 1 - k / count
+    turn = 2 * np.pi * k / GOLDEN
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), z], 1)
+
+
+def seen_shares(triangles: FloatArray, places: Places, count: int, pixels: int) -> FloatArray:
+    """(k,) share of ``count`` directions, an even number, from which each place is seen: 0 to 1.
+
+    triangles: (m, 3, 3) corners of all faces, which hide what lies behind them. pixels: side of the square that
+    holds the mesh from every side. What is narrower than two pixels is not told apart.
+    """
+    seen = np.zeros(len(places.point), np.int64)
+    flat = triangles.reshape(-1, 3)
+    if len(flat) == 0 or len(seen) == 0:
+        return np.zeros(len(seen))
+    centre = (flat.min(0) + flat.max(0)) / 2
+    radius = float(np.sqrt(((flat - centre) ** 2).sum(1).max()))
+    pixel = 2 * max(radius, 1e-300) / (pixels - 2 * FRAME)
+    scene = _scene((triangles - centre) / pixel)
+    normal = places.normal.sum(1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    vectors = np.concatenate(
+        [(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]
+    )
+    for axis in axes(count // 2):
+        frame = _frame(axis)
+        seen += _looked_up(vectors, places.sheet, frame, _buffers(scene, frame, pixels))
+    result: FloatArray = seen / (2 * (count // 2))
+    return result
+
+
+def _scene(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """((l, 3, 3) faces that cover pixels, (s, 3) centres of those that are too small to), in pixels."""
+    longest = ((triangles - triangles[:, [1, 2, 0]]) ** 2).sum(2).max(1)
+    small = longest < SMALL**2
+    return triangles[~small], triangles[small].mean(1)
+
+
+def _frame(axis: FloatArray) -> FloatArray:
+    """(3, 3) rows right, down, away for a look along −axis: what lies further along the axis is nearer."""
+    other = np.eye(3)[np.argmin(np.abs(axis))]
+    right = np.cross(other, axis)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(axis, right), axis])
+
+
+def _buffers(
+    scene: tuple[FloatArray, FloatArray], frame: FloatArray, pixels: int
+) -> tuple[FloatArray, FloatArray]:
+    """((pixels²,) largest height in every pixel, (pixels²,) smallest), ∓ infinite in empty ones."""
+    faces, centres = scene
+    top, bottom = np.full(pixels * pixels, -np.inf), np.full(pixels * pixels, np.inf)
+    if len(faces):
+        p = faces @ frame.T
+        xy, height = p[..., :2] + pixels / 2, p[..., 2]
+        slope = _slopes(p)
+        low, high = extremes(height)
+        for part in fragments(xy, pixels, pixels):
+            f = part.face
+            row, column = np.divmod(part.pixel, pixels)
+            z = height[f, 0] + slope[f, 0] * (column + 0.5 - xy[f, 0, 0])
+            z += slope[f, 1] * (row + 0.5 - xy[f, 0, 1])
+            z = np.clip(z, low[f], high[f])
+            np.maximum.at(top, part.pixel, z)
+            np.minimum.at(bottom, part.pixel, z)
+    if len(centres):
+        p = centres @ frame.T
+        at = _pixel(p, pixels)
+        np.maximum.at(top, at, p[:, 2])
+        np.minimum.at(bottom, at, p[:, 2])
+    return top, bottom
+
+
+def _slopes(p: FloatArray) -> FloatArray:
+    """(m, 2) rise of each face along x and y, 0 for those that stand upright."""
+    u, v = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1 / (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        x = (u[:, 2] * v[:, 1] - v[:, 2] * u[:, 1]) * inverse
+        y = (u[:, 0] * v[:, 2] - v[:, 0] * u[:, 2]) * inverse
+    result: FloatArray = np.nan_to_num(np.stack([x, y], 1), posinf=0.0, neginf=0.0)
+    return result
+
+
+def _pixel(p: FloatArray, pixels: int) -> IntArray:
+    """(k,) pixel of each point, its own x and y counted from the middle."""
+    at = np.clip(np.floor(p[:, :2] + pixels / 2), 0, pixels - 1).astype(np.int64)
+    result: IntArray = at[:, 1] * pixels + at[:, 0]
+    return result
+
+
+def _looked_up(
+    vectors: FloatArray, sheet: BoolArray, frame: FloatArray, buffers: tuple[FloatArray, FloatArray]
+) -> IntArray:
+    """(k,) from how many of both directions of an axis each place is seen: 0, 1 or 2.
+
+    vectors: (4k, 3) places in pixels, their normals, those of both faces there.
+    """
+    k = len(sheet)
+    pixels = int(np.sqrt(len(buffers[0])))
+    turned = vectors @ frame.T
+    at, out, facing = turned[:k], turned[k : 2 * k], turned[2 * k :, 2].reshape(2, k)
+    seen = np.zeros(k, np.int64)
+    for sign, buffer in zip((1.0, -1.0), buffers, strict=True):
+        front = np.flatnonzero(sheet | ((sign * facing) > 0).any(0))
+        step = out[front]
+        step[sheet[front] & (sign * step[:, 2] < 0)] *= -1
+        p = at[front] + step
+        seen[front] += sign * p[:, 2] >= sign * buffer[_pixel(p, pixels)]
+    return seen
+
+
+def edge_shares(
+    surface: Surface, count: int, pixels: int, which: BoolArray | None = None
+) -> FloatArray:
+    """(k,) share of ``count`` directions from which each edge is seen, in the mean over its length.
+
+    which: (e,) bool, the k edges that are asked for, None for all. Convex edges in the open have a
+    half and more, concave ones less than a half, and edges of closed inner shells none.
+    """
+    asked = np.arange(len(surface.edges)) if which is None else np.flatnonzero(which)
+    triangles = surface.points[surface.faces]
+    if len(asked) == 0:
+        return np.zeros(0)
+    h = surface.edges[asked]
+    flat = triangles.reshape(-1, 3)
+    start, end = flat[h[:, 0]], flat[next_half_edge(h[:, 0])]
+    step = SPACING * float(np.sqrt((np.ptp(flat, axis=0) ** 2).sum())) / pixels
+    length = surface.edge_lengths[asked]
+    number = np.clip(np.ceil(length / max(step, 1e-300)), 1, MOST).astype(np.int64)
+    edge = np.repeat(np.arange(len(asked)), number)
+    at = ((ranges(number) + 0.5) / number[edge])[:, None]
+    outward, sheet = _sides(surface)
+    normal = (surface.normals * outward[:, None])[h // 3]
+    places = Places(
+        start[edge] * (1 - at) + end[edge] * at, normal[edge], sheet[h[:, 0] // 3][edge]
+    )
+    shares = seen_shares(triangles, places, count, pixels)
+    result: FloatArray = group_sum(shares, edge, len(asked)) / number
+    return result
+
+
+def visible_share(surface: Surface, cut: BoolArray) -> float | None:
+    """Share of the length of some edges ((e,) bool) that is seen, in the mean over JUDGED directions.
+
+    It is Σ length · share / Σ length, shares as ``edge_shares`` has them; None where the edges have no length.
+    """
+    length = surface.edge_lengths[cut]
+    total = float(length.sum())
+    if not total > 0:
+        return None
+    pixels = COARSE if len(surface.faces) <= FEW else FINE
+    return float((length * edge_shares(surface, JUDGED, pixels, cut)).sum() / total)
+
+
+def _sides(surface: Surface) -> tuple[FloatArray, BoolArray]:
+    """((m,) 1, or −1 for faces of closed components that are wound inside out, (m,) bool: it is on a sheet)."""
+    e = surface.edges // 3
+    n, component = components(len(surface.faces), e[:, 0], e[:, 1])
+    sheet = np.zeros(n, bool)
+    sheet[component[surface.boundary // 3]] = True
+    p = surface.points[surface.faces]
+    p = p - p.reshape(-1, 3).mean(0)
+    volume = group_sum((np.cross(p[:, 0], p[:, 1]) * p[:, 2]).sum(1), component, n)
+    inside_out = (volume < 0) & ~sheet
+    return np.where(inside_out, -1.0, 1.0)[component], sheet[component]

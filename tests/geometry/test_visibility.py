@@ -1,0 +1,165 @@
+"""From how many directions edges are seen: known answers, and what no motion of the mesh may change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.geometry.visibility import axes, edge_shares, visible_share
+from circparam.mesh.surface import Surface
+from tests.support import shapes
+from tests.support.atlases import surface_of
+
+Shape = tuple[np.ndarray, np.ndarray]
+
+
+def ends(surface: Surface) -> np.ndarray:
+    """(e, 2, 3) both ends of every edge."""
+    h = surface.edges[:, 0]
+    corner = surface.points[surface.faces]
+    return np.stack([corner[h // 3, h % 3], corner[h // 3, (h % 3 + 1) % 3]], 1)
+
+
+def inner_shell() -> Shape:
+    p, f = shapes.icosphere(3)
+    return shapes.join((p, f), (0.6 * p, f))
+
+
+def channel(depth: float = 2.0, refine: int = 2) -> Shape:
+    """A part with the profile of a U: a channel one wide and so deep between two walls one thick."""
+    mask = np.ones((3, 6, int(depth) + 1), bool)
+    mask[1, :, 1:] = False
+    return shapes.voxels(mask, refine)
+
+
+def plates(gap: float, n: int = 8) -> Shape:
+    """Two slabs of 1 × 1 × 0.1 that face each other across a gap."""
+    p, f = shapes.cube(n)
+    low, size = p.min(0), np.ptp(p, axis=0)
+    slab = (p - low) / size * [1.0, 1.0, 0.1]
+    return shapes.join((slab, f), (slab + np.array([0.0, 0.0, 0.1 + gap]), f))
+
+
+def shares(shape: Shape, count: int = 64, pixels: int = 256) -> tuple[Surface, np.ndarray]:
+    surface = surface_of(*shape)
+    return surface, edge_shares(surface, count, pixels)
+
+
+@pytest.mark.parametrize("count", [12, 32])
+def test_axes_and_their_opposites_lie_evenly_on_the_sphere(count: int) -> None:
+    both = np.concatenate([axes(count), -axes(count)])
+    assert np.linalg.norm(both, axis=1) == pytest.approx(1)
+    # what is even has no first moment, and the second of the sphere
+    assert both.T @ both / len(both) == pytest.approx(np.eye(3) / 3, abs=0.035)
+    far = np.sort(both @ both.T, axis=1)[:, -2]
+    assert np.degrees(np.arccos(far.max())) > 0.5 * np.degrees(np.sqrt(4 * np.pi / len(both)))
+
+
+def test_every_edge_of_a_sphere_is_seen_from_half_of_the_directions() -> None:
+    _, found = shares(shapes.icosphere(4))
+    assert found == pytest.approx(0.5, abs=0.08)
+    assert found.mean() == pytest.approx(0.5, abs=0.015)
+
+
+def test_edges_of_a_cube_are_seen_from_three_quarters_and_its_sides_from_half() -> None:
+    surface, found = shares(shapes.cube(4))
+    turn = np.abs((surface.normals[surface.edges // 3].prod(1)).sum(1)) < 0.5
+    assert found[turn] == pytest.approx(0.75, abs=0.05)
+    assert found[~turn] == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_shell_inside_a_closed_one_is_never_seen() -> None:
+    surface, found = shares(inner_shell())
+    inner = np.linalg.norm(ends(surface), axis=2).max(1) < 0.7
+    assert inner.sum() == (~inner).sum()
+    assert (found[inner] == 0).all()
+    assert found[~inner] == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize("depth", [1.0, 2.0, 4.0])
+def test_a_channel_is_seen_less_than_the_walls_outside_and_less_the_deeper(depth: float) -> None:
+    surface, found = shares(channel(depth))
+    x, z = ends(surface)[:, :, 0], ends(surface)[:, :, 2]
+    x, z = x - x.min(), z - z.min()
+    step = np.ptp(x) / 3
+    floor = (np.abs(z - step) < 1e-9).all(1) & (np.abs(x - 1.5 * step) < 0.51 * step).all(1)
+    y = ends(surface)[:, :, 1].mean(1)
+    floor &= np.abs(y - y.mean()) < np.ptp(y) / 4  # its ends are open
+    outside = (x < 1e-9).all(1) | (x > 3 * step - 1e-9).all(1)
+    assert floor.any()
+    # the sky over the middle line of a trench of width w and depth d: sin(atan(w / 2d)) of all directions above
+    sky = np.sin(np.arctan(0.5 / depth)) / 2
+    assert found[floor].max() < found[outside].min()
+    assert found[floor].mean() == pytest.approx(sky, abs=0.08)
+
+
+def test_plates_that_face_each_other_hide_what_lies_between_them() -> None:
+    means = []
+    for gap in (0.05, 0.2, 1.0):
+        surface, found = shares(plates(gap))
+        e = ends(surface)
+        facing = (np.abs(e[:, :, 2] - 0.1) < 1e-9).all(1)
+        inside = facing & (np.abs(e[:, :, :2].mean(1) - 0.5) < 0.3).all(1)
+        behind = (e[:, :, 2] < 1e-9).all(1) & (np.abs(e[:, :, :2].mean(1) - 0.5) < 0.3).all(1)
+        assert found[behind] == pytest.approx(0.5, abs=0.05)
+        means.append(found[inside].mean())
+    assert means[0] < means[1] < means[2] < 0.5
+    assert means[0] < 0.12
+
+
+def test_a_sheet_is_seen_from_both_sides_and_a_closed_surface_from_outside_however_it_is_wound() -> (
+    None
+):
+    _, sheet = shares(shapes.grid(9, 7))
+    assert sheet == pytest.approx(1, abs=0.07)
+    points, faces = shapes.icosphere(3)
+    assert np.allclose(shares((points, faces[:, ::-1]))[1].mean(), 0.5, atol=0.03)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    scale=st.sampled_from([1e-3, 1.0, 250.0]),
+    level=st.integers(1, 3),
+)
+def test_scaling_and_moving_change_nothing_and_turning_hardly_anything(
+    seed: int, scale: float, level: int
+) -> None:
+    p, f = shapes.noisy(*shapes.icosphere(level), amount=0.1, seed=seed)
+    p = p * [1.0, 0.7, 0.4]
+    _, found = shares((p, f))
+    away = scale * np.array([3.0, -1.0, 0.5])
+    _, moved = shares((p * scale + away, f))
+    assert np.abs(found - moved).mean() < 0.01
+    _, turned = shares((p @ shapes.rotation(seed).T, f))
+    assert np.abs(found - turned).mean() < 0.04
+    assert found.mean() == pytest.approx(turned.mean(), abs=0.02)
+    assert ((found >= 0) & (found <= 1)).all()
+
+
+def test_faces_smaller_than_a_pixel_hide_as_large_ones_do() -> None:
+    coarse, fine = shares(inner_shell(), 24, 32), shares(channel(2, 16), 24, 64)
+    assert (coarse[1][np.linalg.norm(ends(coarse[0]), axis=2).max(1) < 0.7] == 0).all()
+    large = shares(channel(2, 2), 24, 64)
+    means = []
+    for surface, found in (fine, large):
+        e = ends(surface)
+        step = np.ptp(e[:, :, 0]) / 3
+        low = e[:, :, 2] - e[:, :, 2].min()
+        floor = (np.abs(low - step) < 1e-9).all(1)
+        floor &= (np.abs(e[:, :, 0] - e[:, :, 0].mean()) < 0.45 * step).all(1)
+        means.append(found[floor].mean())
+    assert means[0] == pytest.approx(means[1], abs=0.06)
+
+
+def test_the_visible_share_is_weighted_by_length() -> None:
+    surface = surface_of(*inner_shell())
+    inner = np.linalg.norm(ends(surface), axis=2).max(1) < 0.7
+    every = visible_share(surface, np.ones(len(inner), bool))
+    assert visible_share(surface, inner) == 0
+    outer = visible_share(surface, ~inner)
+    assert outer is not None
+    assert every == pytest.approx(outer / 1.6, rel=1e-6)
+    assert visible_share(surface, np.zeros(len(inner), bool)) is None

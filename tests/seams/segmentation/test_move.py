@@ -1,0 +1,109 @@
+"""Pieces of seams that move to where they cost less, as far as charts stay good."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from circparam.core.monitor import Monitor
+from circparam.geometry.overlap import self_overlapping
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.seams.segmentation.move import move_seams
+from circparam.solvers.newton import RelaxOptions
+from tests.support import shapes
+from tests.support.atlases import cut_between, energies, middles, surface_of
+
+BOUND = 1.05
+
+
+def priced(atlas: Atlas, price: np.ndarray) -> Atlas:
+    surface = dataclasses.replace(atlas.surface, price=price)
+    return Atlas(surface, atlas.cut, atlas.corners)
+
+
+def halves(shape: tuple[np.ndarray, np.ndarray], wave: float, n: float = 5) -> Atlas:
+    """A shape cut in two at y = 0.5, or along a wave round that, and laid out."""
+    surface = surface_of(*shape)
+    middle = middles(surface)
+    middle = (middle - middle.min(0)) / np.ptp(middle[:, :2], axis=0).max()
+    atlas = cut_between(surface, (middle[:, 1] > 0.5 + wave * np.sin(n * middle[:, 0])).astype(int))
+    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-4, max_iterations=40))
+    return atlas
+
+
+def heights(atlas: Atlas) -> np.ndarray:
+    """(e,) y of the middle of every edge."""
+    a, b = atlas.ends
+    return atlas.surface.vertex_points[np.stack([a, b])].mean(0)[:, 1]
+
+
+def test_a_winding_seam_gets_straight() -> None:
+    atlas = halves(shapes.delaunay_square(900), 0.12)
+    before = atlas.seam_length
+    move_seams(atlas, BOUND, 0.0, Monitor())
+    assert atlas.charts()[0] == 2
+    assert atlas.seam_length < 0.9 * before
+
+
+def test_a_seam_moves_to_where_it_is_cheap() -> None:
+    plain = halves(shapes.delaunay_square(900), 0.0)
+    cheap = np.abs(heights(plain) - 0.58) < 0.05
+    atlas = priced(plain, np.where(cheap, 0.2, 1.0))
+    cost = atlas.seam_price
+    move_seams(atlas, BOUND, 0.0, Monitor())
+    assert atlas.seam_price < 0.5 * cost
+    lengths = atlas.surface.edge_lengths
+    inside = lengths[atlas.cut & cheap].sum() / lengths[atlas.cut].sum()
+    assert inside > 0.7
+
+
+def test_charts_stay_few_sound_and_below_the_bound_whatever_edges_cost() -> None:
+    rng = np.random.default_rng(3)
+    for seed in range(3):
+        shape = shapes.bumped_disk(700, 0.5, seed=seed)
+        plain = halves((shape[0], shape[1]), 0.1, 4)
+        bound = float(energies(*plain.open()).max()) + 0.004
+        noise = rng.uniform(0.05, 1.0, len(plain.cut))
+        atlas = priced(plain, noise)
+        cost = atlas.seam_price
+        move_seams(atlas, bound, 0.001, Monitor())
+        cut_mesh, uv = atlas.open()
+        assert atlas.seam_price < cost
+        assert cut_mesh.n_charts == 2
+        assert not not_disks(cut_mesh).any()
+        assert (energies(cut_mesh, uv) <= bound).all()
+        assert not self_overlapping(cut_mesh, uv).any()
+
+
+def test_what_would_break_the_bound_stays() -> None:
+    atlas = halves(shapes.hemisphere(14), 0.1)
+    cut, corners = atlas.cut.copy(), atlas.corners.copy()
+    move_seams(atlas, 1 + 1e-6, 0.0, Monitor())
+    assert np.array_equal(atlas.cut, cut)
+    assert np.array_equal(atlas.corners, corners)
+
+
+def test_one_piece_that_breaks_the_bound_does_not_hold_the_others_back() -> None:
+    """A spike beside the seam: whoever takes its tip over to the other chart pays for it."""
+    plain = halves(shapes.delaunay_square(1200), 0.1)
+    p = plain.surface.points.copy()
+    at = np.array([0.5, 0.5])
+    p[:, 2] += 0.5 * np.exp(-((np.linalg.norm(p[:, :2] - at, axis=1) / 0.05) ** 2))
+    atlas = halves((p, plain.surface.faces), 0.1)
+    bound = float(energies(*atlas.open()).max()) * 1.0005
+    length = atlas.seam_length
+    move_seams(atlas, bound, 0.0, Monitor())
+    assert atlas.seam_length < length
+    assert (energies(*atlas.open()) <= bound).all()
+
+
+def test_no_time_no_move() -> None:
+    atlas = halves(shapes.delaunay_square(900), 0.12)
+    cut = atlas.cut.copy()
+    monitor = Monitor(timeout=1e-9)
+    move_seams(atlas, BOUND, 0.0, monitor)
+    assert monitor.expired
+    assert np.array_equal(atlas.cut, cut)

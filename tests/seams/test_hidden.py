@@ -1,0 +1,89 @@
+"""Seams that go where they are hardly seen: their prices, and what they do to an atlas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.geometry.visibility import visible_share
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+from circparam.seams import charts as schedule
+from circparam.seams.charts import charts
+from circparam.seams.hidden import LEAST, POWER, hiding_prices
+from circparam.seams.options import HIDDEN, SeamOptions
+from tests.support import shapes
+from tests.support.atlases import energies, surface_of
+
+
+def grooved(level: int = 4) -> Surface:
+    """A ball with a deep and narrow groove along a meridian that winds: seams round the ball may hide in it."""
+    p, f = shapes.icosphere(level)
+    turn = np.abs(p[:, 0] - 0.25 * np.sin(3 * np.arctan2(p[:, 2], p[:, 1])))
+    dent = 0.35 * np.exp(-((turn / 0.09) ** 2))
+    return surface_of(p * (1 - dent)[:, None], f)
+
+
+def decided(surface: Surface, strength: float) -> Atlas:
+    found = charts(surface, SeamOptions(hide_seams=strength), Monitor())
+    return Atlas(surface, found.cut, found.uv)
+
+
+def test_prices_are_one_at_no_strength_and_fall_with_the_share_that_sees_an_edge() -> None:
+    surface = grooved(3)
+    assert hiding_prices(surface, 0.0) == pytest.approx(1)
+    half, full = hiding_prices(surface, 0.5), hiding_prices(surface, 1.0)
+    assert full == pytest.approx(half**2)
+    assert full.min() >= LEAST**POWER * (1 - 1e-12)
+    h = surface.edges[:, 0]
+    middle = surface.points[surface.faces].reshape(-1, 3)[h]
+    deep = np.linalg.norm(middle, axis=1) < 0.75
+    high = np.linalg.norm(middle, axis=1) > 0.98
+    assert np.median(half[deep]) < 0.6 * np.median(half[high])
+
+
+def test_parts_keep_the_prices_of_their_edges_and_so_do_surfaces_that_are_cut_open() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    price = np.random.default_rng(1).uniform(0.1, 1, len(surface.edges))
+    priced = Surface(
+        surface.points, surface.faces, surface.source, surface.reversed_faces, surface.edges,
+        surface.locked, price,
+    )  # fmt: skip
+    assert priced.priced_lengths == pytest.approx(price * surface.edge_lengths)
+    faces = surface.points[surface.faces].mean(1)[:, 2] > 0.1
+    inside = faces[surface.edges // 3].all(1)
+    part = priced.part(faces)
+    assert part.priced_lengths == pytest.approx((price * surface.edge_lengths)[inside])
+    open_edges = price < 0.3
+    opened = priced.without_edges(open_edges)
+    assert opened.priced_lengths == pytest.approx((price * surface.edge_lengths)[~open_edges])
+    assert surface.part(faces).price is None
+
+
+@pytest.mark.parametrize("level", [3, 4])  # decided on the mesh itself, and on its proxy
+def test_seams_hide_in_a_groove_and_every_chart_is_good(level: int) -> None:
+    surface = grooved(level)
+    plain, hidden = decided(surface, 0.0), decided(surface, HIDDEN)
+    shares = [visible_share(surface, a.cut) for a in (plain, hidden)]
+    assert None not in shares
+    assert shares[1] < shares[0]
+    assert hidden.charts()[0] <= plain.charts()[0]
+    assert hidden.seam_length < 1.05 * plain.seam_length
+    cut_mesh = hidden.cut_mesh()
+    assert not not_disks(cut_mesh).any()
+    assert (energies(cut_mesh, hidden.gather(cut_mesh)) <= 1.05).all()
+
+
+def test_without_strength_no_visibility_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("prices without strength")
+
+    surface = surface_of(*shapes.torus(20, 10))
+    expected = decided(surface, 1e-12).surface.price
+    assert expected is None  # the surface of the caller stays as it was
+    monkeypatch.setattr(schedule, "hiding_prices", never)
+    assert decided(surface, 0.0).charts()[0] >= 1
+    with pytest.raises(AssertionError, match="without strength"):
+        decided(surface, 0.5)
