@@ -32,6 +32,7 @@ class Keywords(TypedDict, total=False):
     seams: Any
     no_seams: Any
     cut_materials: bool | None
+    hide_seams: float | None
     symmetry: Literal["x", "y", "z", "auto"] | None
     pack_splits: int | None
     resolution: int | None

@@ -25,7 +25,7 @@ from circparam.seams.multires.transfer_layout import (
     separate,
 )
 from circparam.seams.multires.transfer_seams import transfer_seams
-from circparam.seams.options import SeamOptions, Seams
+from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.segmentation.decide import CHART_COST, CROWD, LOOPS, decide, reach_count
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import (
@@ -69,9 +69,12 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """
     mirror = None if options.symmetry is None else find_mirror(surface, options.symmetry)
     surface, forced, notes = constrain(surface, options)
-    if options.hide_seams > 0:
+    hide = options.hide_seams
+    if hide is None:  # seams that moved have no distortion left for tips to be held more strictly
+        hide = HIDDEN if (options.max_stretch or STRETCH) >= STRETCH else 0.0
+    if hide > 0:
         with monitor.stage("visibility"):
-            price = hiding_prices(surface, options.hide_seams)
+            price = hiding_prices(surface, hide)
             surface = dataclasses.replace(surface, price=price)
     if mirror is not None:
         surface = dataclasses.replace(surface, locked=mirror.closed(surface.locked))

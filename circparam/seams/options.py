@@ -22,7 +22,8 @@ class SeamOptions:
     groups: (m,) label of each face of the *mesh*; cut_groups: edges between two labels are seams. start:
     (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or 'auto' for
     the first of them, across which the seams are the mirror image of each other. hide_seams: 0 to 1, how
-    much cheaper seams are where they are hardly seen (see ``seams.hidden``).
+    much cheaper seams are where they are hardly seen (see ``seams.hidden``); None for HIDDEN, and 0 where
+    max_stretch is below 2.
     """
 
     max_distortion: float = 1.05
@@ -36,7 +37,7 @@ class SeamOptions:
     cut_groups: bool = False
     start: BoolArray | None = None
     symmetry: str | None = None
-    hide_seams: float = HIDDEN
+    hide_seams: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
