@@ -29,7 +29,7 @@ Examples:
   circparam compare *.obj --methods all --csv figures.csv -q
   circparam compare mesh.obj --methods circle,floater,isometric --report report.html
 """
-_LIBRARY = ("max_distortion", "boundary", "spacing", "timeout")  # options of every method
+_LIBRARY = ("max_distortion", "boundary", "spacing", "timeout", "jobs")  # options of every method
 
 
 @click.command(cls=common.Command, epilog=_EPILOG)
@@ -55,6 +55,7 @@ _LIBRARY = ("max_distortion", "boundary", "spacing", "timeout")  # options of ev
 )
 @common.library_option("spacing", help="Spacing along that boundary: arc-length or uniform.")
 @common.library_option("timeout", help="Bound for each method.")
+@common.library_option("jobs", help="Processes that cut; methods run one by one.  [default: cores]")
 @click.option(
     "--repeats",
     type=click.IntRange(1, 1000),

@@ -63,6 +63,7 @@ class UnwrapCommand(common.Command):
     common.library_options("repair"),
     common.gates,
     common.library_option("timeout"),
+    common.library_option("jobs"),
     click.option("--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."),
     click.option(
         "--preview", type=common.FILE, metavar="FILE", help="Draw the result: .png, .svg or .html."
@@ -110,13 +111,15 @@ class _Run:
         return exits.OK
 
     def _unwrap(self, mesh: str, out: str) -> None:
-        from circparam.core.monitor import Monitor
+        from circparam.pipeline.jobs import monitor_of, start_for_file
+
+        start_for_file(self.options, mesh)
         from circparam.formats.io import read
         from circparam.pipeline.summary import summarise
         from circparam.pipeline.unwrap import unwrap_document
 
         with progress.listener(os.path.basename(mesh), self.quiet) as listener:
-            monitor = Monitor(listener, self.options.timeout)
+            monitor = monitor_of(self.options, listener)
             with monitor.stage("read"):
                 document = read(
                     mesh,

@@ -19,9 +19,13 @@ class Monitor:
     """Collects the seconds of each stage, passes progress on, and knows the deadline.
 
     listener: called with (stage, fraction 0..1, note). timeout: seconds from now, None for no bound.
+    jobs: processes that may share the work, this one included (``circparam.core.workers``).
     """
 
-    def __init__(self, listener: Listener | None = None, timeout: float | None = None) -> None:
+    def __init__(
+        self, listener: Listener | None = None, timeout: float | None = None, jobs: int = 1
+    ) -> None:
+        self.jobs = jobs
         self._listener = listener
         self._stage = ""
         self.deadline = None if timeout is None else time.monotonic() + timeout

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from circparam.core import workers
 from circparam.core.monitor import Listener, Monitor
 from circparam.errors import InputError
 from circparam.formats.document import Document
@@ -22,6 +23,7 @@ from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import Job, prepare
+from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.options import Options, from_keywords
 from circparam.pipeline.pack_splits import split_for_packing
 from circparam.pipeline.result import Result, verdict, verify_layout
@@ -51,7 +53,7 @@ def unwrap(
         options = from_keywords(keywords)
     elif keywords:
         options = replace(options, **keywords)
-    monitor = Monitor(listener, options.timeout)
+    monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
     return unwrap_document(document, output, options, monitor)
@@ -64,6 +66,22 @@ def unwrap_document(
     monitor: Monitor,
 ) -> Result:
     """All stages after reading."""
+    start_for(options, len(document.mesh.faces))
+    try:
+        return _unwrapped(document, output, options, monitor)
+    except MemoryError:
+        if not workers.stop():  # what workers had of the memory was not missing here
+            raise
+    monitor.jobs = 1
+    return _unwrapped(document, output, options, monitor)
+
+
+def _unwrapped(
+    document: Document,
+    output: str | os.PathLike[str] | None,
+    options: Options,
+    monitor: Monitor,
+) -> Result:
     job = prepare(document, output, options, monitor)
     with monitor.stage("seams"):
         seams = find_seams(job, monitor)
@@ -91,7 +109,7 @@ def repack(
     uv_set is the set that is read and replaced. Raises InputError where a face has no uv.
     """
     options = from_keywords({**keywords, "cut": "none"})
-    monitor = Monitor(listener, options.timeout)
+    monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
         uvmap = document.uv(options.uv_set or 0) if document.uv_sets else None

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from circparam.core.monitor import Monitor
-from circparam.core.workers import HALVED, Worker, in_halves
+from circparam.core.workers import PARTED, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
@@ -43,7 +43,7 @@ from circparam.solvers.poisson import from_jacobians
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
-SHARED_FACES = 500  # from this size on starts are shared with a second process
+SHARED_FACES = 500  # from this size on starts are shared with other processes
 DOUBTS = (
     10_000  # faces of components that may be hard surfaces or not, up to which both ways are tried
 )
@@ -108,8 +108,8 @@ def mirrored_atlas(
             rest = surface.part(~mirror.half)
             graph = dual_graph(rest)
             other = transfer_to_fine(rest, graph, *about_image_of(mirror, half, rest))
-        with Worker(__name__, len(rest.faces) > HALVED) as worker:
-            finish(other, graph, bound, options, worker, monitor, notes)
+        worker = Worker(monitor.jobs if len(rest.faces) > PARTED else 1)
+        finish(other, graph, bound, options, worker, monitor, notes)
     atlas, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
         Merger(atlas, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
@@ -131,12 +131,12 @@ def bounded_atlas(
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     if not hard.all():
         atlas.put(~hard, grown_atlas(surface.part(~hard), bound, options, monitor, notes))
-    with Worker(__name__, int(hard.sum()) > HALVED) as worker:
-        if hard.any():
-            atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
-        if doubtful.any() and not monitor.expired:
-            other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-            take_better(atlas, doubtful, other, CHART_COST)
+    worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)
+    if hard.any():
+        atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
+    if doubtful.any() and not monitor.expired:
+        other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
+        take_better(atlas, doubtful, other, CHART_COST)
     if hard.any():
         atlas.prices = seam_prices(surface)
     return atlas
@@ -146,9 +146,9 @@ def grown_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy and lay its charts out."""
-    with Worker(__name__, len(surface.faces) > SHARED_FACES) as worker:
-        atlas, graph = _decided(surface, bound, options, worker, monitor)
-        finish(atlas, graph, bound, options, worker, monitor, notes)
+    worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
+    atlas, graph = _decided(surface, bound, options, worker, monitor)
+    finish(atlas, graph, bound, options, worker, monitor, notes)
     return atlas
 
 
@@ -166,7 +166,7 @@ def finish(
     with monitor.stage("enforce"):
         count, chart = atlas.charts()
         to_bound = bound if options.max_charts is None else None
-        parts = in_halves(chart)
+        parts = in_parts(chart)
         tasks = [(atlas.part(faces), to_bound) for faces in parts]
         for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
             atlas.put(faces, part)
