@@ -10,9 +10,11 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator
-from concurrent.futures import Future
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 MOST = 4  # processes, the caller included: work is done in no more parts than that
 IDLE = 20.0  # seconds without work after which a worker ends
@@ -40,10 +42,35 @@ class Pool:
     ready: Future[Any]
     lifeline: Any
     limit: tuple[int, int] | None
-    owner: int = field(default_factory=os.getpid)
 
 
-_opening: Future[Pool | None] | None = None  # what ``start`` has begun
+class _Opening:
+    """A pool that is being opened by a thread."""
+
+    def __init__(self) -> None:
+        self._owner = os.getpid()
+        self.done = threading.Event()
+        self._pool: Pool | None = None
+
+    def tell(self, pool: Pool | None) -> None:
+        """What it has come to: None where processes cannot be had."""
+        self._pool = pool
+        self.done.set()
+
+    @property
+    def own(self) -> bool:
+        """Whether this process opens it, and not one that it was forked from."""
+        return self._owner == os.getpid()
+
+    def pool(self) -> Pool | None:
+        """Wait for the pool; None where there is none."""
+        if not self.own:
+            return None
+        self.done.wait()
+        return self._pool
+
+
+_opening: _Opening | None = None  # what ``start`` has begun
 _asked = 0  # the number of jobs it was asked for
 _lock = threading.Lock()
 
@@ -58,9 +85,9 @@ def start(jobs: int, module: str) -> None:
     if jobs < 2 or not possible():
         return
     with _lock:
-        if _opening is not None and _asked >= jobs and _usable(_opening):
+        if _opening is not None and _asked >= jobs and _opening.own:
             return
-        previous, _opening, _asked = _opening, Future(), jobs
+        previous, _opening, _asked = _opening, _Opening(), jobs
         opening = _opening
     _end(previous)
     threading.Thread(target=_open, args=(jobs - 1, module, opening), daemon=True).start()
@@ -81,29 +108,20 @@ def possible() -> bool:
     return not frozen and ("python" in name or "pypy" in name)
 
 
-def _usable(opening: Future[Pool | None]) -> bool:
-    """Whether the processes are there, or about to be, or cannot be had at all; not after a fork."""
-    if not opening.done():
-        return True
-    pool = opening.result()
-    return pool is None or pool.owner == os.getpid()
-
-
 def current() -> Pool | None:
     """The processes that ``start`` has opened."""
     opening = _opening
-    pool = None if opening is None else opening.result()
-    return pool if pool is not None and pool.owner == os.getpid() else None
+    return None if opening is None else opening.pool()
 
 
-def _open(count: int, module: str, opening: Future[Pool | None]) -> None:
+def _open(count: int, module: str, opening: _Opening) -> None:
     """Make the executor; where that fails, for want of /dev/shm, memory or rights, all work is done here."""
     pool = None
     try:
         with contextlib.suppress(Exception):
             pool = _new_pool(count, module)
     finally:
-        opening.set_result(pool)
+        opening.tell(pool)
 
 
 def _new_pool(count: int, module: str) -> Pool | None:
@@ -131,9 +149,9 @@ def _new_pool(count: int, module: str) -> Pool | None:
     return Pool(executor, ready, lifeline, limit)
 
 
-def _end(opening: Future[Pool | None] | None) -> bool:
-    pool = None if opening is None else opening.result()
-    if pool is None or pool.owner != os.getpid():
+def _end(opening: _Opening | None) -> bool:
+    pool = None if opening is None else opening.pool()
+    if pool is None:
         return False
     pool.lifeline.close()
     for pid in list(getattr(pool.executor, "_processes", ())):  # at once, not when it next listens

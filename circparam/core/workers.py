@@ -15,7 +15,6 @@ import pickle
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,8 @@ from circparam.core.monitor import Monitor
 from circparam.core.pool import MOST, Pool, current, start, stop
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
     from circparam.core.arrays import BoolArray, IntArray
 
 PARTED = 8_000  # from this number of faces on work is done in parts
@@ -116,7 +117,7 @@ class _Shared:
         self._pool, self._function, self._tasks, self._monitor = pool, function, tasks, monitor
         # here and now: later the caller works on what tasks have in common. It takes the first itself.
         self._packed = [b"", *(pickle.dumps((function, task), 5) for task in tasks[1:])]
-        self._sent: dict[int, Future[bytes]] = {}
+        self._sent: dict[int, Future[bytes] | None] = {}
         self._next = 0
         self._lock = threading.RLock()
 
@@ -155,21 +156,21 @@ class _Shared:
             left = None if deadline is None else deadline - time.monotonic()
             try:
                 future = self._pool.executor.submit(_work, self._packed[k], left)
-            except Exception as error:  # broken, or at the end of the interpreter
-                future = Future()
-                future.set_exception(error)
+            except Exception:  # broken, or at the end of the interpreter
+                future = None
             self._sent[k] = future
         self._packed[k] = b""
-        future.add_done_callback(self._send)
+        if future is not None:
+            future.add_done_callback(self._send)
 
-    def _answer(self, k: int, future: Future[bytes]) -> Any:
+    def _answer(self, k: int, future: Future[bytes] | None) -> Any:
         """What a process answered; else the same done here, and if it failed, no more is asked of any."""
         if not self._pool.ready.done():
             return self._here(k)  # they are not even up
-        try:
-            return pickle.loads(future.result())
-        except Exception:
-            stop()
+        with contextlib.suppress(Exception):
+            if future is not None:
+                return pickle.loads(future.result())
+        stop()
         return self._here(k)
 
 
