@@ -124,10 +124,12 @@ def _compared(
     from circparam.compare.compare import compare
 
     keywords = {k: given[k] for k in _LIBRARY if given[k] is not None}
-    for mesh in meshes or samples.names():
+    all_meshes = meshes or tuple(samples.names())
+    for k, mesh in enumerate(all_meshes, 1):
         source = mesh if meshes else samples.path(mesh)
         try:
-            with progress.listener(os.path.basename(mesh), given["quiet"]) as listener:
+            place = (k, len(all_meshes))
+            with progress.listener(os.path.basename(mesh), given["quiet"], place) as listener:
                 result = compare(source, names, cut=given["cut"], listener=listener, **keywords)
         except CircparamError as error:
             if isinstance(error, OptionError) or len(meshes) == 1:

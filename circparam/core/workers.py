@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from circparam.core import clock
 from circparam.core.monitor import Monitor
 from circparam.core.pool import MOST, Pool, current, start, stop
 
@@ -152,10 +153,10 @@ class _Shared:
             k = self._take()
             if k is None:
                 return
-            deadline = self._monitor.deadline
-            left = None if deadline is None else deadline - time.monotonic()
+            m = self._monitor
+            soft = None if m.deadline is None else m.deadline - m.held - time.monotonic()
             try:
-                future = self._pool.executor.submit(_work, self._packed[k], left)
+                future = self._pool.executor.submit(_work, self._packed[k], soft, clock.left())
             except Exception:  # broken, or at the end of the interpreter
                 future = None
             self._sent[k] = future
@@ -174,10 +175,11 @@ class _Shared:
         return self._here(k)
 
 
-def _work(packed: bytes, seconds: float | None) -> bytes:
-    """In a worker: one task."""
+def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
+    """In a worker: one task. seconds, last: until its loops stop, and until it is broken off."""
     function, task = pickle.loads(packed)
-    return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
+    with clock.bounded(None if last is None else time.monotonic() + last):
+        return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
 
 
 __all__ = ["Worker", "cores", "environment", "in_parts", "start", "stop"]

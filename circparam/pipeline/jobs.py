@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 
 from circparam.core import workers
 from circparam.core.monitor import Listener, Monitor
@@ -15,9 +16,12 @@ FACES = (
 BYTES = 120_000  # of a file: some 3000 faces as text, a few more in binary
 
 
-def monitor_of(options: Options, listener: Listener | None) -> Monitor:
-    """The monitor of a run with these options."""
-    return Monitor(listener, options.timeout, options.processes)
+def monitor_of(options: Options, listener: Listener | None, since: float | None = None) -> Monitor:
+    """The monitor of a run with these options. since: moment of ``time.monotonic`` from which time counts."""
+    monitor = Monitor(listener, options.timeout, options.processes)
+    if monitor.deadline is not None and since is not None:
+        monitor.deadline -= time.monotonic() - since
+    return monitor
 
 
 def start_for_file(options: Options, path: str) -> None:

@@ -31,6 +31,11 @@ from circparam.pipeline.save import save
 from circparam.pipeline.stored_fit import Fitted, fit_stored
 from circparam.pipeline.verify import corners_of, uv_seams
 
+# What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
+# charts that are only projected, and all that follows; packing in rows, writing, verifying; all but packing.
+LEAST_COST, PACK_COST, WRITE_COST = 6.0, 12.0, 3.0
+KEPT = 0.05  # seconds that are kept besides
+
 
 def unwrap(
     source: Any,
@@ -83,16 +88,19 @@ def _unwrapped(
     monitor: Monitor,
 ) -> Result:
     job = prepare(document, output, options, monitor)
-    with monitor.stage("seams"):
+    pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
+    monitor.check(LEAST_COST * pace)
+    with monitor.holding(PACK_COST * pace + KEPT), monitor.stage("seams"):
         seams = find_seams(job, monitor)
-    with monitor.stage("flatten"):
-        cascade = first_layout(job, seams, monitor)
-    if options.pack_splits:
-        with monitor.stage("pack"):
-            cascade = split_for_packing(
-                cascade, options.pack_splits, pack_options(options), monitor
-            )
-    fitted = fit_stored(job, cascade, monitor)
+        with monitor.stage("flatten"):
+            cascade = first_layout(job, seams, monitor)
+    with monitor.holding(WRITE_COST * pace + KEPT):
+        if options.pack_splits:
+            with monitor.stage("pack"):
+                cascade = split_for_packing(
+                    cascade, options.pack_splits, pack_options(options), monitor
+                )
+        fitted = fit_stored(job, cascade, monitor)
     return _finish(_verified(job, fitted, monitor), output, monitor)
 
 
@@ -145,7 +153,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     charts = np.full(len(job.document.mesh.faces), -1)
     charts[job.surface.source] = verification.cut_mesh.chart
     repairs = [*job.repair_report.messages, *cascade.repairs]
-    said = verdict(verification, job.options, repairs, monitor.expired)
+    said = verdict(verification, job.options, repairs, monitor.hurried)
     return Result(
         options=job.options,
         document=job.document,

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Worker, in_parts
 from circparam.mesh.atlas import Atlas
@@ -51,6 +52,8 @@ REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
+TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
+DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
@@ -79,11 +82,18 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     else:
         atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
     with monitor.stage("stretch"):
+        if monitor.expired:
+            return _seams(atlas, forced, notes)
         # who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for
         asked = options.max_stretch is not None or options.max_distortion <= STRICT
         free = asked and options.max_charts is None and options.min_chart_faces == 1
         limits = Limits(bound, options.max_stretch or STRETCH)
         hold_stretch(atlas, limits, monitor, asked and mirror is None, free)
+    return _seams(atlas, forced, notes)
+
+
+def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
+    """The seams of the opened surface and those that were demanded."""
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)
@@ -204,7 +214,9 @@ def _decided(
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             return decide(surface, bound, MARGIN, options.max_charts, worker, monitor), graph
         inner = 1 + (bound - 1) * (1 - SLACK)
-        coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
+        rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
+        with monitor.holding(rest, least=DECIDING):
+            coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
     with monitor.stage("carry"):
         return transfer_to_fine(surface, graph, coarse, proxy), graph
 
