@@ -29,7 +29,7 @@ Examples:
   circparam compare *.obj --methods all --csv figures.csv -q
   circparam compare mesh.obj --methods circle,floater,isometric --report report.html
 """
-_LIBRARY = ("max_distortion", "boundary", "spacing", "timeout")  # options of every method
+_LIBRARY = ("max_distortion", "boundary", "spacing", "timeout", "jobs")  # options of every method
 
 
 @click.command(cls=common.Command, epilog=_EPILOG)
@@ -55,6 +55,7 @@ _LIBRARY = ("max_distortion", "boundary", "spacing", "timeout")  # options of ev
 )
 @common.library_option("spacing", help="Spacing along that boundary: arc-length or uniform.")
 @common.library_option("timeout", help="Bound for each method.")
+@common.library_option("jobs", help="Processes that cut; methods run one by one.  [default: cores]")
 @click.option(
     "--repeats",
     type=click.IntRange(1, 1000),
@@ -123,10 +124,12 @@ def _compared(
     from circparam.compare.compare import compare
 
     keywords = {k: given[k] for k in _LIBRARY if given[k] is not None}
-    for mesh in meshes or samples.names():
+    all_meshes = meshes or tuple(samples.names())
+    for k, mesh in enumerate(all_meshes, 1):
         source = mesh if meshes else samples.path(mesh)
         try:
-            with progress.listener(os.path.basename(mesh), given["quiet"]) as listener:
+            place = (k, len(all_meshes))
+            with progress.listener(os.path.basename(mesh), given["quiet"], place) as listener:
                 result = compare(source, names, cut=given["cut"], listener=listener, **keywords)
         except CircparamError as error:
             if isinstance(error, OptionError) or len(meshes) == 1:

@@ -104,6 +104,7 @@ class LazyGroup(click.Group):
         _open_standard_streams()
         with signals.installed():
             code = self._run(argv, complete_var, extra)
+            _end_workers()
         sys.exit(code)
 
     def _run(self, argv: list[str], complete_var: str | None, extra: dict[str, Any]) -> int:
@@ -127,6 +128,13 @@ class LazyGroup(click.Group):
                 raise
             return _report(error)
         return value if isinstance(value, int) else exits.OK
+
+
+def _end_workers() -> None:
+    """End the worker processes, where the command has started some: nothing more will be asked of them."""
+    pool = sys.modules.get("circparam.core.pool")
+    if pool is not None:
+        pool.stop()
 
 
 def _open_standard_streams() -> None:

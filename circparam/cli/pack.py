@@ -30,6 +30,7 @@ Examples:
     common.library_option("ply_uv"),
     common.library_option("copy_assets"),
     common.gates,
+    common.library_option("jobs"),
     common.json_option,
     common.quiet,
     common.verbose,

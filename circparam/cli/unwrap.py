@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -63,6 +64,7 @@ class UnwrapCommand(common.Command):
     common.library_options("repair"),
     common.gates,
     common.library_option("timeout"),
+    common.library_option("jobs"),
     click.option("--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."),
     click.option(
         "--preview", type=common.FILE, metavar="FILE", help="Draw the result: .png, .svg or .html."
@@ -82,7 +84,10 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     run = _Run(given, parse_gates(given["fail_if"]))
     outputs = [output_path(mesh, given) for mesh in meshes]
     check_outputs(meshes, outputs, given)
-    codes = [run.one(mesh, out) for mesh, out in zip(meshes, outputs, strict=True)]
+    codes = []
+    for k, (mesh, out) in enumerate(zip(meshes, outputs, strict=True), 1):
+        run.place = (k, len(meshes))
+        codes.append(run.one(mesh, out))
     return next((code for code in codes if code), exits.OK)
 
 
@@ -91,6 +96,8 @@ class _Run:
 
     def __init__(self, given: dict[str, Any], gates: Any) -> None:
         self.given, self.gates = given, gates
+        self.started: float | None = time.monotonic()  # for the first mesh: what it imports counts
+        self.place = (1, 1)  # of the mesh, and of how many
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
         self.options = Options(**_keywords(given))
@@ -110,13 +117,16 @@ class _Run:
         return exits.OK
 
     def _unwrap(self, mesh: str, out: str) -> None:
-        from circparam.core.monitor import Monitor
-        from circparam.formats.io import read
-        from circparam.pipeline.summary import summarise
-        from circparam.pipeline.unwrap import unwrap_document
+        from circparam.pipeline.jobs import monitor_of, start_for_file
 
-        with progress.listener(os.path.basename(mesh), self.quiet) as listener:
-            monitor = Monitor(listener, self.options.timeout)
+        started, self.started = self.started or time.monotonic(), None
+        start_for_file(self.options, mesh)
+        with progress.listener(os.path.basename(mesh), self.quiet, self.place) as listener:
+            monitor = monitor_of(self.options, listener, started)
+            from circparam.formats.io import read
+            from circparam.pipeline.summary import summarise
+            from circparam.pipeline.unwrap import unwrap_document
+
             with monitor.stage("read"):
                 document = read(
                     mesh,

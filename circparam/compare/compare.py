@@ -30,6 +30,7 @@ from circparam.methods import METHODS
 from circparam.pipeline.configure import method_options, open_source
 from circparam.pipeline.flatten import find_seams
 from circparam.pipeline.job import Job, prepare
+from circparam.pipeline.jobs import start_for
 from circparam.pipeline.options import DEFAULT_METHOD, Options
 from circparam.pipeline.place import Placed, chart_signs, place
 from circparam.pipeline.verify import verify
@@ -65,9 +66,9 @@ def compare(
     names = method_names(methods)
     if cut not in CUTS:
         raise OptionError(unknown_name("cut", cut, list(CUTS)))
-    monitor = Monitor(listener)
     choices = _options(names, cut, keywords)
     first = next(iter(choices.values()))
+    monitor = Monitor(listener, jobs=first.processes)
     job = prepare(open_source(source, first), None, first, monitor)
     if cut == "auto":
         cut = "disk" if _disks(job.surface) else "charts"
@@ -76,6 +77,7 @@ def compare(
     choices = _options(names, cut, keywords)
     job = replace(job, options=next(iter(choices.values())))
     start = time.perf_counter()
+    start_for(job.options, len(job.surface.faces))
     seams = find_seams(job, monitor)
     cut_seconds = time.perf_counter() - start
     scene = _Scene(job, job.surface.cut_mesh(seams.cut), timeout, isolate)

@@ -20,10 +20,12 @@ from circparam.core.arrays import (
     group_count,
     group_min,
 )
+from circparam.core.clock import tick
 
 
 def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     """Connected components of n nodes joined by i–j: (number, (n,) label in order of the lowest node)."""
+    tick()
     graph = sps.coo_matrix((np.ones(len(i), bool), (i, j)), shape=(n, n))
     count, labels = csgraph.connected_components(graph, directed=False)
     return int(count), labels.astype(np.int64)
@@ -75,6 +77,7 @@ def nearest(
     both ways count. Returns (distance (n,), infinite where none reaches; the node before on the path, and the
     source (n,), both −1 or less where there is none).
     """
+    tick()
     found: Any = csgraph.dijkstra(
         graph,
         indices=sources,
@@ -91,6 +94,7 @@ def distances(
     graph: sps.csr_matrix, sources: IntArray, limit: float = np.inf, symmetric: bool = True
 ) -> FloatArray:
     """(n,) distance from the nearest of several sources, infinite where none reaches. As in ``nearest``."""
+    tick()
     found: Any = csgraph.dijkstra(
         graph, indices=sources, min_only=True, limit=limit, directed=symmetric
     )
@@ -147,6 +151,7 @@ class Graph:
 
 def spanning_forest(n: int, a: IntArray, b: IntArray, order: FloatArray) -> IntArray:
     """Edges of the spanning forest that takes edges in ascending ``order`` (ties in their own order)."""
+    tick()
     rank = np.empty(len(a), np.int64)
     by_rank = np.lexsort((np.arange(len(a)), order))
     rank[by_rank] = np.arange(len(a))
@@ -166,6 +171,7 @@ def matching(score: FloatArray, left: IntArray, right: IntArray, n: int) -> IntA
     score: (a,) higher is better; ties go to the lower index. Returns the indices of the chosen pairs,
     ascending. A pair may join a node with itself.
     """
+    tick()
     rank = np.empty(len(score), np.float64)
     rank[np.lexsort((np.arange(len(score)), -score))] = np.arange(len(score))
     alive = np.arange(len(score))

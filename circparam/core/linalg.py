@@ -11,6 +11,7 @@ import scipy.sparse as sps
 import scipy.sparse.linalg as sla
 
 from circparam.core.arrays import ComplexArray, FloatArray, dot
+from circparam.core.clock import tick
 from circparam.errors import NoResultError
 
 SparseMatrix: TypeAlias = (
@@ -24,10 +25,11 @@ class Factor:
     matrix: square, structurally symmetric, with a dominant or positive definite diagonal (M-matrices of convex
     maps, Laplacians, projected Hessians): for these diagonal pivots are stable, and minimum degree on
     A + Aᵀ needs far less fill than the column order that SciPy takes by default.
-    Raises NoResultError where the matrix is singular.
+    Raises NoResultError where the matrix is singular, OutOfTimeError past the last moment (``core.clock``).
     """
 
     def __init__(self, matrix: SparseMatrix) -> None:
+        tick()
         try:
             self._lu = sla.splu(
                 sps.csc_matrix(matrix),

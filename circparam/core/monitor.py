@@ -12,6 +12,11 @@ from contextlib import contextmanager
 
 from circparam.errors import OutOfTimeError
 
+GRACE = (
+    0.05  # of the time given: work with nothing to show goes on so long after loops were stopped
+)
+LAG = 0.2  # and so many seconds
+
 Listener = Callable[[str, float, str], None]
 
 
@@ -19,12 +24,19 @@ class Monitor:
     """Collects the seconds of each stage, passes progress on, and knows the deadline.
 
     listener: called with (stage, fraction 0..1, note). timeout: seconds from now, None for no bound.
+    jobs: processes that may share the work, this one included (``circparam.core.workers``).
     """
 
-    def __init__(self, listener: Listener | None = None, timeout: float | None = None) -> None:
+    def __init__(
+        self, listener: Listener | None = None, timeout: float | None = None, jobs: int = 1
+    ) -> None:
+        self.jobs = jobs
         self._listener = listener
         self._stage = ""
         self.deadline = None if timeout is None else time.monotonic() + timeout
+        self.timeout = timeout
+        self.held = 0.0  # seconds before the deadline that are kept for what must still be done
+        self.late = False  # whether any stage was told that time is up
         self.seconds: dict[str, float] = {}
 
     @contextmanager
@@ -49,12 +61,45 @@ class Monitor:
 
     @property
     def expired(self) -> bool:
-        """Whether the deadline has passed: a loop that holds a valid result stops then."""
-        return self.deadline is not None and time.monotonic() >= self.deadline
+        """Whether time is up for what goes on now: a loop that holds a valid result stops then."""
+        up = self.deadline is not None and time.monotonic() >= self.deadline - self.held
+        self.late |= up
+        return up
 
-    def check(self) -> None:
-        """Raise OutOfTimeError when the deadline has passed: for stages before any valid result."""
-        if self.expired:
+    @property
+    def hurried(self) -> bool:
+        """Whether time is up, or was for any stage before: what is made is less than it could be."""
+        return self.expired or self.late
+
+    @property
+    def last(self) -> float | None:
+        """When work that has nothing to show yet is broken off: a little after the loops stop."""
+        if self.deadline is None or self.timeout is None:
+            return None
+        return self.deadline - self.held + GRACE * max(self.timeout, 0.0) + LAG
+
+    @contextmanager
+    def holding(self, seconds: float, least: float = 0.0) -> Iterator[None]:
+        """Inside, so many seconds more are kept for later; but a share ``least`` of what is left is not."""
+        held = self.held
+        if self.deadline is not None:
+            rest = self.deadline - held - time.monotonic()
+            self.held += min(seconds, max((1 - least) * rest, 0.0))
+        try:
+            yield
+        finally:
+            self.held = held
+
+    def check(self, seconds: float = 0.0) -> None:
+        """Raise OutOfTimeError where the deadline has passed with no valid result yet.
+
+        seconds: what must still be done at least, where that is known; to be a little late is all right then.
+        """
+        late = self.deadline is not None and time.monotonic() >= self.deadline
+        if seconds > 0 and self.deadline is not None and self.timeout is not None:
+            end = time.monotonic() + seconds
+            late |= end > self.deadline + 2 * (GRACE * max(self.timeout, 0.0) + LAG)
+        if late:
             raise OutOfTimeError(
                 f"out of time during {self._stage or 'the work'} with no valid result yet: "
                 "give a longer --timeout"

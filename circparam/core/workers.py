@@ -1,60 +1,75 @@
-"""A second process for work in parts that do not depend on each other, such as several starts of a search.
+"""Processes for work in parts that do not depend on each other, such as several starts of a search.
 
-Threads would share one interpreter lock, and a pool from the standard library would run the caller's main
-module again. So the worker is a process of its own, ``python -m circparam.core.workers MODULE``, that imports
-MODULE while the caller still prepares, takes pickled tasks and answers each. It changes seconds, never
-results: whatever keeps it from answering, the caller does that part of the work itself.
+They are those of loky: it does not run the caller's main module again, and notices workers that die. ``start``
+opens them in the background while the caller still reads and prepares; they stay for the next mesh, and end
+when they have had nothing to do for a while or the caller is gone. The caller works too, so that of N jobs
+N − 1 are processes. They change seconds, never results: how work is divided does not depend on them, and
+whatever keeps one from answering, the caller does that part itself.
 """
 
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import pickle
-import queue
-import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from circparam.core.arrays import BoolArray, IntArray
+from circparam.core import clock
 from circparam.core.monitor import Monitor
+from circparam.core.pool import MOST, Pool, current, start, stop
 
-HALVED = 8_000  # from this number of faces on work is done in two halves
-LENGTH = 8  # bytes that say how long what follows is
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from circparam.core.arrays import BoolArray, IntArray
+
+PARTED = 8_000  # from this number of faces on work is done in parts
+PART_FACES = 4_000  # that a part has at least, if the charts allow it
+MOST_SHARE = 0.75  # of the faces in one part, above which the others are not worth the trouble
 
 
 def cores() -> int:
     """Processes that may work side by side: as many as cores, and no more than OMP_NUM_THREADS says."""
     free = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()
-    count = len(free) or os.cpu_count() or 1
+    count = min(len(free) or os.cpu_count() or 1, _quota())
     threads = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return min(count, int(threads)) if threads.isdigit() and int(threads) > 0 else count
 
 
-def in_halves(label: IntArray) -> list[BoolArray]:
-    """Faces ((m,) bool) of two sets of charts of about the same size; all in one where there are none such.
+def _quota() -> int:
+    """Cores that a container may use (Linux, cgroup v2); many where nothing bounds them."""
+    with contextlib.suppress(OSError, ValueError):
+        quota, period = Path("/sys/fs/cgroup/cpu.max").read_text(encoding="ascii").split()
+        return max(1, round(int(quota) / int(period)))
+    return 1 << 16
 
-    label: (m,) chart of each face. It is for the sake of a worker, and the same whether there is one or not.
+
+def in_parts(label: IntArray) -> list[BoolArray]:
+    """Faces ((m,) bool) of a few sets of charts of about the same size; all in one where there are none such.
+
+    label: (m,) chart of each face. It is for the sake of workers, and the same however many there are.
     """
+    import numpy as np
+
+    m = len(label)
+    if m < PARTED:
+        return [np.ones(m, bool)]
+    n_parts = min(MOST, m // PART_FACES)
     size = np.bincount(label)
     order = np.argsort(-size, kind="stable")
-    # in turns by falling size: A B B A A B B A …
-    first = np.isin(np.arange(len(size)) % 4, (0, 3))
-    chosen = np.zeros(len(size), bool)
-    chosen[order[first]] = True
-    half = chosen[label]
-    if len(label) < HALVED or not 0.25 < half.mean() < 0.75:
-        return [np.ones(len(label), bool)]
-    return [half, ~half]
+    # in turns by falling size: A B C C B A A B …
+    turn = np.arange(len(size)) % (2 * n_parts)
+    of_chart = np.zeros(len(size), np.int64)
+    of_chart[order] = np.minimum(turn, 2 * n_parts - 1 - turn)
+    part = of_chart[label]
+    share = np.bincount(part) / m
+    if share.max() > MOST_SHARE:
+        return [np.ones(m, bool)]
+    return [part == k for k in np.flatnonzero(share)]
 
 
 def environment() -> dict[str, str]:
@@ -65,127 +80,106 @@ def environment() -> dict[str, str]:
 
 
 class Worker:
-    """A context within which ``map`` has a second process, where there is a core for it.
+    """``map`` on so many processes, the caller included, where ``start`` has opened some.
 
-    module: imported by the process as soon as it starts. worth_it: False for work too small to share.
+    jobs: 1 does all work in this process.
     """
 
-    def __init__(self, module: str, worth_it: bool = True) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
-        if not worth_it or cores() < 2 or getattr(sys, "frozen", False) or not sys.executable:
-            return
-        command = [sys.executable, "-P", "-m", "circparam.core.workers", module]
-        with contextlib.suppress(OSError):
-            self._process = subprocess.Popen(
-                command,
-                env=environment(),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-            )
-
-    def __enter__(self) -> Worker:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the process, whatever it is doing."""
-        process, self._process = self._process, None
-        if process is None:
-            return
-        process.kill()
-        for stream in (process.stdin, process.stdout):
-            if stream is not None:
-                with contextlib.suppress(OSError):
-                    stream.close()
-        process.wait()
+    def __init__(self, jobs: int = 1) -> None:
+        self.jobs = jobs
 
     def map(
         self, function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]], monitor: Monitor
     ) -> list[Any]:
-        """[function(*task, monitor) for task in tasks], every second one by the process.
+        """[function(*task, monitor) for task in tasks], in any order and by whoever is free.
 
-        function: at the top level of a module. The process has a monitor of its own with the same deadline.
+        function: at the top level of a module. A process has a monitor of its own with the same deadline.
         """
-        results: list[Any] = [None] * len(tasks)
-        theirs = list(range(1, len(tasks), 2)) if self._process is not None else []
-        with ThreadPoolExecutor(1) as pool:
-            answer: Future[list[Any]] | None = None
-            try:
-                if theirs:
-                    left = None if monitor.deadline is None else monitor.deadline - time.monotonic()
-                    task = pickle.dumps((function, [tasks[k] for k in theirs], left))
-                    answer = pool.submit(self._ask, task)
-                for k in range(len(tasks)):
-                    if k not in theirs:
-                        results[k] = function(*tasks[k], monitor)
-                given = self._given(answer)
-            except BaseException:
-                self.close()  # else the pool would wait for its answer
-                raise
-        for k, result in zip(theirs, given, strict=False):
-            results[k] = result
-        for k in theirs[len(given) :]:
-            results[k] = function(*tasks[k], monitor)
+        pool = current() if self.jobs > 1 and len(tasks) > 1 else None
+        if pool is None:
+            return [function(*task, monitor) for task in tasks]
+        try:
+            return _Shared(pool, function, tasks, monitor).run(min(self.jobs, len(tasks)) - 1)
+        except BaseException:
+            stop()  # else they would go on with what nobody wants
+            raise
+
+
+class _Shared:
+    """One call of ``map``: tasks are handed out one at a time, to the caller and to the processes."""
+
+    def __init__(
+        self,
+        pool: Pool,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple[Any, ...]],
+        monitor: Monitor,
+    ) -> None:
+        self._pool, self._function, self._tasks, self._monitor = pool, function, tasks, monitor
+        # here and now: later the caller works on what tasks have in common. It takes the first itself.
+        self._packed = [b"", *(pickle.dumps((function, task), 5) for task in tasks[1:])]
+        self._sent: dict[int, Future[bytes] | None] = {}
+        self._next = 0
+        self._lock = threading.RLock()
+
+    def run(self, processes: int) -> list[Any]:
+        """All results; the work of processes that do not answer is done here."""
+        results: list[Any] = [None] * len(self._tasks)
+        own = self._take()
+        for _ in range(processes):
+            self._send()
+        while own is not None:
+            results[own] = self._here(own)
+            own = self._take()
+        for k, future in self._sent.items():
+            results[k] = self._answer(k, future)
         return results
 
-    def _ask(self, task: bytes) -> list[Any]:
-        process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
-            raise EOFError
-        # stdin stays open: its end tells the process that the caller is gone
-        process.stdin.write(len(task).to_bytes(LENGTH, "little") + task)
-        process.stdin.flush()
-        answer: list[Any] = pickle.loads(_message(process.stdout))
-        return answer
+    def _here(self, k: int) -> Any:
+        return self._function(*self._tasks[k], self._monitor)
 
-    def _given(self, answer: Future[list[Any]] | None) -> list[Any]:
-        """What the process answered; nothing where it could not, and no more is asked of it then."""
-        if answer is None:
-            return []
-        try:
-            return answer.result()
-        except (OSError, EOFError, ValueError, pickle.PickleError, ImportError, AttributeError):
-            self.close()
-            return []
+    def _take(self) -> int | None:
+        with self._lock:
+            if self._next == len(self._tasks):
+                return None
+            self._next += 1
+            return self._next - 1
 
+    def _send(self, done: Future[bytes] | None = None) -> None:
+        """Give a process the next task; called again as soon as it has answered."""
+        if done is not None and (done.cancelled() or done.exception() is not None):
+            return
+        with self._lock:
+            k = self._take()
+            if k is None:
+                return
+            m = self._monitor
+            soft = None if m.deadline is None else m.deadline - m.held - time.monotonic()
+            try:
+                future = self._pool.executor.submit(_work, self._packed[k], soft, clock.left())
+            except Exception:  # broken, or at the end of the interpreter
+                future = None
+            self._sent[k] = future
+        self._packed[k] = b""
+        if future is not None:
+            future.add_done_callback(self._send)
 
-def _message(stream: IO[bytes]) -> bytes:
-    size = int.from_bytes(_exactly(stream, LENGTH), "little")
-    return _exactly(stream, size)
-
-
-def _exactly(stream: IO[bytes], size: int) -> bytes:
-    data = stream.read(size)
-    if len(data) < size:
-        raise EOFError
-    return data
-
-
-def _serve() -> None:
-    """Answer tasks from standard input; end at once when the caller is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller hears it too, and ends this process
-    source, target = sys.stdin.buffer, sys.stdout.buffer
-    sys.stdout = sys.stderr
-    for name in sys.argv[1:]:
-        importlib.import_module(name)
-    messages: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-
-    def listen() -> None:
-        with contextlib.suppress(EOFError):
-            while True:
-                messages.put(_message(source))
-        os._exit(1)
-
-    threading.Thread(target=listen, daemon=True).start()
-    while True:
-        function, tasks, seconds = pickle.loads(messages.get())
-        answer = pickle.dumps([function(*task, Monitor(None, seconds)) for task in tasks])
-        target.write(len(answer).to_bytes(LENGTH, "little") + answer)
-        target.flush()
+    def _answer(self, k: int, future: Future[bytes] | None) -> Any:
+        """What a process answered; else the same done here, and if it failed, no more is asked of any."""
+        if not self._pool.ready.done():
+            return self._here(k)  # they are not even up
+        with contextlib.suppress(Exception):
+            if future is not None:
+                return pickle.loads(future.result())
+        stop()
+        return self._here(k)
 
 
-if __name__ == "__main__":
-    _serve()
+def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
+    """In a worker: one task. seconds, last: until its loops stop, and until it is broken off."""
+    function, task = pickle.loads(packed)
+    with clock.bounded(None if last is None else time.monotonic() + last):
+        return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
+
+
+__all__ = ["Worker", "cores", "environment", "in_parts", "start", "stop"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, ranges
 from circparam.mesh.mesh import Mesh, UVMap
@@ -78,6 +77,8 @@ def _degenerate_uv(
     if homeless.any():
         centre = surface.points[surface.faces].mean(1)
         place = surface.points[points[homeless]].mean(1)
+        from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
         out[homeless] = uv_faces[cKDTree(centre).query(place)[1], 0][:, None]
     some = np.take_along_axis(out, (out >= 0).argmax(1)[:, None], 1)
     out = np.where(out < 0, some, out)

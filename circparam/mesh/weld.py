@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
 from circparam.core.graph import components
@@ -30,6 +29,8 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
     used[mesh.faces] = True
     points = np.unique(weld[used])
     scale = mesh_scale(mesh)
+    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
     tree = cKDTree(mesh.points[points] * scale)
     radius = eps * scale
     if tree.count_neighbors(tree, radius) > (2 * POINT_PAIRS + 1) * len(points):

@@ -6,7 +6,6 @@ A packer is one module with a function PackTask → Placement or None, and one r
 from __future__ import annotations
 
 from circparam.core.registry import Row, Table
-from circparam.packing.nest.strategy import nested
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Packer, PackTask, Placement
@@ -41,6 +40,10 @@ def _skyline(task: PackTask) -> Placement | None:
 
 
 def _nest(task: PackTask) -> Placement | None:
+    from circparam.packing.nest.strategy import (
+        nested,  # linear programs and FFT take 0.15 s to import
+    )
+
     return nested(task, skyline=task.found.get("skyline"), shelf=task.found.get("shelf"))
 
 

@@ -4,7 +4,7 @@ A chart whose map is faulty takes the next step: after the method that was asked
 chart split in two (several times), a convex map with positive weights, and in the end single faces, laid in the
 plane as they are. Charts that are sound stay as they are; all faulty ones of a round are solved together. One
 distorted beyond its bound is faulty where seams may be added: a chart crushed to nothing would also shrink all
-others to nothing when it is packed at its size.
+others to nothing when it is packed at its size. Where time is up, charts are projected along the axes instead.
 """
 
 from __future__ import annotations
@@ -25,12 +25,16 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.pipeline.cascade import Cascade
+from circparam.pipeline.projected import project_charts
 from circparam.pipeline.single_faces import LARGEST, take_to_pieces
 
 SOUND, FLIPPED, OVERLAPPING, DISTORTED = 0, 1, 2, 3
 SPLITS = 12  # times that a chart may be halved before it is taken to pieces
 CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
 STEPS = 100  # of relaxing a piece: sound ones need some 30, what creeps on after that is split
+PROJECTED = 100  # steps that count for having been projected, where there is no time for a map
+LATE_SPLITS = 6  # times that such a chart may be halved
+LATE_SINGLE_BELOW = 100  # as SINGLE_BELOW, where every round counts
 SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to pieces at once
 
 
@@ -48,28 +52,47 @@ def faults(cut_mesh: CutMesh, uv: FloatArray) -> tuple[IntArray, BoolArray]:
     return fault, flipped
 
 
-def settle(cascade: Cascade, monitor: Monitor) -> Cascade:
-    """Take faulty charts through the cascade until none is left, or no step may be taken."""
+def settle(cascade: Cascade, monitor: Monitor, new: BoolArray | None = None) -> Cascade:
+    """Take faulty charts through the cascade until none is left, or no step may be taken.
+
+    new: (m,) bool, faces of charts that may be faulty; all where None.
+    """
+    if new is None:
+        new = np.ones(len(cascade.tries), bool)
     while True:
         with monitor.stage("check"):
-            fault = _all_faults(cascade, monitor)
+            fault = _all_faults(cascade, new, monitor)
         after = advance(cascade, fault, monitor) if (fault > 0).any() else None
         if after is None:
             return cascade
+        new = (fault > 0)[cascade.atlas.charts()[1]]  # the others stay as they are, and sound
         cascade = after
 
 
-def _all_faults(cascade: Cascade, monitor: Monitor) -> IntArray:
+def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
     """(n_charts,) as ``faults``; also DISTORTED where seams may be added and there is time for it.
 
-    Faces laid down one by one are as they have to be.
+    new: (m,) bool, faces of the charts to look at; others are known to be sound. Faces laid down one by one are
+    as they have to be.
     """
-    cut_mesh, uv = cascade.open()
+    whole, of_whole = cascade.open()
+    looked = np.zeros(whole.n_charts, bool)
+    looked[whole.chart[new]] = True
+    out = np.full(whole.n_charts, SOUND)
+    cut_mesh, vertices, fid = whole.subset(looked)
+    out[looked] = _faults_of(cascade, cut_mesh, of_whole[vertices], fid, monitor)
+    return out
+
+
+def _faults_of(
+    cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, fid: IntArray, monitor: Monitor
+) -> IntArray:
+    """``_all_faults`` of a part of the charts; fid: their faces."""
     fault, _ = faults(cut_mesh, uv)
-    if not cascade.rules.may_split or monitor.expired:
+    if not cascade.rules.may_split or monitor.hurried:
         return fault
     n = cut_mesh.n_charts
-    fixed = group_count(cut_mesh.chart[cascade.singles > 0], n) > 0
+    fixed = group_count(cut_mesh.chart[cascade.singles[fid] > 0], n) > 0
     may = (fault == SOUND) & ~fixed
     if may.any():
         part, vertices, _ = cut_mesh.subset(may)
@@ -86,33 +109,49 @@ def advance(cascade: Cascade, fault: IntArray, monitor: Monitor) -> Cascade | No
     tries = np.zeros(n, np.int64)
     np.maximum.at(tries, chart, cascade.tries)
     bad = fault > 0
+    late = monitor.hurried and rules.may_split
     # an isometric map may do where the method failed
-    again = bad & (tries == 0) & (fault == FLIPPED) & rules.remap
+    again = bad & (tries == 0) & (fault == FLIPPED) & (rules.remap and not late)
     split = bad & ~again if rules.may_split else np.zeros(n, bool)
     split &= group_count(chart[cascade.singles >= LARGEST], n) == 0
     if not (again | split).any():
         return None
     with monitor.stage("repair layout"):
-        small = (size == 1) | ((size <= SINGLE_BELOW) & (fault != DISTORTED))
-        single = split & (small | (tries >= SPLITS) | monitor.expired)
-        halve = split & ~single
-        if halve.any():
-            cut = atlas.cut | halve_charts(atlas, halve)
-            cascade = replace(cascade, atlas=Atlas(atlas.surface, cut, atlas.corners)).repaired(
-                f"{int(halve.sum())} chart(s) split, of {_some(size[halve])} faces: "
-                f"{_causes(fault[halve])} in one piece"
-            )
-        if single.any():  # after the halving, which counts charts as they were
-            cascade = take_to_pieces(cascade, single[chart])
+        few = LATE_SINGLE_BELOW if late else SINGLE_BELOW
+        small = (size == 1) | ((size <= few) & (fault != DISTORTED))
+        spent = ((tries >= SPLITS) & (tries < PROJECTED)) | (tries >= PROJECTED + LATE_SPLITS)
+        single = split & (small | spent)
+        project = split & ~single & late & (tries < PROJECTED)
+        halve = split & ~single & ~project
+        cascade = _split(cascade, halve, fault, single[chart])
+        if project.any():
+            cascade = project_charts(cascade, project[chart])
         if again.any():
             cascade = cascade.repaired(
                 f"{int(again.sum())} chart(s) mapped again: {_causes(fault[again])} at first"
             )
-        cascade = replace(cascade, tries=cascade.tries + bad[chart])
-        todo = (again | halve)[chart]
-        gentle = (cascade.tries >= CONVEX) | monitor.expired
+        step = np.where(project, PROJECTED, bad.astype(np.int64))
+        cascade = replace(cascade, tries=cascade.tries + step[chart])
+        # the halves of what was projected lie as they are
+        todo = (again | halve)[chart] & (cascade.tries < PROJECTED)
+        gentle = cascade.tries >= CONVEX
         cascade = _map_again(cascade, todo & ~gentle, "isometric", monitor)
         return _map_again(cascade, todo & gentle, "mean-value", monitor)
+
+
+def _split(cascade: Cascade, halve: BoolArray, fault: IntArray, single: BoolArray) -> Cascade:
+    """Halve charts ((n_charts,) bool), and take faces ((m,) bool) to pieces."""
+    if halve.any():
+        atlas = cascade.atlas
+        size = group_count(atlas.charts()[1], len(halve))
+        cut = atlas.cut | halve_charts(atlas, halve)
+        cascade = replace(cascade, atlas=Atlas(atlas.surface, cut, atlas.corners)).repaired(
+            f"{int(halve.sum())} chart(s) split, of {_some(size[halve])} faces: "
+            f"{_causes(fault[halve])} in one piece"
+        )
+    if single.any():  # after the halving, which counts charts as they were
+        cascade = take_to_pieces(cascade, single)
+    return cascade
 
 
 def _map_again(cascade: Cascade, faces: BoolArray, method: str, monitor: Monitor) -> Cascade:

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from circparam.core import clock
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
-from circparam.errors import NoResultError, OptionError, TopologyError
+from circparam.errors import NoResultError, OptionError, OutOfTimeError, TopologyError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
@@ -28,17 +29,20 @@ NUMERICAL = (NoResultError, np.linalg.LinAlgError, ArithmeticError)
 
 
 def find_seams(job: Job, monitor: Monitor) -> Seams:
-    """The seams; where finding charts fails on numbers, only those demanded: the cascade splits further."""
+    """The seams; where finding charts fails on numbers or time, those demanded: the cascade splits further."""
     asked = seam_options(job.document, job.surface, job.repair_report, job.options)
+    free = job.options.cut == "charts"
     try:
-        return SEAMS[job.options.cut].function(job.surface, asked, monitor)
-    except NUMERICAL as error:
-        if job.options.cut != "charts":
+        with clock.bounded(monitor.last if free else None):
+            return SEAMS[job.options.cut].function(job.surface, asked, monitor)
+    except (*NUMERICAL, OutOfTimeError) as error:
+        if not free:
             raise
+        monitor.late |= isinstance(error, OutOfTimeError)
         _, forced, notes = constrain(job.surface, asked)
-        return Seams(
-            forced, _no_layout(job.surface), [*notes, f"charts were made by halving ({error})"]
-        )
+        how = "projecting" if isinstance(error, OutOfTimeError) else "halving"
+        why = f"charts were made by {how} ({str(error).partition(':')[0]})"
+        return Seams(forced, _no_layout(job.surface), [*notes, why])
 
 
 def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
@@ -49,10 +53,12 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
     if plain and seams.uv is not None:
         return replace(blank, atlas=Atlas(job.surface, seams.cut, seams.uv))
     try:
-        return _flatten(blank, options, monitor)
-    except (*NUMERICAL, TopologyError) as error:
+        with clock.bounded(monitor.last if options.cut == "charts" else None):
+            return _flatten(blank, options, monitor)
+    except (*NUMERICAL, TopologyError, OutOfTimeError) as error:
         if options.cut != "charts":
             raise
+        monitor.late |= isinstance(error, OutOfTimeError)
         atlas = Atlas(job.surface, seams.cut, _no_layout(job.surface))
         return replace(blank, atlas=atlas).repaired(
             f"--method {options.method} failed at first ({error})"

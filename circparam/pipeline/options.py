@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from circparam.core import limits
 from circparam.core.fields import Range, check, option, specs
+from circparam.core.workers import cores
 from circparam.errors import OptionError
 from circparam.pipeline import applies
 
@@ -242,6 +243,10 @@ class Options:
         "bounds", "Best valid result within this time.", metavar="SECONDS",
         bounds=Range(1e-9, 1e9, "seconds, more than 0"),
     )
+    jobs: int | None = option(
+        "bounds", "Processes at work: the same result, sooner.", short="-j", metavar="N", shown="cores",
+        bounds=Range(1, 4096, "a number of processes, from 1 (no other than this one) on"),
+    )
     # fmt: on
 
     def __post_init__(self) -> None:
@@ -259,6 +264,11 @@ class Options:
         if self.cut != "charts":
             return None
         return DEFAULT_BOUND if self.max_distortion is None else self.max_distortion
+
+    @property
+    def processes(self) -> int:
+        """How many processes may work, this one included: as many as there are cores where nobody says."""
+        return cores() if self.jobs is None else int(self.jobs)
 
     @property
     def target_set(self) -> int | None:

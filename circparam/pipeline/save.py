@@ -65,10 +65,12 @@ def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Resu
         uvmap = None if layout is None else in_input_order(layout, face_map, result)
         if uvmap is None:
             raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
-        verification = verify_layout(result.surface, uvmap, o, result.tiles)
+        verification = result.verification
+        if not _alike(uvmap, UVMap(result.uv, result.uv_faces)):
+            verification = verify_layout(result.surface, uvmap, o, result.tiles)
     charts = result.charts.copy()
     charts[result.surface.source] = verification.cut_mesh.chart
-    said = verdict(verification, o, result.repairs, monitor.expired)
+    said = verdict(verification, o, result.repairs, monitor.hurried)
     return replace(
         result,
         uv=uvmap.uv,
@@ -79,6 +81,14 @@ def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Resu
         reasons=said.reasons,
         warnings=said.warnings,
     )
+
+
+def _alike(a: UVMap, b: UVMap) -> bool:
+    """Whether every corner has the very same uv: then what was found of one layout holds for the other."""
+    missing = a.uv_faces < 0
+    if a.uv_faces.shape != b.uv_faces.shape or not np.array_equal(missing, b.uv_faces < 0):
+        return False
+    return np.array_equal(a.uv[a.uv_faces][~missing], b.uv[b.uv_faces][~missing])
 
 
 def in_input_order(uvmap: UVMap, face_map: IntArray, result: Result) -> UVMap | None:

@@ -21,6 +21,8 @@ from circparam.pipeline.verify import corners_of
 
 # share of the packing's work that is done again for a layout that stored numbers spoilt
 RETRIED = 0.1
+FILLED = 0.4  # share of a page that charts in rows cover
+COARSER = 4.0  # times that numbers are taken coarser than they are, where there is no time for a second packing
 ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
 
 
@@ -50,6 +52,10 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     where no finite layout is found.
     """
     options = job.options
+    if monitor.hurried and options.packed and cascade.rules.may_split:
+        # with time up, no packing is tried that stored numbers are likely to spoil
+        cascade = fallback.settle(cascade, monitor)
+        cascade = _hold_stored(job, cascade, _likely_size(cascade), monitor)
     for turn in range(ROUNDS):
         if turn == 1:  # what stored numbers spoil is spoilt in a loose layout too
             options = replace(options, effort=min(RETRIED * (options.effort or 1.0), 1.0))
@@ -87,18 +93,29 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
 
 def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
     """Send charts on that stored numbers would spoil somewhere on a page, at a given size."""
+    new = np.ones(len(cascade.tries), bool)
     for _ in range(ROUNDS):
-        cascade = fallback.settle(cascade, monitor)
+        cascade = fallback.settle(cascade, monitor, new)
         cut_mesh, uv = cascade.open()
         with monitor.stage("check"):
             uv = _at_far_corner(cut_mesh, uv, cascade.kept_sizes(cut_mesh), size)
             trial = stored(UVMap(uv, cut_mesh.faces), job.target, job.document)
-            fault, _ = fallback.faults(cut_mesh, trial.uv)
+            looked = np.zeros(cut_mesh.n_charts, bool)
+            looked[cut_mesh.chart[new]] = True
+            part, vertices, _ = cut_mesh.subset(looked)
+            fault = np.zeros(cut_mesh.n_charts, np.int64)
+            fault[looked] = fallback.faults(part, trial.uv[vertices])[0]
+        new = (fault > 0)[cut_mesh.chart]  # the others stay as they are
         after = fallback.advance(cascade, fault, monitor) if (fault > 0).any() else None
         if after is None:
             return cascade
         cascade = after
     return cascade
+
+
+def _likely_size(cascade: Cascade) -> float:
+    """The size at which charts in rows fill a page, about, and less: what holds there is hardly ever spoilt."""
+    return float(np.sqrt(FILLED / cascade.atlas.surface.areas.sum())) / COARSER
 
 
 def _at_far_corner(cut_mesh: CutMesh, uv: FloatArray, keep: BoolArray, size: float) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from circparam.core import workers
 from circparam.core.monitor import Listener, Monitor
 from circparam.errors import InputError
 from circparam.formats.document import Document
@@ -22,12 +23,18 @@ from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.job import Job, prepare
+from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.options import Options, from_keywords
 from circparam.pipeline.pack_splits import split_for_packing
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.stored_fit import Fitted, fit_stored
 from circparam.pipeline.verify import corners_of, uv_seams
+
+# What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
+# charts that are only projected, and all that follows; packing in rows, writing, verifying; all but packing.
+LEAST_COST, PACK_COST, WRITE_COST = 6.0, 12.0, 3.0
+KEPT = 0.05  # seconds that are kept besides
 
 
 def unwrap(
@@ -51,7 +58,7 @@ def unwrap(
         options = from_keywords(keywords)
     elif keywords:
         options = replace(options, **keywords)
-    monitor = Monitor(listener, options.timeout)
+    monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
     return unwrap_document(document, output, options, monitor)
@@ -64,17 +71,36 @@ def unwrap_document(
     monitor: Monitor,
 ) -> Result:
     """All stages after reading."""
+    start_for(options, len(document.mesh.faces))
+    try:
+        return _unwrapped(document, output, options, monitor)
+    except MemoryError:
+        if not workers.stop():  # what workers had of the memory was not missing here
+            raise
+    monitor.jobs = 1
+    return _unwrapped(document, output, options, monitor)
+
+
+def _unwrapped(
+    document: Document,
+    output: str | os.PathLike[str] | None,
+    options: Options,
+    monitor: Monitor,
+) -> Result:
     job = prepare(document, output, options, monitor)
-    with monitor.stage("seams"):
+    pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
+    monitor.check(LEAST_COST * pace)
+    with monitor.holding(PACK_COST * pace + KEPT), monitor.stage("seams"):
         seams = find_seams(job, monitor)
-    with monitor.stage("flatten"):
-        cascade = first_layout(job, seams, monitor)
-    if options.pack_splits:
-        with monitor.stage("pack"):
-            cascade = split_for_packing(
-                cascade, options.pack_splits, pack_options(options), monitor
-            )
-    fitted = fit_stored(job, cascade, monitor)
+        with monitor.stage("flatten"):
+            cascade = first_layout(job, seams, monitor)
+    with monitor.holding(WRITE_COST * pace + KEPT):
+        if options.pack_splits:
+            with monitor.stage("pack"):
+                cascade = split_for_packing(
+                    cascade, options.pack_splits, pack_options(options), monitor
+                )
+        fitted = fit_stored(job, cascade, monitor)
     return _finish(_verified(job, fitted, monitor), output, monitor)
 
 
@@ -91,7 +117,7 @@ def repack(
     uv_set is the set that is read and replaced. Raises InputError where a face has no uv.
     """
     options = from_keywords({**keywords, "cut": "none"})
-    monitor = Monitor(listener, options.timeout)
+    monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
         uvmap = document.uv(options.uv_set or 0) if document.uv_sets else None
@@ -127,7 +153,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     charts = np.full(len(job.document.mesh.faces), -1)
     charts[job.surface.source] = verification.cut_mesh.chart
     repairs = [*job.repair_report.messages, *cascade.repairs]
-    said = verdict(verification, job.options, repairs, monitor.expired)
+    said = verdict(verification, job.options, repairs, monitor.hurried)
     return Result(
         options=job.options,
         document=job.document,

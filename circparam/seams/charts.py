@@ -6,9 +6,10 @@ import dataclasses
 
 import numpy as np
 
+from circparam.core.arrays import BoolArray
 from circparam.core.graph import components
 from circparam.core.monitor import Monitor
-from circparam.core.workers import HALVED, Worker, in_halves
+from circparam.core.workers import PARTED, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
@@ -45,7 +46,7 @@ from circparam.solvers.poisson import from_jacobians
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
-SHARED_FACES = 500  # from this size on starts are shared with a second process
+SHARED_FACES = 500  # from this size on starts are shared with other processes
 DOUBTS = (
     10_000  # faces of components that may be hard surfaces or not, up to which both ways are tried
 )
@@ -53,6 +54,8 @@ REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
+TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
+DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
@@ -87,11 +90,18 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     else:
         atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
     with monitor.stage("stretch"):
+        if monitor.expired:
+            return _seams(atlas, forced, notes)
         # who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for
         asked = options.max_stretch is not None or options.max_distortion <= STRICT
         free = asked and options.max_charts is None and options.min_chart_faces == 1
         limits = Limits(bound, options.max_stretch or STRETCH)
         hold_stretch(atlas, limits, monitor, asked and mirror is None, free)
+    return _seams(atlas, forced, notes)
+
+
+def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
+    """The seams of the opened surface and those that were demanded."""
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)
@@ -116,8 +126,8 @@ def mirrored_atlas(
             rest = surface.part(~mirror.half)
             graph = dual_graph(rest)
             other = transfer_to_fine(rest, graph, *about_image_of(mirror, half, rest))
-        with Worker(__name__, len(rest.faces) > HALVED) as worker:
-            finish(other, graph, bound, options, worker, monitor, notes)
+        worker = Worker(monitor.jobs if len(rest.faces) > PARTED else 1)
+        finish(other, graph, bound, options, worker, monitor, notes)
     atlas, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
         Merger(atlas, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
@@ -172,12 +182,12 @@ def free_atlas(
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     if not hard.all():
         atlas.put(~hard, grown_atlas(surface.part(~hard), bound, options, monitor, notes))
-    with Worker(__name__, int(hard.sum()) > HALVED) as worker:
-        if hard.any():
-            atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
-        if doubtful.any() and not monitor.expired:
-            other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-            take_better(atlas, doubtful, other, CHART_COST)
+    worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)
+    if hard.any():
+        atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
+    if doubtful.any() and not monitor.expired:
+        other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
+        take_better(atlas, doubtful, other, CHART_COST)
     if hard.any():
         atlas.prices = seam_prices(surface)
     return atlas
@@ -187,9 +197,9 @@ def grown_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy and lay its charts out."""
-    with Worker(__name__, len(surface.faces) > SHARED_FACES) as worker:
-        atlas, graph = _decided(surface, bound, options, worker, monitor)
-        finish(atlas, graph, bound, options, worker, monitor, notes)
+    worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
+    atlas, graph = _decided(surface, bound, options, worker, monitor)
+    finish(atlas, graph, bound, options, worker, monitor, notes)
     return atlas
 
 
@@ -208,7 +218,7 @@ def finish(
         count, chart = atlas.charts()
         # where the number of charts counts more than the bound, only what overlaps is split
         to_bound = bound if options.max_charts is None else ANY_BOUND
-        parts = in_halves(chart)
+        parts = in_parts(chart)
         tasks = [(atlas.part(faces), to_bound) for faces in parts]
         for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
             atlas.put(faces, part)
@@ -245,7 +255,9 @@ def _decided(
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             return decide(surface, bound, MARGIN, options.max_charts, worker, monitor), graph
         inner = 1 + (bound - 1) * (1 - SLACK)
-        coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
+        rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
+        with monitor.holding(rest, least=DECIDING):
+            coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
         blind = dataclasses.replace(surface, price=None)

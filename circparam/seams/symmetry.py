@@ -6,7 +6,6 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge
 from circparam.core.graph import components, nearest, undirected
@@ -105,6 +104,8 @@ def find_mirror(surface: Surface, asked: str) -> Mirror:
 
 def _likeness(surface: Surface, axis: str, at: float, used: IntArray) -> float:
     """Share of the points whose image lies within the length of an edge of another point."""
+    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
     p = surface.points[used]
     reach = float(np.median(surface.edge_lengths)) if len(surface.edges) else 0.0
     near, _ = cKDTree(p).query(_reflected(p, axis, at), distance_upper_bound=reach)
@@ -120,6 +121,8 @@ def _reflected(points: FloatArray, axis: str, at: float) -> FloatArray:
 
 def _images(surface: Surface, axis: str, at: float, used: IntArray) -> Images | None:
     """The images of all polygons; None where some have none."""
+    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
     p = surface.points[used]
     size = float(np.linalg.norm(np.ptp(p, axis=0)))
     near, to = cKDTree(p).query(_reflected(p, axis, at), distance_upper_bound=TOLERANCE * size)
@@ -210,6 +213,8 @@ def image_of(surface: Surface, mirror: Mirror, images: Images, half: Atlas) -> A
 
 def about_image_of(mirror: Mirror, half: Atlas, rest: Surface) -> tuple[Atlas, Proxy]:
     """Seams and layout of one half as those of a proxy of the other half, ``rest``, whose image it is about."""
+    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
     s = half.surface
     points = _reflected(s.points, mirror.axis, mirror.at)
     back = np.sort(3 * (s.edges // 3) + 2 - s.edges % 3, axis=1)

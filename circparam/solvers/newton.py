@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_min, group_sum
+from circparam.core.clock import tick
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
@@ -96,6 +97,7 @@ def relax(
     for number in range(options.max_iterations):
         if not state.active.any():
             break
+        tick()
         if monitor is not None and monitor.expired:
             state.stopped[state.active] = "time"
             break

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sps
-from scipy.spatial import cKDTree
 
 from circparam.core.arrays import (
     BoolArray,
@@ -169,6 +168,8 @@ def push_apart(
 
 def _moved(cut_mesh: CutMesh, uv: FloatArray, springs: _Springs, reach: FloatArray) -> FloatArray:
     """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring."""
+    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
     tree = cKDTree(np.c_[uv[springs.vertex], _layer(springs.chart, uv)])
     middle = np.c_[uv[cut_mesh.faces].mean(1), _layer(cut_mesh.chart, uv)]
     far, _ = tree.query(middle, distance_upper_bound=float(reach.max()))
@@ -289,6 +290,8 @@ def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArra
     middle = (boundary.start[segment] + boundary.end[segment]) / 2
     half = np.linalg.norm(boundary.end[segment] - boundary.start[segment], axis=1) / 2
     radius = REACH * boundary.size[boundary.chart[vertex]] + np.median(half)
+    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
     found = cKDTree(middle).query_ball_point(boundary.start[vertex], radius, return_sorted=True)
     count = np.fromiter(map(len, found), np.int64, len(found))
     a, b = np.repeat(vertex, count), segment[np.concatenate(found).astype(np.int64)]

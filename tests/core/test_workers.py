@@ -1,21 +1,29 @@
-"""The worker process changes seconds, never results, and is gone when the work is over."""
+"""Worker processes change seconds, never results, and are gone when the work is over."""
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 
+from circparam.core import pool as pool_module
 from circparam.core import workers
 from circparam.core.monitor import Monitor
+from circparam.core.pool import Pool, current
 from circparam.core.workers import Worker
+
+HERE = "tests.core.test_workers"
+ROOT = Path(__file__).parents[2]
 
 
 def square(x: int, where: str, monitor: Monitor) -> tuple[int, int]:
@@ -25,90 +33,234 @@ def square(x: int, where: str, monitor: Monitor) -> tuple[int, int]:
     return x * x, os.getpid()
 
 
-def deadline(monitor: Monitor) -> bool:
-    return monitor.deadline is not None
+def deadline(monitor: Monitor) -> tuple[bool, int]:
+    return monitor.deadline is not None, os.getpid()
+
+
+def fail(where: int, monitor: Monitor) -> int:
+    if os.getpid() != where:
+        raise MemoryError
+    return where
+
+
+def surroundings(monitor: Monitor) -> tuple[str, str, bool, int]:
+    """Threads, the name of __main__'s file, whether there may be further workers, and the process."""
+    main = str(getattr(sys.modules["__main__"], "__file__", ""))
+    return os.environ["OMP_NUM_THREADS"], main, pool_module.possible(), os.getpid()
+
+
+def opened(jobs: int = 2, module: str = HERE) -> Pool:
+    """Workers that are up, so that they get tasks however slow the machine is."""
+    workers.start(jobs, module)
+    pool = current()
+    assert pool is not None
+    pool.ready.result()
+    return pool
 
 
 @pytest.fixture(autouse=True)
-def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "cores", lambda: 2)
+def none_left() -> Iterator[None]:
+    yield
+    workers.stop()
 
 
-def test_every_second_task_is_done_beside() -> None:
-    with Worker("tests.core.test_workers") as beside:
-        got = beside.map(square, [(k, "") for k in range(5)], Monitor())
-    assert [value for value, _ in got] == [0, 1, 4, 9, 16]
-    own = [pid == os.getpid() for _, pid in got]
-    assert own == [True, False, True, False, True]
+def test_tasks_are_done_here_and_beside_in_order() -> None:
+    pool = opened(3)
+    got = Worker(3).map(square, [(k, "") for k in range(7)], Monitor())
+    assert [value for value, _ in got] == [k * k for k in range(7)]
+    found = {pid for _, pid in got}
+    assert os.getpid() in found
+    assert len(found) > 1
+    assert found - {os.getpid()} <= set(pool.executor._processes)
 
 
-def test_what_a_dead_helper_leaves_is_done_here() -> None:
-    with Worker("tests.core.test_workers") as beside:
-        got = beside.map(square, [(k, str(os.getpid())) for k in range(4)], Monitor())
-    assert got == [(k * k, os.getpid()) for k in range(4)]
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_one_job_is_this_process_alone(jobs: int) -> None:
+    opened()
+    got = Worker(jobs).map(square, [(1, ""), (2, "")], Monitor())
+    assert (got[1][1] == os.getpid()) is (jobs == 1)
+    workers.start(1, HERE)
+    assert current() is not None, "whoever needs none ends none"
 
 
-@pytest.mark.parametrize("why", ["one core", "small work", "no such module"])
-def test_without_a_helper_all_is_done_here(why: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if why == "one core":
-        monkeypatch.setattr(workers, "cores", lambda: 1)
-    module = "no.such.module" if why == "no such module" else "tests.core.test_workers"
-    with Worker(module, why != "small work") as beside:
-        got = beside.map(square, [(k, "") for k in range(3)], Monitor())
+def test_what_a_dead_worker_leaves_is_done_here() -> None:
+    opened()
+    tasks = [(k, str(os.getpid())) for k in range(4)]
+    for _ in range(2):  # the second time there is no worker any more
+        assert Worker(2).map(square, tasks, Monitor()) == [(k * k, os.getpid()) for k in range(4)]
+    assert current() is None
+
+
+def test_a_worker_killed_while_it_waits_for_work() -> None:
+    pool = opened()
+    for pid in pool.executor._processes:
+        os.kill(pid, signal.SIGKILL)
+    got = Worker(2).map(square, [(k, "") for k in range(3)], Monitor())
+    assert got == [(k * k, os.getpid()) for k in range(3)]
+    opened()
+    (_, own), (_, other) = Worker(2).map(square, [(1, ""), (2, "")], Monitor())
+    assert own == os.getpid() != other, "new ones for the next mesh"
+
+
+def test_what_fails_in_a_worker_is_done_here() -> None:
+    """Out of memory there says nothing of this process; an error that is one is raised here as well."""
+    opened()
+    assert Worker(2).map(fail, [(os.getpid(),)] * 2, Monitor()) == [os.getpid()] * 2
+    opened()
+    with pytest.raises(MemoryError):
+        Worker(2).map(fail, [(0,)] * 2, Monitor())
+    assert current() is None
+
+
+@pytest.mark.parametrize("why", ["no semaphores", "frozen", "another program", "inside a worker"])
+def test_where_no_worker_can_be_had_all_is_done_here(
+    why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if why == "no semaphores":  # as without /dev/shm
+
+        def refuse(*_: object) -> None:
+            raise FileNotFoundError(2, "No such file or directory")
+
+        monkeypatch.setattr("loky.backend.synchronize._SemLock", refuse)
+    elif why == "frozen":
+        monkeypatch.setattr(sys, "frozen", True, raising=False)
+    elif why == "another program":
+        monkeypatch.setattr(sys, "executable", "/opt/modeller/modeller")
+    else:
+        monkeypatch.setenv(pool_module.INSIDE, "1")
+    workers.start(2, HERE)
+    assert current() is None
+    got = Worker(2).map(square, [(k, "") for k in range(3)], Monitor())
     assert got == [(k * k, os.getpid()) for k in range(3)]
 
 
-def test_the_helper_has_the_same_deadline() -> None:
+def test_a_module_that_is_not_there_is_no_error() -> None:
+    opened(2, "no.such.module")
+    got = Worker(2).map(square, [(k, "") for k in range(3)], Monitor())
+    assert [value for value, _ in got] == [0, 1, 4]
+
+
+def test_a_worker_has_the_same_deadline_one_thread_and_not_the_main_module(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    opened()
     for seconds in (None, 100.0):
-        with Worker("tests.core.test_workers") as beside:
-            got = beside.map(deadline, [(), ()], Monitor(None, seconds))
-        assert got == [seconds is not None] * 2
+        got = Worker(2).map(deadline, [(), ()], Monitor(None, seconds))
+        assert [late for late, _ in got] == [seconds is not None] * 2
+        assert got[1][1] != os.getpid()
+    threads, main, further, pid = Worker(2).map(surroundings, [(), ()], Monitor())[1]
+    assert (threads, further) == ("1", False)
+    assert pid != os.getpid()
+    assert "pytest" not in main
 
 
-def test_the_process_ends_with_the_context() -> None:
-    with Worker("tests.core.test_workers") as beside:
-        process = beside._process
-        assert process is not None
-        assert process.poll() is None
-    assert process.poll() is not None
+def test_workers_are_kept_and_more_of_them_are_new() -> None:
+    pool = opened()
+    workers.start(2, HERE)
+    assert current() is pool
+    assert opened(3) is not pool
+    workers.start(2, HERE)
+    assert pool_module._asked == 3, "more than enough stay"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="bounds on the address space")
+def test_memory_is_shared_out_and_given_back() -> None:
+    script = f"""
+import os, resource
+from circparam.core import workers
+from circparam.core.pool import current
+from pathlib import Path
+def bound(): return resource.getrlimit(resource.RLIMIT_AS)[0]
+for size in (8 << 30, 1 << 30):
+    resource.setrlimit(resource.RLIMIT_AS, (size, resource.RLIM_INFINITY))
+    workers.start(3, {HERE!r})
+    pool = current()
+    own, theirs = bound(), []
+    if pool is not None:
+        pool.ready.result()
+        for pid in pool.executor._processes:
+            text = Path(f"/proc/{{pid}}/limits").read_text()
+            theirs += [line.split()[3] for line in text.splitlines() if "address" in line]
+    print(size, own, *theirs[:1], workers.stop(), bound())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    large, small = done.stdout.split("\n")[:2]
+    assert large.split() == [str(8 << 30), str(6 << 30), str(1 << 30), "True", str(8 << 30)]
+    assert small.split() == [str(1 << 30), str(1 << 30), "False", str(1 << 30)], (
+        "too little to share"
+    )
 
 
 def test_cores_are_bounded_by_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     assert workers.cores() == 1
     monkeypatch.setenv("OMP_NUM_THREADS", "nonsense")
     assert workers.cores() >= 1
 
 
+@given(arrays.arrays(np.int64, st.integers(1, 400), elements=st.integers(0, 30)))
+def test_parts_hold_whole_charts_each_once(label: np.ndarray) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workers, "PARTED", 50)
+        patch.setattr(workers, "PART_FACES", 25)
+        parts = workers.in_parts(label)
+    assert 1 <= len(parts) <= workers.MOST
+    assert (np.sum(parts, axis=0) == 1).all()
+    for part in parts:
+        assert part.any()
+        assert not np.isin(label[part], label[~part]).any()
+    if len(parts) > 1:
+        assert max(part.mean() for part in parts) <= workers.MOST_SHARE
+    sizes = np.bincount(label)
+    if len(label) >= 100 and len(sizes) > 8 and sizes.max() <= len(label) / 8:
+        assert len(parts) == workers.MOST
+        assert max(part.sum() for part in parts) <= len(label) / 4 + 2 * sizes.max()
+
+
 CALLER = """
-import sys, time
+import sys
 from circparam.core import workers
-workers.cores = lambda: 2
 from circparam.core.monitor import Monitor
-from tests.core.test_workers import wait
-beside = workers.Worker("tests.core.test_workers")
-print(beside._process.pid, flush=True)
-beside.map(wait, [(60.0,), (60.0,)], Monitor())
+from tests.core.test_workers import opened, wait
+pool = opened()
+print(*pool.executor._processes, flush=True)
+if {signals}:
+    from circparam.cli import signals, group
+    with signals.installed():
+        try:
+            workers.Worker(2).map(wait, [(60.0,), (60.0,)], Monitor())
+        finally:
+            print("over", flush=True)
+workers.Worker(2).map(wait, [(60.0,), (60.0,)], Monitor())
 """
 
 
 def wait(seconds: float, monitor: Monitor) -> None:
+    print("waiting", flush=True)
     time.sleep(seconds)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-def test_no_helper_outlives_a_killed_caller() -> None:
-    root = Path(__file__).parents[2]
+@pytest.mark.parametrize("number", ["SIGKILL", "SIGINT", "SIGTERM"])
+def test_no_worker_outlives_its_caller(number: str) -> None:
     with subprocess.Popen(
-        [sys.executable, "-c", CALLER], cwd=root, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", CALLER.format(signals=number != "SIGKILL")],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
     ) as caller:
         assert caller.stdout is not None
-        pid = int(caller.stdout.readline())
-        caller.send_signal(signal.SIGKILL)
+        pids = [int(word) for word in caller.stdout.readline().split()]
+        assert caller.stdout.readline() == "waiting\n"
+        caller.send_signal(getattr(signal, number))
         caller.wait()
-    end = time.monotonic() + 30
-    while _runs(pid):
+    assert pids
+    end = time.monotonic() + 60
+    while any(_runs(pid) for pid in pids):
         assert time.monotonic() < end, "the worker goes on without its caller"
         np.random.default_rng(0).random(100_000).sort()
 
@@ -120,27 +272,3 @@ def _runs(pid: int) -> bool:
         return False
     state = Path(f"/proc/{pid}/stat")
     return not (state.exists() and state.read_text().rsplit(")", 1)[1].split()[0] == "Z")
-
-
-def test_a_helper_answers_again_and_again() -> None:
-    with Worker("tests.core.test_workers") as beside:
-        for x in range(3):
-            (first, own), (second, other) = beside.map(square, [(x, ""), (x + 1, "")], Monitor())
-            assert (first, second) == (x * x, (x + 1) ** 2)
-            assert own == os.getpid() != other
-
-
-def test_the_process_runs_a_module_that_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The command names the module as a string, and every failure of the process is made good in silence."""
-    commands: list[list[str]] = []
-
-    def popen(command: list[str], **_: object) -> None:
-        commands.append(command)
-        raise OSError
-
-    monkeypatch.setattr(subprocess, "Popen", popen)
-    Worker("tests.core.test_workers").close()
-    (command,) = commands
-    name = command[command.index("-m") + 1]
-    assert name == workers.__name__
-    assert importlib.util.find_spec(name) is not None

@@ -173,7 +173,7 @@ def test_the_skyline_steps_in_where_nothing_but_a_start_is_found(late, monkeypat
             monitor.deadline = -1.0
 
     monkeypatch.setattr("circparam.packing.table.skyline_placement", skyline)
-    monkeypatch.setattr("circparam.packing.table.nested", none)
+    monkeypatch.setattr("circparam.packing.nest.strategy.nested", none)
     monitor = Monitor()
     faces, uv, chart = blobs(4, 1)
     options = PackOptions(128, 2, effort=QUICK)

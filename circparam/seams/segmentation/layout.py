@@ -10,7 +10,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.graph import matching
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker, in_halves
+from circparam.core.workers import Worker, in_parts
 from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
@@ -50,7 +50,7 @@ def lay_out_fresh(
 ) -> ChartLayouts:
     """Embed charts on circles and relax them; ``which`` ((n,) bool): the others keep their layout.
 
-    worker: does one half of many charts.
+    worker: does parts of many charts.
     """
     cut_mesh = atlas.cut_mesh()
     uv = atlas.gather(cut_mesh)
@@ -61,22 +61,24 @@ def lay_out_fresh(
             part = embed_and_relax(sub, options, None)
         else:
             part = np.zeros((sub.n_vertices, 2))
-            halves = chart_halves(sub)
-            tasks = [(half, options) for _, half, _, _ in halves]
+            parts = chart_parts(sub)
+            tasks = [(part_mesh, options) for _, part_mesh, _, _ in parts]
             done = worker.map(embed_and_relax, tasks, monitor or Monitor())
-            for (_, _, of_half, _), result in zip(halves, done, strict=True):
-                part[of_half] = result
+            for (_, _, of_part, _), result in zip(parts, done, strict=True):
+                part[of_part] = result
         uv[vid] = part
         atlas.corners[fid] = part[sub.faces]
     return judge(cut_mesh, uv)
 
 
-def chart_halves(cut_mesh: CutMesh) -> list[tuple[BoolArray, CutMesh, IntArray, IntArray]]:
-    """CutMesh as ``in_halves`` has them: [((n,) charts, cut mesh of those, vertices, faces)]."""
-    charts = [np.zeros(cut_mesh.n_charts, bool) for _ in range(2)]
-    for part, faces in zip(charts, in_halves(cut_mesh.chart), strict=False):
+def chart_parts(cut_mesh: CutMesh) -> list[tuple[BoolArray, CutMesh, IntArray, IntArray]]:
+    """CutMesh as ``in_parts`` has them: [((n,) charts, cut mesh of those, vertices, faces)]."""
+    out = []
+    for faces in in_parts(cut_mesh.chart):
+        part = np.zeros(cut_mesh.n_charts, bool)
         part[cut_mesh.chart[faces]] = True
-    return [(part, *cut_mesh.subset(part)) for part in charts if part.any()]
+        out.append((part, *cut_mesh.subset(part)))
+    return out
 
 
 def embed_and_relax(

@@ -25,7 +25,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
-from circparam.seams.segmentation.layout import chart_halves
+from circparam.seams.segmentation.layout import chart_parts
 from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
 from circparam.seams.segmentation.unions import MANY, MergeOptions, Tried, Unions, lay_out
 
@@ -78,7 +78,7 @@ class Merger:
         worker: Worker | None = None,
     ) -> None:
         self.atlas = atlas
-        self.worker = worker  # lays half of the unions out
+        self.worker = worker  # lays unions out
         self.options = options
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
@@ -271,18 +271,18 @@ class Merger:
         c.cut &= ~glues.glued(arcs, chosen[good], len(c.cut))
 
     def _lay_out(self, unions: Unions, monitor: Monitor) -> Tried:
-        """Lay unions out; many faces in two halves, one of them by the worker where there is one."""
+        """Lay unions out; many faces in parts, by all processes."""
         cut_mesh = unions.cut_mesh
         crowd = cut_mesh.n_charts > MANY
         if self.worker is None:
             return lay_out(unions, self.options, crowd, monitor)
         tried = Tried.nothing(cut_mesh)
-        halves = chart_halves(cut_mesh)
+        parts = chart_parts(cut_mesh)
         tasks = [
             (Unions(sub, unions.corners[fid], unions.in_right[fid]), self.options, crowd)
-            for _, sub, _, fid in halves
+            for _, sub, _, fid in parts
         ]
         done = self.worker.map(lay_out, tasks, monitor)
-        for (part, _, vid, _), of_part in zip(halves, done, strict=True):
+        for (part, _, vid, _), of_part in zip(parts, done, strict=True):
             tried.put(part, vid, of_part)
         return tried

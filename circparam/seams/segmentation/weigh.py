@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
 from circparam.core.monitor import Monitor
@@ -145,6 +144,8 @@ def _relaxed_near(
     """Relax the faces within reach ((n,) by charts) of those that weigh more than 1; the rest stays."""
     heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
     middle = np.c_[uv[cut_mesh.faces].mean(1), 4.0 * cut_mesh.chart * np.ptp(uv, axis=0).max()]
+    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
     far, _ = cKDTree(middle[heavy]).query(middle, distance_upper_bound=float(reach.max()))
     region = far < reach[cut_mesh.chart]
     hold = np.zeros(len(uv), bool)

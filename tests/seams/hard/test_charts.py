@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.distortion import best_chart_scales, measure
@@ -178,14 +179,14 @@ def test_a_flanged_pipe_keeps_the_number_of_its_charts_whatever_its_tubes_have()
     assert found[0][1] == pytest.approx(found[1][1], rel=0.25)
 
 
-def test_the_helper_changes_nothing() -> None:
-    """Halves of the trials by a second process, or all here."""
+def test_workers_change_nothing() -> None:
+    """Parts of the trials by other processes, or all here."""
     part = PARTS["plate"]()
     surface = surface_of(part.points, part.faces)
     out = []
-    for wanted in (True, False):
-        with Worker(module.__name__, wanted) as worker:
-            out.append(
-                module.hard_atlas(surface, 1.05, SeamOptions(), worker, Monitor(), []).corners
-            )
+    workers.start(2, module.__name__)
+    for jobs in (2, 1):
+        atlas = module.hard_atlas(surface, 1.05, SeamOptions(), Worker(jobs), Monitor(), [])
+        out.append(atlas.corners)
+    workers.stop()
     assert np.array_equal(*out)

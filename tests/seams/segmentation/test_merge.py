@@ -8,7 +8,6 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
-from circparam.seams import charts as module
 from circparam.seams.segmentation import grow
 from circparam.seams.segmentation.decide import ROUGH
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
@@ -27,14 +26,15 @@ from tests.support.atlases import (
 )
 
 
-def test_unions_laid_out_in_two_halves_are_those_laid_out_at_once(monkeypatch) -> None:
+def test_unions_laid_out_in_parts_are_those_laid_out_at_once(monkeypatch) -> None:
     surface = surface_of(*shapes.icosphere(3))
     start = Atlas(surface, np.zeros(len(surface.edges), bool))
     grow.first_charts(start, grow.dual_graph(surface), 40)
     lay_out_fresh(start, None, ROUGH)
-    monkeypatch.setattr("circparam.core.workers.HALVED", 100)
+    monkeypatch.setattr("circparam.core.workers.PARTED", 100)
+    monkeypatch.setattr("circparam.core.workers.PART_FACES", 100)
     merged = []
-    for worker in (None, Worker(module.__name__, worth_it=False)):
+    for worker in (None, Worker()):
         atlas = Atlas(surface, start.cut, start.corners)
         merger = Merger(atlas, MergeOptions(1.05), np.zeros(len(atlas.cut), bool), worker)
         assert merger.round(Monitor())

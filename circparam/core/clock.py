@@ -1,0 +1,40 @@
+"""The last moment for a piece of work that cannot give less than all: it is broken off there.
+
+Loops that hold a valid result ask ``Monitor.expired`` and stop. What lies between them, in many small steps,
+has nothing to hand back; its building blocks (factorisations, shortest paths, steps of a minimisation) call
+``tick``, and whoever can do without the whole sets the moment with ``bounded``.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+from circparam.errors import OutOfTimeError
+
+_last: ContextVar[float | None] = ContextVar("last", default=None)
+
+
+@contextmanager
+def bounded(last: float | None) -> Iterator[None]:
+    """Work inside is broken off at a moment of ``time.monotonic``; never where it is None."""
+    token = _last.set(last)
+    try:
+        yield
+    finally:
+        _last.reset(token)
+
+
+def tick() -> None:
+    """Raise OutOfTimeError where the last moment has passed."""
+    last = _last.get()
+    if last is not None and time.monotonic() >= last:
+        raise OutOfTimeError("out of time before anything valid was found: give a longer --timeout")
+
+
+def left() -> float | None:
+    """Seconds that are left; None where nothing bounds them."""
+    last = _last.get()
+    return None if last is None else last - time.monotonic()

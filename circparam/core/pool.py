@@ -1,0 +1,225 @@
+"""Worker processes: opened in the background, kept for the next mesh, ended with their caller."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+MOST = 4  # processes, the caller included: work is done in no more parts than that
+IDLE = 20.0  # seconds without work after which a worker ends
+LEAST_MEMORY = 1 << 29  # bytes of address space that a worker must have: 300 MB of it are libraries
+WORKER_SHARE = 4  # of a bound on the address space one such part goes to all workers together
+INSIDE = "CIRCPARAM_WORKER"  # set in the environment of a worker, which starts no further ones
+# one thread each: the processes are as many as the cores. A growing worker is no leaking one.
+ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "PYTHONSAFEPATH": "1",
+    "PYTHONFAULTHANDLER": "",
+    "LOKY_MAX_MEMORY_LEAK_SIZE": "1e18",
+}
+
+
+@dataclass(eq=False)
+class Pool:
+    """The processes. executor: loky's. ready: done when one has imported what it needs. lifeline: they end
+    when it closes, also when that is because this process was killed. limit: of memory, before it was shared.
+    """
+
+    executor: Any
+    ready: Future[Any]
+    lifeline: Any
+    limit: tuple[int, int] | None
+
+
+class _Opening:
+    """A pool that is being opened by a thread."""
+
+    def __init__(self) -> None:
+        self._owner = os.getpid()
+        self.done = threading.Event()
+        self._pool: Pool | None = None
+
+    def tell(self, pool: Pool | None) -> None:
+        """What it has come to: None where processes cannot be had."""
+        self._pool = pool
+        self.done.set()
+
+    @property
+    def own(self) -> bool:
+        """Whether this process opens it, and not one that it was forked from."""
+        return self._owner == os.getpid()
+
+    def pool(self) -> Pool | None:
+        """Wait for the pool; None where there is none."""
+        if not self.own:
+            return None
+        self.done.wait()
+        return self._pool
+
+
+_opening: _Opening | None = None  # what ``start`` has begun
+_asked = 0  # the number of jobs it was asked for
+_lock = threading.Lock()
+
+
+def start(jobs: int, module: str) -> None:
+    """Open processes for so many jobs in the background, each of which imports ``module``.
+
+    Where that many are open already, or processes cannot be started here, nothing happens.
+    """
+    global _opening, _asked
+    jobs = min(jobs, MOST)
+    if jobs < 2 or not possible():
+        return
+    with _lock:
+        if _opening is not None and _asked >= jobs and _opening.own:
+            return
+        previous, _opening, _asked = _opening, _Opening(), jobs
+        opening = _opening
+    _end(previous)
+    threading.Thread(target=_open, args=(jobs - 1, module, opening), daemon=True).start()
+
+
+def stop() -> bool:
+    """End the processes at once, whatever they are doing; whether this process has more memory now."""
+    global _opening, _asked
+    with _lock:
+        opening, _opening, _asked = _opening, None, 0
+    return _end(opening)
+
+
+def possible() -> bool:
+    """Whether this process can start others that run Python: no frozen program, no other's executable."""
+    name = os.path.basename(sys.executable or "").lower()
+    frozen = getattr(sys, "frozen", False) or INSIDE in os.environ
+    return not frozen and ("python" in name or "pypy" in name)
+
+
+def current() -> Pool | None:
+    """The processes that ``start`` has opened."""
+    opening = _opening
+    return None if opening is None else opening.pool()
+
+
+def _open(count: int, module: str, opening: _Opening) -> None:
+    """Make the executor; where that fails, for want of /dev/shm, memory or rights, all work is done here."""
+    pool = None
+    try:
+        with contextlib.suppress(Exception):
+            pool = _new_pool(count, module)
+    finally:
+        opening.tell(pool)
+
+
+def _new_pool(count: int, module: str) -> Pool | None:
+    limit, share = _memory(count)
+    if share is not None and share < LEAST_MEMORY:
+        return None
+    with _quiet_start():
+        import multiprocessing
+
+        from loky import ProcessPoolExecutor
+
+        # what loky says of a worker that ended is of no use to a reader: the work is done here then
+        warnings.filterwarnings("ignore", category=UserWarning, module=r"loky\.")
+        theirs, lifeline = multiprocessing.Pipe(duplex=False)
+        executor = ProcessPoolExecutor(
+            count,
+            timeout=IDLE,
+            initializer=_begin,
+            initargs=(theirs, share, module),
+            env={**ENVIRONMENT, INSIDE: "1"},
+        )
+        ready = executor.submit(os.getpid)
+    if limit is not None and share is not None:
+        _bound_memory((limit[0] - count * share, limit[1]))
+    return Pool(executor, ready, lifeline, limit)
+
+
+def _end(opening: _Opening | None) -> bool:
+    pool = None if opening is None else opening.pool()
+    if pool is None:
+        return False
+    pool.lifeline.close()
+    for pid in list(getattr(pool.executor, "_processes", ())):  # at once, not when it next listens
+        with contextlib.suppress(OSError):
+            os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+    with contextlib.suppress(Exception):
+        pool.executor.shutdown(wait=False)
+    if pool.limit is not None:
+        _bound_memory(pool.limit)
+    return pool.limit is not None
+
+
+@contextlib.contextmanager
+def _quiet_start() -> Iterator[None]:
+    """What is started inside hears no Ctrl-C, and imports nothing from the folder that it is started in."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    mask = getattr(signal, "pthread_sigmask", None)
+    old = None if mask is None else mask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        if mask is not None:
+            mask(signal.SIG_SETMASK, old)
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
+
+
+def _memory(count: int) -> tuple[tuple[int, int] | None, int | None]:
+    """The bound on the address space of this process, and what of it each of so many workers may have."""
+    try:
+        import resource
+    except ImportError:
+        return None, None
+    limit = resource.getrlimit(resource.RLIMIT_AS)
+    if limit[0] == resource.RLIM_INFINITY:
+        return None, None
+    return limit, limit[0] // (WORKER_SHARE * count)
+
+
+def _bound_memory(limit: tuple[int, int]) -> None:
+    import resource
+
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_AS, limit)
+
+
+def _begin(lifeline: Any, memory: int | None, module: str) -> None:
+    """In a worker, before anything else: listen for the end of the caller, and import what work needs.
+
+    Its output goes nowhere, since that of the caller may be the mesh.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller hears it too, and ends this process
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)
+
+    def listen() -> None:
+        with contextlib.suppress(EOFError, OSError):
+            lifeline.recv_bytes()
+        os._exit(1)
+
+    threading.Thread(target=listen, daemon=True).start()
+    if memory is not None:
+        import resource
+
+        _bound_memory((memory, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    with contextlib.suppress(ImportError):  # the tasks will tell
+        importlib.import_module(module)

@@ -1,0 +1,36 @@
+"""Worker processes for an unwrap: started as soon as it is clear that the work is worth it."""
+
+from __future__ import annotations
+
+import os
+import time
+
+from circparam.core import workers
+from circparam.core.monitor import Listener, Monitor
+from circparam.pipeline.options import Options
+
+MODULE = "circparam.seams.charts"  # what workers import: it holds all that is done in parts
+FACES = (
+    1_500  # from this size on there is work enough for a process that starts as late as the solve
+)
+BYTES = 120_000  # of a file: some 3000 faces as text, a few more in binary
+
+
+def monitor_of(options: Options, listener: Listener | None, since: float | None = None) -> Monitor:
+    """The monitor of a run with these options. since: moment of ``time.monotonic`` from which time counts."""
+    monitor = Monitor(listener, options.timeout, options.processes)
+    if monitor.deadline is not None and since is not None:
+        monitor.deadline -= time.monotonic() - since
+    return monitor
+
+
+def start_for_file(options: Options, path: str) -> None:
+    """Start workers before a file is read, and NumPy with it, where its size tells that they will be needed."""
+    if options.cut == "charts" and os.path.isfile(path) and os.path.getsize(path) >= BYTES:
+        workers.start(options.processes, MODULE)
+
+
+def start_for(options: Options, faces: int) -> None:
+    """Start workers for a mesh of so many faces, where that is worth it and they are not there already."""
+    if options.cut == "charts" and faces >= FACES:
+        workers.start(options.processes, MODULE)

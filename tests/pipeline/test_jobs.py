@@ -1,0 +1,157 @@
+"""However many processes work, and whatever happens to them, the result is the same."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from concurrent.futures import Future
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.core import workers
+from circparam.core.pool import current
+from circparam.errors import OptionError
+from circparam.pipeline import jobs
+from circparam.pipeline.options import Options
+from tests.support import shapes
+
+QUICK = {"effort": 0.01}
+
+
+@pytest.fixture(autouse=True)
+def none_left() -> Iterator[None]:
+    yield
+    workers.stop()
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the functions whose tasks processes get; they are up first, however slow the machine is."""
+    names: list[str] = []
+    send = workers._Shared._send
+
+    def told(self: workers._Shared, done: Future[bytes] | None = None) -> None:
+        self._pool.ready.result()
+        before = len(self._sent)
+        send(self, done)
+        names.extend([self._function.__name__] * (len(self._sent) - before))
+
+    monkeypatch.setattr(workers._Shared, "_send", told)
+    monkeypatch.setattr(jobs, "FACES", 100)
+    return names
+
+
+def mesh(level: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    p, f = shapes.icosphere(level)
+    return p * (1 + 0.4 * np.sin(3 * p[:, :1])), f
+
+
+def unwrapped(source: tuple[np.ndarray, np.ndarray], folder: Path, n: int) -> bytes:
+    out = folder / f"{n}.glb"
+    circparam.unwrap(source, out, jobs=n, format=None, **QUICK)
+    return out.read_bytes()
+
+
+def test_the_same_bytes_with_1_2_and_3_jobs(tmp_path: Path, sent: list[str]) -> None:
+    outs = []
+    for n in (1, 2, 3):
+        outs.append(unwrapped(mesh(), tmp_path, n))
+        assert bool(sent) is (n > 1)
+    assert outs[0] == outs[1] == outs[2]
+    assert "decide_once" in sent
+
+
+def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(
+    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "PARTED", 800)
+    monkeypatch.setattr(workers, "PART_FACES", 300)
+    outs = [unwrapped(mesh(), tmp_path, n) for n in (1, 2, 4)]
+    assert outs[0] == outs[1] == outs[2]
+    assert "settle_part" in sent
+
+
+def test_the_same_bytes_when_workers_are_killed(
+    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As by a system that is out of memory: just after they were given something to do."""
+    whole = unwrapped(mesh(), tmp_path, 1)
+    send = workers._Shared._send
+    killed = []
+
+    def murderous(self: workers._Shared, done: Future[bytes] | None = None) -> None:
+        send(self, done)
+        for pid in list(self._pool.executor._processes or ()):
+            os.kill(pid, signal.SIGKILL)
+            killed.append(pid)
+
+    monkeypatch.setattr(workers._Shared, "_send", murderous)
+    assert unwrapped(mesh(), tmp_path, 2) == whole
+    assert killed
+
+
+def test_processes_are_started_only_for_work_that_is_worth_it(tmp_path: Path) -> None:
+    circparam.unwrap(shapes.cube(2), jobs=2, **QUICK)
+    assert current() is None, "a small mesh"
+    jobs.start_for(Options(cut="none", jobs=2), 10**6)
+    jobs.start_for(Options(jobs=1), 10**6)
+    assert current() is None, "nothing to share"
+    file = tmp_path / "m.obj"
+    file.write_bytes(b"#" * (jobs.BYTES - 1))
+    for path in (file, tmp_path, tmp_path / "none.obj", "-"):
+        jobs.start_for_file(Options(jobs=2), os.fspath(path))
+    assert current() is None
+    file.write_bytes(b"#" * jobs.BYTES)
+    jobs.start_for_file(Options(jobs=2), os.fspath(file))
+    assert current() is not None
+
+
+def test_they_stay_for_the_next_mesh(sent: list[str]) -> None:
+    pools = []
+    for _ in range(2):
+        circparam.unwrap(mesh(), jobs=2, **QUICK)
+        pools.append(current())
+    assert pools[0] is pools[1] is not None
+
+
+@pytest.mark.parametrize("number", [0, -1, True])
+def test_a_number_of_jobs_is_a_positive_one(number: object) -> None:
+    with pytest.raises(OptionError, match="jobs"):
+        Options(jobs=number)  # type: ignore[arg-type]
+
+
+def test_all_cores_unless_something_else_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("circparam.pipeline.options.cores", lambda: 7)
+    assert Options().processes == 7
+    assert Options(jobs=3).processes == 3
+    assert jobs.monitor_of(Options(jobs=3, timeout=9.0), None).jobs == 3
+    assert "jobs" not in Options().given()
+
+
+def test_memory_that_workers_hold_is_given_back_where_it_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Out of memory beside workers, the work is done once more without them."""
+    from circparam.pipeline import unwrap as spine
+
+    tries = []
+    prepare = spine.prepare
+
+    def short(*args: object) -> object:
+        tries.append(args[3].jobs)  # type: ignore[attr-defined]
+        if len(tries) == 1:
+            raise MemoryError
+        return prepare(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(spine, "prepare", short)
+    monkeypatch.setattr(workers, "stop", lambda: True)
+    assert circparam.unwrap(shapes.cube(2), jobs=2, **QUICK).status == "ok"
+    assert tries == [2, 1]
+    tries.clear()
+    monkeypatch.setattr(workers, "stop", lambda: False)
+    with pytest.raises(MemoryError):
+        circparam.unwrap(shapes.cube(2), jobs=2, **QUICK)

@@ -1,0 +1,164 @@
+"""Charts for want of time: projected, never flipped, and sound in the end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import circparam
+from circparam.core.monitor import Monitor
+from circparam.errors import OutOfTimeError
+from circparam.mesh.atlas import Atlas
+from circparam.pipeline import fallback
+from circparam.pipeline.cascade import Cascade
+from circparam.pipeline.configure import open_source
+from circparam.pipeline.projected import STEEP, project_charts
+from circparam.pipeline.unwrap import unwrap_document
+from tests.support import shapes
+from tests.support.atlases import surface_of
+from tests.support.strategies import surfaces
+
+QUICK = {"effort": 0.01}
+
+
+def uncut(surface: object) -> Cascade:
+    corners = np.full((len(surface.faces), 3, 2), np.nan)  # type: ignore[attr-defined]
+    return Cascade(Atlas(surface, np.zeros(len(surface.edges), bool), corners))  # type: ignore[attr-defined]
+
+
+def test_a_cube_falls_into_its_sides_as_they_are() -> None:
+    surface = surface_of(*shapes.cube(3))
+    after = project_charts(uncut(surface), np.ones(len(surface.faces), bool))
+    cut_mesh, uv = after.open()
+    assert cut_mesh.n_charts == 6
+    p, q = surface.points[surface.faces], uv[cut_mesh.faces]
+    lengths = [np.linalg.norm(c[:, [1, 2, 0]] - c, axis=2) for c in (p, q)]
+    assert np.allclose(*lengths)
+    assert (fallback.faults(cut_mesh, uv)[0] == fallback.SOUND).all()
+    assert "out of time" in after.repairs[0]
+
+
+def test_no_face_of_a_ball_is_flipped_and_it_has_few_charts() -> None:
+    surface = surface_of(*shapes.icosphere(3))
+    after = project_charts(uncut(surface), np.ones(len(surface.faces), bool))
+    cut_mesh, uv = after.open()
+    assert 6 <= cut_mesh.n_charts <= 12
+    fault, flipped = fallback.faults(cut_mesh, uv)
+    assert not flipped.any()
+    assert (fault == fallback.SOUND).all()
+    e = uv[cut_mesh.faces]
+    d1, d2 = e[:, 1] - e[:, 0], e[:, 2] - e[:, 0]
+    area = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]) / 2
+    assert (area / surface.areas > STEEP - 1e-9).all()
+
+
+def test_only_the_faces_that_were_named_change() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    some = np.arange(len(surface.faces)) < 40
+    after = project_charts(uncut(surface), some)
+    assert np.isfinite(after.atlas.corners[some]).all()
+    assert np.isnan(after.atlas.corners[~some]).all()
+    touched = some[surface.edges // 3].any(1)
+    assert not after.atlas.cut[~touched].any()
+
+
+@settings(max_examples=25, deadline=None)
+@given(surfaces())
+def test_in_no_time_every_surface_still_gets_a_sound_layout(
+    shape: tuple[np.ndarray, np.ndarray],
+) -> None:
+    surface = surface_of(*shape)
+    after = fallback.settle(uncut(surface), Monitor(timeout=1e-9))
+    cut_mesh, uv = after.open()
+    assert (fallback.faults(cut_mesh, uv)[0] == fallback.SOUND).all()
+
+
+class Clock:
+    """A clock that stands still until something has been called, and then is far ahead."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 1000.0
+        monkeypatch.setattr(time, "monotonic", lambda: self.now)
+
+    def jump_at(
+        self, monkeypatch: pytest.MonkeyPatch, place: str, seconds: float
+    ) -> list[Callable[..., object]]:
+        module, name = place.rsplit(".", 1)
+        owner = __import__(module, fromlist=[name])
+        real, calls = getattr(owner, name), []
+
+        def late(*args: object, **keywords: object) -> object:
+            if not calls:
+                self.now += seconds
+            calls.append(real)
+            return real(*args, **keywords)
+
+        monkeypatch.setattr(owner, name, late)
+        return calls
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "circparam.seams.charts.decide",
+        "circparam.seams.charts.dual_graph",
+        "circparam.seams.segmentation.decide.split_charts",
+        "circparam.seams.charts.relaxed_layouts",
+        "circparam.seams.charts.hold_stretch",
+        "circparam.pipeline.flatten.rules",
+        "circparam.pipeline.stored_fit.place",
+    ],
+)
+def test_wherever_time_runs_out_the_result_is_valid(
+    place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock(monkeypatch)
+    calls = clock.jump_at(monkeypatch, place, 1000.0)
+    p, f = shapes.icosphere(3)
+    result = circparam.unwrap(
+        (p * (1 + 0.5 * np.sin(4 * p[:, :1])), f), timeout=900.0, jobs=1, **QUICK
+    )
+    assert calls or "split_charts" in place
+    assert result.verification.valid
+    if calls:
+        assert any("out of time" in w for w in result.warnings)
+
+
+def test_where_not_even_that_can_be_done_in_time_it_is_told_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = Clock(monkeypatch)
+    monitor = Monitor(timeout=10.0)
+    clock.now += 9.0
+    monitor.check(1.0)
+    monitor.check(2.0)
+    with pytest.raises(OutOfTimeError, match="--timeout"):
+        monitor.check(5.0)
+    monitor.seconds["repair"] = 100.0  # a mesh that it takes very long to go through
+    options = circparam.Options(jobs=1, effort=0.01)
+    document = open_source(shapes.cube(2), options)
+    with pytest.raises(OutOfTimeError):
+        unwrap_document(document, None, options, monitor)
+
+
+def test_time_is_kept_for_what_comes_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(monkeypatch)
+    monitor = Monitor(timeout=10.0)
+    with monitor.holding(3.0):
+        clock.now += 6.9
+        assert not monitor.expired
+        clock.now += 0.2
+        assert monitor.expired
+        last = monitor.last
+        assert last is not None
+        assert 1007.0 < last < 1010.0
+    assert not monitor.expired
+    assert monitor.hurried, "something was cut short"
+    with monitor.holding(100.0, least=0.5):
+        assert not monitor.expired, "at least half of what is left"
+        clock.now += 1.5
+        assert monitor.expired
