@@ -56,3 +56,4 @@ class Keywords(TypedDict, total=False):
     reader: Literal["own", "trimesh"] | None
     overwrite: bool
     timeout: float | None
+    jobs: int | None
