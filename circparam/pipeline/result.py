@@ -25,8 +25,8 @@ class Result:
     status: ok | repaired | degraded, with reasons. warnings: what a user must know; notes: what may interest.
     repairs: what was done to the mesh and to the layout, one line each. iterations, stopped: of each chart as
     the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and face_map:
-    input vertex and face of every one in that file. work: unwrap, or pack
-    where the charts were there before. tiles: (m,) atlas of each face, None where there is one.
+    input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
+    uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, None where there is one.
     """
 
     options: Options
@@ -47,6 +47,7 @@ class Result:
     stopped: list[str] = field(default_factory=list)
     tiles: IntArray | None = None
     work: str = "unwrap"
+    uv_double: bool = False
     path: str | None = None
     format: str = ""
     files: list[str] = field(default_factory=list)

@@ -32,6 +32,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         overwrite_uv=bool(o.overwrite_uv),
         ply_uv=o.ply_uv,
         copy_assets=bool(o.copy_assets),
+        uv_double=result.uv_double,
     )
     piped = os.fspath(output) == "-"
     with monitor.stage("write"):
