@@ -64,7 +64,7 @@ def following(x: FloatArray, rounding: Rounding, side: int) -> FloatArray:
     A step that grows by doubling and is rounded to another number for the first time is longer than half the
     distance to that number and not longer than the whole: so no number in between is passed over.
     """
-    step = np.maximum(np.spacing(np.abs(x)), SMALLEST)
+    step = np.maximum(np.spacing(np.abs(x)) / 2, SMALLEST)  # below a power of two they are finer
     out = rounding(x + side * step)
     while (stuck := out == x).any():
         step = np.where(stuck, 2 * step, step)
@@ -106,17 +106,16 @@ def mend_faces(
     """Round a layout, and move vertices among storable numbers until every face is upright, where that can be.
 
     faces: (m, 3), counter-clockwise as they should lie. exact: (nv, 2) before rounding. on_boundary: (nv,)
-    bool. Given up are faces for which ``no_room`` holds, and those that all ``SEARCHES`` leave, in which a
-    vertex gets up to ``FAR`` numbers away from where rounding puts it.
+    bool. Given up are faces that all ``SEARCHES`` leave, in which a vertex gets up to ``FAR`` numbers
+    away from where rounding puts it (on a boundary ``FAR_ON_BOUNDARY``), and layouts with over ``MOST`` spoilt faces.
     """
     start = rounding(exact)
     x, spoilt = start.copy(), signs(start, faces) <= 0
     for search in SEARCHES if spoilt.any() else ():
-        bad = spoilt & ~_without_room(faces, x, spoilt, rounding)
-        if not 0 < bad.sum() <= max(MOST, MOST_SHARE * len(faces)):
+        if not 0 < spoilt.sum() <= max(MOST, MOST_SHARE * len(faces)):
             break
         free = np.zeros(len(exact), bool)
-        free[faces[bad]] = True
+        free[faces[spoilt]] = True
         for _ in range(search.rings):
             free[faces[free[faces].any(1)]] = True
         near = np.flatnonzero(free[faces].any(1))
@@ -157,51 +156,6 @@ def _spread(
     width = group_max(np.abs(away).max(1) / step[crowd], label, n)
     times = np.minimum(by, np.maximum(FAR / np.maximum(width, 1.0), 1.0))[label]
     return crowd, patch.rounding(exact[crowd] + (times - 1)[:, None] * away)
-
-
-def _without_room(
-    faces: IntArray, uv: FloatArray, spoilt: BoolArray, rounding: Rounding
-) -> BoolArray:
-    """(m,) bool: spoilt faces in places for which ``no_room`` holds; one place is faces round spoilt ones."""
-    near = np.zeros(len(uv), bool)
-    near[faces[spoilt]] = True
-    fid = np.flatnonzero(near[faces].any(1))
-    v, local = np.unique(faces[fid], return_inverse=True)
-    f = local.reshape(-1, 3)
-    _, label = components(len(v), f[:, [0, 0]].ravel(), f[:, [1, 2]].ravel())
-    place = label[f[:, 0]]
-    out = np.zeros(len(faces), bool)
-    out[fid] = no_room(f, uv[v], place, rounding)[place]
-    return out & spoilt
-
-
-def no_room(faces: IntArray, uv: FloatArray, place: IntArray, rounding: Rounding) -> BoolArray:
-    """(n,) bool: places in which no storable position exists, by their area.
-
-    place: (m,) labels 0..n−1 of the faces. A triangle whose corners are storable numbers has at least the area
-    of half a cell of the lattice, where the lattice is finest. The faces of a place together have no more than
-    its area and what is gained where its boundary moves ``FAR`` numbers outwards: the length of the boundary
-    times that distance, and a disk of that radius (Steiner's formula). So this is a proof, not a guess.
-    """
-    n = int(place.max(initial=-1)) + 1
-    p = uv[faces]
-    step = (following(p.reshape(-1, 2), rounding, 1) - p.reshape(-1, 2)).reshape(p.shape)
-    finest = np.full((n, 2), np.inf)
-    np.minimum.at(finest, place, step.min(1))
-    coarsest = group_max(step.max((1, 2)), place, n)
-    area = group_sum(cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), place, n) / 2
-    side = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2)
-    a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    key = np.minimum(a, b) * len(uv) + np.maximum(a, b)
-    _, twin, count = np.unique(key, return_inverse=True, return_counts=True)
-    alone = (count[twin.reshape(-1)] == 1).reshape(-1, 3)
-    length = group_sum((side * alone).sum(1), place, n)
-    out = np.sqrt(2) * FAR * coarsest
-    most = np.abs(area) + length * out + np.pi * out**2
-    # where numbers get finer the step down is half of that up, in both directions
-    least = np.bincount(place, minlength=n) * finest.prod(1) / 8
-    result: BoolArray = least > most
-    return result
 
 
 @dataclass(frozen=True, eq=False)

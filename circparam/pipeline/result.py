@@ -12,6 +12,7 @@ from circparam.formats.document import Document
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
+from circparam.pipeline.floaters import Floaters
 from circparam.pipeline.options import DEFAULT_PADDING, DEFAULT_RESOLUTION, Options
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
@@ -26,7 +27,8 @@ class Result:
     repairs: what was done to the mesh and to the layout, one line each. iterations, stopped: of each chart as
     the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and face_map:
     input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
-    uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, None where there is one.
+    uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None.
+    floaters: what --drop-floaters left out, None where it was not given.
     """
 
     options: Options
@@ -48,6 +50,7 @@ class Result:
     tiles: IntArray | None = None
     work: str = "unwrap"
     uv_double: bool = False
+    floaters: Floaters | None = None
     path: str | None = None
     format: str = ""
     files: list[str] = field(default_factory=list)

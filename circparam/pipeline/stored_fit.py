@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,18 +12,19 @@ from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.formats.io import has_doubles, rounding
 from circparam.geometry.coverage import pages_of
+from circparam.geometry.overlap import signs
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.job import Job
+from circparam.pipeline.lattice import Rounding
 from circparam.pipeline.options import Options
 from circparam.pipeline.place import chart_signs, chart_tiles, place, sized
 from circparam.pipeline.stored_repair import Stored, store
 
 # share of the packing's work that is done again for a layout that stored numbers spoilt
 RETRIED = 0.1
-LOST = 200  # faces that stay spoilt for which another turn of the page is not worth its time
 ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spoil is given up
 
 
@@ -87,7 +89,7 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
     with monitor.stage("check"):
         turn = options.packed and options.rotate != "none"
         held = hold(job, cut_mesh, placed.uv, sign < 0, turn)
-    uvmap = job.completed(cut_mesh, held.stored.uv)
+    uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
     size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, uv, keep))
     return _Trial(
         cascade.noted(*placed.notes, *held.notes), uvmap, held.stored.fault, size, held.double
@@ -115,15 +117,26 @@ def hold(
     tried: list[Held] = []
     for double in (False, True) if has_doubles(job.target) else (False,):
         number = rounding(job.target, job.document, double)
-        for quarters in range(4 if turn and not double else 1):
-            exact = _turned(cut_mesh, uv, quarters) if quarters else uv
+        for exact in _placements(cut_mesh, uv, number, mirrored, turn and not double):
             found = store(cut_mesh, exact, mirrored, number)
             tried.append(Held(found, double, _notes(found, double)))
             if found.sound:
                 return tried[-1]
-            if found.spoilt > LOST:  # no turn of the page makes room for so many
-                break
     return min(tried, key=lambda one: int((one.stored.fault > 0).sum()))
+
+
+def _placements(
+    cut_mesh: CutMesh, uv: FloatArray, number: Rounding, mirrored: BoolArray, turn: bool
+) -> Iterator[FloatArray]:
+    """The layout as it is; where that was not taken, by the turn that leaves rounding the least to spoil."""
+    yield uv
+    if turn:
+        side = np.where(mirrored, -1, 1)[cut_mesh.chart]
+        turns = [_turned(cut_mesh, uv, quarters) for quarters in range(4)]
+        spoilt = [(side * signs(number(t), cut_mesh.faces) <= 0).sum() for t in turns]
+        best = int(np.argmin(spoilt))
+        if best:
+            yield turns[best]
 
 
 def _notes(stored: Stored, double: bool) -> list[str]:

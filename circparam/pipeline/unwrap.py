@@ -25,6 +25,7 @@ from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
+from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.options import Options, from_keywords
 from circparam.pipeline.pack_splits import split_for_packing
@@ -123,7 +124,7 @@ def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray)
     if (fault > 0).any():
         return Fitted(cascade, job.stored(cut_mesh, uv))
     held = hold(job, cut_mesh, uv, mirrored, job.options.rotate != "none")
-    uvmap = job.completed(cut_mesh, held.stored.uv)
+    uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
     return Fitted(cascade.noted(*held.notes), uvmap, held.double)
 
 
@@ -146,6 +147,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     charts = np.full(len(job.document.mesh.faces), -1)
     charts[job.surface.source] = verification.cut_mesh.chart
     repairs = [*job.repair_report.messages, *cascade.repairs]
+    left_out = [] if job.floaters is None else [told(job.floaters)]
     said = verdict(verification, job.options, repairs, monitor.expired)
     return Result(
         options=job.options,
@@ -159,7 +161,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         status=said.status,
         reasons=said.reasons,
         warnings=said.warnings,
-        notes=[*job.document.notes, *cascade.notes],
+        notes=[*job.document.notes, *left_out, *cascade.notes],
         repairs=repairs,
         seconds=dict(monitor.seconds),
         iterations=cascade.iterations,
@@ -167,6 +169,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         format=job.target,
         tiles=job.tiles,
         uv_double=fitted.double,
+        floaters=job.floaters,
     )
 
 
