@@ -106,8 +106,8 @@ def mend_faces(
     """Round a layout, and move vertices among storable numbers until every face is upright, where that can be.
 
     faces: (m, 3), counter-clockwise as they should lie. exact: (nv, 2) before rounding. on_boundary: (nv,)
-    bool. Given up are faces that all ``SEARCHES`` leave, in which a vertex gets up to ``FAR`` numbers
-    away from where rounding puts it (on a boundary ``FAR_ON_BOUNDARY``), and layouts with over ``MOST`` spoilt faces.
+    bool. Given up are layouts with over ``MOST`` spoilt faces, and faces that all ``SEARCHES`` leave, in which
+    a vertex gets up to ``FAR`` numbers away from where rounding puts it (on a boundary ``FAR_ON_BOUNDARY``).
     """
     start = rounding(exact)
     x, spoilt = start.copy(), signs(start, faces) <= 0
