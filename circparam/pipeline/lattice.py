@@ -31,7 +31,7 @@ ROUNDS = 60  # of moves in one search
 PATIENCE = 16  # rounds without fewer spoilt faces after which a search ends
 # Spoilt faces, and the share of all, up to one of which a search is worth its time: a layout with more is
 # crushed below what can be stored, and mapping its charts anew gives faces back their size.
-MOST, MOST_SHARE = 1000, 0.05
+MOST, MOST_SHARE = 1000, 0.3
 SMALLEST = 2.0**-60  # no step is finer than this: numbers next to zero are of no use
 CHUNK = 2_000_000  # corners x places looked at together
 

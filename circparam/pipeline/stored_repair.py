@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, next_half_edge
+from circparam.geometry.boundary import boundary_of, turned_loops
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.pipeline.fallback import FLIPPED, OVERLAPPING, SOUND
@@ -75,6 +76,9 @@ class _Boundary:
         found = overlaps(c.faces, uv, c.chart, c.edges)
         for push in range(1, PUSHES + 1):
             meeting = np.unique(found.crossings)
+            if found.self_overlapping.any():  # holes narrower than a unit may have turned over
+                boundary = boundary_of(c.faces, uv, c.chart, c.edges, c.n_charts)
+                meeting = np.union1d(meeting, boundary.half_edge[turned_loops(boundary)])
             if len(meeting) == 0:  # nothing to move: sound, or wound round twice
                 break
             uv = self._inwards(uv, meeting, min(push, FAR_ON_BOUNDARY))
