@@ -25,13 +25,15 @@ class WriteOptions:
 
     uv_set: the set to write; None replaces the first one. overwrite_uv: allow ``uv_set`` to replace a set
     that is there. ply_uv: 'vertex' or 'face'; None takes 'face' only where a seam would split a vertex.
-    copy_assets: copy the files that the output refers to (materials, textures, buffers) beside it.
+    copy_assets: copy the files that the output refers to (materials, textures, buffers) beside it. uv_double:
+    store uv as doubles where the format can (PLY); others write what they always do.
     """
 
     uv_set: int | None = None
     overwrite_uv: bool = False
     ply_uv: str | None = None
     copy_assets: bool = False
+    uv_double: bool = False
 
 
 @dataclass(frozen=True)

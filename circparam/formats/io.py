@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from circparam.core.arrays import IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
 from circparam.formats.assets import find_assets
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes
-from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, sniff, writable
+from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, writable
 from circparam.mesh.mesh import UVMap
 
 CURABLE = 1 << 24  # bytes of a refused file up to which it is tried whether trimesh takes it
@@ -128,11 +130,31 @@ def stored(uvmap: UVMap, format: str, document: Document | None = None) -> UVMap
 
     Flips and overlaps are to be checked on these numbers. Raises OptionError for a format without uv.
     """
-    uv = np.ascontiguousarray(uvmap.uv, np.float64) + 0.0
-    round_uv = FORMATS[format].function.round_uv
+    return UVMap(rounding(format, document)(uvmap.uv), uvmap.uv_faces)
+
+
+def rounding(
+    format: str, document: Document | None = None, double: bool = False
+) -> Callable[[FloatArray], FloatArray]:
+    """The function (k, 2) → (k, 2) that rounds uv to the nearest numbers a format can store.
+
+    double: as ``WriteOptions.uv_double``; where the format has no doubles, the same as without.
+    Raises OptionError for a format without uv.
+    """
+    row = FORMATS[format].function
+    round_uv = row.round_double if double and row.round_double is not None else row.round_uv
     if round_uv is None:
         raise _no_place(format)
-    return UVMap(round_uv(uv, document), uvmap.uv_faces)
+    return functools.partial(_rounded, round_uv, document)
+
+
+def _rounded(round_uv: RoundUV, document: Document | None, uv: FloatArray) -> FloatArray:
+    return round_uv(np.ascontiguousarray(uv, np.float64) + 0.0, document)
+
+
+def has_doubles(format: str) -> bool:
+    """Whether a format can store uv as doubles where it would otherwise not."""
+    return FORMATS[format].function.round_double is not None
 
 
 def encode(

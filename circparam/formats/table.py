@@ -38,10 +38,11 @@ class Format:
     first; 0 for a magic number at the beginning, more where the evidence is weaker.
     export: (document, layout, options, stem of further files) → the file; writes any document into the
     format, None where it has no place for uv. round_uv: (uv (k, 2), document or None) → the uv as they are
-    after being written and read; the document only where it is of this format. output: the format that its
-    meshes are written to when nothing is said, '' for itself. unshare: reads with meshes that several nodes
-    use copied for each; None where meshes of the format cannot be shared. foreign: it is read through trimesh,
-    which keeps geometry and uv only.
+    after being written and read, each coordinate for itself; the document only where it is of this format.
+    round_double: the same with uv in doubles, where the format can hold them (``WriteOptions.uv_double``).
+    output: the format that its meshes are written to when nothing is said, '' for itself. unshare: reads with
+    meshes that several nodes use copied for each; None where meshes of the format cannot be shared. foreign: it
+    is read through trimesh, which keeps geometry and uv only.
     """
 
     read: Read
@@ -50,6 +51,7 @@ class Format:
     rank: int = 0
     export: Export | None = None
     round_uv: RoundUV | None = None
+    round_double: RoundUV | None = None
     output: str = ""
     unshare: Read | None = None
     foreign: bool = False
@@ -131,7 +133,8 @@ FORMATS: Table[Format] = Table(
     "format",
     Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
-    Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply),
+    Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
+                      round_double=_as_it_is),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _is_gltf, rank=1, export=to_gltf, round_uv=_as_gltf,
                        unshare=_read_unshared),

@@ -168,13 +168,27 @@ def splice(
 
 def take_ranges(data: ByteArray, start: IntArray, length: IntArray) -> ByteArray:
     """The bytes of many ranges, in the given order (they may repeat), one after the other."""
-    result: ByteArray = data[np.repeat(start, length) + ranges(length)]
+    result: ByteArray
+    if (
+        _alike(length) and length[0] > 0
+    ):  # rows of one length, as binary files have: no index for every byte
+        result = np.lib.stride_tricks.sliding_window_view(data, int(length[0]))[start].reshape(-1)
+    else:
+        result = data[np.repeat(start, length) + ranges(length)]
     return result
+
+
+def _alike(length: IntArray) -> bool:
+    """Whether all lengths are the same, and there are some."""
+    return len(length) > 0 and bool((length == length[0]).all())
 
 
 def interleave(parts: list[tuple[ByteArray, IntArray]]) -> tuple[ByteArray, IntArray]:
     """Join pieces row by row: each part gives one piece a row; the result has one longer piece a row."""
     length = np.sum([size for _, size in parts], axis=0)
+    if all(_alike(size) for _, size in parts):
+        rows = [text.reshape(len(size), int(size[0])) for text, size in parts]
+        return np.concatenate(rows, axis=1).reshape(-1), length
     at = np.cumsum(length) - length
     out = np.empty(int(length.sum()), np.uint8)
     for text, size in parts:

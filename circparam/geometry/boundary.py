@@ -7,7 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    first_of_runs,
+    group_sum,
+    next_half_edge,
+)
 from circparam.core.graph import components
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
@@ -77,7 +85,14 @@ def boundary_of(
 
 
 def turned_out(boundary: BoundarySegments, n: int) -> BoolArray:
-    """(n,) charts with more than one boundary loop that runs counter-clockwise.
+    """(n,) charts with more than one boundary loop that runs counter-clockwise; see ``turned_loops``."""
+    out = np.zeros(n, bool)
+    out[boundary.chart[turned_loops(boundary)]] = True
+    return out
+
+
+def turned_loops(boundary: BoundarySegments) -> BoolArray:
+    """(b,) segments of loops that run counter-clockwise beside a larger one of the same chart that does too.
 
     A point inside a chart has as many originals as loops wind round it. Loops that do not cross leave each at
     most one exactly if a single loop is counter-clockwise: a second one is a flap at an inner hole, folded out
@@ -89,5 +104,9 @@ def turned_out(boundary: BoundarySegments, n: int) -> BoolArray:
     origin = boundary.start[first][loop]
     area = group_sum(cross2(boundary.start - origin, boundary.end - origin), loop, count)
     outward = area > 1e-13 * total[first] ** 2  # a slit in the plane has no area but for rounding
-    result: BoolArray = np.bincount(boundary.chart[first], outward, n) > 1
+    chart = boundary.chart[first]
+    order = np.lexsort((-area, chart))
+    largest = np.zeros(count, bool)
+    largest[order[first_of_runs(chart[order])]] = True
+    result: BoolArray = (outward & ~largest)[loop]
     return result

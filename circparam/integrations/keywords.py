@@ -34,6 +34,7 @@ class Keywords(TypedDict, total=False):
     cut_materials: bool | None
     hide_seams: float | None
     symmetry: Literal["x", "y", "z", "auto"] | None
+    drop_floaters: float | None
     pack_splits: int | None
     resolution: int | None
     padding: int | None

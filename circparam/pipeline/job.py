@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.formats.document import Document
-from circparam.formats.io import stored
+from circparam.formats.io import rounding, stored
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, RepairReport, repair
 from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
-from circparam.pipeline.configure import target_format, tiles_of
+from circparam.pipeline.configure import pack_options, target_format, tiles_of
+from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
 from circparam.pipeline.options import Options
 
 
@@ -23,7 +24,7 @@ class Job:
     """One mesh on its way: what was read, what is solved on, and what was asked for.
 
     target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
-    the file, None where there is one.
+    the file, None where there is one. floaters: what is left out of the layout; the surface is without it.
     """
 
     document: Document
@@ -32,10 +33,19 @@ class Job:
     surface: Surface
     repair_report: RepairReport
     tiles: IntArray | None
+    floaters: Floaters | None = None
 
-    def completed(self, cut_mesh: CutMesh, uv: FloatArray) -> UVMap:
-        """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too."""
-        return complete(self.document.mesh, self.surface, self.repair_report, uv, cut_mesh.faces)
+    def completed(self, cut_mesh: CutMesh, uv: FloatArray, double: bool = False) -> UVMap:
+        """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too.
+
+        double: floaters get uv that doubles hold, where the format has them.
+        """
+        mesh = self.document.mesh
+        uvmap = complete(mesh, self.surface, self.repair_report, uv, cut_mesh.faces)
+        if self.floaters is None or not self.floaters.components:
+            return uvmap
+        number = rounding(self.target, self.document, double)
+        return with_patch(self.document, uvmap, self.floaters, pack_options(self.options), number)
 
     def stored(self, cut_mesh: CutMesh, uv: FloatArray) -> UVMap:
         """The same as the numbers that the format will hold."""
@@ -55,5 +65,8 @@ def prepare(
     target = target_format(document, output, options)
     with monitor.stage("repair"):
         surface, report = repair(document.mesh, RepairOptions(options.weld or 0.0, options.repair))
+        floaters = None
+        if options.drop_floaters is not None:
+            surface, floaters = find_floaters(document, surface, options.drop_floaters)
     monitor.check()
-    return Job(document, options, target, surface, report, tiles_of(document, options))
+    return Job(document, options, target, surface, report, tiles_of(document, options), floaters)

@@ -163,6 +163,11 @@ class Options:
         "seams", "Mirror the seams across this axis, or across the first that fits.",
         choices=("x", "y", "z", "auto"), applies=applies.with_charts,
     )
+    drop_floaters: float | None = option(
+        "seams", "Leave components with less than this share of the area out.", metavar="SHARE",
+        bounds=Range(0.0, 1.0, "a share of the surface's area between 0 and 1: 1e-4 is a small floater"),
+        applies=applies.with_packing,
+    )
     pack_splits: int | None = option(
         "seams", "Split up to N charts where that covers the page much better.", metavar="N",
         bounds=Range(1, 1000, "a number of charts that may be split, from 1 on"), applies=applies.with_room,

@@ -16,6 +16,7 @@ from circparam.formats.memory import to_trimesh
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
+from circparam.pipeline.floaters import Floaters
 from circparam.pipeline.options import DEFAULT_PADDING, DEFAULT_RESOLUTION, Options
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
@@ -32,8 +33,9 @@ class Result:
     status: ok | repaired | degraded, with reasons. warnings: what a user must know; notes: what may interest.
     repairs: what was done to the mesh and to the layout, one line each. iterations, stopped: of each chart as
     the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and face_map:
-    input vertex and face of every one in that file. work: unwrap, or pack
-    where the charts were there before. tiles: (m,) atlas of each face, None where there is one.
+    input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
+    uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None.
+    floaters: what --drop-floaters left out, None where it was not given.
     """
 
     options: Options
@@ -54,6 +56,8 @@ class Result:
     stopped: list[str] = field(default_factory=list)
     tiles: IntArray | None = None
     work: str = "unwrap"
+    uv_double: bool = False
+    floaters: Floaters | None = None
     path: str | None = None
     format: str = ""
     files: list[str] = field(default_factory=list)

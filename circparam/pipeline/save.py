@@ -32,6 +32,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         overwrite_uv=bool(o.overwrite_uv),
         ply_uv=o.ply_uv,
         copy_assets=bool(o.copy_assets),
+        uv_double=result.uv_double,
     )
     piped = os.fspath(output) == "-"
     with monitor.stage("write"):
@@ -65,9 +66,11 @@ def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Resu
         uvmap = None if layout is None else in_input_order(layout, face_map, result)
         if uvmap is None:
             raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
-        verification = result.verification
-        if not _alike(uvmap, UVMap(result.uv, result.uv_faces)):
-            verification = verify_layout(result.surface, uvmap, o, result.tiles)
+        # the file holds the very numbers that were verified: what was found for them is found again
+        same = _same_corners(uvmap, UVMap(result.uv, result.uv_faces))
+        verification = (
+            result.verification if same else verify_layout(result.surface, uvmap, o, result.tiles)
+        )
     charts = result.charts.copy()
     charts[result.surface.source] = verification.cut_mesh.chart
     said = verdict(verification, o, result.repairs, monitor.hurried)
@@ -83,12 +86,12 @@ def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Resu
     )
 
 
-def _alike(a: UVMap, b: UVMap) -> bool:
-    """Whether every corner has the very same uv: then what was found of one layout holds for the other."""
-    missing = a.uv_faces < 0
-    if a.uv_faces.shape != b.uv_faces.shape or not np.array_equal(missing, b.uv_faces < 0):
+def _same_corners(a: UVMap, b: UVMap) -> bool:
+    """Whether all corners of all faces have the same uv, to the last bit, or both none."""
+    if a.uv_faces.shape != b.uv_faces.shape or not (len(a.uv) and len(b.uv)):
         return False
-    return np.array_equal(a.uv[a.uv_faces][~missing], b.uv[b.uv_faces][~missing])
+    none = np.array_equal(a.uv_faces < 0, b.uv_faces < 0)
+    return none and all(np.array_equal(a.uv[a.uv_faces, k], b.uv[b.uv_faces, k]) for k in (0, 1))
 
 
 def in_input_order(uvmap: UVMap, face_map: IntArray, result: Result) -> UVMap | None:

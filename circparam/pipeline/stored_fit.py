@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,15 +10,18 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
-from circparam.formats.io import stored
+from circparam.formats.io import has_doubles, rounding
+from circparam.geometry.coverage import pages_of
+from circparam.geometry.overlap import signs
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.job import Job
+from circparam.pipeline.lattice import Rounding
 from circparam.pipeline.options import Options
 from circparam.pipeline.place import chart_signs, chart_tiles, place, sized
-from circparam.pipeline.verify import corners_of
+from circparam.pipeline.stored_repair import Stored, store
 
 # share of the packing's work that is done again for a layout that stored numbers spoilt
 RETRIED = 0.1
@@ -28,20 +32,24 @@ ROUNDS = 24  # of pack, store and check, before a layout that stored numbers spo
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """The layout of every face of the file, as stored, and the cascade that led to it."""
+    """The layout of every face of the file, as stored, and the cascade that led to it; double: stored as
+    doubles (see ``WriteOptions.uv_double``)."""
 
     cascade: Cascade
     uvmap: UVMap
+    double: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """One layout, packed and rounded. placed: (nv, 2) on its pages; length: of its edges over their own."""
+    """One layout, packed and stored. fault: (n_charts,) as ``fallback.faults``; size: length of its edges over
+    that before packing."""
 
     cascade: Cascade
     uvmap: UVMap
     fault: IntArray
     size: float
+    double: bool
 
 
 def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
@@ -71,7 +79,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
             cascade = _hold_stored(job, cascade, trial.size, monitor)
     if not np.isfinite(trial.uvmap.uv).all():
         raise NoResultError("no finite layout was found")
-    return Fitted(cascade, trial.uvmap)
+    return Fitted(cascade, trial.uvmap, trial.double)
 
 
 def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _Trial:
@@ -84,11 +92,79 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
         sign = chart_signs(job.surface, cut_mesh, options)
         uv[:, 0] *= sign[cut_mesh.vertex_chart]
         placed = place(cut_mesh, uv, options, monitor, group, keep)
-    uvmap = job.stored(cut_mesh, placed.uv)
     with monitor.stage("check"):
-        fault = _stored_faults(job, uvmap, cut_mesh, sign)
+        turn = options.packed and options.rotate != "none"
+        held = hold(job, cut_mesh, placed.uv, sign < 0, turn)
+    uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
     size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, uv, keep))
-    return _Trial(cascade.noted(*placed.notes), uvmap, fault, size)
+    return _Trial(
+        cascade.noted(*placed.notes, *held.notes), uvmap, held.stored.fault, size, held.double
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A packed layout in numbers that its format stores, as doubles or not, and what there is to say of it."""
+
+    stored: Stored
+    double: bool
+    notes: list[str]
+
+
+def hold(
+    job: Job, cut_mesh: CutMesh, uv: FloatArray, mirrored: BoolArray, turn: bool = False
+) -> Held:
+    """Round a packed layout (nv, 2) as the target stores it and mend what that spoils; see ``store``.
+
+    Where charts stay faulty, the pages are turned by quarters (``turn``: where they may be), since numbers are
+    finest near zero (for glTF at the top left, it counts v from there); after that uv become doubles where the
+    format has them. What is returned has the fewest faulty charts.
+    """
+    tried: list[Held] = []
+    for double in (False, True) if has_doubles(job.target) else (False,):
+        number = rounding(job.target, job.document, double)
+        for exact in _placements(cut_mesh, uv, number, mirrored, turn and not double):
+            found = store(cut_mesh, exact, mirrored, number)
+            tried.append(Held(found, double, _notes(found, double)))
+            if found.sound:
+                return tried[-1]
+    return min(tried, key=lambda one: int((one.stored.fault > 0).sum()))
+
+
+def _placements(
+    cut_mesh: CutMesh, uv: FloatArray, number: Rounding, mirrored: BoolArray, turn: bool
+) -> Iterator[FloatArray]:
+    """The layout as it is; where that was not taken, by the turn that leaves rounding the least to spoil."""
+    yield uv
+    if turn:
+        side = np.where(mirrored, -1, 1)[cut_mesh.chart]
+        turns = [_turned(cut_mesh, uv, quarters) for quarters in range(4)]
+        spoilt = [(side * signs(number(t), cut_mesh.faces) <= 0).sum() for t in turns]
+        best = int(np.argmin(spoilt))
+        if best:
+            yield turns[best]
+
+
+def _notes(stored: Stored, double: bool) -> list[str]:
+    """One line for each thing that was done for stored numbers."""
+    out = []
+    if stored.moved:
+        out.append(
+            f"{stored.moved} uv vertices moved to other numbers near by that the format can store: "
+            "rounding spoilt their faces"
+        )
+    if double:
+        out.append("uv are stored as doubles: single precision has no room for some faces")
+    return out
+
+
+def _turned(cut_mesh: CutMesh, uv: FloatArray, quarters: int) -> FloatArray:
+    """uv (nv, 2) with every page turned by quarters, counter-clockwise."""
+    page = pages_of(cut_mesh, uv)[cut_mesh.vertex_chart]
+    x, y = uv[:, 0] - page, uv[:, 1]
+    for _ in range(quarters):
+        x, y = 1.0 - y, x
+    return np.stack([x + page, y], 1)
 
 
 def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
@@ -99,12 +175,12 @@ def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> C
         cut_mesh, uv = cascade.open()
         with monitor.stage("check"):
             uv = _at_far_corner(cut_mesh, uv, cascade.kept_sizes(cut_mesh), size)
-            trial = stored(UVMap(uv, cut_mesh.faces), job.target, job.document)
             looked = np.zeros(cut_mesh.n_charts, bool)
             looked[cut_mesh.chart[new]] = True
             part, vertices, _ = cut_mesh.subset(looked)
+            none = np.zeros(part.n_charts, bool)
             fault = np.zeros(cut_mesh.n_charts, np.int64)
-            fault[looked] = fallback.faults(part, trial.uv[vertices])[0]
+            fault[looked] = hold(job, part, uv[vertices], none).stored.fault
         new = (fault > 0)[cut_mesh.chart]  # the others stay as they are
         after = fallback.advance(cascade, fault, monitor) if (fault > 0).any() else None
         if after is None:
@@ -133,13 +209,3 @@ def _length(cut_mesh: CutMesh, uv: FloatArray) -> float:
     """Length of all edges of all faces."""
     p = uv[cut_mesh.faces]
     return max(float(np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2).sum()), 1e-300)
-
-
-def _stored_faults(job: Job, uvmap: UVMap, cut_mesh: CutMesh, sign: FloatArray) -> IntArray:
-    """Faults of the charts in the numbers as the file will hold them; sign: see ``chart_signs``."""
-    corners, _ = corners_of(job.surface, uvmap)
-    uv = np.zeros((cut_mesh.n_vertices, 2))
-    uv[cut_mesh.faces.ravel()] = corners.reshape(-1, 2)
-    uv[:, 0] *= sign[cut_mesh.vertex_chart]
-    fault, _ = fallback.faults(cut_mesh, uv)
-    return fault

@@ -22,9 +22,10 @@ def summarise(result: Result) -> dict[str, Any]:
     its best scale, 1 is perfect; distortion_max_chart: of the worst chart at that scale. seam_length is in
     units of √(surface area); seam_visible is the share of it that is seen, in the mean over 64 directions, null
     where there is no seam. pack: covered share of the pages. flips, overlap, mirrored, missing: 0 in a
-    valid layout. stages: seconds.
+    valid layout. dropped_components, dropped_faces: left out by --drop-floaters. stages: seconds.
     """
     numbers = {k: plain(v) for k, v in result.measures.items()}
+    left_out = result.floaters
     return {
         "schema": SCHEMA.format(result.work),
         "version": __version__,
@@ -40,6 +41,8 @@ def summarise(result: Result) -> dict[str, Any]:
         "vertices": len(result.mesh.points),
         "faces": len(result.mesh.faces),
         **numbers,
+        "dropped_components": 0 if left_out is None else left_out.components,
+        "dropped_faces": 0 if left_out is None else int(left_out.faces.sum()),
         "repairs": result.repairs,
         "repaired": result.repair_report.as_dict(),
         "warnings": result.warnings,

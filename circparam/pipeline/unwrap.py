@@ -13,22 +13,27 @@ from typing import Any
 import numpy as np
 
 from circparam.core import workers
+from circparam.core.arrays import FloatArray, group_sum
 from circparam.core.monitor import Listener, Monitor
 from circparam.errors import InputError
 from circparam.formats.document import Document
+from circparam.geometry.overlap import signs
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.packing import pack
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options
+from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
+from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.options import Options, from_keywords
 from circparam.pipeline.pack_splits import split_for_packing
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
-from circparam.pipeline.stored_fit import Fitted, fit_stored
+from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 from circparam.pipeline.verify import corners_of, uv_seams
 
 # What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
@@ -129,9 +134,24 @@ def repack(
     cut_mesh, uv = cascade.open()
     with monitor.stage("pack"):
         packed = pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor)
-    fitted = Fitted(cascade.noted(*packed.notes), job.stored(cut_mesh, packed.uv))
+    fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, packed.uv)
     result = replace(_verified(job, fitted, monitor), work="pack")
     return _finish(result, output, monitor)
+
+
+def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray) -> Fitted:
+    """Charts of a file as stored; flips and overlaps that they had before stay as they are."""
+    n, sign = cut_mesh.n_charts, signs(uv, cut_mesh.faces)
+    mirrored = group_sum(sign.astype(np.float64), cut_mesh.chart, n) < 0
+    upright = np.stack(
+        [np.where(mirrored[cut_mesh.vertex_chart], -uv[:, 0], uv[:, 0]), uv[:, 1]], 1
+    )
+    fault, _ = faults(cut_mesh, upright)
+    if (fault > 0).any():
+        return Fitted(cascade, job.stored(cut_mesh, uv))
+    held = hold(job, cut_mesh, uv, mirrored, job.options.rotate != "none")
+    uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
+    return Fitted(cascade.noted(*held.notes), uvmap, held.double)
 
 
 def _as_given(job: Job, uvmap: UVMap) -> Atlas:
@@ -153,6 +173,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     charts = np.full(len(job.document.mesh.faces), -1)
     charts[job.surface.source] = verification.cut_mesh.chart
     repairs = [*job.repair_report.messages, *cascade.repairs]
+    left_out = [] if job.floaters is None else [told(job.floaters)]
     said = verdict(verification, job.options, repairs, monitor.hurried)
     return Result(
         options=job.options,
@@ -166,13 +187,15 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         status=said.status,
         reasons=said.reasons,
         warnings=said.warnings,
-        notes=[*job.document.notes, *cascade.notes],
+        notes=[*job.document.notes, *left_out, *cascade.notes],
         repairs=repairs,
         seconds=dict(monitor.seconds),
         iterations=cascade.iterations,
         stopped=cascade.stopped,
         format=job.target,
         tiles=job.tiles,
+        uv_double=fitted.double,
+        floaters=job.floaters,
     )
 
 

@@ -158,3 +158,17 @@ def test_pieces_are_joined_row_by_row(rows: list[tuple[bytes, bytes, bytes]]) ->
     text, length = interleave(parts)
     assert text.tobytes() == b"".join(b"".join(row) for row in rows)
     assert length.tolist() == [sum(map(len, row)) for row in rows]
+
+
+@given(st.integers(1, 4), st.integers(1, 4), st.binary(min_size=1, max_size=40))
+def test_rows_of_one_length_are_cut_and_joined_like_others(a: int, b: int, data: bytes) -> None:
+    rows = len(data) - max(a, b) + 1
+    if rows < 1:
+        return
+    start = np.arange(rows)[::-1].copy()
+    first = take_ranges(as_bytes(data), start, np.full(rows, a))
+    second = take_ranges(as_bytes(data), start, np.full(rows, b))
+    assert first.tobytes() == b"".join(data[s : s + a] for s in start)
+    text, length = interleave([(first, np.full(rows, a)), (second, np.full(rows, b))])
+    assert text.tobytes() == b"".join(data[s : s + a] + data[s : s + b] for s in start)
+    assert (length == a + b).all()

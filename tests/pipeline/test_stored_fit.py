@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 import circparam
-from tests.support import shapes
+from circparam.formats.io import read, rounding
+from circparam.geometry.overlap import signs
+from circparam.mesh.surface import Surface
+from circparam.pipeline import lattice, stored_fit
+from tests.support import needles, shapes
 
 QUICK = {"effort": 0.01}
 
 
 def test_a_layout_spoiled_by_rounding_is_mended() -> None:
-    """Numbers that only float32 turns over: found on the stored numbers, and the chart is split."""
+    """Numbers that only float32 turns over: found on the stored numbers."""
     result = circparam.unwrap(shapes.tube(6.0), format="glb", **QUICK)
     assert result.verification.valid
 
@@ -69,3 +73,88 @@ def test_where_both_sides_are_as_large_the_first_face_lies_upright(
     a, b, c = result.uv[result.uv_faces[0]]
     assert result.measures["mirrored"] == 0
     assert np.linalg.det([b - a, c - a]) > 0
+
+
+def planted(n: int = 8, seed: int = 2):
+    """A flat square, 0.1 wide, in which n vertices lie within 1e-9 of each other, as a mesh."""
+    p, f = needles.crowd(np.random.default_rng(seed), n, 1e-9)
+    return np.c_[p - p.mean(0), np.zeros(len(p))], f
+
+
+@pytest.mark.parametrize("ending", ["ply", "glb", "gltf", "obj"])
+@pytest.mark.parametrize("seed", [2, 3])
+def test_planted_needles_cost_no_chart(tmp_path: Path, ending: str, seed: int) -> None:
+    mesh = planted(seed=seed)
+    before = circparam.unwrap(mesh, format="obj", resolution=64, **QUICK)
+    result = circparam.unwrap(mesh, tmp_path / f"o.{ending}", resolution=64, **QUICK)
+    assert result.measures["charts"] == before.measures["charts"] == 1
+    assert result.verification.valid
+    assert result.status == "ok"
+    back = read(tmp_path / f"o.{ending}").uv()
+    assert back is not None
+    assert (signs(back.uv, back.uv_faces) > 0).all()
+    spoilt = rounding(ending)(before.uv)
+    if ending in ("ply", "glb"):
+        assert (signs(spoilt, before.uv_faces) <= 0).any(), "rounding alone spoils it"
+        assert any("numbers near by" in note for note in result.notes)
+
+
+def test_where_single_precision_has_no_place_ply_takes_doubles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lattice, "SEARCHES", ())
+    result = circparam.unwrap(planted(), tmp_path / "o.ply", resolution=64, **QUICK)
+    assert (result.measures["charts"], result.verification.valid) == (1, True)
+    assert result.uv_double
+    assert (result.uv.astype(np.float32) != result.uv).any()
+    assert b"property double s\nproperty double t" in (tmp_path / "o.ply").read_bytes()[:400]
+    assert any("doubles" in note for note in result.notes)
+    # the file's own writer takes them as well, and single precision where that will do
+    again = circparam.unwrap(tmp_path / "o.ply", tmp_path / "p.ply", resolution=64, **QUICK)
+    assert (again.measures["charts"], again.verification.valid) == (1, True)
+    other = circparam.unwrap(planted(), tmp_path / "o.glb", resolution=64, **QUICK)
+    assert other.measures["charts"] > 1, "glTF has none: the chart is split"
+    assert other.verification.valid
+
+
+def test_doubles_at_the_faces_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lattice, "SEARCHES", ())
+    result = circparam.unwrap(planted(), tmp_path / "o.ply", resolution=64, ply_uv="face", **QUICK)
+    assert b"double texcoord" in (tmp_path / "o.ply").read_bytes()[:400]
+    assert (result.measures["charts"], result.verification.valid) == (1, True)
+
+
+def test_a_turn_of_the_page_takes_charts_to_finer_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chart 1e-4 of a page wide at the bottom left: v of glTF is finest at the top."""
+    p, f = shapes.delaunay_disk(3000, 1)
+    surface = Surface(p, f, np.arange(len(f)), np.zeros(len(f), bool), _edges(f), np.zeros(0, bool))
+    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    uv = np.zeros((cut_mesh.n_vertices, 2))
+    uv[cut_mesh.faces.ravel()] = 2e-6 * (p[f.ravel(), :2] - p.min(0)[:2]) + 1e-5
+    monkeypatch.setattr(lattice, "SEARCHES", ())
+    job = _Target("glb")
+    still = stored_fit.hold(job, cut_mesh, uv, np.zeros(1, bool))
+    turned = stored_fit.hold(job, cut_mesh, uv, np.zeros(1, bool), turn=True)
+    assert not still.stored.sound
+    assert turned.stored.sound
+    np.testing.assert_allclose(turned.stored.uv, np.stack([uv[:, 1], 1 - uv[:, 0]], 1), atol=1e-9)
+
+
+class _Target:
+    document = None
+
+    def __init__(self, target: str) -> None:
+        self.target = target
+
+
+def _edges(f):
+    from circparam.mesh.halfedge import shared_edges
+
+    return shared_edges(f)
+
+
+def test_packing_again_mends_what_rounding_spoils(tmp_path: Path) -> None:
+    circparam.unwrap(planted(), tmp_path / "in.obj", resolution=64, **QUICK)
+    result = circparam.repack(tmp_path / "in.obj", tmp_path / "o.glb", resolution=64, format="glb")
+    assert result.verification.valid
+    assert result.measures["charts"] == 1

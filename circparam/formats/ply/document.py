@@ -87,7 +87,7 @@ class PlyDocument(Document):
             return None
         _, note = check_uv_set(self, options, only_first=True)
         notes = [note] if note else []
-        kind, polys = self.uv_type, self.lists.polys
+        kind, polys = "f8" if options.uv_double else self.uv_type, self.lists.polys
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
         n = len(self.mesh.points)

@@ -27,7 +27,8 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     check_new_set(options, "ply")
     place = check_place(options.ply_uv)
     polys = document.polygons()
-    uv = uvmap.uv.astype(np.float32).astype(np.float64)
+    uv_kind = "f8" if options.uv_double else "f4"
+    uv = uvmap.uv.astype(uv_kind).astype(np.float64)
     corner = polys.corner_uv(UVMap(uv, uvmap.uv_faces), document.source.name)
     n = len(document.mesh.points)
     split = split_vertices(n, polys.corners, uv, corner)
@@ -39,7 +40,7 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     kind = "f4" if exact else "f8"
     fields = [(c, "<" + kind) for c in "xyz"]
     if not at_faces:
-        fields += [("s", "<f4"), ("t", "<f4")]
+        fields += [("s", "<" + uv_kind), ("t", "<" + uv_kind)]
     vertex = np.zeros(len(points), fields)
     for k, c in enumerate("xyz"):
         vertex[c] = points[:, k]
@@ -51,13 +52,14 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     index = (polys.corners if at_faces else split.corner).astype("<i4")
     parts = [_raw(size.astype(count)), (index.view(np.uint8), 4 * size)]
     if at_faces:
-        table = np.concatenate([uv, np.zeros((1, 2))]).astype("<f4")
+        table = np.concatenate([uv, np.zeros((1, 2))]).astype("<" + uv_kind)
         parts += [
             _raw((2 * size).astype(count)),
-            (table[corner].reshape(-1).view(np.uint8), 8 * size),
+            (table[corner].reshape(-1).view(np.uint8), 2 * table.itemsize * size),
         ]
     body, _ = interleave(parts)
-    name, count_name = {"f4": "float", "f8": "double"}[kind], "int" if wide else "uchar"
+    names = {"f4": "float", "f8": "double"}
+    name, uv_name, count_name = names[kind], names[uv_kind], "int" if wide else "uchar"
     lines = [
         "ply",
         "format binary_little_endian 1.0",
@@ -65,9 +67,9 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
         f"element vertex {len(points)}",
     ]
     lines += [f"property {name} {c}" for c in "xyz"]
-    lines += [] if at_faces else ["property float s", "property float t"]
+    lines += [] if at_faces else [f"property {uv_name} {c}" for c in "st"]
     lines += [f"element face {len(size)}", f"property list {count_name} int vertex_indices"]
-    lines += [f"property list {count_name} float texcoord"] if at_faces else []
+    lines += [f"property list {count_name} {uv_name} texcoord"] if at_faces else []
     head = "\n".join([*lines, "end_header", ""]).encode()
     notes = not_carried(document, "polygons")
     if at_faces and polys.labels is not None and options.ply_uv is None:

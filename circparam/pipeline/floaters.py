@@ -1,0 +1,108 @@
+"""Small components left out of a layout (``--drop-floaters``): which, and the patch that their faces get."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, group_sum, ranges
+from circparam.core.graph import components
+from circparam.errors import OptionError
+from circparam.formats.document import Document
+from circparam.mesh.mesh import UVMap
+from circparam.mesh.surface import Surface
+from circparam.packing.options import PackOptions
+
+# Half the side of a texel is all that the patch takes: it covers no texel centre, so that no texel shows it.
+SIDE = 0.45
+RADIUS = 0.45  # of the circle that the corners of a polygon lie on, in cells of the patch
+
+
+@dataclass(frozen=True, eq=False)
+class Floaters:
+    """What is left out. faces: (m,) bool over those of the file; components: how many; share: of the area."""
+
+    faces: BoolArray
+    components: int
+    share: float
+
+
+def find_floaters(document: Document, surface: Surface, least: float) -> tuple[Surface, Floaters]:
+    """The surface without components that hold less than a share of its area, and what they are.
+
+    Faces of one polygon belong together. Raises OptionError where no component is so large.
+    """
+    m = len(surface.faces)
+    e = surface.edges // 3
+    polygons = document.mesh.polygons
+    first = np.arange(m)
+    if polygons is not None:
+        own = polygons[surface.source]
+        some = np.full(int(polygons.max()) + 1, m)
+        np.minimum.at(some, own, first)
+        first = some[own]
+    n, label = components(m, np.r_[e[:, 0], np.arange(m)], np.r_[e[:, 1], first])
+    area = group_sum(surface.areas, label, n)
+    small = area < least * area.sum()
+    if small.all():
+        raise OptionError(
+            f"--drop-floaters {least:g} leaves nothing: the largest of {n} components holds "
+            f"{area.max() / area.sum():.3g} of the area; give a smaller share"
+        )
+    faces = np.zeros(len(document.mesh.faces), bool)
+    faces[surface.source[small[label]]] = True
+    out = Floaters(faces, int(small.sum()), float(area[small].sum() / area.sum()))
+    return (surface.part(~small[label]) if small.any() else surface), out
+
+
+def with_patch(
+    document: Document,
+    uvmap: UVMap,
+    floaters: Floaters,
+    options: PackOptions,
+    rounding: Callable[[FloatArray], FloatArray],
+) -> UVMap:
+    """The layout with uv for the faces that were left out: a patch in a corner of the page, free of charts.
+
+    Every polygon is a regular one with as many corners in a cell of its own, counter-clockwise as the file
+    winds it, so nothing in the patch is flipped or overlaps. It lies in the margin that charts keep from the
+    border of the page, where stored numbers are finest: at the bottom left, or at the top left where v is
+    stored from there.
+    """
+    polys = document.polygons()
+    owner = np.unique(polys.owner[floaters.faces])
+    side = SIDE * min(1.0, 2 * options.border) / options.resolution
+    cells = int(np.ceil(np.sqrt(len(owner))))
+    size = side / max(cells, 1)
+    number = np.diff(polys.start)[owner]
+    corner = ranges(number)
+    angle = 2 * np.pi * corner / np.repeat(number, number) + np.pi / 7  # no side along an axis
+    cell = np.repeat(np.arange(len(owner)), number)
+    at = np.stack([cell % cells, cell // cells], 1) + 0.5
+    uv = size * (at + RADIUS * np.stack([np.cos(angle), np.sin(angle)], 1))
+    bottom, top = _step(rounding, side), _step(rounding, 1 - side)
+    if top < bottom:
+        uv[:, 1] += 1 - side
+    place = np.full(len(polys.corners), -1)
+    place[np.repeat(polys.start[owner], number) + corner] = len(uvmap.uv) + np.arange(len(uv))
+    mine = place[polys.triangles]
+    return UVMap(
+        np.concatenate([uvmap.uv, rounding(uv)]), np.where(mine >= 0, mine, uvmap.uv_faces)
+    )
+
+
+def _step(rounding: Callable[[FloatArray], FloatArray], v: float) -> float:
+    """How far rounding moves numbers near v at most, by a sample: finer numbers move less."""
+    sample = v * (1 + np.linspace(-1e-3, 1e-3, 101))
+    moved = rounding(np.stack([np.zeros(101), sample], 1))[:, 1] - sample
+    return float(np.abs(moved).max())
+
+
+def told(floaters: Floaters) -> str:
+    """One line about what was left out."""
+    return (
+        f"{floaters.components} components left out of the layout: {int(floaters.faces.sum())} faces, "
+        f"{100 * floaters.share:.3g} % of the area"
+    )
