@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sps
-from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.optimize import linprog
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
@@ -35,6 +35,11 @@ THIN = 1.0
 # Rows of one linear program; layouts of real charts have some ten thousand at most.
 MOST_ROWS = 60_000
 
+# Pivots for each chart, after which the simplex counts as stalled (others take a tenth); and what the solver
+# says then.
+PIVOTS = 60
+STALLED = 1
+
 # Contacts within so many trust regions beyond the gap count: 3 cover as much of the page as 4 with a quarter
 # fewer rows; with 2, steps are taken back too often.
 REACH = 3.0
@@ -42,8 +47,9 @@ REACH = 3.0
 # Share of the gap below which charts have come so near that a tip may be through a neighbour.
 CROSSED = 0.2
 
-# Samples lie at most this share of a trust region apart along the edges (and 0.75 texels at least).
+# Samples lie at most this share of a trust region apart along the edges, in the last steps so many texels.
 STEP = 0.7
+FINEST = 0.75
 
 # Side in cells of the raster on which a step is looked at: gaps are about a cell wide there, overlap shows.
 OVERLAP_SIDE = 512
@@ -81,6 +87,16 @@ class Growth:
         """Texels of the page in one texel of a page of 2048."""
         return self.options.resolution / 2048
 
+    @property
+    def finest(self) -> float:
+        """Texels between samples in the last steps: more where the gap is wide, which gives no finer answer."""
+        return max(FINEST, self.options.gap / 40)
+
+    @property
+    def slack(self) -> float:
+        """Room in texels for what the linear programs leave out, and for what lies between the samples."""
+        return _SLACK + 0.1 * (self.finest - FINEST)
+
     def outlines(self, step: float) -> Outlines:
         """Samples of all outlines at most ``step`` apart, in the units of the uv given.
 
@@ -93,7 +109,7 @@ class Growth:
 
     def near(self, placement: Placement, outlines: Outlines, trust: float) -> Contacts:
         """The contacts that a step in a trust region (texels of a page of 2048) has to know of."""
-        reach = self.options.gap + _SLACK + REACH * trust * self.unit
+        reach = self.options.gap + self.slack + REACH * trust * self.unit
         return find_contacts(placement, outlines, reach, max(THIN * trust * self.unit, 1.0))
 
     def overlaps(self, placement: Placement) -> bool:
@@ -144,7 +160,7 @@ def _program(
         ],
         1,
     )
-    bound = distance - (width + _SLACK)
+    bound = distance - (width + growth.slack)
     inside = bound < reach
     blocks = [(columns[inside], values[inside], bound[inside])]
     blocks += _border_rows(growth, placement, reach)
@@ -202,14 +218,20 @@ def compaction_step(
     cost[-1] = -1.0
     # unknowns in units of the trust region, so that the solver sees numbers near 1
     matrix.data *= most[matrix.indices] / trust
-    # ``milp`` without integers is a linear program: the same solver with a tenth of linprog's overhead; to
-    # presolve takes longer than it saves
-    answer = milp(
-        cost,
-        constraints=LinearConstraint(matrix, -np.inf, bound / trust),
-        bounds=Bounds(-1, 1),
-        options={"presolve": False},
-    )
+    right = bound / trust
+    # to presolve takes longer than it saves; the few programs on which the simplex stalls are left to interior
+    # points, which take longer on all others
+    for method, most_rounds in (("highs-ds", PIVOTS * (n + 10)), ("highs-ipm", PIVOTS)):
+        answer = linprog(
+            cost,
+            A_ub=matrix,
+            b_ub=right,
+            bounds=(-1, 1),
+            method=method,
+            options={"presolve": method == "highs-ipm", "maxiter": most_rounds},
+        )
+        if answer.status != STALLED:
+            break
     if answer.x is None:
         return None
     z = answer.x * most
@@ -252,7 +274,7 @@ def _grown(
     earlier: Placement | None = None
     widest = growth.shapes.radius.max()
     for _ in range(steps):
-        step = max(trust * growth.unit * STEP, 0.75)
+        step = max(trust * growth.unit * STEP, growth.finest)
         outlines = growth.outlines(step / placement.scale)
         found = growth.near(placement, outlines, trust)
         after = None
@@ -282,7 +304,7 @@ def _cut_short(
     growth: Growth, earlier: Placement | None, placement: Placement, strict: bool
 ) -> Placement:
     """Last small steps after an early end: they take back what the linear programs overshot."""
-    outlines = growth.outlines(1 / placement.scale)
+    outlines = growth.outlines(max(1.0, growth.finest) / placement.scale)
     for trust in LAST_TRUSTS:
         found = growth.near(placement, outlines, trust)
         if earlier is not None and growth.crossed(found):
