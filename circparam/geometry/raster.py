@@ -295,11 +295,12 @@ def _gap_by_trees(
             texels[a], distance_upper_bound=np.sqrt(best) + 0.5
         )
         found = np.flatnonzero(np.isfinite(distance))
-        square = ((texels[a[found]] - texels[b[nearest[found]]]) ** 2).sum(1)
+        near = np.asarray(nearest)[found]
+        square = ((texels[a[found]] - texels[b[near]]) ** 2).sum(1)
         if len(square) and square.min() < best:
             k = int(square.argmin())
             best = int(square[k])
-            one, other = int(label[a[found[k]]]), int(label[b[nearest[found[k]]]])
+            one, other = int(label[a[found[k]]]), int(label[b[near[k]]])
             pair = (min(one, other), max(one, other))
     return (np.inf, None) if pair is None else (float(np.sqrt(best)), pair)
 

@@ -9,6 +9,7 @@ non-convex polygons", here with turns and growth); a few steps in a shrinking tr
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -137,7 +138,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _program(
     growth: Growth, placement: Placement, found: Contacts, reach: float, strict: bool
-) -> tuple[sps.csr_array, FloatArray]:
+) -> tuple[sps.csr_matrix, FloatArray]:
     """Rows A z <= b, b < reach, with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
     n, options = growth.shapes.n, growth.options
     d = found.p - found.q
@@ -171,7 +172,7 @@ def _program(
     column = np.concatenate([c.ravel() for c, _, _ in blocks])
     value = np.concatenate([v.ravel() for _, v, _ in blocks])
     bounds = np.concatenate([b for _, _, b in blocks])
-    return sps.csr_array((value, (row, column)), shape=(len(bounds), 3 * n + 1)), bounds
+    return sps.csr_matrix((value, (row, column)), shape=(len(bounds), 3 * n + 1)), bounds
 
 
 def _border_rows(
@@ -221,14 +222,11 @@ def compaction_step(
     right = bound / trust
     # to presolve takes longer than it saves; the few programs on which the simplex stalls are left to interior
     # points, which take longer on all others
-    for method, most_rounds in (("highs-ds", PIVOTS * (n + 10)), ("highs-ipm", PIVOTS)):
-        answer = linprog(
-            cost,
-            A_ub=matrix,
-            b_ub=right,
-            bounds=(-1, 1),
-            method=method,
-            options={"presolve": method == "highs-ipm", "maxiter": most_rounds},
+    attempts: list[tuple[Any, int]] = [("highs-ds", PIVOTS * (n + 10)), ("highs-ipm", PIVOTS)]
+    for method, most_rounds in attempts:
+        options: Any = {"presolve": method == "highs-ipm", "maxiter": most_rounds}
+        answer: Any = linprog(
+            cost, A_ub=matrix, b_ub=right, bounds=(-1, 1), method=method, options=options
         )
         if answer.status != STALLED:
             break

@@ -28,11 +28,13 @@ class Schedule:
 
     hoped_share: share of the page that is hoped for; it sets the cell. Where no layout fits, the next try hopes
         for ``less_hope`` times as much, ``tries`` times in all.
-    few, very_few: charts up to which the grid is coarse; up to which several layouts are compacted.
-    coarse_cells, cells: side of the grid, coarse for few charts, whose layouts are compacted anyway (on 13
-        meshes 64 cells cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice the cells).
+    few, very_few, handful: charts up to which the grid is coarse; up to which several layouts are compacted; up
+        to which grid and search are smaller still.
+    handful_cells, coarse_cells, cells: side of the grid, coarse for few charts, whose layouts are compacted
+        anyway (on 13 meshes 64 cells cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice
+        the cells; on three of 63 to 96 charts 96 cells 0.607, 128 cells 0.594, 192 cells 0.573).
     fixed_cells: side of the grid at a scale the user fixed, which the compaction does not mend afterwards.
-    coarse_budget, budget: cells transformed in the search on either grid: a second or so.
+    handful_budget, coarse_budget, budget: cells transformed in the search on each grid: half a second or less.
     compacted_up_to: charts up to which the linear programs are solved in a second or so.
     kept: layouts of very few charts that are compacted; one of more.
     rough_steps, fine_steps: linear programs for each candidate, then for the best. fine_trust: the first trust
