@@ -225,7 +225,7 @@ def compaction_step(
     attempts: list[tuple[Any, int]] = [("highs-ds", PIVOTS * (n + 10)), ("highs-ipm", PIVOTS)]
     for method, most_rounds in attempts:
         options: Any = {"presolve": method == "highs-ipm", "maxiter": most_rounds}
-        answer: Any = linprog(
+        answer: Any = linprog(  # type: ignore[call-overload]
             cost, A_ub=matrix, b_ub=right, bounds=(-1, 1), method=method, options=options
         )
         if answer.status != STALLED:
