@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
-from circparam.geometry.raster import free_border, owner_raster, shared_texels, smallest_gap
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.geometry.raster import LabelGrid, free_border, shared_texels, smallest_gap
+from circparam.packing.coverage import Runs, face_runs, outline_runs, painted
 from circparam.packing.options import PackOptions
 
 
@@ -15,8 +16,9 @@ from circparam.packing.options import PackOptions
 class PlacedCharts:
     """Charts as they lie on their pages, to be checked: in uv of the page each part lies on.
 
-    corners: (m, 3, 2) of the faces, owner: (m,) their charts. start, end: (b, 2) outline edges, edge_owner:
-    (b,). page: (n,) page of each chart.
+    start, end: (b, 2) outline edges, edge_owner: (b,) their charts. page: (n,) page of each chart. simple: (n,)
+    charts that are told from their outlines (``Shapes.simple``), none if left out. corners: (m, 3, 2) of the
+    faces that outlines do not tell of, owner: (m,) their charts.
     """
 
     corners: FloatArray
@@ -25,6 +27,19 @@ class PlacedCharts:
     end: FloatArray
     edge_owner: IntArray
     page: IntArray
+    simple: BoolArray | None = None
+
+    def raster(self, tile: int, side: int) -> tuple[LabelGrid, int]:
+        """Owner of each texel of one page, −1 where empty; and how many texels have two owners."""
+        simple = np.zeros(len(self.page), bool) if self.simple is None else self.simple
+        here = self.page == tile
+        on, around = here[self.owner], (here & simple)[self.edge_owner]
+        start, end = _single(self.start[around]) * side, _single(self.end[around]) * side
+        runs = [
+            face_runs(_single(self.corners[on]) * side, self.owner[on], side),
+            outline_runs(start, end, self.edge_owner[around], side),
+        ]
+        return painted(Runs.joined(runs), side)
 
 
 def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, FloatArray]:
@@ -34,9 +49,7 @@ def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, Floa
     """
     share = np.zeros(options.pages)
     for tile in range(options.pages):
-        on = placed.page[placed.owner] == tile
-        texels = _single(placed.corners[on]) * options.resolution
-        grid, clashes = owner_raster(texels, placed.owner[on], options.resolution)
+        grid, clashes = placed.raster(tile, options.resolution)
         share[tile] = (grid >= 0).mean()
         edges = placed.page[placed.edge_owner] == tile
         start, end = _single(placed.start[edges]), _single(placed.end[edges])

@@ -8,12 +8,17 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
 from circparam.core.graph import components
 from circparam.errors import OptionError
-from circparam.mesh.halfedge import sort_by_edge
+from circparam.mesh.halfedge import run_opposite, sort_by_edge
 
 _QUARTER = np.pi / 2
+
+# Directions in which the furthest vertices are looked for, to tell which others cannot be on a convex hull; and
+# how far inside, as a share of a chart's radius, a vertex still counts as outside: rounding.
+DIRECTIONS = 16
+HULL_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,20 +45,72 @@ class Shapes:
         return len(self.area)
 
     @cached_property
+    def simple(self) -> BoolArray:
+        """(n,) charts with area, no face of which is reversed, whose edges have two faces of one orientation.
+
+        Their outlines tell what they cover: the winding number there is the number of faces at a point.
+        """
+        signed = self._doubled
+        runs = sort_by_edge(self.faces, len(self.points))
+        crowded = runs.order[runs.head[runs.size > 2]]
+        against = runs.pairs[~run_opposite(self.faces, runs.pairs)].ravel()
+        result = self.area > 0
+        result[np.intersect1d(self.chart[signed > 0], self.chart[signed < 0])] = False
+        result[self.chart[np.concatenate([crowded, against]) // 3]] = False
+        return result
+
+    @cached_property
+    def scanned(self) -> BoolArray:
+        """(m,) faces that outlines do not tell of: those of charts that are not simple, those without area."""
+        return np.asarray(~self.simple[self.chart] | (self._doubled == 0))
+
+    @cached_property
+    def _doubled(self) -> FloatArray:
+        """(m,) twice the signed areas."""
+        q = self.points[self.faces]
+        return cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
+
+    @cached_property
+    def hull(self) -> tuple[IntArray, IntArray]:
+        """Outline vertices that may be corners of the convex hulls: (h,) by chart, and (n + 1,) offsets.
+
+        All corners are among them, and of other vertices few: those inside the polygon of the furthest vertices
+        in ``DIRECTIONS`` directions are left out.
+        """
+        v, at = self.start, self.edge_start[:-1]
+        own, p = self.owner[v], self.points[v]
+        furthest = []
+        for t in np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS):
+            along = p @ np.array([np.cos(t), np.sin(t)])
+            most = np.flatnonzero(along == np.maximum.reduceat(along, at)[own])
+            first = np.empty(self.n, np.int64)
+            first[own[most[::-1]]] = most[::-1]
+            furthest.append(p[first])
+        room = HULL_ROUNDING * np.sqrt(np.maximum.reduceat((p**2).sum(1), at))[own]
+        outside = np.zeros(len(v), bool)
+        for a, b in zip(furthest, furthest[1:] + furthest[:1], strict=True):
+            length = np.sqrt(((b - a) ** 2).sum(1))[own]
+            outside |= cross2((b - a)[own], p - a[own]) <= room * length
+        # a chart without extent, or all on a line, keeps what it has
+        kept = np.flatnonzero(outside)
+        return v[kept], np.searchsorted(own[kept], np.arange(self.n + 1)).astype(np.int64)
+
+    @cached_property
     def radius(self) -> FloatArray:
         """(n,) largest distance of an outline vertex from the centre."""
-        r = np.sqrt((self.points[self.start] ** 2).sum(1))
-        return np.asarray(np.maximum.reduceat(r, self.edge_start[:-1]))
+        v, at = self.hull
+        r = np.sqrt((self.points[v] ** 2).sum(1))
+        return np.asarray(np.maximum.reduceat(r, at[:-1]))
 
     def boxes(self, angle: FloatArray) -> FloatArray:
         """Bounding boxes of all charts, each turned by its angle: (n,) radians → (n, 4) x0, y0, x1, y1."""
-        own = self.owner[self.start]
+        v, at = self.hull
+        own = self.owner[v]
         c, s = np.cos(angle)[own], np.sin(angle)[own]
-        p = self.points[self.start]
+        p = self.points[v]
         x, y = c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]
-        at = self.edge_start[:-1]
         low, high = np.minimum.reduceat, np.maximum.reduceat
-        return np.stack([low(x, at), low(y, at), high(x, at), high(y, at)], 1)
+        return np.stack([low(x, at[:-1]), low(y, at[:-1]), high(x, at[:-1]), high(y, at[:-1])], 1)
 
     def outline(self, c: int) -> tuple[FloatArray, FloatArray]:
         """Edges of the outline of one chart: (k, 2) starts and (k, 2) ends."""

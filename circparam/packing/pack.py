@@ -122,12 +122,13 @@ def finish(shapes: Shapes, placement: Placement, options: PackOptions) -> tuple[
     """uv of a placement, checked on the raster: returns (packed, what is wrong or None)."""
     local = shapes.place(placement.angle, placement.offset, placement.scale) / options.resolution
     charts = PlacedCharts(
-        local[shapes.faces],
-        shapes.chart,
+        local[shapes.faces[shapes.scanned]],
+        shapes.chart[shapes.scanned],
         local[shapes.start],
         local[shapes.end],
         shapes.owner[shapes.start],
         placement.page,
+        shapes.simple,
     )
     wrong, share = faults(charts, options)
     uv = local

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from circparam.geometry import raster
 from circparam.geometry.raster import (
+    NEAR,
     barycentric,
     covered_runs,
     fragments,
@@ -164,11 +165,11 @@ def test_a_gap_as_wide_as_the_search_is_found() -> None:
 
 
 @settings(max_examples=60)
-@given(st.integers(0, 10**6), st.integers(0, 7))
+@given(st.integers(0, 10**6), st.integers(0, 7) | st.integers(NEAR + 1, NEAR + 9))
 def test_smallest_gap_is_that_of_all_pairs(seed: int, search: int) -> None:
     rng = np.random.default_rng(seed)
     grid = np.full(rng.integers(1, 24, 2), -1, np.int32)
-    for label in range(3):
+    for label in range(int(rng.integers(0, 7))):
         y, x = rng.integers(0, 20, 2)
         h, w = rng.integers(1, 5, 2)
         block = grid[y : y + h, x : x + w]

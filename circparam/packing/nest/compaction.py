@@ -8,20 +8,22 @@ non-convex polygons", here with turns and growth); a few steps in a shrinking tr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
 from scipy.optimize import linprog
 
-from circparam.core.arrays import FloatArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
+from circparam.packing.coverage import outline_runs, painted
 from circparam.packing.nest.contacts import (
     Contacts,
-    Outline,
+    Outlines,
     find_contacts,
     least_distance,
-    sample_outline,
+    sample_outlines,
     to_world,
 )
 from circparam.packing.options import PackOptions, strip_gap
@@ -29,10 +31,15 @@ from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 
 # Contacts closer to each other than this share of the trust region count once.
-THIN = 0.5
+THIN = 1.0
 
 # Rows of one linear program; layouts of real charts have some ten thousand at most.
 MOST_ROWS = 60_000
+
+# Pivots for each chart, after which the simplex counts as stalled (others take a tenth); and what the solver
+# says then.
+PIVOTS = 60
+STALLED = 1
 
 # Contacts within so many trust regions beyond the gap count: 3 cover as much of the page as 4 with a quarter
 # fewer rows; with 2, steps are taken back too often.
@@ -40,6 +47,16 @@ REACH = 3.0
 
 # Share of the gap below which charts have come so near that a tip may be through a neighbour.
 CROSSED = 0.2
+
+# Samples lie at most this share of a trust region apart along the edges, in the last steps so many texels.
+STEP = 0.7
+FINEST = 0.75
+
+# Side in cells of the raster on which a step is looked at: gaps are about a cell wide there, overlap shows.
+OVERLAP_SIDE = 512
+
+# Steps at which outlines are sampled lie on a ladder of this ratio.
+STEP_RATIO = 2**0.5
 
 # Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
 _SLACK = 0.02
@@ -56,125 +73,163 @@ LITTLE_GAIN = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """What stays the same while charts grow. strict: keep the full gap in all directions."""
+    """What stays the same while charts grow, for all layouts of the same charts.
+
+    sampled: outlines that were sampled already, by their step.
+    """
 
     shapes: Shapes
     options: PackOptions
     budget: Budget
-    strict: bool = False
+    sampled: dict[float, Outlines] = field(default_factory=dict)
 
     @property
     def unit(self) -> float:
         """Texels of the page in one texel of a page of 2048."""
         return self.options.resolution / 2048
 
-    def outlines(self, step: float) -> list[Outline]:
-        """Samples of all outlines at most ``step`` apart, in the units of the uv given."""
-        return [sample_outline(*self.shapes.outline(c), step) for c in range(self.shapes.n)]
+    @property
+    def finest(self) -> float:
+        """Texels between samples in the last steps: more where the gap is wide, which gives no finer answer."""
+        return max(FINEST, self.options.gap / 40)
 
-    def near(self, placement: Placement, outlines: list[Outline], trust: float) -> Contacts:
+    @property
+    def slack(self) -> float:
+        """Room in texels for what the linear programs leave out, and for what lies between the samples."""
+        return _SLACK + 0.1 * (self.finest - FINEST)
+
+    def outlines(self, step: float) -> Outlines:
+        """Samples of all outlines at most ``step`` apart, in the units of the uv given.
+
+        Steps are rounded down to one of a ladder, so that layouts of nearly one scale share their samples.
+        """
+        rung = STEP_RATIO ** np.floor(np.log(step) / np.log(STEP_RATIO))
+        if rung not in self.sampled:
+            self.sampled[rung] = sample_outlines(self.shapes, rung)
+        return self.sampled[rung]
+
+    def near(self, placement: Placement, outlines: Outlines, trust: float) -> Contacts:
         """The contacts that a step in a trust region (texels of a page of 2048) has to know of."""
-        reach = self.options.gap + _SLACK + REACH * trust * self.unit
-        return find_contacts(placement, outlines, reach)
+        reach = self.options.gap + self.slack + REACH * trust * self.unit
+        return find_contacts(placement, outlines, reach, max(THIN * trust * self.unit, 1.0))
+
+    def overlaps(self, placement: Placement) -> bool:
+        """Whether two charts overlap, to within a coarse raster; it sees what distances of outlines do not."""
+        shapes, side = self.shapes, OVERLAP_SIDE
+        page = placement.page[shapes.owner[shapes.start]]
+        world = shapes.place(placement.angle, placement.offset, placement.scale)
+        world *= side / self.options.resolution
+        for tile in range(int(placement.page.max()) + 1):
+            on = page == tile
+            start, end = shapes.start[on], shapes.end[on]
+            runs = outline_runs(world[start], world[end], shapes.owner[start], side)
+            if painted(runs, side)[1]:
+                return True
+        return False
 
     def crossed(self, found: Contacts) -> bool:
         """Whether charts have come so near that a tip may be through a neighbour."""
         return least_distance(found) < CROSSED * self.options.gap
 
 
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
 def _program(
-    placement: Placement,
-    outlines: list[Outline],
-    found: Contacts,
-    growth: Growth,
+    growth: Growth, placement: Placement, found: Contacts, reach: float, strict: bool
 ) -> tuple[sps.csr_matrix, FloatArray]:
-    """Rows A z <= b with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
-    n, options = len(outlines), growth.options
-    border, side = options.border + _SLACK, float(options.resolution)
+    """Rows A z <= b, b < reach, with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
+    n, options = growth.shapes.n, growth.options
     d = found.p - found.q
     distance = np.sqrt((d * d).sum(1))
     normal = d / np.maximum(distance, 1e-12)[:, None]
     rp, rq = found.p - placement.offset[found.i], found.q - placement.offset[found.j]
-    k = len(distance)
-    rows = np.arange(k)
+    width = options.gap if strict else strip_gap(options.padding, normal)
+    i, j, k = found.i, found.j, len(distance)
+    grow = np.full(k, 3 * n)
+    columns = np.stack([i, j, n + i, n + j, 2 * n + i, 2 * n + j, grow], 1)
+    values = np.stack(
+        [
+            -normal[:, 0],
+            normal[:, 0],
+            -normal[:, 1],
+            normal[:, 1],
+            _cross(normal, rp),
+            -_cross(normal, rq),
+            -(normal * (rp - rq)).sum(1),
+        ],
+        1,
+    )
+    bound = distance - (width + growth.slack)
+    inside = bound < reach
+    blocks = [(columns[inside], values[inside], bound[inside])]
+    blocks += _border_rows(growth, placement, reach)
+    row = np.repeat(
+        np.arange(sum(len(c) for c, _, _ in blocks)),
+        np.concatenate([np.full(len(c), c.shape[1]) for c, _, _ in blocks]),
+    )
+    column = np.concatenate([c.ravel() for c, _, _ in blocks])
+    value = np.concatenate([v.ravel() for _, v, _ in blocks])
+    bounds = np.concatenate([b for _, _, b in blocks])
+    return sps.csr_matrix((value, (row, column)), shape=(len(bounds), 3 * n + 1)), bounds
 
-    def cross(r: FloatArray) -> FloatArray:
-        return np.asarray(normal[:, 1] * r[:, 0] - normal[:, 0] * r[:, 1])
 
-    entries = [
-        (rows, found.i, -normal[:, 0]),
-        (rows, found.j, normal[:, 0]),
-        (rows, n + found.i, -normal[:, 1]),
-        (rows, n + found.j, normal[:, 1]),
-        (rows, 2 * n + found.i, -cross(rp)),
-        (rows, 2 * n + found.j, cross(rq)),
-        (rows, np.full(k, 3 * n), -(normal * (rp - rq)).sum(1)),
-    ]
-    width = options.gap if growth.strict else strip_gap(options.padding, normal)
-    bounds = [distance - (width + _SLACK)]
-    own = np.repeat(np.arange(n), [len(o.hull) for o in outlines])
-    r = np.concatenate([to_world(placement, c, o.hull) for c, o in enumerate(outlines)])
-    r -= placement.offset[own]
-    at, h = k, len(own)
+def _border_rows(
+    growth: Growth, placement: Placement, reach: float
+) -> list[tuple[IntArray, FloatArray, FloatArray]]:
+    """Rows that keep charts from the four sides of their page: (columns, values, bounds) of each."""
+    n, options = growth.shapes.n, growth.options
+    border, side = options.border + _SLACK, float(options.resolution)
+    corner, _ = growth.shapes.hull
+    own = growth.shapes.owner[corner]
+    here = to_world(placement, own, growth.shapes.points[corner])
+    r = here - placement.offset[own]
+    blocks = []
     for axis, sign in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
-        rows = at + np.arange(h)
-        lever = -r[:, 1] if axis == 0 else r[:, 0]
-        entries += [
-            (rows, axis * n + own, np.full(h, sign)),
-            (rows, 2 * n + own, sign * lever),
-            (rows, np.full(h, 3 * n), sign * r[:, axis]),
-        ]
-        here = placement.offset[own, axis] + r[:, axis]
-        bounds.append(here - border if sign < 0 else side - border - here)
-        at += h
-    data = np.concatenate([e[2] for e in entries])
-    row = np.concatenate([e[0] for e in entries])
-    column = np.concatenate([e[1] for e in entries])
-    return sps.csr_matrix((data, (row, column)), shape=(at, 3 * n + 1)), np.concatenate(bounds)
-
-
-def _thinned(found: Contacts, side: float) -> Contacts:
-    """The nearest of the contacts of two charts in each square of a side (texels): the others say the same."""
-    distance = ((found.p - found.q) ** 2).sum(1)
-    x, y = np.floor(found.p / side).astype(np.int64).T
-    order = np.lexsort((distance, y, x, found.j, found.i))
-    keys = np.stack([found.i, found.j, x, y])[:, order]
-    new = np.ones(len(order), bool)
-    new[1:] = (keys[:, 1:] != keys[:, :-1]).any(0)
-    keep = np.sort(order[new])
-    return Contacts(found.i[keep], found.j[keep], found.p[keep], found.q[keep])
+        bound = here[:, axis] - border if sign < 0 else side - border - here[:, axis]
+        near = np.flatnonzero(bound < reach)
+        lever = -r[near, 1] if axis == 0 else r[near, 0]
+        c = own[near]
+        columns = np.stack([axis * n + c, 2 * n + c, np.full(len(c), 3 * n)], 1)
+        ones = np.ones(len(c))
+        blocks.append((columns, sign * np.stack([ones, lever, r[near, axis]], 1), bound[near]))
+    return blocks
 
 
 def compaction_step(
-    growth: Growth,
-    placement: Placement,
-    outlines: list[Outline],
-    found: Contacts,
-    trust: float,
+    growth: Growth, placement: Placement, found: Contacts, trust: float, strict: bool = False
 ) -> Placement | None:
     """One linear program: the largest growth within the trust region; None where it fails.
 
-    found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. It fails too where
-    the program would be too large: a bundle of needles touches itself in every direction.
+    found: contacts of the outlines as they are placed. trust: in texels of a page of 2048. strict: keep the
+    full gap in all directions. It fails too where the program would be too large: a bundle of needles touches
+    itself in every direction.
     """
-    n = len(outlines)
+    n = growth.shapes.n
     trust = trust * growth.unit
-    found = _thinned(found, max(THIN * trust, 1.0))
-    matrix, bound = _program(placement, outlines, found, growth)
-    keep = bound < REACH * trust
-    if keep.sum() > MOST_ROWS:
+    matrix, bound = _program(growth, placement, found, REACH * trust, strict)
+    if len(bound) > MOST_ROWS:
         return None
-    growth.budget.spend(float(keep.sum()))
+    growth.budget.spend(float(len(bound)))
     reach = np.maximum(growth.shapes.radius * placement.scale, 1e-9)
     turn = trust / reach * (growth.options.rotate == "free")
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
     cost[-1] = -1.0
     # unknowns in units of the trust region, so that the solver sees numbers near 1
-    scaled = matrix[np.flatnonzero(keep)] @ sps.diags_array(most)
-    answer = linprog(
-        cost, A_ub=scaled / trust, b_ub=bound[keep] / trust, bounds=(-1, 1), method="highs"
-    )
+    matrix.data *= most[matrix.indices] / trust
+    right = bound / trust
+    # to presolve takes longer than it saves; the few programs on which the simplex stalls are left to interior
+    # points, which take longer on all others
+    attempts: list[tuple[Any, int]] = [("highs-ds", PIVOTS * (n + 10)), ("highs-ipm", PIVOTS)]
+    for method, most_rounds in attempts:
+        options: Any = {"presolve": method == "highs-ipm", "maxiter": most_rounds}
+        answer: Any = linprog(  # type: ignore[call-overload]
+            cost, A_ub=matrix, b_ub=right, bounds=(-1, 1), method=method, options=options
+        )
+        if answer.status != STALLED:
+            break
     if answer.x is None:
         return None
     z = answer.x * most
@@ -187,52 +242,52 @@ def compaction_step(
 
 
 def compact(
-    shapes: Shapes,
+    growth: Growth,
     placement: Placement,
-    options: PackOptions,
     steps: int,
-    budget: Budget,
     trust: float = FIRST_TRUST,
     strict: bool = False,
+    rough: bool = False,
 ) -> Placement:
     """Grow a layout free of overlap until it locks, by at most ``steps`` linear programs.
 
     trust: first trust region in texels of a page of 2048; it is halved when a step gains little of what the
-    region allows, down to a quarter of a texel. A step that brings charts so near that a tip may be through a
-    neighbour, or to where no step keeps all distances, is taken back. strict: keep the full gap in all
-    directions, where the width of straight strips would do; for layouts that the check refuses. budget: counts
-    the rows of the programs. The result keeps the distances but for the error of the last step: the caller
-    checks.
+    region allows, down to a quarter of a texel. A step after which charts overlap on a coarse raster is not
+    made; one that brings charts so near that a tip may be through a neighbour, or to where no step keeps all
+    distances, is taken back. strict: keep the full gap in all directions, where the width of straight strips
+    would do; for layouts that the check refuses. rough: leave out the last small steps, where others follow.
+    The budget counts the rows of the programs. The result keeps the distances but for the error of the last
+    step: the caller checks.
     """
-    growth = Growth(shapes, options, budget, strict)
-    earlier, placement, trust = _grown(growth, placement, steps, trust)
-    if trust >= LAST_TRUSTS[-1] and not budget.late:
-        placement = _cut_short(growth, earlier, placement)
+    earlier, placement, trust = _grown(growth, placement, steps, trust, strict)
+    if trust >= LAST_TRUSTS[-1] and not rough and not growth.budget.late:
+        placement = _cut_short(growth, earlier, placement, strict)
     return placement
 
 
 def _grown(
-    growth: Growth, placement: Placement, steps: int, trust: float
+    growth: Growth, placement: Placement, steps: int, trust: float, strict: bool
 ) -> tuple[Placement | None, Placement, float]:
     """(placement one step before, None where that is taken back; placement; trust region) at the end."""
-    outlines: list[Outline] = []
-    sampled = np.inf
     earlier: Placement | None = None
     widest = growth.shapes.radius.max()
     for _ in range(steps):
-        step = max(trust * growth.unit / 2, 0.75)
-        if step < sampled / 1.5:
-            sampled = step
-            outlines = growth.outlines(step / placement.scale)
+        step = max(trust * growth.unit * STEP, growth.finest)
+        outlines = growth.outlines(step / placement.scale)
         found = growth.near(placement, outlines, trust)
         after = None
         if earlier is None or not growth.crossed(found):
-            after = compaction_step(growth, placement, outlines, found, trust)
+            after = compaction_step(growth, placement, found, trust, strict)
         if after is None:
             if earlier is None:
                 break
             # the last step was too long: again, half as long
             placement, earlier, trust = earlier, None, trust / 2
+            continue
+        if growth.overlaps(after):
+            trust /= 2
+            if trust < LEAST_TRUST or growth.budget.over:
+                break
             continue
         gain = after.scale / placement.scale - 1
         earlier, placement = placement, after
@@ -243,14 +298,16 @@ def _grown(
     return earlier, placement, trust
 
 
-def _cut_short(growth: Growth, earlier: Placement | None, placement: Placement) -> Placement:
+def _cut_short(
+    growth: Growth, earlier: Placement | None, placement: Placement, strict: bool
+) -> Placement:
     """Last small steps after an early end: they take back what the linear programs overshot."""
-    outlines = growth.outlines(1 / placement.scale)
+    outlines = growth.outlines(max(1.0, growth.finest) / placement.scale)
     for trust in LAST_TRUSTS:
         found = growth.near(placement, outlines, trust)
         if earlier is not None and growth.crossed(found):
             placement, earlier = earlier, None
             found = growth.near(placement, outlines, trust)
-        after = compaction_step(growth, placement, outlines, found, trust)
+        after = compaction_step(growth, placement, found, trust, strict)
         placement = placement if after is None else after
     return placement

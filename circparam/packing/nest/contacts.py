@@ -1,48 +1,53 @@
-"""Contacts between outlines: the pairs of points that come near."""
+"""Contacts between outlines: the pairs of points that come near, of all charts at once."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.spatial import cKDTree
 
-from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.arrays import FloatArray, IntArray, first_of_runs, ranges
+from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
+
+# Squares along a page, at most, of the grid that tells which samples may have another chart near.
+FILTER_CELLS = 128
+
+# One sample in a square of this share of a step is enough where edges are shorter than a step: narrow tips must
+# stay, where straight edges need few samples.
+THINNED = 0.35
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
-    """Samples of one chart's outline, about the chart's centre in the units of the uv given.
+class Outlines:
+    """Samples of the outlines of all charts, each about its chart's centre in the units of the uv given.
 
-    points: (k, 2). start, end: (k, 2) the edge each lies on. tree: of the points. hull: (h, 2) vertices of the
-    convex hull, of all outline vertices where those lie on a line.
+    points: (k, 2). start, end: (k, 2) the edge each lies on. chart: (k,) ascending.
     """
 
     points: FloatArray
     start: FloatArray
     end: FloatArray
-    tree: cKDTree
-    hull: FloatArray
+    chart: IntArray
 
 
-def sample_outline(start: FloatArray, end: FloatArray, step: float) -> Outline:
+def sample_outlines(shapes: Shapes, step: float) -> Outlines:
     """Samples at most ``step`` apart on every edge, edge starts among them; short edges are thinned."""
+    start, end = shapes.points[shapes.start], shapes.points[shapes.end]
     length = np.sqrt(((end - start) ** 2).sum(1))
     count = np.maximum(np.ceil(length / step), 1).astype(np.int64)
     edge = np.repeat(np.arange(len(start)), count)
     t = (ranges(count) / count[edge])[:, None]
     points = start[edge] * (1 - t) + end[edge] * t
-    # one sample a cell of half a step is enough where edges are shorter than that
-    _, first = np.unique(np.floor(points / (0.5 * step)), axis=0, return_index=True)
-    first = np.sort(first)
-    try:
-        hull = start[ConvexHull(start).vertices]
-    except (QhullError, ValueError):
-        hull = start
-    return Outline(
-        points[first], start[edge[first]], end[edge[first]], cKDTree(points[first]), hull
-    )
+    chart = shapes.owner[shapes.start][edge]
+    order = np.lexsort((*np.floor(points.T / (THINNED * step)), chart))
+    cell = np.floor(points[order] / (THINNED * step))
+    new = np.ones(len(order), bool)
+    new[1:] = (cell[1:] != cell[:-1]).any(1) | (chart[order[1:]] != chart[order[:-1]])
+    first = np.sort(order[new])
+    return Outlines(points[first], start[edge[first]], end[edge[first]], chart[first])
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,59 +60,98 @@ class Contacts:
     q: FloatArray
 
 
-def to_world(placement: Placement, c: int, points: FloatArray) -> FloatArray:
-    """Points of chart ``c`` about its centre, (k, 2), as they lie on the page."""
-    k, s = np.cos(placement.angle[c]), np.sin(placement.angle[c])
-    p = points * placement.scale
-    turned = np.stack([k * p[:, 0] - s * p[:, 1], s * p[:, 0] + k * p[:, 1]], 1)
-    return np.asarray(turned + placement.offset[c])
+def to_world(placement: Placement, chart: IntArray, points: FloatArray) -> FloatArray:
+    """Points (k, 2) about the centres of their charts (k,), as they lie on their page."""
+    turned = _turned(placement, chart, points * placement.scale)
+    return np.asarray(turned + placement.offset[chart])
 
 
-def _local(placement: Placement, c: int, points: FloatArray) -> FloatArray:
-    k, s = np.cos(placement.angle[c]), np.sin(placement.angle[c])
-    p = (points - placement.offset[c]) / placement.scale
-    return np.stack([k * p[:, 0] + s * p[:, 1], -s * p[:, 0] + k * p[:, 1]], 1)
+def _turned(placement: Placement, chart: IntArray, p: FloatArray) -> FloatArray:
+    c, s = np.cos(placement.angle)[chart], np.sin(placement.angle)[chart]
+    return np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]], 1)
 
 
-def _nearest(outline: Outline, points: FloatArray, reach: float) -> tuple[IntArray, FloatArray]:
-    """Which points (local) come within reach of an outline, and the nearest point on its edge."""
-    distance, index = outline.tree.query(points, distance_upper_bound=reach)
-    hit = np.flatnonzero(np.isfinite(distance))
-    near = np.asarray(index)[hit]
-    a, b = outline.start[near], outline.end[near]
-    d = b - a
-    t = ((points[hit] - a) * d).sum(1) / np.maximum((d * d).sum(1), 1e-300)
-    return hit, a + np.clip(t, 0.0, 1.0)[:, None] * d
+def find_contacts(
+    placement: Placement, outlines: Outlines, reach: float, side: float = 0.0
+) -> Contacts:
+    """Near points of all pairs of charts of one page, the nearest of each square; all lengths in texels.
 
-
-def find_contacts(placement: Placement, outlines: list[Outline], reach: float) -> Contacts:
-    """All pairs of near points of all pairs of charts of one page; reach in texels.
-
-    Every sample of a chart is paired with the nearest point on the edge of the other chart's nearest sample,
-    both ways round, so a pair of charts stands in the result as (i, j) and as (j, i).
+    Samples of two charts within ``reach`` are paired, and of the pairs of two charts whose middles lie in one
+    square of ``side`` only the nearest counts: the others say the same. 0 keeps all. One of the two points is
+    a sample, the other the nearest one on the edge of the other sample; i < j.
     """
-    n = len(outlines)
-    world = [to_world(placement, c, o.points) for c, o in enumerate(outlines)]
-    low = np.array([w.min(0) for w in world]) - reach
-    high = np.array([w.max(0) for w in world]) + reach
-    near = (low[:, None] < high[None] - reach).all(2) & (high[:, None] - reach > low[None]).all(2)
-    near &= placement.page[:, None] == placement.page[None]
-    parts: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
-    for i, j in np.argwhere(near & ~np.eye(n, dtype=bool)):
-        p = world[i]
-        inside = ((p >= low[j]) & (p <= high[j])).all(1)
-        p = p[inside]
-        if len(p) == 0:
-            continue
-        hit, q = _nearest(outlines[j], _local(placement, j, p), reach / placement.scale)
-        if len(hit):
-            k = len(hit)
-            parts.append((np.full(k, i), np.full(k, j), p[hit], to_world(placement, j, q)))
-    if not parts:
-        none = np.zeros(0, np.int64)
-        return Contacts(none, none, np.zeros((0, 2)), np.zeros((0, 2)))
-    i_, j_, p_, q_ = (np.concatenate(x) for x in zip(*parts, strict=True))
-    return Contacts(i_, j_, p_, q_)
+    world = to_world(placement, outlines.chart, outlines.points)
+    tiled = _pages_apart(placement, outlines.chart, world, reach)
+    some = _near_others(tiled, outlines.chart, reach)
+    tree = cKDTree(tiled[some], balanced_tree=False, compact_nodes=False)
+    pairs = tree.query_pairs(reach, output_type="ndarray")
+    # a < b in every pair, and samples are sorted by chart: i < j
+    chart = outlines.chart[some]
+    pairs = pairs[chart[pairs[:, 0]] != chart[pairs[:, 1]]]
+    a, b = some[pairs[:, 0]], some[pairs[:, 1]]
+    kept = _nearest_of_squares(outlines.chart, world, a, b, side)
+    a, b = a[kept], b[kept]
+    i, j = outlines.chart[a], outlines.chart[b]
+    on_j = _on_edge(placement, outlines, b, world[a])
+    on_i = _on_edge(placement, outlines, a, world[b])
+    closer = ((world[a] - on_j) ** 2).sum(1) <= ((on_i - world[b]) ** 2).sum(1)
+    p = np.where(closer[:, None], world[a], on_i)
+    q = np.where(closer[:, None], on_j, world[b])
+    return Contacts(i, j, p, q)
+
+
+def _pages_apart(
+    placement: Placement, chart: IntArray, world: FloatArray, reach: float
+) -> FloatArray:
+    """Points (k, 2) of charts (k,), each page so far to the right that no two are in reach of each other."""
+    width = float(np.ptp(world[:, 0])) + 2 * reach
+    return np.asarray(world + np.stack([placement.page[chart] * width, 0 * chart], 1))
+
+
+def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
+    """Which points (k, 2) may have one of another chart in reach: charts (k,) ascending.
+
+    Points fall into squares of at least the reach; those stay in whose square or the eight round it there is
+    another chart. It spares the tree most points of large charts.
+    """
+    low = points.min(0)
+    side = max(reach, float(np.ptp(points, axis=0).max()) / FILTER_CELLS)
+    x, y = np.floor((points - low) / side).astype(np.int64).T
+    first = np.full((int(y.max()) + 1, int(x.max()) + 1), int(chart[-1]) + 1)
+    last = np.full(first.shape, -1)
+    np.minimum.at(first, (y, x), chart)
+    np.maximum.at(last, (y, x), chart)
+    several = minimum_filter(first, 3, mode="nearest") != maximum_filter(last, 3, mode="nearest")
+    return np.flatnonzero(several[y, x])
+
+
+def _nearest_of_squares(
+    chart: IntArray, world: FloatArray, a: IntArray, b: IntArray, side: float
+) -> IntArray:
+    """Which pairs of samples are the nearest of their two charts in their square, the first of equals."""
+    if side <= 0 or len(a) == 0:
+        return np.arange(len(a))
+    distance = ((world[a] - world[b]) ** 2).sum(1)
+    x, y = np.floor((world[a] + world[b]) / (2 * side)).astype(np.int64).T
+    x, y = x - x.min(), y - y.min()
+    n = int(chart[-1]) + 1
+    key = ((chart[a] * n + chart[b]) * (int(x.max()) + 1) + x) * (int(y.max()) + 1) + y
+    order = np.argsort(key)
+    head = first_of_runs(key[order])
+    least = np.minimum.reduceat(distance[order], head)
+    among = np.repeat(least, np.diff(np.r_[head, len(order)])) == distance[order]
+    return np.sort(np.minimum.reduceat(np.where(among, order, len(order)), head))
+
+
+def _on_edge(
+    placement: Placement, outlines: Outlines, sample: IntArray, point: FloatArray
+) -> FloatArray:
+    """The nearest points to points (k, 2) of the page on the edges that samples (k,) lie on."""
+    chart = outlines.chart[sample]
+    a = to_world(placement, chart, outlines.start[sample])
+    d = to_world(placement, chart, outlines.end[sample]) - a
+    t = ((point - a) * d).sum(1) / np.maximum((d * d).sum(1), 1e-300)
+    return np.asarray(a + np.clip(t, 0.0, 1.0)[:, None] * d)
 
 
 def least_distance(found: Contacts) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.packing.budget import Budget
-from circparam.packing.nest.compaction import compact
+from circparam.packing.nest.compaction import Growth, compact
 from circparam.packing.nest.search import (
     GridLayout,
     cell_size,
@@ -28,11 +28,13 @@ class Schedule:
 
     hoped_share: share of the page that is hoped for; it sets the cell. Where no layout fits, the next try hopes
         for ``less_hope`` times as much, ``tries`` times in all.
-    few, very_few: charts up to which the grid is coarse; up to which several layouts are compacted.
-    coarse_cells, cells: side of the grid, coarse for few charts, whose layouts are compacted anyway (on 13
-        meshes 64 cells cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice the cells).
+    few, very_few, handful: charts up to which the grid is coarse; up to which several layouts are compacted; up
+        to which grid and search are smaller still.
+    handful_cells, coarse_cells, cells: side of the grid, coarse for few charts, whose layouts are compacted
+        anyway (on 13 meshes 64 cells cover 0.605 of the page in the mean, 128 cells 0.596 with more than twice
+        the cells; on three of 63 to 96 charts 96 cells 0.607, 128 cells 0.594, 192 cells 0.573).
     fixed_cells: side of the grid at a scale the user fixed, which the compaction does not mend afterwards.
-    coarse_budget, budget: cells transformed in the search on either grid: a second or so.
+    handful_budget, coarse_budget, budget: cells transformed in the search on each grid: half a second or less.
     compacted_up_to: charts up to which the linear programs are solved in a second or so.
     kept: layouts of very few charts that are compacted; one of more.
     rough_steps, fine_steps: linear programs for each candidate, then for the best. fine_trust: the first trust
@@ -49,11 +51,14 @@ class Schedule:
     tries: int = 4
     few: int = 60
     very_few: int = 30
+    handful: int = 12
+    handful_cells: int = 56
+    handful_budget: float = 1.5e7
     coarse_cells: int = 64
-    cells: int = 192
+    cells: int = 96
     fixed_cells: int = 160
     coarse_budget: float = 0.3e8
-    budget: float = 0.75e8
+    budget: float = 0.3e8
     compacted_up_to: int = 150
     kept: int = 3
     rough_steps: int = 5
@@ -100,6 +105,7 @@ def _compacted(
     few = shapes.n <= SCHEDULE.few
     part = min(1.0, 4 * options.effort)
     budget = Budget(SCHEDULE.rows * max(part, 0.25), lambda: task.monitor.expired)
+    growth = Growth(shapes, options, budget)
     starts = layouts[: SCHEDULE.kept if shapes.n <= SCHEDULE.very_few else 1]
     starts += [skyline] if skyline is not None else []
     if not few:
@@ -111,17 +117,15 @@ def _compacted(
         reached = rough[0].scale if rough else 0.0
         if start is shelf and not few and reached > SCHEDULE.shelf_below * start.scale:
             continue
-        rough.append(compact(shapes, start, options, _steps(SCHEDULE.rough_steps, part), budget))
+        rough.append(compact(growth, start, _steps(SCHEDULE.rough_steps, part), rough=True))
     rough.sort(key=lambda p: -p.scale)
     steps = _steps(SCHEDULE.fine_steps if few else SCHEDULE.fine_steps // 2, part)
     for start in rough:
-        fine = compact(shapes, start, options, steps, budget, SCHEDULE.fine_trust)
+        fine = compact(growth, start, steps, SCHEDULE.fine_trust)
         if task.sound(fine):
             return fine
         # the straight strips were too narrow somewhere: the full gap everywhere may do
-        safe = compact(
-            shapes, fine, options, SCHEDULE.strict_steps, budget, SCHEDULE.strict_trust, True
-        )
+        safe = compact(growth, fine, SCHEDULE.strict_steps, SCHEDULE.strict_trust, True)
         if task.sound(safe):
             return safe
     return None
@@ -147,12 +151,15 @@ def _searched(task: PackTask) -> list[Placement]:
     shapes, options = task.shapes, task.options
     # several pages share the cells of one, so that the work stays the same
     few = shapes.n <= SCHEDULE.few
-    side = SCHEDULE.coarse_cells if few else SCHEDULE.cells
+    side, operations = SCHEDULE.cells, SCHEDULE.budget
+    if shapes.n <= SCHEDULE.handful:
+        side, operations = SCHEDULE.handful_cells, SCHEDULE.handful_budget
+    elif few:
+        side, operations = SCHEDULE.coarse_cells, SCHEDULE.coarse_budget
     cells = int(side / np.sqrt(min(options.pages, 6)))
     box = shapes.boxes(least_square_angles(shapes, options.rotate))
     widest = float((box[:, 2:] - box[:, :2]).max())
     density = float(min(SCHEDULE.hoped_share, 0.97 * shapes.area.sum() / widest**2 / options.pages))
-    operations = SCHEDULE.coarse_budget if few else SCHEDULE.budget
     budget = Budget(operations * options.effort, lambda: task.monitor.expired)
     for _ in range(SCHEDULE.tries):
         cell = cell_size(shapes, options, cells, density)

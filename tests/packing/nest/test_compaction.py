@@ -60,19 +60,19 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
     options = PackOptions(resolution=1024, padding=4)
     start = skyline_placement(shapes, options, Monitor())
     assert start is not None
-    after = compaction.compact(shapes, start, options, 12, Budget(1e9, lambda: False), 256.0)
+    after = compaction.compact(growth_of(shapes, options), start, 12, 256.0)
     assert finish(shapes, after, options)[1] is None
     assert after.scale > 1.02 * start.scale
 
 
-def growth_of(shapes, options, strict=False):
-    return compaction.Growth(shapes, options, Budget(1e9, lambda: False), strict)
+def growth_of(shapes, options, budget=None):
+    return compaction.Growth(shapes, options, budget or Budget(1e9, lambda: False))
 
 
-def step(growth, placement, trust):
+def step(growth, placement, trust, strict=False):
     outlines = growth.outlines(0.5 / placement.scale)
     found = growth.near(placement, outlines, trust)
-    return compaction.compaction_step(growth, placement, outlines, found, trust)
+    return compaction.compaction_step(growth, placement, found, trust, strict)
 
 
 def lone_square(options, scale=20.0):
@@ -100,7 +100,7 @@ def test_a_chart_grows_until_it_fills_the_page(corner):
     shapes, start = lone_square(options, 40.0)
     offset = np.where(np.array([corner]) == 1, 256 - 27.0, 27.0)
     start = replace(start, offset=offset)
-    after = compaction.compact(shapes, start, options, 40, Budget(1e9, lambda: False), 256.0)
+    after = compaction.compact(growth_of(shapes, options), start, 40, 256.0)
     room = options.resolution - 2 * options.border
     assert after.scale == pytest.approx(room, abs=0.1)
     assert after.scale <= room
@@ -115,9 +115,7 @@ def test_two_squares_end_a_strip_apart(strict, axis):
     offset = np.full((2, 2), 256.0)
     offset[:, axis] = [130.0, 380.0]
     start = Placement(200.0, np.zeros(2), offset, np.zeros(2, int))
-    after = compaction.compact(
-        shapes, start, options, 40, Budget(1e9, lambda: False), strict=strict
-    )
+    after = compaction.compact(growth_of(shapes, options), start, 40, strict=strict)
     gap = options.gap if strict else options.box_gap
     room = (options.resolution - 2 * options.border - gap) / 2
     assert after.scale == pytest.approx(room, abs=0.1)
@@ -132,7 +130,7 @@ def test_a_rod_turns_to_the_diagonal_only_where_it_may():
     for rotate in ("free", "90", "none"):
         options = PackOptions(resolution=512, padding=1, rotate=rotate)
         start = Placement(30.0, np.full(1, 0.3), np.full((1, 2), 256.0), np.zeros(1, int))
-        found[rotate] = compaction.compact(shapes, start, options, 40, Budget(1e9, lambda: False))
+        found[rotate] = compaction.compact(growth_of(shapes, options), start, 40)
     room = 512 - 2 * options.border
     assert found["free"].scale == pytest.approx(room * np.sqrt(2) / 10.1, rel=2e-3)
     for rotate in ("90", "none"):
@@ -146,11 +144,11 @@ def test_the_budget_counts_rows_and_ends_the_steps():
     options = PackOptions(resolution=512, padding=2)
     shapes, start = lone_square(options, 100.0)
     budget = Budget(1.0, lambda: False)
-    after = compaction.compact(shapes, start, options, 40, budget)
+    after = compaction.compact(growth_of(shapes, options, budget), start, 40)
     assert budget.left < 1.0
-    many = compaction.compact(shapes, start, options, 40, Budget(1e9, lambda: False))
+    many = compaction.compact(growth_of(shapes, options), start, 40)
     assert start.scale < after.scale < many.scale
-    late = compaction.compact(shapes, start, options, 1, Budget(1e9, lambda: True))
+    late = compaction.compact(growth_of(shapes, options, Budget(1e9, lambda: True)), start, 1)
     assert start.scale < late.scale < many.scale
 
 
@@ -161,10 +159,10 @@ def test_a_short_step_keeps_all_distances_while_charts_turn(seed: int) -> None:
     shapes = shapes_of(*blobs(8, seed, 0.3))
     start = skyline_placement(shapes, options, Monitor())
     assert start is not None
-    growth = growth_of(shapes, options, strict=True)
+    growth = growth_of(shapes, options)
     placement, turned = start, 0.0
     for _ in range(6):
-        after = step(growth, placement, 4.0)
+        after = step(growth, placement, 4.0, strict=True)
         assert after is not None
         turned = max(turned, float(np.abs(after.angle - placement.angle).max()))
         outlines = growth.outlines(0.5 / after.scale)
@@ -173,3 +171,14 @@ def test_a_short_step_keeps_all_distances_while_charts_turn(seed: int) -> None:
         placement = after
     assert turned > 1e-3
     assert placement.scale > start.scale
+
+
+def test_charts_that_overlap_are_seen_whatever_the_distance_of_their_outlines():
+    """A small square inside a large one: their outlines are far apart."""
+    options = PackOptions(resolution=512, padding=4)
+    shapes = rectangles([[1.0, 1.0], [0.2, 0.2]])
+    growth = growth_of(shapes, options)
+    for inside, page, expected in ((256.0, 0, True), (470.0, 0, False), (256.0, 1, False)):
+        offset = np.array([[256.0, 256], [inside, 256]])
+        placement = Placement(200.0, np.zeros(2), offset, np.array([0, page]))
+        assert growth.overlaps(placement) == expected

@@ -52,7 +52,7 @@ def test_a_scale_at_which_charts_have_more_area_than_the_pages_finds_nothing():
 
 
 def test_what_the_check_refuses_is_not_taken():
-    """Where no compacted layout is sound, the layout of the grid is returned as it is."""
+    """Where no compacted layout is sound, the layout of the grid is returned as it is; the caller checks it."""
     shapes = shapes_of(*blobs(6, 3))
     options = PackOptions(resolution=256, effort=0.05)
     asked = []
@@ -67,7 +67,7 @@ def test_what_the_check_refuses_is_not_taken():
     assert len(asked) % 2 == 0  # each start with narrow strips, then with the full gap
     assert loose.scale < min(asked)
     assert tight.scale == asked[0]
-    assert finish(shapes, loose, options)[1] is None
+    assert finish(shapes, loose, options)[0].share[0] > 0.2
 
 
 def test_rows_of_boxes_are_a_start_too():

@@ -1,0 +1,103 @@
+"""What charts cover, told from their outlines and from their faces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.geometry.raster import owner_raster
+from circparam.packing.coverage import Runs, face_runs, outline_runs, painted
+from circparam.packing.outlines import shapes_of
+from tests.support.packing import blobs, triangles
+
+SIDE = 64
+
+
+def by_outline(faces, uv, chart):
+    """Grid and clashes of the outlines (as far as these tell) and of the faces that are left."""
+    shapes = shapes_of(faces, uv, chart)
+    around = shapes.simple[shapes.owner[shapes.start]]
+    owner = shapes.owner[shapes.start][around]
+    runs = [
+        outline_runs(uv[shapes.start[around]], uv[shapes.end[around]], owner, SIDE),
+        face_runs(uv[faces[shapes.scanned]], chart[shapes.scanned], SIDE),
+    ]
+    return painted(Runs.joined(runs), SIDE), shapes
+
+
+def agrees(faces, uv, chart):
+    (grid, clashes), shapes = by_outline(faces, uv, chart)
+    expected, twice = owner_raster(uv[faces], chart, SIDE)
+    assert (clashes > 0) == (twice > 0)
+    np.testing.assert_array_equal(grid >= 0, expected >= 0)
+    if not twice:
+        np.testing.assert_array_equal(grid, expected)
+    return shapes
+
+
+@settings(max_examples=40)
+@given(
+    n=st.integers(1, 8),
+    seed=st.integers(0, 10**6),
+    zoom=st.floats(0.5, 4.0),
+    grid=st.sampled_from([0.0, 0.25, 0.5]),
+    kind=st.sampled_from([blobs, triangles]),
+)
+def test_outlines_tell_what_faces_cover(n, seed, zoom, grid, kind):
+    """Also off the page, where charts overlap, and with vertices and edges just on the centres of texels."""
+    faces, uv, chart = kind(n, seed)
+    uv = uv * zoom + SIDE / 2
+    if grid:
+        uv = np.round(uv / grid) * grid
+    agrees(faces, uv, chart)
+
+
+def test_a_chart_with_a_hole_stays_empty_there():
+    ring = np.array([[0.0, 0], [30, 0], [30, 30], [0, 30]]) + 10.3
+    inner = (ring - ring.mean(0)) / 3 + ring.mean(0)
+    uv = np.concatenate([ring, inner])
+    i = np.arange(4)
+    j = (i + 1) % 4
+    faces = np.concatenate([np.stack([i, j, 4 + j], 1), np.stack([i, 4 + j, 4 + i], 1)])
+    shapes = agrees(faces, uv, np.zeros(8, int))
+    assert shapes.simple.all()
+    assert not shapes.scanned.any()
+    assert by_outline(faces, uv, np.zeros(8, int))[0][0][25, 25] == -1
+
+
+def test_a_fold_beyond_the_outline_is_seen():
+    """A fan whose apex lies outside its border: a face is reversed, so the faces are scanned."""
+    uv = np.array([[10.0, 10], [30, 10], [30, 30], [10, 30], [50, 20]])
+    i = np.arange(4)
+    faces = np.stack([i, (i + 1) % 4, 0 * i + 4], 1)
+    shapes = agrees(faces, uv, np.zeros(4, int))
+    assert not shapes.simple.any()
+    assert by_outline(faces, uv, np.zeros(4, int))[0][0][20, 45] == 0
+
+
+@pytest.mark.parametrize("third", [[0, 1, 4], [1, 0, 4]])
+def test_edges_of_three_faces_are_no_outline(third):
+    uv = np.array([[10.0, 10], [30, 10], [20, 30], [20, -5], [22, 40]])
+    faces = np.array([[0, 1, 2], [1, 0, 3], third])
+    shapes = agrees(faces, uv, np.zeros(3, int))
+    assert not shapes.simple.any()
+
+
+def test_faces_without_area_are_scanned():
+    """A spike as thin as a line through the centres of texels counts as covered."""
+    uv = np.array([[10.0, 10], [30, 10], [20, 30], [40.5, 20.5], [50.5, 20.5]])
+    faces = np.array([[0, 1, 2], [2, 3, 4], [3, 4, 3]])
+    agrees(faces[:2], uv, np.zeros(2, int))
+    flat = np.array([[10.5, 10.5], [20.5, 20.5], [15.5, 15.5], [30, 30], [40, 30], [30, 40]])
+    shapes = agrees(np.array([[0, 1, 2], [3, 4, 5]]), flat, np.array([0, 1]))
+    assert shapes.simple.tolist() == [False, True]
+
+
+def test_texels_of_two_owners_are_counted():
+    square = np.array([[0.0, 0], [8, 0], [8, 8], [0, 8]]) + 0.3
+    uv = np.concatenate([square, square + np.array([4, 2])])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    (_, clashes), _ = by_outline(faces, uv, np.array([0, 0, 1, 1]))
+    assert clashes == 4 * 6
