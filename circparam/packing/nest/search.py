@@ -85,7 +85,8 @@ def make_board(
 ) -> Board:
     """Masks and spectra at the scale at which charts cover ``density`` of a page of ``cells`` squared."""
     cell = cell_size(shapes, options, cells, density)
-    grow = options.gap / 2 * cells / options.resolution
+    # the page that is found may be larger than cells, and its texels so many more of them
+    grow = options.gap / 2 * cells * SLACK / options.resolution
     masks = []
     largest = 0
     for c in range(shapes.n):
