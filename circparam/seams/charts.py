@@ -13,7 +13,9 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
+from circparam.seams.hard.flats import flat_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
+from circparam.seams.hard.straighten import straighten
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
@@ -84,6 +86,12 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         free = asked and options.max_charts is None and options.min_chart_faces == 1
         limits = Limits(bound, options.max_stretch or STRETCH)
         hold_stretch(atlas, limits, monitor, asked and mirror is None, free)
+    if mirror is None:
+        with monitor.stage("charts"):
+            prices = atlas.prices or flat_prices(opened)
+            if prices is not None:
+                atlas = Atlas(opened, atlas.cut, atlas.corners, prices)
+                straighten(atlas, limits, monitor)
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)
