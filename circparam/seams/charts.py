@@ -88,13 +88,24 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         hold_stretch(atlas, limits, monitor, asked and mirror is None, free)
     if mirror is None:
         with monitor.stage("charts"):
-            prices = atlas.prices or flat_prices(opened)
-            if prices is not None:
-                atlas = Atlas(opened, atlas.cut, atlas.corners, prices)
-                straighten(atlas, limits, monitor)
+            straighten_parts(atlas, limits, monitor)
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)
+
+
+def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
+    """Move seams to cheaper paths: on hard components all of them, on others where they have flats."""
+    hard = hardness(atlas.surface) == HARD
+    for which, priced in ((hard, seam_prices), (~hard, flat_prices)):
+        if not which.any() or not atlas.cut.any():
+            continue
+        part = atlas.part(which)
+        prices = priced(part.surface)
+        if prices is not None:
+            part = Atlas(part.surface, part.cut, part.corners, prices)
+            straighten(part, limits, monitor)
+            atlas.put(which, part)
 
 
 def mirrored_atlas(
