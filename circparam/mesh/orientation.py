@@ -12,6 +12,8 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys
 from circparam.core.graph import components
 from circparam.mesh.halfedge import Pairs
 
+FLAT = np.cos(np.radians(0.5))  # of the angle between faces of one flat
+
 
 class Orientation(NamedTuple):
     """Windings of faces: reversed_faces (m,) where the winding is to be reversed, keep (e,) pairs whose faces
@@ -24,13 +26,15 @@ class Orientation(NamedTuple):
     one_sided: int
 
 
-def orient(n_faces: int, areas: FloatArray, pairs: Pairs) -> Orientation:
+def orient(normals: FloatArray, pairs: Pairs) -> Orientation:
     """Wind faces consistently across the pairs; components keep the winding of the larger part of their area.
 
+    normals: (m, 3) of the faces as they are wound, as long as the faces are large.
     Components come from the double cover (every face twice, once for each side): where both copies of a face
     hang together the component has one side only. It is then wound along a breadth-first tree over whole
-    polygons, and the pairs that still disagree are let go.
+    polygons and flats, and the pairs that still disagree are let go: no such cut crosses a flat in vain.
     """
+    n_faces, areas = len(normals), np.linalg.norm(normals, axis=1)
     i, j = pairs.edges[:, 0] // 3, pairs.edges[:, 1] // 3
     keep = np.ones(len(i), bool)
     if not pairs.against.any():
@@ -42,8 +46,11 @@ def orient(n_faces: int, areas: FloatArray, pairs: Pairs) -> Orientation:
         faces = ~two_sided[component]
         local = np.cumsum(faces) - 1
         e = faces[i]
+        # as wound alike, the faces of a flat have one normal
+        along = (normals[i] * normals[j]).sum(1) * np.where(pairs.against, -1, 1)
+        whole = pairs.locked | (along > FLAT * areas[i] * areas[j])
         backwards[faces] = _along_tree(
-            int(faces.sum()), local[i[e]], local[j[e]], pairs.against[e], pairs.locked[e]
+            int(faces.sum()), local[i[e]], local[j[e]], pairs.against[e], pairs.locked[e], whole[e]
         )
         keep = pairs.against == (backwards[i] ^ backwards[j])
     balance = np.bincount(component, np.where(backwards, -areas, areas))
@@ -72,14 +79,21 @@ def double_cover(
     return component, sign ^ sign[first][component], two_sided
 
 
-def _along_tree(n: int, i: IntArray, j: IntArray, flip: BoolArray, locked: BoolArray) -> BoolArray:
-    """Signs along a breadth-first tree whose nodes are whole polygons (faces joined by locked pairs)."""
-    node, inside, flat = double_cover(n, i[locked], j[locked], flip[locked])
-    if (
-        not flat.all()
-    ):  # the inner edges of a polygon that is itself one-sided are edges like all others
-        locked = locked & flat[node[i]]
-        node, inside, _ = double_cover(n, i[locked], j[locked], flip[locked])
+def _along_tree(
+    n: int, i: IntArray, j: IntArray, flip: BoolArray, locked: BoolArray, whole: BoolArray
+) -> BoolArray:
+    """Signs along a breadth-first tree whose nodes are whole polygons (faces joined by locked pairs) and flats
+    (joined by ``whole`` ones).
+
+    Inside what is itself one-sided, first a flat, then a polygon, edges are like all others.
+    """
+    for held in (locked, np.zeros_like(locked)):
+        node, inside, two_sided = double_cover(n, i[whole], j[whole], flip[whole])
+        if two_sided.all():
+            break
+        whole = whole & (held | two_sided[node[i]])
+    else:
+        node, inside, _ = double_cover(n, i[whole], j[whole], flip[whole])
     count = int(node.max()) + 1
     a, b = node[i], node[j]
     step = flip ^ inside[i] ^ inside[j]

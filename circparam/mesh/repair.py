@@ -98,8 +98,7 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
     polygons = None if mesh.polygons is None else mesh.polygons[aside.kept]
     pairs = pair_half_edges(points, faces, polygons)
     p = points[faces]
-    areas = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
-    orientation = orient(len(faces), areas, pairs)
+    orientation = orient(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), pairs)
     surface = _oriented(points, faces, aside.kept, pairs, orientation)
     fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~orientation.keep, 0]])
     messages = [

@@ -15,7 +15,9 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
+from circparam.seams.hard.flats import flat_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
+from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import hiding_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
@@ -97,6 +99,9 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         free = asked and options.max_charts is None and options.min_chart_faces == 1
         limits = Limits(bound, options.max_stretch or STRETCH)
         hold_stretch(atlas, limits, monitor, asked and mirror is None, free)
+    if mirror is None:
+        with monitor.stage("charts"):
+            straighten_parts(atlas, limits, monitor)
     return _seams(atlas, forced, notes)
 
 
@@ -105,6 +110,20 @@ def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
     cut = forced.copy()
     cut[~forced] = atlas.cut
     return Seams(cut, atlas.corners, notes)
+
+
+def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
+    """Move seams to cheaper paths: on hard components all of them, on others where they have flats."""
+    hard = hardness(atlas.surface) == HARD
+    for which, priced in ((hard, seam_prices), (~hard, flat_prices)):
+        if not which.any() or not atlas.cut.any():
+            continue
+        part = atlas.part(which)
+        prices = priced(part.surface)
+        if prices is not None:
+            part = Atlas(part.surface, part.cut, part.corners, prices)
+            straighten(part, limits, monitor)
+            atlas.put(which, part)
 
 
 def mirrored_atlas(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sps
 
@@ -37,30 +39,49 @@ def first_vertices(cut_mesh: CutMesh) -> IntArray:
     return order[first_of_runs(cut_mesh.vertex_chart[order])]
 
 
+@dataclass(frozen=True, eq=False)
+class PoissonSystem:
+    """The factored Laplacian of a cut mesh. pins: vertices that stay; unknown: the others; rows: theirs."""
+
+    pins: IntArray
+    unknown: IntArray
+    rows: sps.csr_matrix
+    factor: Factor
+
+    @staticmethod
+    def of(cut_mesh: CutMesh, pins: IntArray | None = None) -> PoissonSystem:
+        """Factor the Laplacian; pins: at least one vertex of every chart (None: the first)."""
+        pins = first_vertices(cut_mesh) if pins is None else pins
+        free = np.ones(cut_mesh.n_vertices, bool)
+        free[pins] = False
+        unknown = np.flatnonzero(free)
+        rows = laplacian(cut_mesh)[unknown]
+        return PoissonSystem(pins, unknown, rows, Factor(rows[:, unknown].tocsc()))
+
+
 def from_jacobians(
     cut_mesh: CutMesh,
     targets: FloatArray,
     untangle: int = 0,
     low: float = 0.5,
     held: tuple[IntArray, FloatArray] | None = None,
+    system: PoissonSystem | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
     targets: (2, 2, m). untangle: while a chart has flipped faces, clamp the singular values of its Jacobians
     to [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, at most so many
     times (the local/global idea of Liu and others 2008). held: vertices (k,) of every chart and their places
-    (k, 2); None: the first vertex of every chart lies at the origin.
+    (k, 2); None: the first vertex of every chart lies at the origin. system: that of the cut mesh and those
+    vertices, where it is at hand.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
     n = cut_mesh.n_vertices
     gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
     corners = cut_mesh.faces.T
-    free = np.ones(n, bool)
-    pins, places = (first_vertices(cut_mesh), None) if held is None else held
-    free[pins] = False
-    unknown = np.flatnonzero(free)
-    rows = laplacian(cut_mesh)[unknown]
-    factor = Factor(rows[:, unknown].tocsc())
+    pins, places = (None, None) if held is None else held
+    system = PoissonSystem.of(cut_mesh, pins) if system is None else system
+    unknown = system.unknown
     uv = np.zeros((n, 2))
     moving = np.ones(n, bool)
     for step in range(untangle + 1):
@@ -78,9 +99,9 @@ def from_jacobians(
         )
         solution = np.zeros((n, 2))
         if places is not None:
-            solution[pins] = places
-            right[unknown] -= rows[:, pins] @ places
-        solution[unknown] = factor.solve(right[unknown])
+            solution[system.pins] = places
+            right[unknown] -= system.rows[:, system.pins] @ places
+        solution[unknown] = system.factor.solve(right[unknown])
         uv[moving] = solution[moving]
         jacobian = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
         flipped = np.zeros(cut_mesh.n_charts, bool)

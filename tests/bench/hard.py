@@ -3,9 +3,9 @@
     python -m tests.bench hard [MESH...] [--judge SCRIPT] [--no-report]
 
 Meshes: files, or the hard set of the corpus folder (CIRCPARAM_CORPUS) and the machine parts that
-tests/support/parts.py makes. Every mesh is unwrapped at the default bound, by xatlas, and at the distortion
-that xatlas reached (at least 1.01). In flats: seams between faces within half a degree, over √(surface
-area). Figures are those of the written files, as in ``tests.bench.atlas``.
+tests/support/parts.py and machined.py make. Every mesh is unwrapped at the default bound, by xatlas, and at
+the distortion that xatlas reached (at least 1.01). In flats: seams between faces within half a degree, over
+√(surface area). Figures are those of the written files, as in ``tests.bench.atlas``.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from circparam.pipeline.verify import uv_seams
 from tests.bench import atlas, common
 from tests.bench.common import Line, say
 from tests.support.corpus import CORPUS
+from tests.support.machined import MACHINED
 from tests.support.parts import PARTS
 
 SET = (
@@ -53,7 +54,7 @@ def in_flats(path: Path) -> float:
 def parts(folder: Path) -> list[Path]:
     """The generated parts as OBJ files, with points that coincide not merged, as STL has them."""
     out = []
-    for name, make in PARTS.items():
+    for name, make in {**PARTS, **MACHINED}.items():
         part = make()
         path = folder / f"{name.replace(' ', '-')}.obj"
         with path.open("w") as stream:

@@ -94,3 +94,28 @@ def test_two_cubes_that_share_an_edge_stay_wound_alike():
     assert repairs.nonmanifold_edges == 1
     assert repairs.n_reversed == 0
     check_surface(mesh, surface, repairs)
+
+
+def test_a_one_sided_surface_is_not_cut_across_its_flats():
+    """A Möbius strip of five triangles, each cut in many that lie in its plane, wound at random."""
+    p = np.random.default_rng(2).normal(size=(5, 3))
+    k = np.arange(5)
+    big = np.stack([k, (k + 1) % 5, (k + 2) % 5], 1)
+    points, faces = p, big
+    for _ in range(3):
+        points, faces = shapes.subdivide(points, faces)
+    centre, normal = (
+        p[big].mean(1),
+        np.cross(p[big[:, 1]] - p[big[:, 0]], p[big[:, 2]] - p[big[:, 0]]),
+    )
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    off = np.abs(np.einsum("fkx,gx->fkg", points[faces], normal) - (centre * normal).sum(1)).max(1)
+    of = off.argmin(1)
+    assert off.min(1).max() < 1e-9
+    back = np.random.default_rng(3).random(len(faces)) < 0.5
+    mesh = Mesh(points, np.where(back[:, None], faces[:, [0, 2, 1]], faces))
+    surface, repairs = repair(mesh)
+    assert repairs.non_orientable == 1
+    inside = of[surface.source[surface.edges // 3]]
+    assert int((inside[:, 0] == inside[:, 1]).sum()) == 5 * (3 * 64 - 3 * 8) // 2, "no flat is cut"
+    check_surface(mesh, surface, repairs)

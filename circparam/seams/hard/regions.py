@@ -37,6 +37,7 @@ FEW, PARTS = (
     16,
     4,
 )  # more regions than FEW have at least so many faces in the mean, where there is no doubt
+LARGE = 32  # faces of a region in the mean, from which on it is none of a round shape of few
 CRUMBS = 0.01  # of the area: less of hard surfaces than that is taken as organic
 SURE_FLATS, SURE_REGIONS = 0.6, 0.75  # and from which on there is no doubt
 
@@ -160,7 +161,10 @@ def hardness(surface: Surface) -> IntArray:
     blunt = group_sum(length * (angle[~inner] < BLUNT), of, n)
     candidate = (share >= HARD_FLATS) | ((creases > 0) & (unrolls >= HARD_REGIONS) & ~scraps)
     clear = (share >= SURE_FLATS) | ((unrolls >= SURE_REGIONS) & whole)
-    sure = (blunt < MOSTLY * creases) & (clear | (blunt < HARDLY * creases))
+    # no round shape of few faces has so much in flats of several, or regions so large that unroll
+    plain = (share >= SURE_FLATS) | ((unrolls >= SURE_REGIONS) & (regions * LARGE <= size))
+    plain &= blunt < (1 - HARDLY) * creases
+    sure = plain | (blunt < MOSTLY * creases) & (clear | (blunt < HARDLY * creases))
     found = np.where(candidate, np.where(sure, HARD, DOUBTFUL), ORGANIC)
     if total[found != ORGANIC].sum() < CRUMBS * total.sum():
         found[:] = (

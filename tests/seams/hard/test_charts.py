@@ -31,6 +31,7 @@ from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.layout import judge
 from tests.support import shapes
 from tests.support.atlases import coil, energies, surface_of
+from tests.support.machined import MACHINED
 from tests.support.parts import PARTS, Part, circle, extrude, lathe, rectangle, rounded_box, shaken
 
 
@@ -68,6 +69,18 @@ def check_whole(part: Part, bound: float = 1.05) -> Atlas:
 @pytest.mark.parametrize("name", PARTS)
 def test_flats_and_tubes_of_parts_stay_whole(name) -> None:
     check_whole(PARTS[name]())
+
+
+@pytest.mark.parametrize("name", MACHINED)
+def test_however_a_part_lies_in_space(name) -> None:
+    part = MACHINED[name]()
+    assert (hardness(surface_of(part.points, part.faces)) == HARD).all()
+    counts = set()
+    for turn in (np.eye(3), shapes.rotation(1)):
+        points = part.points @ turn.T
+        whole = check_whole(Part(points, part.faces, part.surface, part.flat, part.tube))
+        counts.add(whole.charts()[0])
+    assert len(counts) == 1
 
 
 @pytest.mark.parametrize("bound", [1.05, 1.01])

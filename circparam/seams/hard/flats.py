@@ -1,0 +1,63 @@
+"""Flats of surfaces that are not hard as a whole: a seam that would cross one goes round it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.graph import components
+from circparam.mesh.atlas import Atlas, SeamPrices
+from circparam.mesh.surface import Surface
+from circparam.seams.hard.regions import FLAT, flats, turns
+from circparam.seams.segmentation.shorten import edge_costs
+
+BENDS = 4 * FLAT  # mean turn of the edges round a flat, from which on it stands out
+EXACT = np.radians(0.1)  # where faces of a flat are coplanar but for rounding, edges turn less
+CHANCE = (
+    0.3  # of the edges below FLAT are EXACT where faces are coplanar by design; by chance 0.2 are
+)
+COMMON = 0.1  # share of the length of all edges that lies inside flats, below which they are not worth it
+DEAR = 2.0  # times its length that a seam in such a flat costs
+PAIR = 1.35  # likewise in one of two faces: less than the way round a square over two sides
+
+
+def real_flats(surface: Surface) -> tuple[BoolArray, IntArray]:
+    """((e,) bool: edges inside flats that are meant, on components that have many; (e,) faces of their flats).
+
+    On a round surface faces are coplanar by chance: the angles at their edges are spread evenly, and hardly any
+    flat stands out. Quads that were cut in two and the faces of a part are coplanar but for rounding.
+    """
+    fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
+    angle, _ = turns(surface)
+    flat, inside = flats(surface, angle)
+    n = int(flat.max()) + 1
+    length = surface.edge_lengths
+    rim = flat[fi] != flat[fj]
+    of = np.r_[flat[fi[rim]], flat[fj[rim]]]
+    weight = np.r_[length[rim], length[rim]]
+    bend = group_sum(weight * np.r_[angle[rim], angle[rim]], of, n)
+    stands_out = bend > BENDS * group_sum(weight, of, n)
+    meant = inside & stands_out[flat[fi]]
+    count, component = components(len(surface.faces), fi, fj)
+
+    def total(which: BoolArray) -> FloatArray:
+        return group_sum(np.where(which, length, 0.0), component[fi], count)
+
+    by_design = total(inside & (angle < EXACT)) > CHANCE * total(inside)
+    many = total(meant) > COMMON * total(np.ones(len(fi), bool))
+    return meant & (by_design & many)[component[fi]], np.bincount(flat)[flat[fi]]
+
+
+def flat_prices(surface: Surface) -> SeamPrices | None:
+    """Prices that lead seams round flats of an organic surface; None where it has none."""
+    flat, size = real_flats(surface)
+    if not flat.any():
+        return None
+    bare = Atlas(surface, np.zeros(len(flat), bool))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        price = np.where(bare.lengths > 0, edge_costs(bare) / bare.lengths, 1.0)
+    price = np.where(np.isfinite(price), price, 1.0) * np.where(
+        flat, np.where(size > 2, DEAR, PAIR), 1.0
+    )
+    none = np.zeros(len(flat), bool)
+    return SeamPrices(price, flat, none, none)

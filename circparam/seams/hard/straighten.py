@@ -1,0 +1,229 @@
+"""Move seams of a finished atlas to cheaper paths: what changes sides is laid beside its new neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_min,
+    group_sum,
+)
+from circparam.core.graph import components
+from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import face_stretch
+from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh, not_disks
+from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.shorten import Proposal, propose
+from circparam.seams.segmentation.weigh import Limits, share_over
+from circparam.solvers.poisson import from_jacobians
+
+RINGS = 2  # edges that a seam moves at most
+TRIES = 8  # rounds of moves; from the second on at most one beside a chart
+UNTANGLE = 4  # rounds of laying faces that moved beside their neighbours
+BACK = 3  # times that moves beside charts that they spoil are taken back
+MOVES = 8  # times that single faces are handed over
+WORTH = 0.01  # of the dearest edge of a face, below which it stays
+
+
+def straighten(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
+    """Move seams to cheaper paths near them, as the prices of the atlas say. Deterministic.
+
+    Nothing is relaxed: faces between the old path and the new one are laid out beside their new neighbours, as
+    they were bent before. A move stays where its charts are disks below the bound that do not overlap, and
+    the share of the surface that is stretched too much stays within what is allowed. Charts are neither lost
+    nor made.
+    """
+    if not atlas.cut.any() or monitor.expired:
+        return
+    proposal = propose(atlas, RINGS)
+    gain = _gains(atlas, proposal)
+    chain = np.maximum(proposal.old, proposal.new)
+    _adopt(atlas, proposal.cut(gain > 0), chain, gain, limits, monitor)
+    cut = _handed_over(atlas)
+    changed = np.flatnonzero(atlas.cut != cut)
+    if len(changed) == 0:
+        return
+    node = np.unique(np.stack(atlas.ends)[:, changed], return_inverse=True)[1].reshape(2, -1)
+    count, of_node = components(int(node.max()) + 1, node[0], node[1])
+    unit = np.full(len(cut), -1)
+    unit[changed] = of_node[node[0]]
+    gain = np.where(cut[changed], -1, 1) * atlas.lengths[changed]
+    _adopt(atlas, cut, unit, group_sum(gain, unit[changed], count), limits, monitor)
+
+
+def _gains(atlas: Atlas, proposal: Proposal) -> FloatArray:
+    """(n,) how much cheaper the new path of every chain is."""
+    total = np.zeros(proposal.n)
+    for chain, sign in ((proposal.old, 1), (proposal.new, -1)):
+        on = np.flatnonzero(chain >= 0)
+        total += sign * group_sum(atlas.lengths[on], chain[on], proposal.n)
+    return total
+
+
+def _adopt(
+    atlas: Atlas,
+    cut: BoolArray,
+    unit: IntArray,
+    gain: FloatArray,
+    limits: Limits,
+    monitor: Monitor,
+) -> None:
+    """Take new seams over where the charts beside them stay good.
+
+    unit: (e,) edges of one number move together or stay. gain: (units,) what that is worth. All are tried at
+    once; those beside charts that are spoilt are tried again, the best ones first, at most one beside a chart.
+    """
+    changed = np.flatnonzero(atlas.cut != cut)
+    unit = unit[changed]
+    _, chart = atlas.charts()
+    before, uv = atlas.open()
+    over = share_over(before, face_stretch(before, uv), limits.most).sum()
+    limits = replace(limits, allowed=max(float(over), limits.allowed))
+    sides = chart[atlas.surface.edges[changed] // 3]
+    left = np.unique(unit)
+    for turn in range(TRIES):
+        if len(left) == 0 or monitor.expired:
+            break
+        pick = left
+        if turn:
+            here = np.isin(unit, left)
+            pick = _one_a_chart(unit[here], sides[here], gain)
+        good = _attempt(atlas, changed, unit, pick, limits)
+        left = np.setdiff1d(left, pick if turn else good)
+
+
+def _one_a_chart(unit: IntArray, sides: IntArray, gain: FloatArray) -> IntArray:
+    """Units no two of which lie beside one chart, the best first. sides: (k, 2) charts of their edges."""
+    order = np.lexsort((np.arange(len(gain)), -gain))
+    rank = np.empty(len(gain), np.int64)
+    rank[order] = np.arange(len(gain))
+    least = group_min(np.repeat(rank[unit], 2), sides.ravel(), int(sides.max()) + 1)
+    behind = (least[sides] < rank[unit][:, None]).any(1)
+    return np.setdiff1d(unit, unit[behind])
+
+
+def _attempt(
+    atlas: Atlas, changed: IntArray, unit: IntArray, pick: IntArray, limits: Limits
+) -> IntArray:
+    """Move some units (``pick``) and take those back that spoil a chart; returns those that were moved."""
+    cut, corners = atlas.cut, atlas.corners
+    _, chart = atlas.charts()
+    for _ in range(BACK):
+        on = np.isin(unit, pick)
+        atlas.cut, atlas.corners = cut.copy(), corners.copy()
+        atlas.cut[changed[on]] ^= True
+        bad = _laid_again(atlas, cut, chart, limits)
+        if not bad.any():
+            return pick
+        touches = bad[atlas.surface.edges[changed[on]] // 3].any(1)
+        # on either side, as charts were before too
+        spoilt = np.isin(chart[atlas.surface.edges[changed[on]] // 3], np.unique(chart[bad])).any(1)
+        pick = np.setdiff1d(pick, unit[on][touches | spoilt])
+        if len(pick) == 0:
+            break
+    atlas.cut, atlas.corners = cut, corners
+    return pick[:0]
+
+
+def _laid_again(atlas: Atlas, old_cut: BoolArray, chart: IntArray, limits: Limits) -> BoolArray:
+    """Lay out what moved; (m,) bool, faces of charts that are no good then. chart: (m,) as they were."""
+    surface = atlas.surface
+    moved = _moved(atlas, old_cut, chart)
+    cut_mesh = atlas.cut_mesh()
+    bad = _torn(cut_mesh, chart, moved)
+    if bad.any():
+        return bad[cut_mesh.chart]
+    which = np.zeros(cut_mesh.n_charts, bool)
+    which[cut_mesh.chart[surface.edges[atlas.cut != old_cut] // 3].ravel()] = True
+    gradients, _ = spread(atlas, space_gradients(atlas), ~moved)
+    sub, _, fid = cut_mesh.subset(which)
+    stays = np.zeros(sub.n_vertices, bool)
+    stays[sub.faces[~moved[fid]].ravel()] = True
+    uv = np.zeros((sub.n_vertices, 2))
+    uv[sub.faces[~moved[fid]].ravel()] = atlas.corners[fid[~moved[fid]]].reshape(-1, 2)
+    held = np.flatnonzero(stays)
+    if len(held) < len(stays):
+        uv, _ = from_jacobians(
+            sub, targets_from(atlas, gradients)[:, :, fid], UNTANGLE, held=(held, uv[held])
+        )
+    atlas.corners[fid] = uv[sub.faces]
+    bad[which] = judge(sub, uv).bad(limits.bound)
+    if not bad.any():
+        _, whole = atlas.open()
+        stretch = face_stretch(cut_mesh, whole)
+        if share_over(cut_mesh, stretch, limits.most).sum() > limits.allowed:
+            bad[cut_mesh.chart[moved & (stretch > limits.most)]] = True
+    return bad[cut_mesh.chart]
+
+
+def _moved(atlas: Atlas, old_cut: BoolArray, chart: IntArray) -> BoolArray:
+    """(m,) bool: faces between old and new paths. Of every chart the largest piece left by both stays."""
+    surface = atlas.surface
+    n, piece = surface.charts(atlas.cut | old_cut)
+    area = group_sum(surface.areas, piece, n)
+    of = np.zeros(n, np.int64)
+    of[piece] = chart
+    order = np.lexsort((np.arange(n), -area, of))
+    stays = np.zeros(n, bool)
+    stays[order[first_of_runs(of[order])]] = True
+    result: BoolArray = ~stays[piece]
+    return result
+
+
+def _torn(cut_mesh: CutMesh, chart: IntArray, moved: BoolArray) -> BoolArray:
+    """(n,) bool: charts that are no disks, or do not hold what stayed of just one former chart."""
+    bad = not_disks(cut_mesh)
+    pairs = np.unique(np.stack([cut_mesh.chart[~moved], chart[~moved]]), axis=1)
+    bad |= np.bincount(pairs[0], minlength=cut_mesh.n_charts) != 1
+    parted = np.bincount(pairs[1]) > 1
+    bad[pairs[0][parted[pairs[1]]]] = True
+    return bad
+
+
+def _handed_over(atlas: Atlas) -> BoolArray:
+    """(e,) seams after faces beside them went to the chart beyond, one by one, where that is cheaper.
+
+    What ends in a junction cannot move otherwise. No two faces that move in one round touch.
+    """
+    surface = atlas.surface
+    m, e = len(surface.faces), surface.edges
+    cut, chart = atlas.cut.copy(), atlas.charts()[1].copy()
+    beyond, number = np.full(3 * m, -1), np.full(3 * m, -1)
+    beyond[e[:, 0]], beyond[e[:, 1]] = e[:, 1] // 3, e[:, 0] // 3
+    number[e[:, 0]] = number[e[:, 1]] = np.arange(len(e))
+    for _ in range(MOVES):
+        half = e[cut].ravel()
+        half = half[chart[half // 3] != chart[beyond[half]]]
+        face, to = half // 3, chart[beyond[half]]
+        around = 3 * face[:, None] + np.arange(3)
+        inner = number[around] >= 0
+        cost = np.where(inner, atlas.costs[number[around]], 0.0)
+        beside = np.where(inner, chart[beyond[around]], -1)
+        before = cut[number[around]] & inner
+        after = (beside != to[:, None]) & inner
+        slit = (before & (beside == chart[face][:, None])).any(1)
+        gain = np.where(before, cost, 0.0).sum(1) - np.where(after, cost, 0.0).sum(1)
+        pick = np.flatnonzero((gain > WORTH * cost.max(1)) & ~slit)
+        if len(pick) == 0:
+            break
+        pick = pick[_apart(surface.corner_vertex[face[pick]], gain[pick])]
+        cut[number[around[pick]][inner[pick]]] = after[pick][inner[pick]]
+        chart[face[pick]] = to[pick]
+    return cut
+
+
+def _apart(corners: IntArray, gain: FloatArray) -> IntArray:
+    """Faces with no corner in common, the largest gains first. corners: (k, 3)."""
+    order = np.lexsort((np.arange(len(gain)), -gain))
+    rank = np.empty(len(gain), np.int64)
+    rank[order] = np.arange(len(gain))
+    least = group_min(np.repeat(rank, 3), corners.ravel(), int(corners.max()) + 1)
+    return np.flatnonzero((least[corners] == rank[:, None]).all(1))

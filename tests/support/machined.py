@@ -1,0 +1,93 @@
+"""More machine parts: with rows of holes, fillets and bosses, cones, steps and keyways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tests.support.parts import (
+    Floats,
+    Part,
+    _add_walls,
+    _Builder,
+    _lift,
+    circle,
+    extrude,
+    fill,
+    lathe,
+    rectangle,
+)
+
+
+def perforated() -> Part:
+    """A plate with two rows of holes and a pocket: the ears of its flats are slivers from hole to hole."""
+    holes = [circle(12, 0.09, x, y) for y in (-0.8, 0.8) for x in np.arange(-3, 4) * 0.5]
+    return extrude(rectangle(4.0, 2.4), holes, 0.3, [(rectangle(3.0, 0.7), 0.15)])
+
+
+def rounded(width: float, height: float, radius: float, n: int = 8) -> Floats:
+    """A rectangle whose corners are rounded, counter-clockwise."""
+    t = np.pi / 2 * np.arange(n + 1) / n
+    out = []
+    for k, (sx, sy) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
+        a = t + k * np.pi / 2
+        centre = [sx * (width / 2 - radius), sy * (height / 2 - radius)]
+        out.append(np.stack([np.cos(a), np.sin(a)], 1) * radius + centre)
+    return np.concatenate(out)
+
+
+def housing() -> Part:
+    """A box with rounded walls, hollow, with four bosses on its floor."""
+    build = _Builder()
+    outer, inner = rounded(3.0, 2.0, 0.4), rounded(2.7, 1.7, 0.25)
+    bosses = [circle(20, 0.18, x, y) for x in (-0.9, 0.9) for y in (-0.5, 0.5)]
+    bores = [circle(12, 0.08, x, y) for x in (-0.9, 0.9) for y in (-0.5, 0.5)]
+    build.add(_lift(fill(outer), 0.0, False), True)
+    _add_walls(build, outer, 0.0, 1.0, True)
+    build.add(_lift(fill(outer, [inner]), 1.0, True), True)
+    _add_walls(build, inner, 0.15, 1.0, False)
+    build.add(_lift(fill(inner, bosses), 0.15, True), True)
+    for boss, bore in zip(bosses, bores, strict=True):
+        _add_walls(build, boss, 0.15, 0.6, True)
+        build.add(_lift(fill(boss, [bore]), 0.6, True), True)
+        _add_walls(build, bore, 0.3, 0.6, False)
+        build.add(_lift(fill(bore), 0.3, True), True)
+    return build.part()
+
+
+def nozzle() -> Part:
+    """A turned nozzle: cylinder, cone, flange, and a bore that narrows."""
+    profile = [
+        [0.2, 0], [0.4, 0], [0.7, 0.3], [0.7, 1.8], [1.1, 1.8], [1.1, 2.0], [0.5, 2.0], [0.5, 0.8], [0.2, 0.5],
+    ]  # fmt: skip
+    return lathe(np.array(profile), 40)
+
+
+def shaft() -> Part:
+    """A shaft of three steps, the second with a keyway along it."""
+    build = _Builder()
+    t = 2 * np.pi * np.arange(48) / 48
+    ring = np.stack([np.cos(t), np.sin(t)], 1) * 0.7
+    key = np.abs(ring[:, 1]) < 0.15
+    before = ring[~(key & (ring[:, 0] > 0))]
+    y = 0.15
+    x = float(np.sqrt(0.49 - y * y))
+    # the outline begins after the keyway, counter-clockwise, and ends with its three sides
+    keyed = np.concatenate([[[x, y]], before, [[x, -y], [0.5, -y], [0.5, y]]])
+    steps = [circle(48, 1.0), keyed, circle(32, 0.4)]
+    heights = [0.0, 0.8, 2.4, 3.2]
+    build.add(_lift(fill(steps[0]), 0.0, False), True)
+    for k, loop in enumerate(steps):
+        _add_walls(build, loop, heights[k], heights[k + 1], True)
+        inside = [steps[k + 1]] if k < 2 else []
+        build.add(_lift(fill(loop, inside), heights[k + 1], True), True)
+    return build.part()
+
+
+MACHINED: dict[str, Callable[[], Part]] = {
+    "perforated": perforated,
+    "housing": housing,
+    "nozzle": nozzle,
+    "shaft": shaft,
+}
