@@ -16,7 +16,7 @@ from circparam.seams.segmentation.shorten import Proposal, propose
 from circparam.solvers.newton import RelaxOptions
 
 ROUNDS = 8  # of single chains that are tried again where all at once spoil a chart
-WORTH_IT = 1e-3  # of the length of all seams: chains that gain less are not tried again
+WORTH_IT = 2.5e-3  # of the length of all seams: chains that gain less are not tried again
 
 
 def shorten_seams(
@@ -31,7 +31,7 @@ def shorten_seams(
 
     All chains are tried at once first, and those beside bad charts taken back until none is bad. These are tried
     again in rounds of the largest gains, at most one chain a chart. Charts that a step does not touch keep the
-    layout they have.
+    layout they have; those that are bad as soon as they are relaxed, with their old seams too, keep their seams.
     """
     proposal = propose(atlas, rings, pinned)
     work = _Shortening(atlas, proposal, bound, dataclasses.replace(options, give_up=bound), margin)
@@ -43,7 +43,11 @@ def shorten_seams(
         if not spoilt.any():
             break
         take &= ~spoilt
+    work.keep(take)
     open_chains = np.flatnonzero(~take & (gain > WORTH_IT * seams))
+    # parts that were pushed apart fall on each other again when they are relaxed, whatever single chain moves
+    frail = work.frail(np.unique(np.r_[left[open_chains], right[open_chains]]))
+    open_chains = open_chains[~frail[left[open_chains]] & ~frail[right[open_chains]]]
     for _ in range(ROUNDS):
         if len(open_chains) == 0:
             break
@@ -120,6 +124,19 @@ class _Shortening:
         """Take over what the last attempt and those before have of these chains."""
         self.attempt(take)
         self.kept = self.last
+
+    def frail(self, charts: IntArray) -> BoolArray:
+        """(n,) bool: charts (of those in the list) that are bad when they are laid out again as they were."""
+        start = self.start
+        out = np.zeros(start.n_charts, bool)
+        if len(charts) == 0:
+            return out
+        out[charts] = True
+        faces = out[start.chart]
+        was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices).part(faces)
+        before = np.unique(start.chart[faces], return_inverse=True)[1].reshape(-1)
+        out[out] = lay_out_again(was, before, self.options, self.margin).bad(self.bound)
+        return out
 
     def _laid_out(self, faces: BoolArray) -> BoolArray:
         """Lay the charts of those faces out; bool for each of them, in their order: it is bad."""

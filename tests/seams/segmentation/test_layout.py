@@ -150,12 +150,12 @@ def test_faces_that_changed_their_chart_are_laid_out_beside_their_new_neighbours
 def test_seams_are_shortened_where_all_charts_stay_good() -> None:
     atlas = jagged()
     graph = dual_graph(atlas.surface)
-    laid = shorten_seams(atlas, graph, 1.01, FINE)
+    laid = shorten_seams(atlas, 1.01, FINE)
     assert np.array_equal(atlas.cut, straight(atlas))
     assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-9)
     pinned = jagged()
     was = pinned.cut.copy()
-    shorten_seams(pinned, graph, 1.01, FINE, pinned=np.ones(len(was), bool))
+    shorten_seams(pinned, 1.01, FINE, pinned=np.ones(len(was), bool))
     assert np.array_equal(pinned.cut, was)
 
 
@@ -171,7 +171,7 @@ def test_seams_that_would_spoil_a_chart_stay_and_so_does_its_layout() -> None:
     assert np.array_equal(surface.edges[: len(one.cut)], one.surface.edges)
     lay_out_fresh(atlas, None, FINE)
     corners = atlas.corners.copy()
-    laid = shorten_seams(atlas, dual_graph(surface), 1.0001, FINE)
+    laid = shorten_seams(atlas, 1.0001, FINE)
     # the half ball is above the bound before and after, so nothing may change
     assert laid.bad(1.0001).sum() == 1
     assert np.array_equal(atlas.cut, cut)
@@ -184,7 +184,7 @@ def test_a_bound_that_no_chart_can_keep_moves_nothing() -> None:
     graph = dual_graph(atlas.surface)
     bound = 1.0 - 1e-9  # nothing is below it
     was, corners = atlas.cut.copy(), atlas.corners.copy()
-    laid = shorten_seams(atlas, graph, bound, FINE)
+    laid = shorten_seams(atlas, bound, FINE)
     assert np.array_equal(atlas.cut, was)
     assert np.array_equal(atlas.corners, corners)
     assert laid.energy == pytest.approx([1.0, 1.0])
