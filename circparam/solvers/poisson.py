@@ -16,6 +16,7 @@ from circparam.core.arrays import (
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
+from circparam.solvers.pattern import VertexPattern
 
 
 def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
@@ -52,46 +53,96 @@ def from_jacobians(
     (k, 2); None: the first vertex of every chart lies at the origin.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
-    n = cut_mesh.n_vertices
-    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
-    corners = cut_mesh.faces.T
-    free = np.ones(n, bool)
-    pins, places = (first_vertices(cut_mesh), None) if held is None else held
-    free[pins] = False
-    unknown = np.flatnonzero(free)
-    rows = laplacian(cut_mesh)[unknown]
-    factor = Factor(rows[:, unknown].tocsc())
-    uv = np.zeros((n, 2))
-    moving = np.ones(n, bool)
-    for step in range(untangle + 1):
-        flux = targets * cut_mesh.areas
-        right = np.stack(
-            [
-                group_sum(
-                    (flux[d, 0] * gradients[0] + flux[d, 1] * gradients[1]).ravel(),
-                    corners.ravel(),
-                    n,
-                )
-                for d in range(2)
-            ],
-            1,
-        )
-        solution = np.zeros((n, 2))
-        if places is not None:
-            solution[pins] = places
-            right[unknown] -= rows[:, pins] @ places
-        solution[unknown] = factor.solve(right[unknown])
-        uv[moving] = solution[moving]
-        jacobian = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
-        flipped = np.zeros(cut_mesh.n_charts, bool)
-        flipped[cut_mesh.chart[~(dirichlet.determinants(jacobian) > 0)]] = True
-        if not flipped.any() or step == untangle:
-            break
-        again = flipped[cut_mesh.chart]
-        targets = targets.copy()
-        targets[:, :, again] = clamp_stretch(jacobian[:, :, again], low)
-        moving = flipped[cut_mesh.vertex_chart]
+    solver = _Poisson(cut_mesh, held)
+    uv = solver.layout(targets)
+    jacobian, flipped = solver.judged(uv)
+    if not (untangle and flipped.any()):
+        return uv, ~flipped
+    part, vertices, faces = cut_mesh.subset(flipped)
+    if held is not None:
+        number = np.full(cut_mesh.n_vertices, -1)
+        number[vertices] = np.arange(len(vertices))
+        inside = flipped[cut_mesh.vertex_chart[held[0]]]
+        held = number[held[0][inside]], held[1][inside]
+    again, fine = _untangled(_Poisson(part, held), jacobian[:, :, faces], uv[vertices], untangle, low)
+    uv[vertices] = again
+    flipped[flipped] = ~fine
     return uv, ~flipped
+
+
+def _untangled(
+    solver: _Poisson, jacobian: FloatArray, uv: FloatArray, rounds: int, low: float
+) -> tuple[FloatArray, BoolArray]:
+    """As ``from_jacobians``, for charts that all have flipped faces."""
+    chart, vertex_chart = solver.cut_mesh.chart, solver.cut_mesh.vertex_chart
+    flipped = np.ones(solver.cut_mesh.n_charts, bool)
+    targets = np.zeros_like(jacobian)
+    for _ in range(rounds):
+        again = flipped[chart]
+        targets[:, :, again] = clamp_stretch(jacobian[:, :, again], low)
+        moving = flipped[vertex_chart]
+        uv = np.where(moving[:, None], solver.layout(targets), uv)
+        jacobian, flipped = solver.judged(uv)
+        if not flipped.any():
+            break
+    return uv, ~flipped
+
+
+class _Poisson:
+    """The system of ``from_jacobians``, factored once. held: as there."""
+
+    def __init__(self, cut_mesh: CutMesh, held: tuple[IntArray, FloatArray] | None) -> None:
+        self.cut_mesh, self.held = cut_mesh, held
+        self.gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+        self.corners = cut_mesh.faces.T.copy()
+        n = cut_mesh.n_vertices
+        if held is not None:
+            free = np.ones(n, bool)
+            free[held[0]] = False
+            self.free = np.flatnonzero(free)
+            self.rows = laplacian(cut_mesh)[self.free]
+            self.factor = Factor(self.rows[:, self.free].tocsc())
+            return
+        g = self.gradients
+        weight = -(g * g[:, [1, 2, 0]]).sum(0) * cut_mesh.areas
+        self.pattern = VertexPattern(cut_mesh, cut_mesh.elimination)
+        # no energy sees a chart move as a whole: holding one vertex with a spring holds it where it is put
+        pins = np.zeros(n)
+        self.pins = first_vertices(cut_mesh)
+        ahead = [1, 2, 0]
+        around = group_sum(
+            np.abs(np.r_[weight.ravel(), weight.ravel()]),
+            np.r_[self.corners.ravel(), self.corners[ahead].ravel()],
+            n,
+        )
+        pins[self.pins] = around[self.pins]
+        self.factor = Factor(self.pattern.numbers(weight.ravel(), pins), self.pattern.ordered)
+        if not self.pattern.ordered:
+            cut_mesh.eliminated_in(self.pattern.elimination(self.factor, 1))
+
+    def layout(self, targets: FloatArray) -> FloatArray:
+        """(nv, 2) the layout for these Jacobians (2, 2, m)."""
+        n, g = self.cut_mesh.n_vertices, self.gradients
+        flux = targets * self.cut_mesh.areas
+        corner = flux[:, 0, None] * g[0] + flux[:, 1, None] * g[1]
+        flat = self.corners.ravel()
+        right = np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
+        uv = np.zeros((n, 2))
+        if self.held is None:
+            order = self.pattern.order
+            uv[order] = self.factor.solve(right[order])
+            result: FloatArray = uv - uv[self.pins][self.cut_mesh.vertex_chart]
+            return result
+        uv[self.held[0]] = self.held[1]
+        uv[self.free] = self.factor.solve(right[self.free] - self.rows[:, self.held[0]] @ self.held[1])
+        return uv
+
+    def judged(self, uv: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """(Jacobians (2, 2, m), (n_charts,) bool: a face is flipped)."""
+        jacobian = dirichlet.jacobians(self.gradients, uv.T[:, self.corners])
+        flipped = np.zeros(self.cut_mesh.n_charts, bool)
+        flipped[self.cut_mesh.chart[~(dirichlet.determinants(jacobian) > 0)]] = True
+        return jacobian, flipped
 
 
 def clamp_stretch(jacobian: FloatArray, low: float) -> FloatArray:
