@@ -14,7 +14,9 @@ from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
 
 RIDGE = 1e-9  # of the diagonal, since the energy does not see a chart move as a whole
-TRANSPOSED = np.array([0, 2, 1, 3])  # entries of a transposed block, where a block is (00, 01, 10, 11)
+TRANSPOSED = np.array(
+    [0, 2, 1, 3]
+)  # entries of a transposed block, where a block is (00, 01, 10, 11)
 
 
 class VertexPattern:
@@ -26,7 +28,9 @@ class VertexPattern:
 
     def __init__(self, cut_mesh: CutMesh, order: IntArray | None) -> None:
         n = cut_mesh.n_vertices
-        flat = cut_mesh.faces.T.ravel()  # half-edge k of face f is entry k m + f, as ``edge_blocks`` has them
+        flat = (
+            cut_mesh.faces.T.ravel()
+        )  # half-edge k of face f is entry k m + f, as ``edge_blocks`` has them
         i, j = cut_mesh.edges[:, 0], cut_mesh.edges[:, 1]
         m = len(cut_mesh.faces)
         self.left, self.right, self.boundary = (
@@ -80,7 +84,7 @@ class VertexPattern:
         )
         both = np.concatenate([edge, edge[TRANSPOSED]], axis=1)
         diagonal = -np.stack([group_sum(x, self.rows, self.n) for x in both])
-        trace: FloatArray = diagonal[0] + diagonal[3]
+        trace = diagonal[0] + diagonal[3]
         mean = group_sum(trace, self.chart, len(self.count)) / self.count
         ridge = RIDGE * trace + 1e-4 * RIDGE * mean[self.chart]
         diagonal[0] += ridge
@@ -124,14 +128,12 @@ class VertexPattern:
             below = 2 * size[column]
             total = 4 * len(self.row)
             gather, index = np.empty(total, np.int64), np.empty(total, np.int32)
-            for entry, offset in enumerate((0, below, 1, below + 1)):
-                gather[at + offset] = entry * width + self.source
-                index[at + offset] = 2 * self.row + entry // 2
+            for entry, place in enumerate((at, at + below, at + 1, at + below + 1)):
+                gather[place] = entry * width + self.source
+                index[place] = 2 * self.row + entry // 2
             start = np.zeros(2 * self.n + 1, np.int32)
             np.cumsum(np.repeat(2 * size, 2), out=start[1:])
-            matrix = sps.csc_matrix(
-                (np.zeros(total), index, start), shape=(2 * self.n, 2 * self.n)
-            )
+            matrix = sps.csc_matrix((np.zeros(total), index, start), shape=(2 * self.n, 2 * self.n))
             matrix.has_canonical_format = True
             self._blocks = gather, matrix
         return self._blocks

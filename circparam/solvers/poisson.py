@@ -64,7 +64,9 @@ def from_jacobians(
         number[vertices] = np.arange(len(vertices))
         inside = flipped[cut_mesh.vertex_chart[held[0]]]
         held = number[held[0][inside]], held[1][inside]
-    again, fine = _untangled(_Poisson(part, held), jacobian[:, :, faces], uv[vertices], untangle, low)
+    again, fine = _untangled(
+        _Poisson(part, held), jacobian[:, :, faces], uv[vertices], untangle, low
+    )
     uv[vertices] = again
     flipped[flipped] = ~fine
     return uv, ~flipped
@@ -134,7 +136,9 @@ class _Poisson:
             result: FloatArray = uv - uv[self.pins][self.cut_mesh.vertex_chart]
             return result
         uv[self.held[0]] = self.held[1]
-        uv[self.free] = self.factor.solve(right[self.free] - self.rows[:, self.held[0]] @ self.held[1])
+        uv[self.free] = self.factor.solve(
+            right[self.free] - self.rows[:, self.held[0]] @ self.held[1]
+        )
         return uv
 
     def judged(self, uv: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -35,7 +35,7 @@ class MergeOptions:
 
     bound: float
     tolerance: float = 1e-3
-    untangle: int = 12
+    untangle: int = 4
     rounds: int = 80
     cone: float = CONE
     margin: float = 0.004
@@ -56,13 +56,17 @@ class Unions:
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """Unions laid out: uv (nv, 2), and of each (n,) its energy, a floor of that, what is wrong."""
+    """Unions laid out: uv (nv, 2), and of each (n,) its energy, a floor of that, what is wrong.
+
+    deep: parts of the union lie on each other that no relaxation will part.
+    """
 
     uv: FloatArray
     energy: FloatArray
     floor: FloatArray
     distorted: BoolArray
     overlapping: BoolArray
+    deep: BoolArray
 
     @staticmethod
     def nothing(cut_mesh: CutMesh) -> Tried:
@@ -70,7 +74,7 @@ class Tried:
         n = cut_mesh.n_charts
         none = np.zeros(n, bool)
         uv = np.zeros((cut_mesh.n_vertices, 2))
-        return Tried(uv, np.full(n, np.inf), np.ones(n), none, none.copy())
+        return Tried(uv, np.full(n, np.inf), np.ones(n), none, none.copy(), none.copy())
 
     def put(self, some: BoolArray, vertices: IntArray, part: Tried) -> None:
         """Take over what is known of some unions ((n,) bool) with those vertices."""
@@ -80,6 +84,7 @@ class Tried:
             (self.floor, part.floor),
             (self.distorted, part.distorted),
             (self.overlapping, part.overlapping),
+            (self.deep, part.deep),
         ):
             mine[some] = theirs
 
@@ -186,6 +191,7 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
         sub, vid, _ = cut_mesh.subset(live)
         tried.overlapping[live] = self_overlapping(sub, tried.uv[vid])
         live &= ~tried.overlapping
+    tried.deep[:] = tried.overlapping
     if live.any():
         sub, vid, _ = cut_mesh.subset(live)
         rest = relax(sub, tried.uv[vid], dataclasses.replace(steps, max_iterations=23))

@@ -14,7 +14,6 @@ from circparam.seams.segmentation.layout import (
     judge,
     lay_out_again,
     lay_out_fresh,
-
 )
 from circparam.seams.segmentation.shorten_seams import shorten_seams
 from circparam.solvers.newton import RelaxOptions
