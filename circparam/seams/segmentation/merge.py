@@ -85,7 +85,7 @@ class Merger:
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
         self.lower_bound = np.zeros(len(atlas.cut))  # (e,) see _charge
-        # (2, e) bool: the last union along the edge overlapped deep, of its arc alone and of all arcs of its pair
+        # (2, e) bool: the last union along the edge overlapped deep: of its arc, of all arcs of its pair
         self.overlapped = np.zeros((2, len(atlas.cut)), bool)
         self.work = 0  # faces of all unions that were tried
         self.limit = np.inf

@@ -29,9 +29,10 @@ def shorten_seams(
 ) -> ChartLayouts:
     """Shorten the seams as far as every chart stays good; chains that would spoil one keep their old path.
 
-    All chains are tried at once first, and those beside bad charts taken back until none is bad. These are tried
-    again in rounds of the largest gains, at most one chain a chart. Charts that a step does not touch keep the
-    layout they have; those that are bad as soon as they are relaxed, with their old seams too, keep their seams.
+    All chains are tried at once first, and those beside bad charts taken back until none is bad. These are
+    tried again in rounds of the largest gains, at most one chain a chart. Charts that a step does not touch
+    keep the layout they have; those that are bad as soon as they are relaxed, with their old seams too, keep
+    their seams.
     """
     proposal = propose(atlas, rings, pinned)
     work = _Shortening(atlas, proposal, bound, dataclasses.replace(options, give_up=bound), margin)
@@ -141,7 +142,7 @@ class _Shortening:
     def _laid_out(self, faces: BoolArray) -> BoolArray:
         """Lay the charts of those faces out; bool for each of them, in their order: it is bad."""
         part = self.atlas.part(faces)
-        n, chart = part.charts()
+        _, chart = part.charts()
         bad = not_disks(part.cut_mesh())
         if not bad.all():
             able = ~bad[chart]

@@ -7,7 +7,6 @@ import pytest
 
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import (
     ChartLayouts,
     chart_halves,
@@ -149,7 +148,6 @@ def test_faces_that_changed_their_chart_are_laid_out_beside_their_new_neighbours
 
 def test_seams_are_shortened_where_all_charts_stay_good() -> None:
     atlas = jagged()
-    graph = dual_graph(atlas.surface)
     laid = shorten_seams(atlas, 1.01, FINE)
     assert np.array_equal(atlas.cut, straight(atlas))
     assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-9)
@@ -182,7 +180,6 @@ def test_seams_that_would_spoil_a_chart_stay_and_so_does_its_layout() -> None:
 def test_a_bound_that_no_chart_can_keep_moves_nothing() -> None:
     """Every chain would end beside a bad chart: the seams and the layout are what they were."""
     atlas = jagged()
-    graph = dual_graph(atlas.surface)
     bound = 1.0 - 1e-9  # nothing is below it
     was, corners = atlas.cut.copy(), atlas.corners.copy()
     laid = shorten_seams(atlas, bound, FINE)
