@@ -20,6 +20,9 @@ from circparam.core.arrays import (
 from circparam.core.graph import cycles
 from circparam.mesh.halfedge import boundary_half_edges
 
+# what a cut mesh remembers that does not depend on lengths
+TOPOLOGICAL = ("n_vertices", "n_charts", "vertex_chart", "boundary", "_elimination", "_pattern")
+
 
 @dataclass(frozen=True, eq=False)
 class Loops:
@@ -114,7 +117,7 @@ class CutMesh:
 
     @property
     def elimination(self) -> IntArray | None:
-        """(n_vertices,) an order of the vertices in which factorisations fill little, where one was found."""
+        """(n_vertices,) an order of the vertices in which factorisations fill little, where one is known."""
         order: IntArray | None = self.__dict__.get("_elimination")
         return order
 
@@ -125,7 +128,7 @@ class CutMesh:
     def in_units_of(self, unit: float) -> CutMesh:
         """The same charts, lengths measured in that unit; what is known of their topology goes along."""
         out = CutMesh(self.faces, self.rest_triangles / unit, self.chart, self.edges)
-        for name in ("n_vertices", "n_charts", "vertex_chart", "boundary", "_elimination"):
+        for name in TOPOLOGICAL:
             if name in self.__dict__:
                 out.__dict__[name] = self.__dict__[name]
         return out
@@ -140,6 +143,8 @@ class CutMesh:
 
     def subset(self, charts: BoolArray) -> tuple[CutMesh, IntArray, IntArray]:
         """The cut mesh of some charts; returns (cut mesh, vertices, faces): what each new one was before."""
+        if charts.all():
+            return self, np.arange(self.n_vertices), np.arange(len(self.faces))
         fid = np.flatnonzero(charts[self.chart])
         vid = np.flatnonzero(charts[self.vertex_chart])
         new_vertex = np.full(self.n_vertices, -1)

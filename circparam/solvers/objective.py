@@ -9,7 +9,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, 
 from circparam.core.linalg import Factor, SparseMatrix, conjugate_gradients
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
-from circparam.solvers.pattern import VertexPattern, hold
+from circparam.solvers.pattern import VertexPattern, hold, pattern_of
 from circparam.solvers.preconditioner import (
     DIRECT_LIMIT,
     SMALL_CHART,
@@ -111,16 +111,16 @@ class Objective:
 
     def _factored(self, blocks: FloatArray, g: FloatArray, uv: FloatArray) -> FloatArray:
         """H⁻¹ g by factorisation; the order of elimination that the first one finds serves all others."""
-        order = self.cut_mesh.elimination if self.reordered else None
-        pattern = self._direct
-        if pattern is None or (order is not None and not pattern.ordered):
-            pattern = self._direct = VertexPattern(self.cut_mesh, order)
+        if self.reordered:
+            pattern = pattern_of(self.cut_mesh)
+        else:
+            pattern = self._direct = self._direct or VertexPattern(self.cut_mesh, None)
         matrix = self.stiffened(pattern.blocks(blocks), uv)
         if self.fixed is not None:
             matrix = sps.csc_matrix(matrix)
             hold(matrix, self.fixed[pattern.order])
         factor = Factor(matrix, pattern.ordered)
-        if self.reordered and order is None:
+        if self.reordered and not pattern.ordered:
             self.cut_mesh.eliminated_in(pattern.elimination(factor, 2))
         return pattern.scatter(factor.solve(pattern.gather(g)))
 

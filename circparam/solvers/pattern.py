@@ -13,11 +13,38 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.surface import Surface
 
 RIDGE = 1e-9  # of the diagonal, since the energy does not see a chart move as a whole
 TRANSPOSED = np.array(
     [0, 2, 1, 3]
 )  # entries of a transposed block, where a block is (00, 01, 10, 11)
+
+
+def pattern_of(cut_mesh: CutMesh) -> VertexPattern:
+    """The pattern of a cut mesh in the order of elimination that is known of it; kept with it."""
+    kept: VertexPattern | None = cut_mesh.__dict__.get("_pattern")
+    if kept is None or (cut_mesh.elimination is not None and not kept.ordered):
+        kept = cut_mesh.__dict__["_pattern"] = VertexPattern(cut_mesh, cut_mesh.elimination)
+    return kept
+
+
+def elimination_ranks(surface: Surface) -> IntArray:
+    """(vertices,) when elimination takes each vertex of a surface, in an order that fills little.
+
+    Any part of the surface, cut in any way, fills no more in the same order than it does as part of the whole.
+    """
+    whole = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    pattern = VertexPattern(whole, None)
+    matrix = pattern.numbers(np.ones(3 * len(whole.faces)), np.ones(whole.n_vertices))
+    return Factor(matrix).position
+
+
+def eliminate_as(cut_mesh: CutMesh, ranks: IntArray, vertices: IntArray) -> None:
+    """Give a cut mesh the order of elimination of its surface. vertices: (m, 3) those of the surface."""
+    rank = np.zeros(cut_mesh.n_vertices, np.int64)
+    rank[cut_mesh.faces.ravel()] = ranks[vertices.ravel()]
+    cut_mesh.eliminated_in(np.argsort(rank, kind="stable"))
 
 
 class VertexPattern:

@@ -16,7 +16,7 @@ from circparam.core.arrays import (
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
-from circparam.solvers.pattern import VertexPattern
+from circparam.solvers.pattern import pattern_of
 
 
 def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
@@ -44,6 +44,7 @@ def from_jacobians(
     untangle: int = 0,
     low: float = 0.5,
     held: tuple[IntArray, FloatArray] | None = None,
+    hopeless: float = np.inf,
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
@@ -51,24 +52,27 @@ def from_jacobians(
     to [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, at most so many
     times (the local/global idea of Liu and others 2008). held: vertices (k,) of every chart and their places
     (k, 2); None: the first vertex of every chart lies at the origin.
+    hopeless: charts whose mean of |J(u) − target|² over their area is larger are not untangled.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
     solver = _Poisson(cut_mesh, held)
     uv = solver.layout(targets)
     jacobian, flipped = solver.judged(uv)
-    if not (untangle and flipped.any()):
+    off = ((jacobian - targets) ** 2).sum((0, 1)) * cut_mesh.areas
+    mean = group_sum(off, cut_mesh.chart, cut_mesh.n_charts) / cut_mesh.chart_areas
+    again = flipped & ~(mean > hopeless)
+    if not (untangle and again.any()):
         return uv, ~flipped
-    part, vertices, faces = cut_mesh.subset(flipped)
+    part, vertices, faces = cut_mesh.subset(again)
     if held is not None:
         number = np.full(cut_mesh.n_vertices, -1)
         number[vertices] = np.arange(len(vertices))
-        inside = flipped[cut_mesh.vertex_chart[held[0]]]
+        inside = again[cut_mesh.vertex_chart[held[0]]]
         held = number[held[0][inside]], held[1][inside]
-    again, fine = _untangled(
+    uv[vertices], fine = _untangled(
         _Poisson(part, held), jacobian[:, :, faces], uv[vertices], untangle, low
     )
-    uv[vertices] = again
-    flipped[flipped] = ~fine
+    flipped[again] = ~fine
     return uv, ~flipped
 
 
@@ -107,7 +111,7 @@ class _Poisson:
             return
         g = self.gradients
         weight = -(g * g[:, [1, 2, 0]]).sum(0) * cut_mesh.areas
-        self.pattern = VertexPattern(cut_mesh, cut_mesh.elimination)
+        self.pattern = pattern_of(cut_mesh)
         # no energy sees a chart move as a whole: holding one vertex with a spring holds it where it is put
         pins = np.zeros(n)
         self.pins = first_vertices(cut_mesh)

@@ -3,8 +3,7 @@
     python -m tests.bench.speed [MESH...] [--peers xatlas,uvatlas] [--profile N]
 
 Meshes: files, or all of the corpus folder (CIRCPARAM_CORPUS) when none is given. Compared are the stages without
-reading and writing with the compute time that a peer tells of itself, each in a process of its own, one after
-the other. The profile (of a set of ten, or of the meshes named) tells which functions of this package the
+reading and writing with the compute time that a peer tells of itself, each in a process of its own. The profile (of a set of ten, or of the meshes named) tells which functions of this package the
 processor was in, worker processes left out. Peers run under the Python that has them, as in ``atlas``.
 """
 
@@ -193,9 +192,9 @@ def report(runs: list[Run], names: list[str], lines: list[Line], hot: list[list[
     head = ["mesh", "faces", "s", *[x for n in names for x in (f"{n} s", f"/ {n}")]]
     head += ["charts", "seam", "stages of 5 % and more, s"]
     intro = (
-        "Made by `make bench-speed`: seconds of all stages without reading and writing, beside the compute time "
-        "that a peer tells of itself, in one run. Hot spots: functions of this package in which a process without "
-        "helpers spends its time, what they call outside the package included."
+        "Made by `make bench-speed`: seconds of all stages without reading and writing, beside the compute "
+        "time that a peer tells of itself, in one run. Hot spots: functions of this package in which a process "
+        "without helpers spends its time, what they call outside the package included."
     )
     blocks = [
         ["## Wanted and measured", "", *common.figures(lines)],

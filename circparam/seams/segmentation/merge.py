@@ -28,6 +28,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.segmentation.layout import chart_halves
 from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
 from circparam.seams.segmentation.unions import MANY, MergeOptions, Tried, Unions, lay_out
+from circparam.solvers.pattern import eliminate_as, elimination_ranks
 
 PATIENCE = 3  # rounds in a row, after which merging ends
 HARDLY = 50  # if fewer than one in so many charts was merged in them
@@ -82,6 +83,8 @@ class Merger:
         self.atlas = atlas
         self.worker = worker  # lays half of the unions out
         self.options = options
+        # no union has to look for an order of elimination of its own
+        self.ranks = elimination_ranks(atlas.surface)
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
         self.lower_bound = np.zeros(len(atlas.cut))  # (e,) see _charge
@@ -287,6 +290,7 @@ class Merger:
             cut_mesh, fid = c.surface.part_cut_mesh(cut, label >= 0, label)
             bad = not_disks(cut_mesh)
             if not bad.any():
+                eliminate_as(cut_mesh, self.ranks, c.surface.corner_vertex[fid])
                 break
             self.tally["topology"] += int(bad.sum())
             chosen = chosen[~bad]
