@@ -2,9 +2,10 @@
 
     python -m tests.bench.speed [MESH...] [--peers xatlas,uvatlas] [--profile N]
 
-Meshes: files, or all of the corpus folder (CIRCPARAM_CORPUS) when none is given. Compared are the stages without
-reading and writing with the compute time that a peer tells of itself, each in a process of its own. The profile (of a set of ten, or of the meshes named) tells which functions of this package the
-processor was in, worker processes left out. Peers run under the Python that has them, as in ``atlas``.
+Meshes: files, or all of the corpus folder (CIRCPARAM_CORPUS) when none is given. Compared are the stages
+without reading and writing with the compute time that a peer tells of itself, each in a process of its own.
+The profile (of a fixed set, or of the meshes named) tells which functions of this package the processor was in,
+worker processes left out. Peers run under the Python that has them, as in ``atlas``.
 """
 
 from __future__ import annotations

@@ -31,24 +31,25 @@ def shorten_seams(
 
     All chains are tried at once first, and those beside bad charts taken back until none is bad. These are
     tried again in rounds of the largest gains, at most one chain a chart. Charts that a step does not touch
-    keep the layout they have; those that are bad as soon as they are relaxed, with their old seams too, keep
-    their seams.
+    keep the layout they have. Where a chart is bad as soon as it is relaxed, with its old seams too, all stays.
     """
     proposal = propose(atlas, rings, pinned)
     work = _Shortening(atlas, proposal, bound, dataclasses.replace(options, give_up=bound), margin)
     left, right, gain = _chain_sides(atlas, proposal, work.start.chart)
     seams = float(atlas.surface.edge_lengths[atlas.cut].sum())
     take = gain > 0
-    while True:
-        spoilt = work.attempt(take)
-        if not spoilt.any():
-            break
+    spoilt = work.attempt(take)
+    # charts whose parts were pushed apart fall on each other again as soon as they are relaxed: what they
+    # gain by shorter seams here is lost where they are cut up on the mesh itself
+    if spoilt.any() and work.frail():
+        take[:] = spoilt[:] = False
+        gain = np.zeros_like(gain)
+        work.attempt(take)
+    while spoilt.any():
         take &= ~spoilt
+        spoilt = work.attempt(take)
     work.keep(take)
     open_chains = np.flatnonzero(~take & (gain > WORTH_IT * seams))
-    # parts that were pushed apart fall on each other again when they are relaxed, whatever single chain moves
-    frail = work.frail(np.unique(np.r_[left[open_chains], right[open_chains]]))
-    open_chains = open_chains[~frail[left[open_chains]] & ~frail[right[open_chains]]]
     for _ in range(ROUNDS):
         if len(open_chains) == 0:
             break
@@ -126,18 +127,12 @@ class _Shortening:
         self.attempt(take)
         self.kept = self.last
 
-    def frail(self, charts: IntArray) -> BoolArray:
-        """(n,) bool: charts (of those in the list) that are bad when they are laid out again as they were."""
+    def frail(self) -> bool:
+        """Whether a chart is bad when it is laid out again as it was."""
         start = self.start
-        out = np.zeros(start.n_charts, bool)
-        if len(charts) == 0:
-            return out
-        out[charts] = True
-        faces = out[start.chart]
-        was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices).part(faces)
-        before = np.unique(start.chart[faces], return_inverse=True)[1].reshape(-1)
-        out[out] = lay_out_again(was, before, self.options, self.margin).bad(self.bound)
-        return out
+        was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices)
+        laid = lay_out_again(was, start.chart, self.options, self.margin)
+        return bool(laid.bad(self.bound).any())
 
     def _laid_out(self, faces: BoolArray) -> BoolArray:
         """Lay the charts of those faces out; bool for each of them, in their order: it is bad."""

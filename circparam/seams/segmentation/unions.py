@@ -21,8 +21,8 @@ from circparam.solvers.separate import push_apart
 MANY = 300  # of more trials at once those that cross before any relaxation are left out, and none is pushed
 SHALLOW = 2  # pairs of boundary edges that may cross before a union is relaxed
 ENOUGH = 0.8  # of the excess of the bound: unions of hard surfaces are not relaxed further at once
-# times the excess of the bound: by how much (Frobenius, squared) the Jacobians of a start with flipped faces may
-# be off in the mean. Of 190 unions of seven meshes with more one was good.
+# times the excess of the bound: by how much (Frobenius, squared) the Jacobians of a start with flipped faces
+# may be off in the mean. Of 190 unions of seven meshes with more one was good.
 HOPELESS = 3.0
 FITS = 1e-3  # of the excess of the bound: what two layouts may lose by fitting together as they are
 
