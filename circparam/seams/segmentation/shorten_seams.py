@@ -31,7 +31,7 @@ def shorten_seams(
 
     All chains are tried at once first, and those beside bad charts taken back until none is bad. These are
     tried again in rounds of the largest gains, at most one chain a chart. Charts that a step does not touch
-    keep the layout they have. Where a chart is bad as soon as it is relaxed, with its old seams too, all stays.
+    keep the layout they have. Where a chart that no chain helps is bad as soon as it is relaxed, all stays.
     """
     proposal = propose(atlas, rings, pinned)
     work = _Shortening(atlas, proposal, bound, dataclasses.replace(options, give_up=bound), margin)
@@ -39,15 +39,15 @@ def shorten_seams(
     seams = float(atlas.surface.edge_lengths[atlas.cut].sum())
     take = gain > 0
     spoilt = work.attempt(take)
-    # charts whose parts were pushed apart fall on each other again as soon as they are relaxed: what they
-    # gain by shorter seams here is lost where they are cut up on the mesh itself
-    if spoilt.any() and work.frail():
-        take[:] = spoilt[:] = False
-        gain = np.zeros_like(gain)
-        work.attempt(take)
+    frail = work.frail() if spoilt.any() else np.zeros(work.start.n_charts, bool)
     while spoilt.any():
         take &= ~spoilt
         spoilt = work.attempt(take)
+    # charts whose parts were pushed apart fall on each other again as soon as they are relaxed: what they
+    # gain by shorter seams here is lost where they are cut up on the mesh itself
+    if (frail & work.untouched()).any():
+        take[:] = False
+        gain = np.zeros_like(gain)
     work.keep(take)
     open_chains = np.flatnonzero(~take & (gain > WORTH_IT * seams))
     for _ in range(ROUNDS):
@@ -127,12 +127,19 @@ class _Shortening:
         self.attempt(take)
         self.kept = self.last
 
-    def frail(self) -> bool:
-        """Whether a chart is bad when it is laid out again as it was."""
+    def frail(self) -> BoolArray:
+        """(n,) bool: charts that are bad when they are laid out again as they were."""
         start = self.start
         was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices)
-        laid = lay_out_again(was, start.chart, self.options, self.margin)
-        return bool(laid.bad(self.bound).any())
+        return lay_out_again(was, start.chart, self.options, self.margin).bad(self.bound)
+
+    def untouched(self) -> BoolArray:
+        """(n,) bool: charts that the last attempt left as they were at first."""
+        last, edges = self.last, self.atlas.surface.edges
+        same = self.start.same(last.cut, last.chart, last.n_charts, edges)
+        out = np.zeros(self.start.n_charts, bool)
+        out[self.start.chart[same[last.chart]]] = True
+        return out
 
     def _laid_out(self, faces: BoolArray) -> BoolArray:
         """Lay the charts of those faces out; bool for each of them, in their order: it is bad."""
