@@ -16,7 +16,7 @@ from circparam.seams.segmentation.shorten import Proposal, propose
 from circparam.solvers.newton import RelaxOptions
 
 ROUNDS = 8  # of single chains that are tried again where all at once spoil a chart
-WORTH_IT = 2.5e-3  # of the length of all seams: chains that gain less are not tried again
+WORTH_IT = 1e-3  # of the length of all seams: chains that gain less are not tried again
 
 
 def shorten_seams(
@@ -43,11 +43,6 @@ def shorten_seams(
     while spoilt.any():
         take &= ~spoilt
         spoilt = work.attempt(take)
-    # charts whose parts were pushed apart fall on each other again as soon as they are relaxed: what they
-    # gain by shorter seams here is lost where they are cut up on the mesh itself
-    if (frail & work.untouched()).any():
-        take[:] = False
-        gain = np.zeros_like(gain)
     work.keep(take)
     open_chains = np.flatnonzero(~take & (gain > WORTH_IT * seams))
     for _ in range(ROUNDS):
@@ -63,6 +58,11 @@ def shorten_seams(
         take[chosen[~spoilt[chosen]]] = True
         open_chains = np.setdiff1d(open_chains, chosen)
         work.keep(take)
+    # charts whose parts were pushed apart fall on each other again as soon as they are relaxed: what they
+    # gain by shorter seams here is lost where they are cut up on the mesh itself
+    if (frail & work.untouched()).any():
+        take[:] = False
+        work.attempt(take)
     cut_mesh = atlas.cut_mesh()
     return judge(cut_mesh, atlas.gather(cut_mesh))
 
