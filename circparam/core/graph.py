@@ -22,11 +22,19 @@ from circparam.core.arrays import (
 )
 from circparam.core.clock import tick
 
+SMALL = 30_000  # edges up to which graphs are put together by hand
+
 
 def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     """Connected components of n nodes joined by i–j: (number, (n,) label in order of the lowest node)."""
     tick()
-    graph = sps.coo_matrix((np.ones(len(i), bool), (i, j)), shape=(n, n))
+    if len(i) > SMALL:
+        graph = sps.coo_matrix((np.ones(len(i), bool), (i, j)), shape=(n, n)).tocsr()
+    else:  # SciPy's conversion would take longer than the search
+        start = np.zeros(n + 1, np.int32)
+        np.cumsum(np.bincount(i, minlength=n), out=start[1:])
+        column = j[np.argsort(i, kind="stable")].astype(np.int32)
+        graph = sps.csr_matrix((np.ones(len(i)), column, start), shape=(n, n))
     count, labels = csgraph.connected_components(graph, directed=False)
     return int(count), labels.astype(np.int64)
 

@@ -20,6 +20,9 @@ from circparam.core.arrays import (
 from circparam.core.graph import cycles
 from circparam.mesh.halfedge import boundary_half_edges
 
+# what a cut mesh remembers that does not depend on lengths
+TOPOLOGICAL = ("n_vertices", "n_charts", "vertex_chart", "boundary", "_elimination", "_pattern")
+
 
 @dataclass(frozen=True, eq=False)
 class Loops:
@@ -112,6 +115,24 @@ class CutMesh:
         """The boundary loops, ordered."""
         return boundary_loops(self)
 
+    @property
+    def elimination(self) -> IntArray | None:
+        """(n_vertices,) an order of the vertices in which factorisations fill little, where one is known."""
+        order: IntArray | None = self.__dict__.get("_elimination")
+        return order
+
+    def eliminated_in(self, order: IntArray) -> None:
+        """Keep an order of elimination; it goes along to parts of the cut mesh. Results change by rounding."""
+        self.__dict__["_elimination"] = order
+
+    def in_units_of(self, unit: float) -> CutMesh:
+        """The same charts, lengths measured in that unit; what is known of their topology goes along."""
+        out = CutMesh(self.faces, self.rest_triangles / unit, self.chart, self.edges)
+        for name in TOPOLOGICAL:
+            if name in self.__dict__:
+                out.__dict__[name] = self.__dict__[name]
+        return out
+
     def euler(self) -> IntArray:
         """(n_charts,) Euler characteristic: a disk has 1, a disk with h holes 1 − h, a sphere 2."""
         n = self.n_charts
@@ -122,6 +143,8 @@ class CutMesh:
 
     def subset(self, charts: BoolArray) -> tuple[CutMesh, IntArray, IntArray]:
         """The cut mesh of some charts; returns (cut mesh, vertices, faces): what each new one was before."""
+        if charts.all():
+            return self, np.arange(self.n_vertices), np.arange(len(self.faces))
         fid = np.flatnonzero(charts[self.chart])
         vid = np.flatnonzero(charts[self.vertex_chart])
         new_vertex = np.full(self.n_vertices, -1)
@@ -130,16 +153,16 @@ class CutMesh:
         new_face[fid] = np.arange(len(fid))
         edges = self.edges[charts[self.chart[self.edges[:, 0] // 3]]]
         new_chart = np.cumsum(charts) - 1
-        return (
-            CutMesh(
-                new_vertex[self.faces[fid]],
-                self.rest_triangles[fid],
-                new_chart[self.chart[fid]],
-                3 * new_face[edges // 3] + edges % 3,
-            ),
-            vid,
-            fid,
+        part = CutMesh(
+            new_vertex[self.faces[fid]],
+            self.rest_triangles[fid],
+            new_chart[self.chart[fid]],
+            3 * new_face[edges // 3] + edges % 3,
         )
+        if self.elimination is not None:
+            order = new_vertex[self.elimination]
+            part.eliminated_in(order[order >= 0])
+        return part, vid, fid
 
 
 def rest_triangles_of(corners: FloatArray) -> FloatArray:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
-from circparam.core.linalg import SparseMatrix, conjugate_gradients
+from circparam.core.linalg import Factor, SparseMatrix, conjugate_gradients
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
+from circparam.solvers.pattern import VertexPattern, hold, pattern_of
 from circparam.solvers.preconditioner import (
     DIRECT_LIMIT,
     SMALL_CHART,
@@ -50,6 +49,7 @@ class Objective:
             self.weight = self.weight * weight
         self.corners = cut_mesh.faces.T.copy()
         self._pattern: BlockPattern | None = None
+        self._direct: VertexPattern | None = None
         self._aggregates: IntArray | None = None
 
     def gather(self, uv: FloatArray) -> FloatArray:
@@ -75,19 +75,22 @@ class Objective:
         n = self.cut_mesh.n_vertices
         return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
 
-    def stiffened(self, matrix: sps.bsr_matrix, uv: FloatArray) -> SparseMatrix:
+    def stiffened(self, matrix: SparseMatrix, uv: FloatArray) -> SparseMatrix:
         """The Hessian at ``uv`` with whatever else resists the motion; here nothing does."""
         return matrix
+
+    # whether the rows of a matrix that is factored may have an order of their own
+    reordered = True
 
     def direction(
         self, uv: FloatArray, jacobian: FloatArray, g: FloatArray, proxy: bool
     ) -> FloatArray:
         """(n, 2) −H⁻¹ g, H the projected Hessian (or the quadratic proxy of SLIM); zero at fixed vertices."""
-        matrix = self._hessian(uv, jacobian, proxy)
+        blocks = self._blocks(jacobian, proxy)
         if self.cut_mesh.n_vertices <= DIRECT_LIMIT:
-            step = solve_direct(matrix, g)
+            step = self._factored(blocks, g, uv)
         else:
-            step = self._by_size(matrix, g, uv)
+            step = self._by_size(self._hessian(blocks, uv), g, uv)
         if self.fixed is not None:
             # the coarse space of the iterative solver moves whole aggregates, and with them what is fixed
             return np.where(self.fixed[:, None], 0.0, -step)
@@ -98,15 +101,33 @@ class Objective:
         result: FloatArray = d - drift[chart]
         return result
 
-    def _hessian(self, uv: FloatArray, jacobian: FloatArray, proxy: bool) -> SparseMatrix:
-        """(2n, 2n) positive semidefinite, with unit rows (times a number) for fixed vertices."""
-        if self._pattern is None:
-            self._pattern = BlockPattern(self.cut_mesh)
+    def _blocks(self, jacobian: FloatArray, proxy: bool) -> FloatArray:
+        """(2, 2, 3, m) blocks of the Hessian for the half-edges."""
         if proxy:
             values, modes = dirichlet.proxy_modes(jacobian)
         else:
             values, modes = dirichlet.newton_modes(jacobian, self.blend)
-        blocks = dirichlet.edge_blocks(values * self.weight, modes, self.gradients)
+        return dirichlet.edge_blocks(values * self.weight, modes, self.gradients)
+
+    def _factored(self, blocks: FloatArray, g: FloatArray, uv: FloatArray) -> FloatArray:
+        """H⁻¹ g by factorisation; the order of elimination that the first one finds serves all others."""
+        if self.reordered:
+            pattern = pattern_of(self.cut_mesh)
+        else:
+            pattern = self._direct = self._direct or VertexPattern(self.cut_mesh, None)
+        matrix = self.stiffened(pattern.blocks(blocks), uv)
+        if self.fixed is not None:
+            matrix = sps.csc_matrix(matrix)
+            hold(matrix, self.fixed[pattern.order])
+        factor = Factor(matrix, pattern.ordered)
+        if self.reordered and not pattern.ordered:
+            self.cut_mesh.eliminated_in(pattern.elimination(factor, 2))
+        return pattern.scatter(factor.solve(pattern.gather(g)))
+
+    def _hessian(self, blocks: FloatArray, uv: FloatArray) -> SparseMatrix:
+        """(2n, 2n) positive semidefinite, with unit rows (times a number) for fixed vertices."""
+        if self._pattern is None:
+            self._pattern = BlockPattern(self.cut_mesh)
         matrix = self.stiffened(self._pattern.assemble(blocks), uv)
         return matrix if self.fixed is None else _hold(matrix, self.fixed)
 
@@ -152,7 +173,7 @@ def _hold(matrix: SparseMatrix, fixed: BoolArray) -> SparseMatrix:
 def in_units_of_faces(cut_mesh: CutMesh, uv: FloatArray) -> tuple[CutMesh, FloatArray, float]:
     """(cut mesh, layout, scale): both divided by the scale, the root of the mean area of a face."""
     scale = float(np.sqrt(cut_mesh.areas.mean()))
-    return replace(cut_mesh, rest_triangles=cut_mesh.rest_triangles / scale), uv / scale, scale
+    return cut_mesh.in_units_of(scale), uv / scale, scale
 
 
 def chart_energies(cut_mesh: CutMesh, uv: FloatArray, blend: float = 0.0) -> FloatArray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sps
 
@@ -18,6 +16,7 @@ from circparam.core.arrays import (
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
+from circparam.solvers.pattern import pattern_of
 
 
 def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
@@ -39,80 +38,121 @@ def first_vertices(cut_mesh: CutMesh) -> IntArray:
     return order[first_of_runs(cut_mesh.vertex_chart[order])]
 
 
-@dataclass(frozen=True, eq=False)
-class PoissonSystem:
-    """The factored Laplacian of a cut mesh. pins: vertices that stay; unknown: the others; rows: theirs."""
-
-    pins: IntArray
-    unknown: IntArray
-    rows: sps.csr_matrix
-    factor: Factor
-
-    @staticmethod
-    def of(cut_mesh: CutMesh, pins: IntArray | None = None) -> PoissonSystem:
-        """Factor the Laplacian; pins: at least one vertex of every chart (None: the first)."""
-        pins = first_vertices(cut_mesh) if pins is None else pins
-        free = np.ones(cut_mesh.n_vertices, bool)
-        free[pins] = False
-        unknown = np.flatnonzero(free)
-        rows = laplacian(cut_mesh)[unknown]
-        return PoissonSystem(pins, unknown, rows, Factor(rows[:, unknown].tocsc()))
-
-
 def from_jacobians(
     cut_mesh: CutMesh,
     targets: FloatArray,
     untangle: int = 0,
     low: float = 0.5,
     held: tuple[IntArray, FloatArray] | None = None,
-    system: PoissonSystem | None = None,
+    hopeless: float = np.inf,
+    system: Poisson | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
     targets: (2, 2, m). untangle: while a chart has flipped faces, clamp the singular values of its Jacobians
     to [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, at most so many
     times (the local/global idea of Liu and others 2008). held: vertices (k,) of every chart and their places
-    (k, 2); None: the first vertex of every chart lies at the origin. system: that of the cut mesh and those
-    vertices, where it is at hand.
+    (k, 2); None: the first vertex of every chart lies at the origin.
+    hopeless: charts whose mean of |J(u) − target|² over their area is larger are not untangled.
+    system: that of the cut mesh and what is held, where it is at hand.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
-    n = cut_mesh.n_vertices
-    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
-    corners = cut_mesh.faces.T
-    pins, places = (None, None) if held is None else held
-    system = PoissonSystem.of(cut_mesh, pins) if system is None else system
-    unknown = system.unknown
-    uv = np.zeros((n, 2))
-    moving = np.ones(n, bool)
-    for step in range(untangle + 1):
-        flux = targets * cut_mesh.areas
-        right = np.stack(
-            [
-                group_sum(
-                    (flux[d, 0] * gradients[0] + flux[d, 1] * gradients[1]).ravel(),
-                    corners.ravel(),
-                    n,
-                )
-                for d in range(2)
-            ],
-            1,
-        )
-        solution = np.zeros((n, 2))
-        if places is not None:
-            solution[system.pins] = places
-            right[unknown] -= system.rows[:, system.pins] @ places
-        solution[unknown] = system.factor.solve(right[unknown])
-        uv[moving] = solution[moving]
-        jacobian = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
-        flipped = np.zeros(cut_mesh.n_charts, bool)
-        flipped[cut_mesh.chart[~(dirichlet.determinants(jacobian) > 0)]] = True
-        if not flipped.any() or step == untangle:
-            break
-        again = flipped[cut_mesh.chart]
-        targets = targets.copy()
-        targets[:, :, again] = clamp_stretch(jacobian[:, :, again], low)
-        moving = flipped[cut_mesh.vertex_chart]
+    solver = Poisson(cut_mesh, held) if system is None else system
+    uv = solver.layout(targets)
+    jacobian, flipped = solver.judged(uv)
+    off = ((jacobian - targets) ** 2).sum((0, 1)) * cut_mesh.areas
+    mean = group_sum(off, cut_mesh.chart, cut_mesh.n_charts) / cut_mesh.chart_areas
+    again = flipped & ~(mean > hopeless)
+    if not (untangle and again.any()):
+        return uv, ~flipped
+    part, vertices, faces = cut_mesh.subset(again)
+    if held is not None:
+        number = np.full(cut_mesh.n_vertices, -1)
+        number[vertices] = np.arange(len(vertices))
+        inside = again[cut_mesh.vertex_chart[held[0]]]
+        held = number[held[0][inside]], held[1][inside]
+    uv[vertices], fine = _untangled(
+        Poisson(part, held), jacobian[:, :, faces], uv[vertices], untangle, low
+    )
+    flipped[again] = ~fine
     return uv, ~flipped
+
+
+def _untangled(
+    solver: Poisson, jacobian: FloatArray, uv: FloatArray, rounds: int, low: float
+) -> tuple[FloatArray, BoolArray]:
+    """As ``from_jacobians``, for charts that all have flipped faces."""
+    chart, vertex_chart = solver.cut_mesh.chart, solver.cut_mesh.vertex_chart
+    flipped = np.ones(solver.cut_mesh.n_charts, bool)
+    targets = np.zeros_like(jacobian)
+    for _ in range(rounds):
+        again = flipped[chart]
+        targets[:, :, again] = clamp_stretch(jacobian[:, :, again], low)
+        moving = flipped[vertex_chart]
+        uv = np.where(moving[:, None], solver.layout(targets), uv)
+        jacobian, flipped = solver.judged(uv)
+        if not flipped.any():
+            break
+    return uv, ~flipped
+
+
+class Poisson:
+    """The system of ``from_jacobians``, factored once. held: as there."""
+
+    def __init__(self, cut_mesh: CutMesh, held: tuple[IntArray, FloatArray] | None = None) -> None:
+        self.cut_mesh, self.held = cut_mesh, held
+        self.gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+        self.corners = cut_mesh.faces.T.copy()
+        n = cut_mesh.n_vertices
+        if held is not None:
+            free = np.ones(n, bool)
+            free[held[0]] = False
+            self.free = np.flatnonzero(free)
+            self.rows = laplacian(cut_mesh)[self.free]
+            self.factor = Factor(self.rows[:, self.free].tocsc())
+            return
+        g = self.gradients
+        weight = -(g * g[:, [1, 2, 0]]).sum(0) * cut_mesh.areas
+        self.pattern = pattern_of(cut_mesh)
+        # no energy sees a chart move as a whole: holding one vertex with a spring holds it where it is put
+        pins = np.zeros(n)
+        self.pins = first_vertices(cut_mesh)
+        ahead = [1, 2, 0]
+        around = group_sum(
+            np.abs(np.r_[weight.ravel(), weight.ravel()]),
+            np.r_[self.corners.ravel(), self.corners[ahead].ravel()],
+            n,
+        )
+        pins[self.pins] = around[self.pins]
+        self.factor = Factor(self.pattern.numbers(weight.ravel(), pins), self.pattern.ordered)
+        if not self.pattern.ordered:
+            cut_mesh.eliminated_in(self.pattern.elimination(self.factor, 1))
+
+    def layout(self, targets: FloatArray) -> FloatArray:
+        """(nv, 2) the layout for these Jacobians (2, 2, m)."""
+        n, g = self.cut_mesh.n_vertices, self.gradients
+        flux = targets * self.cut_mesh.areas
+        corner = flux[:, 0, None] * g[0] + flux[:, 1, None] * g[1]
+        flat = self.corners.ravel()
+        right = np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
+        uv = np.zeros((n, 2))
+        if self.held is None:
+            order = self.pattern.order
+            uv[order] = self.factor.solve(right[order])
+            result: FloatArray = uv - uv[self.pins][self.cut_mesh.vertex_chart]
+            return result
+        uv[self.held[0]] = self.held[1]
+        uv[self.free] = self.factor.solve(
+            right[self.free] - self.rows[:, self.held[0]] @ self.held[1]
+        )
+        return uv
+
+    def judged(self, uv: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """(Jacobians (2, 2, m), (n_charts,) bool: a face is flipped)."""
+        jacobian = dirichlet.jacobians(self.gradients, uv.T[:, self.corners])
+        flipped = np.zeros(self.cut_mesh.n_charts, bool)
+        flipped[self.cut_mesh.chart[~(dirichlet.determinants(jacobian) > 0)]] = True
+        return jacobian, flipped
 
 
 def clamp_stretch(jacobian: FloatArray, low: float) -> FloatArray:

@@ -103,12 +103,14 @@ class _SpringObjective(Objective):
         added: FloatArray = k.rows(len(uv)).T @ (2 * k.weight * k.strain(uv))
         return super().free_gradient(jacobian, uv) + added.reshape(-1, 2)
 
-    def stiffened(self, matrix: sps.bsr_matrix, uv: FloatArray) -> SparseMatrix:
+    reordered = False  # springs join any two vertices
+
+    def stiffened(self, matrix: SparseMatrix, uv: FloatArray) -> SparseMatrix:
         """The Hessian with that of the springs that pull: 2 w times the squared derivative of the strain."""
         k = self.springs
         rows = k.rows(len(uv))
         weighted = sps.diags(2 * k.weight * (k.strain(uv) > 0)) @ rows
-        return sps.csr_matrix(matrix.tocsr() + rows.T @ weighted)
+        return sps.csc_matrix(matrix + rows.T @ weighted)
 
 
 def push_apart(

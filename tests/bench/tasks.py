@@ -128,3 +128,49 @@ def unwrap(arrays: Arrays, settings: dict[str, Any]) -> Answer:
         settings["path"], settings["out"], max_distortion=settings["max_distortion"], overwrite=True
     )
     return {}, {"status": result.status, "stages": result.seconds}
+
+
+def stages(arrays: Arrays, settings: dict[str, Any]) -> Answer:
+    """A whole unwrap from file to file with its defaults: seconds of its stages and what the atlas is."""
+    from circparam.pipeline.unwrap import unwrap as run
+
+    result = run(settings["path"], settings["out"], overwrite=True)
+    measures = result.measures
+    figures = {k: measures[k] for k in ("charts", "seam_length", "distortion", "flips", "overlap")}
+    return {}, {"status": result.status, "stages": result.seconds, "figures": figures}
+
+
+def profile(arrays: Arrays, settings: dict[str, Any]) -> Answer:
+    """The same in one process under the profiler: [[function, share of the time]], highest first.
+
+    What a function calls outside the package counts as its own.
+    """
+    import cProfile
+    import os
+    import pstats
+    from pathlib import Path
+
+    import circparam
+    from circparam.pipeline.unwrap import unwrap as run
+
+    os.environ["OMP_NUM_THREADS"] = "1"  # one process does all the work
+    profiler = cProfile.Profile()
+    profiler.enable()
+    run(settings["path"], settings["out"], overwrite=True)
+    profiler.disable()
+    package = str(Path(circparam.__file__).parent)
+    own: dict[str, float] = {}
+    for (file, _, function), row in pstats.Stats(profiler).stats.items():  # type: ignore[attr-defined]
+        seconds, callers = row[2], row[4]
+        if file.startswith(package):
+            name = f"{Path(file).stem}.{function}"
+            own[name] = own.get(name, 0.0) + seconds
+            continue
+        for (caller, _, called_by), part in callers.items():
+            if caller.startswith(package):
+                # all below: calls from outside to outside are in this total
+                name = f"{Path(caller).stem}.{called_by}"
+                own[name] = own.get(name, 0.0) + part[3]
+    total = sum(own.values())
+    shares = sorted(((k, v / total) for k, v in own.items()), key=lambda kv: -kv[1])
+    return {}, {"shares": shares[:40]}

@@ -92,8 +92,8 @@ def test_flips_are_cleared_in_their_charts_only() -> None:
     assert fine.tolist() == [True, False]
     cleared, fine = from_jacobians(cut_mesh, targets, untangle=30)
     assert fine.all()
-    np.testing.assert_array_equal(
-        cleared[cut_mesh.vertex_chart == 0], plain[cut_mesh.vertex_chart == 0]
+    np.testing.assert_allclose(
+        cleared[cut_mesh.vertex_chart == 0], plain[cut_mesh.vertex_chart == 0], atol=1e-12
     )
 
 
@@ -115,3 +115,19 @@ def test_what_lies_within_the_clamp_is_not_touched() -> None:
     np.testing.assert_allclose(clamp_stretch(wide, 0.5)[:, :, 0], np.diag([2.0, 0.5]))
     mirror = np.array([[1.0, 0.0], [0.0, -1.0]])[:, :, None]
     np.testing.assert_allclose(clamp_stretch(mirror, 0.5)[:, :, 0], np.diag([1.0, 0.5]))
+
+
+def test_a_start_that_is_far_off_is_not_untangled() -> None:
+    cut_mesh, points = patches_of(shapes.row_of(shapes.delaunay_disk(80), 2))
+    targets = np.ascontiguousarray(jacobians(cut_mesh, points[:, :2]).transpose(1, 2, 0))
+    inner = np.flatnonzero(cut_mesh.chart == 1)[10:14]
+    targets[:, :, inner] *= np.array([[1.0], [-3.0]])[:, :, None]
+    plain, fine = from_jacobians(cut_mesh, targets)
+    gap = (jacobians(cut_mesh, plain).transpose(1, 2, 0) - targets) ** 2
+    weighted = np.bincount(cut_mesh.chart, cut_mesh.areas * gap.sum((0, 1)))
+    off = weighted[1] / cut_mesh.chart_areas[1]
+    _, fine = from_jacobians(cut_mesh, targets, untangle=30, hopeless=1.01 * off)
+    assert fine.all()
+    left, fine = from_jacobians(cut_mesh, targets, untangle=30, hopeless=0.99 * off)
+    assert fine.tolist() == [True, False]
+    np.testing.assert_allclose(left, plain, atol=1e-12)

@@ -10,7 +10,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.unroll import transported
 from circparam.solvers import dirichlet
 from circparam.solvers.objective import chart_energies
-from circparam.solvers.poisson import PoissonSystem, from_jacobians
+from circparam.solvers.poisson import Poisson, from_jacobians
 
 FEW = 16  # pairs of boundary edges too near each other, up to which charts of hard surfaces are pushed apart
 UNTANGLE = 8  # rounds of the Poisson start of unions of hard surfaces; with four fandisk is cut a third longer
@@ -84,7 +84,7 @@ def better_start(
     bound: float,
 ) -> FloatArray:
     """The layout with those Jacobians; where that is far off, its smaller part bends round the larger one."""
-    system = PoissonSystem.of(cut_mesh)
+    system = Poisson(cut_mesh)
     uv, _ = from_jacobians(cut_mesh, targets, system=system)
     first = chart_energies(cut_mesh, uv)
     poor = ~(first <= bound)

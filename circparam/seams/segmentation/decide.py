@@ -20,10 +20,11 @@ from circparam.seams.segmentation.grow import (
     make_disks,
     split_charts,
 )
-from circparam.seams.segmentation.layout import lay_out_fresh, shorten_seams
+from circparam.seams.segmentation.layout import lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.move import move_seams
 from circparam.seams.segmentation.shorten import propose
+from circparam.seams.segmentation.shorten_seams import shorten_seams
 from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
@@ -139,10 +140,10 @@ def grow_and_merge(
     _, before = atlas.charts()
     arcs = arcs_of(atlas, before)
     steps = HASTY if crowd else FAIR
-    shorten_seams(atlas, graph, bound, steps, 3, margin=margin)
+    shorten_seams(atlas, bound, steps, 3, margin=margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
-    shorten_seams(atlas, graph, bound, steps, 1, margin=margin)
+    shorten_seams(atlas, bound, steps, 1, margin=margin)
     return atlas
 
 

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
-from circparam.core.graph import matching
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import CutMesh, not_disks
-from circparam.seams.segmentation.grow import DualGraph, make_disks
-from circparam.seams.segmentation.shorten import Proposal, propose
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.segmentation.shorten import Proposal
 from circparam.seams.segmentation.state import main_parts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
@@ -24,7 +21,6 @@ from circparam.solvers.poisson import from_jacobians
 from circparam.solvers.tutte.embed import tutte_embedding
 
 UNTANGLE = 12
-ROUNDS = 8  # of single chains that are shortened where all at once spoil a chart
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,76 +113,6 @@ def lay_out_again(
     relaxed = relax(cut_mesh, uv, options)
     atlas.scatter(cut_mesh, relaxed.uv)
     return judge(cut_mesh, relaxed.uv, margin)
-
-
-def shorten_seams(
-    atlas: Atlas,
-    graph: DualGraph,
-    bound: float,
-    options: RelaxOptions,
-    rings: int = 3,
-    pinned: BoolArray | None = None,
-    margin: float = 0.0,
-) -> ChartLayouts:
-    """Shorten the seams as far as every chart stays good; chains that would spoil one keep their old path.
-
-    All chains are tried at once first. Where that spoils a chart, they are tried again in rounds of the largest
-    gains, at most one chain a chart, and each stays only if its charts are good.
-    """
-    options = dataclasses.replace(options, give_up=bound)
-    start_cut, start_corners = atlas.cut.copy(), atlas.corners.copy()
-    _, before = atlas.charts()
-    proposal = propose(atlas, rings, pinned)
-
-    def attempt(take: BoolArray) -> ChartLayouts:
-        atlas.cut = proposal.cut(take)
-        atlas.corners = start_corners.copy()
-        if not_disks(atlas.cut_mesh()).any():
-            make_disks(atlas, graph)
-        return lay_out_again(atlas, before, options, margin)
-
-    left, right, gain = _chain_sides(atlas, proposal, before)
-    take = gain > 0
-    layouts = attempt(take)
-    if not layouts.bad(bound).any():
-        return layouts
-    open_chains = np.flatnonzero(gain > 1e-3 * atlas.surface.priced_lengths[start_cut].sum())
-    take[:] = False
-    n = int(before.max()) + 1
-    for _ in range(ROUNDS):
-        if len(open_chains) == 0:
-            break
-        pick = matching(gain[open_chains], left[open_chains], right[open_chains], n)
-        chosen = open_chains[pick]
-        trial = take.copy()
-        trial[chosen] = True
-        layouts = attempt(trial)
-        spoilt = chains_beside(atlas, proposal, layouts.cut_mesh.chart, layouts.bad(bound), trial)
-        take[chosen[~spoilt[chosen]]] = True
-        open_chains = np.setdiff1d(open_chains, chosen)
-    layouts = attempt(take)
-    if not layouts.bad(bound).any():
-        return layouts
-    atlas.cut, atlas.corners = start_cut, start_corners
-    cut_mesh = atlas.cut_mesh()
-    return judge(cut_mesh, atlas.gather(cut_mesh))
-
-
-def _chain_sides(
-    atlas: Atlas, proposal: Proposal, chart: IntArray
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """The charts on both sides of every chain, and how much shorter its new path is."""
-    e = atlas.surface.edges
-    length = atlas.surface.priced_lengths
-    on = np.flatnonzero(proposal.old >= 0)
-    chain = proposal.old[on]
-    left, right = np.zeros(proposal.n, np.int64), np.zeros(proposal.n, np.int64)
-    left[chain], right[chain] = chart[e[on, 0] // 3], chart[e[on, 1] // 3]
-    now = np.flatnonzero(proposal.new >= 0)
-    gain = group_sum(length[on], chain, proposal.n) - group_sum(
-        length[now], proposal.new[now], proposal.n
-    )
-    return left, right, gain
 
 
 def chains_beside(

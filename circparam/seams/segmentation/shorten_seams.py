@@ -1,0 +1,183 @@
+"""Shorten the seams of an atlas chain by chain, as far as every chart stays good."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.graph import matching
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_again
+from circparam.seams.segmentation.shorten import Proposal, propose
+from circparam.solvers.newton import RelaxOptions
+
+ROUNDS = 8  # of single chains that are tried again where all at once spoil a chart
+WORTH_IT = 1e-3  # of the length of all seams: chains that gain less are not tried again
+
+
+def shorten_seams(
+    atlas: Atlas,
+    bound: float,
+    options: RelaxOptions,
+    rings: int = 3,
+    pinned: BoolArray | None = None,
+    margin: float = 0.0,
+) -> ChartLayouts:
+    """Shorten the seams as far as every chart stays good; chains that would spoil one keep their old path.
+
+    All chains are tried at once first, and those beside bad charts taken back until none is bad. These are
+    tried again in rounds of the largest gains, at most one chain a chart. Charts that a step does not touch
+    keep the layout they have. Where a chart that no chain helps is bad as soon as it is relaxed, all stays.
+    """
+    proposal = propose(atlas, rings, pinned)
+    work = _Shortening(atlas, proposal, bound, dataclasses.replace(options, give_up=bound), margin)
+    left, right, gain = _chain_sides(atlas, proposal, work.start.chart)
+    seams = float(atlas.surface.priced_lengths[atlas.cut].sum())
+    take = gain > 0
+    spoilt = work.attempt(take)
+    frail = work.frail() if spoilt.any() else np.zeros(work.start.n_charts, bool)
+    while spoilt.any():
+        take &= ~spoilt
+        spoilt = work.attempt(take)
+    work.keep(take)
+    open_chains = np.flatnonzero(~take & (gain > WORTH_IT * seams))
+    for _ in range(ROUNDS):
+        if len(open_chains) == 0:
+            break
+        pick = matching(
+            gain[open_chains], left[open_chains], right[open_chains], work.start.n_charts
+        )
+        chosen = open_chains[pick]
+        trial = take.copy()
+        trial[chosen] = True
+        spoilt = work.attempt(trial)
+        take[chosen[~spoilt[chosen]]] = True
+        open_chains = np.setdiff1d(open_chains, chosen)
+        work.keep(take)
+    # charts whose parts were pushed apart fall on each other again as soon as they are relaxed: what they
+    # gain by shorter seams here is lost where they are cut up on the mesh itself
+    if (frail & work.untouched()).any():
+        take[:] = False
+        work.attempt(take)
+    cut_mesh = atlas.cut_mesh()
+    return judge(cut_mesh, atlas.gather(cut_mesh))
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Seams (e,), charts (m,), corners (m, 3, 2), and which charts are bad (n,)."""
+
+    cut: BoolArray
+    chart: IntArray
+    corners: FloatArray
+    bad: BoolArray
+
+    @property
+    def n_charts(self) -> int:
+        """Number of charts."""
+        return len(self.bad)
+
+    def same(self, cut: BoolArray, chart: IntArray, n: int, edges: IntArray) -> BoolArray:
+        """(n,) bool: a chart of other seams that is one of these, opened along the same edges."""
+        of = np.zeros(n, np.int64)
+        of[chart] = self.chart
+        out: BoolArray = group_count(chart, n) == group_count(self.chart, self.n_charts)[of]
+        out[chart[self.chart != of[chart]]] = False
+        out[chart[edges[self.cut != cut] // 3]] = False
+        return out
+
+
+class _Shortening:
+    """Lays the charts out that a choice of chains changes, and remembers those that it has laid out."""
+
+    def __init__(
+        self, atlas: Atlas, proposal: Proposal, bound: float, options: RelaxOptions, margin: float
+    ) -> None:
+        self.atlas, self.proposal = atlas, proposal
+        self.bound, self.options, self.margin = bound, options, margin
+        n, chart = atlas.charts()
+        # what is bad before any seam moves is no fault of a chain
+        self.start = _State(atlas.cut.copy(), chart, atlas.corners.copy(), np.zeros(n, bool))
+        self.kept = self.last = self.start
+
+    def attempt(self, take: BoolArray) -> BoolArray:
+        """Move the chains ``take`` ((k,) bool) alone; (k,) bool: those of them that lie beside bad charts."""
+        atlas, edges = self.atlas, self.atlas.surface.edges
+        atlas.cut = self.proposal.cut(take)
+        n, chart = atlas.charts()
+        atlas.corners = self.start.corners.copy()
+        bad, known = np.zeros(n, bool), np.zeros(n, bool)
+        for state in (self.last, self.kept, self.start):
+            same = state.same(atlas.cut, chart, n, edges) & ~known
+            faces = same[chart]
+            atlas.corners[faces] = state.corners[faces]
+            bad[chart[faces]] = state.bad[state.chart[faces]]
+            known |= same
+        if not known.all():
+            bad[~known] = self._laid_out(~known[chart])
+        self.last = _State(atlas.cut, chart, atlas.corners, bad)
+        return self._beside(bad, take)
+
+    def keep(self, take: BoolArray) -> None:
+        """Take over what the last attempt and those before have of these chains."""
+        self.attempt(take)
+        self.kept = self.last
+
+    def frail(self) -> BoolArray:
+        """(n,) bool: charts that are bad when they are laid out again as they were."""
+        start = self.start
+        was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices)
+        return lay_out_again(was, start.chart, self.options, self.margin).bad(self.bound)
+
+    def untouched(self) -> BoolArray:
+        """(n,) bool: charts that the last attempt left as they were at first."""
+        last, edges = self.last, self.atlas.surface.edges
+        same = self.start.same(last.cut, last.chart, last.n_charts, edges)
+        out = np.zeros(self.start.n_charts, bool)
+        out[self.start.chart[same[last.chart]]] = True
+        return out
+
+    def _laid_out(self, faces: BoolArray) -> BoolArray:
+        """Lay the charts of those faces out; bool for each of them, in their order: it is bad."""
+        part = self.atlas.part(faces)
+        _, chart = part.charts()
+        bad = not_disks(part.cut_mesh())
+        if not bad.all():
+            able = ~bad[chart]
+            good = part.part(able)
+            before = np.unique(self.start.chart[faces][able], return_inverse=True)[1].reshape(-1)
+            laid = lay_out_again(good, before, self.options, self.margin)
+            bad[~bad] = laid.bad(self.bound)
+            part.put(able, good)
+        self.atlas.put(faces, part)
+        return bad
+
+    def _beside(self, bad: BoolArray, take: BoolArray) -> BoolArray:
+        """(k,) chains that were moved and touch a bad chart, on their old path or their new one."""
+        side = bad[self.last.chart[self.atlas.surface.edges // 3]].any(1)
+        out = np.zeros(self.proposal.n + 1, bool)
+        out[self.proposal.new[side]] = True
+        out[self.proposal.old[side]] = True
+        result: BoolArray = out[:-1] & take
+        return result
+
+
+def _chain_sides(
+    atlas: Atlas, proposal: Proposal, chart: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """The charts on both sides of every chain, and how much shorter its new path is."""
+    e = atlas.surface.edges
+    length = atlas.surface.priced_lengths
+    on = np.flatnonzero(proposal.old >= 0)
+    chain = proposal.old[on]
+    left, right = np.zeros(proposal.n, np.int64), np.zeros(proposal.n, np.int64)
+    left[chain], right[chain] = chart[e[on, 0] // 3], chart[e[on, 1] // 3]
+    now = np.flatnonzero(proposal.new >= 0)
+    gain = group_sum(length[on], chain, proposal.n) - group_sum(
+        length[now], proposal.new[now], proposal.n
+    )
+    return left, right, gain

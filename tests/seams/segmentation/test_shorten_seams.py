@@ -1,0 +1,83 @@
+"""Seams shortened chain by chain: which chains go back, and which charts are laid out at all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.mesh.atlas import Atlas
+from circparam.seams.segmentation import shorten_seams as module
+from circparam.seams.segmentation.shorten_seams import shorten_seams
+from circparam.solvers.newton import RelaxOptions
+from tests.support import shapes
+from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
+
+FINE = RelaxOptions(tolerance=1e-8, max_iterations=60)
+
+
+def sheets(jagged: tuple[bool, bool]) -> Atlas:
+    """Two flat sheets, each in a lower and an upper half with a straight seam between them or a jagged one."""
+    surface = surface_of(*shapes.row_of(shapes.grid(9, 9), 2))
+    middle = middles(surface)
+    m = len(surface.faces) // 2
+    label = np.zeros(2 * m, np.int64)
+    for k, teeth in enumerate(jagged):
+        part = slice(k * m, (k + 1) * m)
+        x, y = middle[part, 0] - middle[part, 0].min(), middle[part, 1] - middle[part, 1].min()
+        y = y / y.max()
+        below = y < 0.5
+        if teeth:
+            below |= (y < 0.58) & np.isin((x / x.max() * 7.99).astype(int), [2, 5])
+        label[part] = 2 * k + below
+    return as_it_lies(cut_between(surface, label))
+
+
+def test_charts_beside_no_chain_that_moves_are_not_laid_out(monkeypatch) -> None:
+    atlas = sheets((True, False))
+    faces: list[int] = []
+    laid_out = module.lay_out_again
+
+    def counted(part: Atlas, *rest, **named):
+        faces.append(len(part.surface.faces))
+        return laid_out(part, *rest, **named)
+
+    monkeypatch.setattr(module, "lay_out_again", counted)
+    before = atlas.seam_length
+    other = atlas.corners[len(atlas.corners) // 2 :].copy()
+    laid = shorten_seams(atlas, 1.01, FINE)
+    assert atlas.seam_length < before
+    assert laid.energy == pytest.approx(np.ones(4), abs=1e-9)
+    assert faces == [len(atlas.surface.faces) // 2]
+    assert np.array_equal(atlas.corners[len(atlas.corners) // 2 :], other)
+
+
+def test_a_chain_that_spoils_its_charts_goes_back_and_the_others_stay(monkeypatch) -> None:
+    atlas = sheets((True, True))
+    m = len(atlas.surface.faces) // 2
+    was, corners = atlas.cut.copy(), atlas.corners.copy()
+    laid_out = module.lay_out_again
+    surface = atlas.surface
+    far = surface.points[surface.faces[m:]][:, :, 0].min() - 1e-9
+
+    def in_far_sheet(part: Atlas) -> np.ndarray:
+        return part.surface.points[part.surface.faces[:, 0], 0] >= far
+
+    def far_seams(part: Atlas) -> float:
+        seam = part.cut & in_far_sheet(part)[part.surface.edges[:, 0] // 3]
+        return float(part.surface.edge_lengths[seam].sum())
+
+    whole = far_seams(atlas)
+
+    def refused(part: Atlas, *rest, **named):
+        """The second sheet is bad as soon as its seam moves."""
+        now = laid_out(part, *rest, **named)
+        if far_seams(part) < whole - 1e-9:
+            now.energy[np.unique(now.cut_mesh.chart[in_far_sheet(part)])] = np.inf
+        return now
+
+    monkeypatch.setattr(module, "lay_out_again", refused)
+    shorten_seams(atlas, 1.01, FINE)
+    in_second = atlas.surface.edges[:, 0] // 3 >= m
+    assert np.array_equal(atlas.cut[in_second], was[in_second])
+    assert np.array_equal(atlas.corners[m:], corners[m:])
+    assert not np.array_equal(atlas.cut[~in_second], was[~in_second])

@@ -1,0 +1,126 @@
+"""Matrices over the vertices of a cut mesh: the numbers of the plain assembly, whatever the order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circparam.core.linalg import Factor
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers import dirichlet
+from circparam.solvers.pattern import (
+    VertexPattern,
+    eliminate_as,
+    elimination_ranks,
+    hold,
+    pattern_of,
+)
+from circparam.solvers.poisson import laplacian
+from circparam.solvers.preconditioner import BlockPattern
+from circparam.solvers.tutte.embed import tutte_embedding
+from tests.support import shapes
+from tests.support.atlases import surface_of
+from tests.support.charts import patches_of
+
+
+def charts() -> tuple[CutMesh, np.ndarray]:
+    cut_mesh, _ = patches_of(shapes.row_of(shapes.bumped_disk(60), 2))
+    return cut_mesh, tutte_embedding(cut_mesh, "mean-value")[0]
+
+
+def two_faces_glued_twice() -> CutMesh:
+    """Two edges of one face are glued to two of the other: both join vertex 0 or 2 to vertex 1."""
+    corner = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    faces = np.array([[0, 1, 2], [1, 0, 2]])
+    return CutMesh(faces, np.stack([corner, corner]), np.zeros(2, np.int64), np.array([[0, 3]]))
+
+
+def blocks_of(cut_mesh: CutMesh, uv: np.ndarray) -> np.ndarray:
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    jacobian = dirichlet.jacobians(gradients, uv[cut_mesh.faces].transpose(2, 1, 0))
+    return dirichlet.edge_blocks(*dirichlet.newton_modes(jacobian), gradients)
+
+
+def weights(cut_mesh: CutMesh) -> np.ndarray:
+    g = cut_mesh.gradients
+    return (-(g * g[:, :, [1, 2, 0]]).sum(1) * cut_mesh.areas[:, None]).T.ravel()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_numbers_and_blocks_stand_in_the_rows_of_the_order(seed: int) -> None:
+    cut_mesh, uv = charts()
+    n = cut_mesh.n_vertices
+    order = np.random.default_rng(seed).permutation(n)
+    pattern = VertexPattern(cut_mesh, order)
+    numbers = pattern.numbers(weights(cut_mesh), np.arange(n) * 1.0).toarray()
+    plain = laplacian(cut_mesh).toarray() + np.diag(np.arange(n))
+    np.testing.assert_allclose(numbers, plain[np.ix_(order, order)], atol=1e-9)
+    blocks = blocks_of(cut_mesh, uv)
+    both = (2 * order[:, None] + [0, 1]).ravel()
+    whole = BlockPattern(cut_mesh).assemble(blocks).toarray()
+    for _ in range(2):  # the second time it is filled in place
+        got = pattern.blocks(blocks).toarray()
+        np.testing.assert_allclose(got, whole[np.ix_(both, both)], atol=1e-9 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("order", [None, np.array([2, 0, 1])])
+def test_vertices_that_two_edges_join_have_one_entry(order: np.ndarray | None) -> None:
+    cut_mesh = two_faces_glued_twice()
+    pattern = VertexPattern(cut_mesh, order)
+    rows = np.arange(3) if order is None else order
+    got = pattern.numbers(weights(cut_mesh), np.zeros(3)).toarray()
+    np.testing.assert_allclose(got, laplacian(cut_mesh).toarray()[np.ix_(rows, rows)], atol=1e-12)
+    blocks = np.random.default_rng(1).normal(size=(2, 2, 3, 2))
+    blocks = blocks + blocks.transpose(1, 0, 2, 3)
+    matrix = pattern.blocks(blocks)
+    assert matrix.has_canonical_format
+    got = matrix.toarray()
+    both = (2 * rows[:, None] + [0, 1]).ravel()
+    whole = BlockPattern(cut_mesh).assemble(blocks).toarray()
+    np.testing.assert_allclose(got, whole[np.ix_(both, both)], atol=1e-7)
+
+
+def test_a_solve_in_any_order_is_the_same_and_fixed_vertices_do_not_move() -> None:
+    cut_mesh, uv = charts()
+    blocks = blocks_of(cut_mesh, uv)
+    g = np.random.default_rng(2).normal(size=uv.shape)
+    fixed = np.arange(cut_mesh.n_vertices) % 5 == 0
+    g[fixed] = 0.0
+    found = []
+    plain = VertexPattern(cut_mesh, None)
+    for pattern in (plain, VertexPattern(cut_mesh, np.arange(cut_mesh.n_vertices)[::-1])):
+        matrix = pattern.blocks(blocks).copy()
+        hold(matrix, fixed[pattern.order])
+        found.append(pattern.scatter(Factor(matrix, pattern.ordered).solve(pattern.gather(g))))
+        assert np.abs(found[-1][fixed]).max() == 0
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=1e-9)
+    free = ~np.repeat(fixed, 2)
+    whole = BlockPattern(cut_mesh).assemble(blocks).toarray()
+    np.testing.assert_allclose(
+        whole[np.ix_(free, free)] @ found[0].ravel()[free], g.ravel()[free], atol=1e-7
+    )
+
+
+def test_the_order_of_a_surface_fills_less_than_that_of_the_file_and_goes_along_to_parts() -> None:
+    surface = surface_of(*shapes.grid(21, 21))
+    cut = np.zeros(len(surface.edges), bool)
+    whole = surface.cut_mesh(cut)
+    eliminate_as(whole, elimination_ranks(surface), surface.corner_vertex)
+    assert whole.elimination is not None
+    assert np.array_equal(np.sort(whole.elimination), np.arange(whole.n_vertices))
+    ones, w = np.ones(whole.n_vertices), np.ones(3 * len(whole.faces))
+    fill = []
+    for pattern in (VertexPattern(whole, np.arange(whole.n_vertices)), pattern_of(whole)):
+        fill.append(Factor(pattern.numbers(w, ones), ordered=True)._lu.L.nnz)
+    assert fill[1] < 0.7 * fill[0]
+    assert pattern_of(whole) is pattern_of(whole)
+    pair = surface_of(*shapes.row_of(shapes.grid(4, 4), 2))
+    both = pair.cut_mesh(np.zeros(len(pair.edges), bool))
+    eliminate_as(both, elimination_ranks(pair), pair.corner_vertex)
+    part, vertices, _ = both.subset(np.array([False, True]))
+    assert both.elimination is not None
+    assert part.elimination is not None
+    left = both.elimination[np.isin(both.elimination, vertices)]
+    assert np.array_equal(vertices[part.elimination], left)
