@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from circparam.core.arrays import IntArray
 from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
-from circparam.formats.assets import find_assets
+from circparam.formats.assets import check_needed, find_assets, unresolved
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout
 from circparam.formats.source import Source, read_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, sniff, writable
@@ -21,7 +21,9 @@ from circparam.mesh.mesh import UVMap
 
 @dataclass(frozen=True)
 class Written:
-    """What was written: path (None for standard output), all files, notes, and the index maps.
+    """What was written: path (None for standard output), all files, what is told, and the index maps.
+
+    warnings: what changes for the user; notes: what may interest.
 
     vertex_map: (k,) int64 input vertex of every output vertex. face_map: (m,) int64 input face of every
     output face.
@@ -32,6 +34,7 @@ class Written:
     notes: list[str]
     vertex_map: IntArray
     face_map: IntArray
+    warnings: list[str] = field(default_factory=list)
 
 
 def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
@@ -154,14 +157,29 @@ def write(
         encoded = encode(document, uvmap, name, options=options)
         sys.stdout.buffer.write(encoded.data)
         sys.stdout.buffer.flush()
-        return Written(None, [], encoded.notes, encoded.vertex_map, encoded.face_map)
+        told = [*encoded.warnings, *unresolved(encoded, document.source)]
+        return Written(None, [], encoded.notes, encoded.vertex_map, encoded.face_map, told)
     target = Path(path)
     name = format_of(target, format)
-    if target.exists() and not overwrite:  # before the work, not after it
-        raise OptionError(f"{target}: the file exists; replace it with --overwrite")
+    check_place(target, document, name, overwrite)
     encoded = encode(document, uvmap, name, options=options, stem=target.stem)
-    assets, missing = find_assets(document.source, encoded, target, options.copy_assets)
+    assets = find_assets(document.source, encoded, target, options.copy_assets, overwrite)
     beside = {target.parent / name: data for name, data in encoded.extra.items()}
     # the file itself comes last: what it refers to is there before it
-    files = write_files({**assets, **beside, target: encoded.data}, overwrite)[::-1]
-    return Written(target, files, [*encoded.notes, *missing], encoded.vertex_map, encoded.face_map)
+    contents = {**assets.copies, **beside, target: encoded.data}
+    files = write_files(contents, overwrite, inside=target.resolve().parent)[::-1]
+    told = [*encoded.warnings, *assets.warnings]
+    return Written(target, files, encoded.notes, encoded.vertex_map, encoded.face_map, told)
+
+
+def check_place(
+    path: str | os.PathLike[str], document: Document, format: str, overwrite: bool
+) -> None:
+    """Refuse an output before the work for it, where it would replace a file that it may not replace.
+
+    Raises OptionError.
+    """
+    target = Path(path)
+    if target.exists() and not overwrite:
+        raise OptionError(f"{target}: the file exists; replace it with --overwrite")
+    check_needed(document, format, target, overwrite)

@@ -13,7 +13,7 @@ from circparam.core.arrays import IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import WriteOptions
-from circparam.formats.io import read, write
+from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_bytes, write_seams
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.result import Result, verdict, verify_layout
@@ -31,7 +31,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         uv_set=o.target_set,
         overwrite_uv=bool(o.overwrite_uv),
         ply_uv=o.ply_uv,
-        copy_assets=bool(o.copy_assets),
+        copy_assets=o.copy_assets,
     )
     piped = os.fspath(output) == "-"
     with monitor.stage("write"):
@@ -48,21 +48,22 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         path="-" if written.path is None else os.fspath(written.path),
         files=[os.fspath(f) for f in written.files],
         notes=[*result.notes, *written.notes],
+        warnings=[*result.warnings, *written.warnings],
         vertex_map=written.vertex_map,
         face_map=written.face_map,
     )
     # a pipe or a device cannot be read back
     read_back = not piped and os.path.isfile(result.path or "")
-    return _verified_file(result, written.face_map, monitor) if read_back else result
+    return _verified_file(result, written, monitor) if read_back else result
 
 
-def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Result:
+def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result:
     """The result as its file says."""
     o = result.options
     with monitor.stage("verify"):
         again = read(result.path or "", format=o.format)
         layout = again.uv(o.target_set or 0)
-        uvmap = None if layout is None else in_input_order(layout, face_map, result)
+        uvmap = None if layout is None else in_input_order(layout, written.face_map, result)
         if uvmap is None:
             raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
         verification = verify_layout(result.surface, uvmap, o, result.tiles)
@@ -77,7 +78,7 @@ def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Resu
         verification=verification,
         status=said.status,
         reasons=said.reasons,
-        warnings=said.warnings,
+        warnings=[*said.warnings, *written.warnings],
     )
 
 

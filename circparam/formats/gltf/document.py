@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -78,12 +79,31 @@ class GltfDocument(Document):
         """The same tree with TEXCOORD_n of every triangle primitive."""
         if format not in ("gltf", "glb"):
             return None
-        number, note = check_uv_set(self, options, only_first=False)
+        replaced = check_uv_set(self, options, only_first=False)
         with sound_tree(self.source):
             out = write_uv(
-                self.tree, self.primitives, self.pools, uvmap, number, format=format, stem=stem
+                self.tree,
+                self.primitives,
+                self.pools,
+                uvmap,
+                replaced.number,
+                format=format,
+                stem=stem,
             )
-        return replace(out, notes=[note, *out.notes]) if note else out
+        notes = [*replaced.notes, *out.notes]
+        return replace(out, notes=notes, needed=self.needs(format), warnings=replaced.warnings)
+
+    def textured_sets(self) -> set[int]:
+        """The uv sets that textures of the materials refer to, those of extensions too."""
+        with sound_tree(self.source, "a material"):
+            return materials.texture_sets(self.tree.json.get("materials", []))
+
+    def needs(self, format: str) -> list[str]:
+        """The buffers that lie beside the file; a GLB holds its own."""
+        if format != "gltf":
+            return []
+        uris = [b.get("uri") for b in self.tree.json.get("buffers", [])]
+        return [unquote(u) for u in uris if isinstance(u, str) and not u.startswith("data:")]
 
 
 def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocument:

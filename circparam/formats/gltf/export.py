@@ -39,7 +39,7 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
             f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
             "scale the mesh"
         )
-    notes = not_carried(document)
+    notes, warnings = not_carried(document, "glb")
     if (points != mesh.points)[np.unique(mesh.faces)].any():
         notes.append("positions were rounded to float32, all that glTF stores")
     if split.added:
@@ -69,7 +69,8 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
         )
         offset += 3 * k * width
     tree["buffers"] = [{"byteLength": at}]
-    return Encoded(glb_bytes(tree, b"".join(parts)), "glb", split.source, order, notes=notes)
+    data = glb_bytes(tree, b"".join(parts))
+    return Encoded(data, "glb", split.source, order, notes=notes, warnings=warnings)
 
 
 def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:

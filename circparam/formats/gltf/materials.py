@@ -60,6 +60,22 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     return files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
 
 
+def texture_sets(entries: Any) -> set[int]:
+    """The uv sets that texture infos anywhere in a tree refer to."""
+    out, stack = set(), [entries]
+    while stack:
+        value = stack.pop()
+        if isinstance(value, dict):
+            for key, info in value.items():
+                if key.endswith("Texture") and isinstance(info, dict) and "index" in info:
+                    moved = info.get("extensions", {}).get("KHR_texture_transform", {})
+                    out.add(int(moved.get("texCoord", info.get("texCoord", 0))))
+            stack += value.values()
+        elif isinstance(value, list):
+            stack += value
+    return out
+
+
 def _texture_source(texture: dict[str, Any]) -> int | None:
     """The image of a texture, WebP extension included."""
     for holder in (texture, texture.get("extensions", {}).get("EXT_texture_webp", {})):
