@@ -74,8 +74,9 @@ def _formats() -> list[str]:
     return FORMATS.names()
 
 
-MESH = click.Path(dir_okay=True, allow_dash=True)  # a directory is the library's error (exit 3)
-FILE = click.Path()
+# what can't be read or is a directory is the library's error (exit 3), not one of usage
+MESH = click.Path(dir_okay=True, allow_dash=True, readable=False)
+FILE = click.Path(readable=False)
 
 # options of the library ------------------------------------------------------------------------------
 _TYPES: dict[str, Any] = {"int": int, "float": float, "str": str}  # every other type is in a file

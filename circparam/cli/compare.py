@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from circparam.cli import common, exits, progress
-from circparam.errors import CircparamError, NoResultError, OptionError, OutputError
+from circparam.cli.paths import check_place
+from circparam.errors import CircparamError, NoResultError, OptionError
 
 if TYPE_CHECKING:
     from circparam.compare.kim2019 import Size
@@ -161,10 +162,7 @@ def _check_output(path: str, overwrite: bool, ending: str = "") -> None:
     """Refuse before hours of work, not after."""
     if not path.lower().endswith(ending):
         raise OptionError(f"{path}: end the name in {ending}")
-    if Path(path).exists() and not overwrite:
-        raise OptionError(f"{path} exists already: give --overwrite or another name")
-    if not Path(path).absolute().parent.is_dir():
-        raise OutputError(f"{path}: there is no folder {Path(path).absolute().parent}")
+    check_place(path, overwrite)
 
 
 def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -> dict[str, Any]:

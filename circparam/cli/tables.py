@@ -6,6 +6,8 @@ the right), neither with lines.
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -83,6 +85,36 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
         for line in report["notes"]:
             row("note", plain(line))
     return table
+
+
+def summary_table(reports: list[dict[str, Any]]) -> Table:
+    """What became of several meshes: one line each, and how many of them are of which status."""
+    rows: dict[str, Iterable[str]] = {}
+    for number, report in enumerate(reports, 1):
+        figures = ["-"] * 5
+        if report["status"] != "failed":
+            figures = [
+                str(report["charts"]), _number(report["distortion"]), f"{report['seam_length']:.2f}",
+                _percent(report["pack"]), f"{report['seconds']:.2f}",
+            ]  # fmt: skip
+        rows[f"{number} {_short(report['input'])}"] = [report["status"], *figures]
+    counts = Counter(report["status"] for report in reports)
+    said = ", ".join(f"{counts[name]} {name}" for name in _STATUS if counts[name])
+    heads = ("status", "charts", "distortion", "seam", "packed", "seconds")
+    table = columns("mesh", heads, rows)
+    table.caption = f"{len(reports)} meshes: {said}"
+    table.caption_justify, table.caption_style = "left", ""
+    return table
+
+
+def _short(path: str, width: int = 26) -> str:
+    """The name of a file without its folder, its middle left out where it is long."""
+    name = os.path.basename(path) or path
+    return name if len(name) <= width else f"{name[: width - 13]}…{name[-12:]}"
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"
 
 
 LISTED = 12  # components that a table shows

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from circparam.cli import common, exits, progress
-from circparam.cli.paths import check_outputs, output_path
+from circparam.cli.paths import check_outputs, made_folder, output_path, without_outputs
 from circparam.errors import CircparamError, GateError, OptionError
 from circparam.pipeline.options import Options
 
@@ -80,9 +80,14 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     from circparam.pipeline.gates import parse_gates
 
     run = _Run(given, parse_gates(given["fail_if"]))
-    outputs = [output_path(mesh, given) for mesh in meshes]
-    check_outputs(meshes, outputs, given)
-    codes = [run.one(mesh, out) for mesh, out in zip(meshes, outputs, strict=True)]
+    asked, again = without_outputs(meshes)
+    outputs = [output_path(mesh, given) for mesh in asked]
+    check_outputs(asked, outputs, given)
+    for mesh in again:
+        progress.warn(f"{mesh}: left out, the output of a mesh beside it", run.quiet)
+    with made_folder(given["out_dir"]):
+        codes = [run.one(mesh, out) for mesh, out in zip(asked, outputs, strict=True)]
+    run.summary()
     return next((code for code in codes if code), exits.OK)
 
 
@@ -94,6 +99,7 @@ class _Run:
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
         self.options = Options(**_keywords(given))
+        self.reports: list[dict[str, Any]] = []  # of every mesh, those without a result too
 
     def one(self, mesh: str, out: str) -> int:
         """Unwrap one mesh; an error of one does not keep the others from being unwrapped."""
@@ -104,10 +110,20 @@ class _Run:
             if mesh not in line and not isinstance(error, OptionError):
                 line = f"{mesh}: {line}"
             click.echo(f"circparam: error: {line}", err=True)
-            if self.as_json and not isinstance(error, GateError):
-                self._print_json(_failure(mesh, line, exits.code_of(error)))
+            if not isinstance(error, GateError):
+                self.reports.append(_failure(mesh, line, exits.code_of(error)))
+                if self.as_json:
+                    self._print_json(self.reports[-1])
             return exits.code_of(error)
         return exits.OK
+
+    def summary(self) -> None:
+        """One line a mesh where there are several: what became of each."""
+        if len(self.reports) < 2 or self.as_json or self.quiet:
+            return
+        from circparam.cli.tables import console, summary_table
+
+        console().print("", summary_table(self.reports))
 
     def _unwrap(self, mesh: str, out: str) -> None:
         from circparam.core.monitor import Monitor
@@ -127,6 +143,7 @@ class _Run:
             result = unwrap_document(document, out, options, monitor)
             self._extras(result)
         report = summarise(result)
+        self.reports.append(report)
         for line in report["warnings"]:
             progress.warn(f"{mesh}: {line}", self.quiet)
         if self.as_json:

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from circparam.cli import common, progress
+from circparam.cli.paths import beside, check_place
 from circparam.errors import OptionError
 
 _EPILOG = """\b
@@ -70,11 +71,9 @@ def command(mesh: str, **given: Any) -> None:
 
     if given["output"] is None and mesh == "-":
         raise OptionError("the mesh comes from standard input: name the picture with -o FILE")
-    stem = Path(mesh)
-    path = Path(given["output"]) if given["output"] else stem.with_name(f"{stem.stem}_view.png")
+    path = Path(given["output"] or beside(Path(mesh), "_view", ".png"))
     check_kind(path)
-    if path.exists() and not given["overwrite"]:
-        raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
+    check_place(str(path), given["overwrite"])
     document = read(mesh, format=given["format"])
     look = {name: given[name] for name in ("uv_set", "padding", "up")}
     view_document(document, path, **look, stretch_end=given["scale"])

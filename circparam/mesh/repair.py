@@ -158,12 +158,14 @@ def _oriented(
 ) -> Surface:
     """The surface wound as ``orientation`` says; reversing a face swaps its half-edges 0 and 2."""
     back = orientation.reversed_faces
-    h = pairs.edges[orientation.keep]
-    h = np.where(back[h // 3], h - h % 3 + (2 - h % 3), h)
-    h = np.sort(h, 1)
+    solved = np.where(
+        back[pairs.edges // 3], pairs.edges - pairs.edges % 3 + (2 - pairs.edges % 3), pairs.edges
+    )
+    h = np.sort(solved[orientation.keep], 1)
     order = np.argsort(h[:, 0], kind="stable")
     wound = np.where(back[:, None], faces[:, [0, 2, 1]], faces)
-    return Surface(points, wound, source, back, h[order], pairs.locked[orientation.keep][order])
+    return Surface(points, wound, source, back, h[order], pairs.locked[orientation.keep][order],
+                   solved[~orientation.keep])  # fmt: skip
 
 
 def _part_of_another_polygon(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,8 @@ class Surface:
     ascending order of i. A half-edge in no pair is on a boundary: a non-manifold edge keeps pairs of faces,
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
     locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
+    torn: (t, 2) int64, pairs of half-edges that repair let go because the component has one side only. Both run
+    the same way along their edge; the cut between them is a seam like any other, though no pair.
     """
 
     points: FloatArray
@@ -33,6 +35,7 @@ class Surface:
     reversed_faces: BoolArray
     edges: IntArray
     locked: BoolArray
+    torn: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
     @cached_property
     def corner_vertex(self) -> IntArray:
@@ -68,9 +71,20 @@ class Surface:
     @cached_property
     def edge_lengths(self) -> FloatArray:
         """(e,) length of each edge in ``edges``."""
-        h = self.edges[:, 0]
+        return self.lengths(self.edges[:, 0])
+
+    def torn_seams(self, corners: FloatArray) -> IntArray:
+        """(s,) half-edges of ``torn`` whose two sides have different uv; corners (m, 3, 2)."""
+        flat = corners.reshape(-1, corners.shape[-1])
+        i, j = self.torn[:, 0], self.torn[:, 1]
+        apart = (flat[i] != flat[j]) | (flat[next_half_edge(i)] != flat[next_half_edge(j)])
+        out: IntArray = i[apart.any(1)]
+        return out
+
+    def lengths(self, half_edges: IntArray) -> FloatArray:
+        """(h,) length of each of the given half-edges."""
         flat = self.faces.ravel()
-        d = self.points[flat[next_half_edge(h)]] - self.points[flat[h]]
+        d = self.points[flat[next_half_edge(half_edges)]] - self.points[flat[half_edges]]
         result: FloatArray = np.linalg.norm(d, axis=1)
         return result
 

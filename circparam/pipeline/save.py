@@ -17,6 +17,7 @@ from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_bytes, write_seams
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.result import Result, verdict, verify_layout
+from circparam.pipeline.verify import corners_of
 
 
 def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None = None) -> Result:
@@ -103,6 +104,8 @@ def seam_pairs(result: Result) -> IntArray:
     glued = np.zeros(surface.faces.size, bool)
     glued[cut_mesh.edges.ravel()] = True
     h = surface.edges[~glued[surface.edges[:, 0]], 0]
+    corners, _ = corners_of(surface, UVMap(result.uv, result.uv_faces))
+    h = np.concatenate([h, surface.torn_seams(corners)])
     corner = np.where(surface.reversed_faces[:, None], [[0, 2, 1]], [[0, 1, 2]])
     face = result.mesh.faces[surface.source]
     a = face[h // 3, corner[h // 3, h % 3]]

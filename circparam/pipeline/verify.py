@@ -145,11 +145,18 @@ def verify(
         overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
         outside=outside,
         measures=measure(part, alike),
-        seam_length=atlas.seam_length,
+        seam_length=_seam_length(atlas),
         uv_min=points.min(0),
         uv_max=points.max(0),
         coverage=cover(cut_mesh, uv, resolution, padding + 2) if resolution is not None else None,
     )
+
+
+def _seam_length(atlas: Atlas) -> float:
+    """Length of all seams over the square root of the area, those that open one-sided components too."""
+    surface = atlas.surface
+    torn = surface.lengths(surface.torn_seams(atlas.corners)).sum()
+    return atlas.seam_length + float(torn / np.sqrt(surface.areas.sum()))
 
 
 def _orientation(

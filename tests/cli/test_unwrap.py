@@ -459,3 +459,63 @@ def test_a_named_pipe_is_written_and_not_read_back(disk: Path, tmp_path: Path) -
     assert result.exit_code == 0, result.stderr
     assert run("unwrap", disk, *CONVEX, "-q").exit_code == 0
     assert got.read_bytes() == (tmp_path / "disk_uv.obj").read_bytes()
+
+
+def test_several_meshes_end_with_a_summary(tmp_path: Path) -> None:
+    """One line a mesh, failed ones too, and how many of each status; the folder is made."""
+    a = obj(tmp_path / "a.obj", shapes.bumped_disk(100))
+    b = obj(tmp_path / "b.obj", shapes.grid(4, 4))
+    bad = tmp_path / "bad.obj"
+    bad.write_text("no mesh")
+    old = tmp_path / "a_uv.obj"
+    old.write_text("what an earlier run wrote")
+    out = tmp_path / "new" / "folder"
+    result = run("unwrap", a, bad, b, old, "--out-dir", out, "--cut", "none", *QUICK)
+    assert result.exit_code == 3
+    assert sorted(p.name for p in out.iterdir()) == ["a.obj", "b.obj"]
+    tail = result.stdout.splitlines()[-5:]
+    assert tail[0].split()[:2] == ["mesh", "status"]
+    assert [line.split()[0].rpartition("/")[2] for line in tail[1:4]] == [
+        "a.obj",
+        "bad.obj",
+        "b.obj",
+    ]
+    assert "failed" in tail[2]
+    assert tail[4].strip() == "3 meshes: 2 ok, 1 failed"
+    assert "a_uv.obj: left out" in result.stderr
+    assert old.read_text() == "what an earlier run wrote"
+    lines = run(
+        "unwrap", a, b, "--out-dir", out, "--overwrite", "--json", "--cut", "none", *QUICK
+    ).stdout
+    assert [json.loads(line)["status"] for line in lines.splitlines()] == ["ok", "ok"]
+
+
+@pytest.mark.parametrize("place", [".", "/", ".."])
+def test_a_directory_is_no_mesh(place: str) -> None:
+    for command in ("unwrap", "view", "pack", "check", "compare"):
+        one_line_error(run(command, place), 3, "this is a directory")
+
+
+def test_an_unreadable_file_is_an_error_of_the_input(
+    disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Root may read everything, so the system's answers are made up: the documented code is 3."""
+
+    def refuse(path: object, *_: object, **__: object) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(os, "access", lambda *_, **__: False)
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    monkeypatch.setattr(Path, "read_text", refuse)
+    for words in (
+        ("unwrap", disk),
+        ("check", disk),
+        ("view", disk),
+        ("pack", disk),
+        ("compare", disk),
+    ):
+        one_line_error(run(*words), 3, "disk.obj", "Permission denied")
+    bake = ("bake", disk, "--from", "texture", "-o", disk.with_name("x.png"))
+    one_line_error(run(*bake), 3, "disk.obj", "Permission denied")
+    for flag in ("--seams", "--no-seams", "--pin"):
+        one_line_error(run("unwrap", disk, flag, disk, "--method", "lscm"), 3, "Permission denied")
