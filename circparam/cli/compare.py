@@ -102,7 +102,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
 
             print_comparison(result, shown)
     sizes = None
-    if (not meshes or given["report"]) and {kim2019.METHOD, kim2019.PEER} <= set(names):
+    if not meshes and {kim2019.METHOD, kim2019.PEER} <= set(names):
         sizes = kim2019.measure(repeats=given["repeats"])
         if not silent:
             from circparam.cli.compare_tables import print_table1

@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 Figures = dict[str, tuple[str, int | None]]
 # head of a column → name of the figure, and its digits (None: a count)
-_COST_FIGURES: Figures = {"charts": ("charts", None), "seam": ("seam_length", 2)}
+_COST_FIGURES: Figures = {"charts": ("charts", None), "seam length": ("seam_length", 2)}
 _FAULTS: Figures = {"flips": ("flips", None), "overlap": ("overlap", None)}
 _QUALITY: Figures = {
-    "SD/4": ("distortion", 4),
-    "worst": ("distortion_max_chart", 4),
+    "distortion": ("distortion", 4),
+    "worst chart": ("distortion_max_chart", 4),
     "L2": ("stretch_l2", 4),
     "Linf": ("stretch_linf", 4),
     "angle": ("angle", 4),
     "area": ("area", 4),
-    "pack": ("pack", 3),
+    "packed": ("pack", 3),
 }
 _SECONDS = ("weights", "solve", "total")
 

@@ -1,4 +1,4 @@
-"""``circparam view``: the layout, the surface with a checker, and the stretch, in one file."""
+"""``circparam view``: the layout, the surface with a checker, and the distortion, in one file."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ Examples:
     "--scale",
     type=click.FloatRange(1, min_open=True),
     metavar="D",
-    help="End of the colour scale of the stretch.  [default: what 99 % stay below]",
+    help="End of the colour scale of distortion.  [default: 2]",
 )
 @click.option(
     "--up",
@@ -61,7 +61,7 @@ Examples:
 @common.overwrite
 @common.quiet
 def command(mesh: str, **given: Any) -> None:
-    """Draw the uv of a mesh: the layout, a checker on the surface, and where the stretch is.
+    """Draw the uv of a mesh: the layout, a checker on the surface, and where the distortion is.
 
     Works for any mesh with uv, made by circparam or not. A page (.html) is one file that needs no network:
     turn and zoom the surface, point at a chart to find it in both views, see the mesh's own texture.
@@ -76,7 +76,7 @@ def command(mesh: str, **given: Any) -> None:
     check_place(str(path), given["overwrite"])
     document = read(mesh, format=given["format"])
     look = {name: given[name] for name in ("uv_set", "padding", "up")}
-    view_document(document, path, **look, stretch_end=given["scale"])
+    view_document(document, path, **look, scale_end=given["scale"])
     for line in document.notes:
         progress.warn(f"{mesh}: {line}", given["quiet"])
     if not given["quiet"]:

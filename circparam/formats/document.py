@@ -85,6 +85,10 @@ class Document:
         """How often a mesh of the file is shown again by a further node (0 where none is shared)."""
         return 0
 
+    def copies(self) -> list[tuple[IntArray, FloatArray]]:
+        """Parts that the file shows again: faces (k,), and the (4, 4) transform from where they are read."""
+        return []
+
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """The layout of one uv set of the file, origin bottom-left; None where the file has no such set."""
         return None

@@ -152,6 +152,13 @@ def verify(
     )
 
 
+def flipped_faces(surface: Surface, uvmap: UVMap) -> BoolArray:
+    """(m,) faces of the surface that ``verify`` counts as flips."""
+    corners, ok = corners_of(surface, uvmap)
+    cut_mesh, uv = Atlas(surface, _seams(surface, corners, ok), corners).open()
+    return _orientation(surface, cut_mesh, signs(uv, cut_mesh.faces), ok)[0]
+
+
 def _seam_length(atlas: Atlas) -> float:
     """Length of all seams over the square root of the area, those that open one-sided components too."""
     surface = atlas.surface
