@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from circparam.cli.tables import columns, console
+from circparam.core.words import counted
 
 if TYPE_CHECKING:
     from circparam.compare.kim2019 import Size
@@ -35,7 +36,8 @@ def print_comparison(found: Comparison, shown: str | None = None) -> None:
     shown: a name for the mesh in place of that of its file.
     """
     title = shown or found.mesh
-    about = f"{found.vertices} vertices, {found.faces} faces; cut {found.cut}, {found.cut_seconds:.2f} s"
+    sizes = f"{counted(found.vertices, 'vertex')}, {counted(found.faces, 'face')}"
+    about = f"{sizes}; cut {found.cut}, {found.cut_seconds:.2f} s"
     one = f"{title}: {about}"
     click.echo(one if len(one) <= 80 else f"{title}\n{about}")
     heads = [*_COST_FIGURES, *_SECONDS, "peak MB", *_FAULTS]

@@ -14,6 +14,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from circparam.core.words import counted
+
 _STATUS = {"ok": "green", "repaired": "yellow", "degraded": "red", "failed": "red"}
 
 
@@ -64,7 +66,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     row("input", plain(report["input"]))
     row("output", plain(report["output"] or "(in memory)"))
     row("method", f"{report['method']}, cut {report['cut']}")
-    row("charts", f"{report['charts']} of {report['faces']} faces")
+    row("charts", f"{report['charts']} of {counted(report['faces'], 'face')}")
     row("flips, overlaps", f"{report['flips']}, {report['overlap']}")
     row(
         "distortion",
@@ -143,7 +145,10 @@ def check_table(report: dict[str, Any]) -> Table:
         lengths = ", ".join(f"{x:.4g}" for x in part["boundary_lengths"][:4])
         more = ", ..." if len(part["boundary_lengths"]) > 4 else ""
         boundaries = f"; boundaries of length {lengths}{more}" if lengths else ""
-        row(f"component {number}", f"{part['verdict']}, {part['faces']} faces{boundaries}")
+        row(
+            f"component {number}",
+            f"{part['verdict']}, {counted(part['faces'], 'face')}{boundaries}",
+        )
     if len(parts) > LISTED:
         row("", f"and {len(parts) - LISTED} components more")
     row("uv sets", ", ".join(map(str, report["uv_sets"])) or "none")

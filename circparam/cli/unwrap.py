@@ -22,10 +22,17 @@ Examples:
   circparam unwrap disk.obj --cut disk --method circle
   circparam unwrap mesh.obj --max-distortion 1.02 --fail-if 'flips>0,overlap>0'
   circparam unwrap - --format obj < mesh.obj > mesh_uv.obj
+
+\b
+Figures of the report:
+  distortion    symmetric Dirichlet energy / 4, the mean over the surface; 1 is perfect
+  seam length   of all seams, in units of the square root of the surface's area
+  stretch       how many times the surface is stretched or shrunk in one direction
+  packed        share of the pages that charts cover
 """
 
 
-class UnwrapCommand(common.Command):
+class UnwrapCommand(common.SectionedCommand):
     """A command whose ``--boundary polygon FILE`` takes the file after the name."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -52,20 +59,35 @@ class UnwrapCommand(common.Command):
     common.library_option("method"),
     common.library_options("flattening"),
     common.library_options("seams"),
-    click.option(
-        "--export-seams", type=common.FILE, metavar="FILE", help="Write the seams as vertex pairs."
+    common.option(
+        common.SEAMS,
+        "--export-seams",
+        type=common.FILE,
+        metavar="FILE",
+        help="Write the seams as vertex pairs.",
     ),
     common.library_options("packing"),
     common.library_options("writing"),
-    click.option(
-        "--map", "index_map", type=common.FILE, metavar="FILE.npz", help="Write the index map."
+    common.option(
+        common.INPUT,
+        "--map",
+        "index_map",
+        type=common.FILE,
+        metavar="FILE.npz",
+        help="Write the index map.",
     ),
     common.library_options("repair"),
     common.gates,
     common.library_option("timeout"),
-    click.option("--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."),
-    click.option(
-        "--preview", type=common.FILE, metavar="FILE", help="Draw the result: .png, .svg or .html."
+    common.option(
+        common.CHECKS, "--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."
+    ),
+    common.option(
+        common.INPUT,
+        "--preview",
+        type=common.FILE,
+        metavar="FILE",
+        help="Draw the result: .png, .svg or .html.",
     ),
     common.json_option,
     common.quiet,

@@ -37,6 +37,32 @@ class Written:
     warnings: list[str] = field(default_factory=list)
 
 
+_GLB = "export a .glb (or .obj) there, and unwrap that"
+# what people have in place of a mesh that can be read → what to do with it
+_FOREIGN = {
+    ".fbx": f"FBX is a closed format: open it in Blender, Maya or FBX2glTF, {_GLB}",
+    ".usdz": f"USD is not read: open it in Blender or with usdcat, {_GLB}",
+    ".usd": f"USD is not read: open it in Blender, {_GLB}",
+    ".usda": f"USD is not read: open it in Blender, {_GLB}",
+    ".usdc": f"USD is not read: open it in Blender, {_GLB}",
+    ".blend": f"a Blender file holds more than a mesh: open it in Blender, {_GLB}",
+    ".dae": f"COLLADA is not read: open it in Blender, {_GLB}",
+    ".3ds": f"3DS is not read: open it in Blender, {_GLB}",
+    ".max": f"a 3ds Max scene holds more than a mesh: open it there, {_GLB}",
+    ".ma": f"a Maya scene holds more than a mesh: open it there, {_GLB}",
+    ".mb": f"a Maya scene holds more than a mesh: open it there, {_GLB}",
+    ".abc": f"Alembic is not read: open it in Blender, {_GLB}",
+    ".3mf": "3MF is not read: save it as .stl or .obj in the slicer, and unwrap that",
+    ".step": "STEP holds surfaces, no triangles: export an .stl or .obj from the CAD program",
+    ".stp": "STEP holds surfaces, no triangles: export an .stl or .obj from the CAD program",
+    ".iges": "IGES holds surfaces, no triangles: export an .stl or .obj from the CAD program",
+    ".igs": "IGES holds surfaces, no triangles: export an .stl or .obj from the CAD program",
+    ".mtl": "this is a material library: give the .obj that names it",
+    ".bin": "this is a buffer of a glTF: give the .gltf that names it",
+    ".zip": "this is an archive: unpack it, and give the mesh inside",
+}
+
+
 def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
     """The format by name: as given, else by the suffix. Raises OptionError where neither tells."""
     if format is not None:
@@ -97,7 +123,10 @@ def _format_of_content(data: bytes, source: Source) -> str:
         by_suffix = format_of(source.path) if source.path is not None else None
     except OptionError as error:
         if name is None:
-            raise InputError(str(error)) from None
+            kind = "" if source.path is None else source.path.suffix.lower()
+            raise InputError(
+                f"{source.name}: {_FOREIGN[kind]}" if kind in _FOREIGN else str(error)
+            ) from None
     if name and by_suffix and name != by_suffix:
         raise source.error(
             f"the name says {by_suffix.upper()}, the content is {name.upper()}: "

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.monitor import Listener, Monitor
+from circparam.core.words import counted
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.mesh.atlas import Atlas
@@ -113,7 +114,7 @@ def _as_given(job: Job, uvmap: UVMap) -> Atlas:
     corners, ok = corners_of(job.surface, uvmap)
     if not ok.all():
         raise InputError(
-            f"{job.document.source.name}: {int((~ok).sum())} faces have no uv: "
+            f"{job.document.source.name}: {counted(int((~ok).sum()), 'face')} without uv: "
             "circparam unwrap makes some"
         )
     return Atlas(job.surface, uv_seams(job.surface, uvmap), corners)

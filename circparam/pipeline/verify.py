@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.words import counted
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
@@ -264,17 +265,18 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
     """Why a layout is less than what was promised, one line each; empty where it is all right."""
     out = []
     if v.missing:
-        out.append(f"{v.missing} faces have no finite uv")
+        out.append(f"{counted(v.missing, 'face')} without finite uv")
     if v.flips:
         where = np.unique(v.cut_mesh.chart[v.flipped])
-        out.append(f"{v.flips} faces are flipped or without area in {_named(where)}")
+        out.append(f"{counted(v.flips, 'face')} flipped or without area in {_named(where)}")
     if len(v.mirrored):
         out.append(f"{_named(v.mirrored)} mirrored")
     if len(v.overlapping):
         out.append(f"{_named(v.overlapping)} overlapping itself")
     if len(v.overlapping_pairs):
         a, b = v.overlapping_pairs[0]
-        out.append(f"{len(v.overlapping_pairs)} pairs of charts overlap, the first {a} and {b}")
+        count = counted(len(v.overlapping_pairs), "pair")
+        out.append(f"{count} of charts overlapping, the first {a} and {b}")
     if len(v.outside):
         out.append(f"{_named(v.outside)} outside the unit square")
     if promise.bound is not None:

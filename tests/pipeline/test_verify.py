@@ -125,7 +125,7 @@ def test_numbers_that_are_none(value: float) -> None:
     uv[7] = value
     v = verify(surface, UVMap(uv, f))
     assert v.missing == (f == 7).any(1).sum()
-    assert any("no finite uv" in line for line in reasons(v, Promise()))
+    assert any("without finite uv" in line for line in reasons(v, Promise()))
 
 
 def test_faces_without_uv() -> None:

@@ -21,7 +21,7 @@ from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import file_uv, index_type, stored_uv
 from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json
 from circparam.formats.source import Source
-from circparam.formats.vertex_split import split_vertices
+from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
 
@@ -43,7 +43,7 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     if (points != mesh.points)[np.unique(mesh.faces)].any():
         notes.append("positions were rounded to float32, all that glTF stores")
     if split.added:
-        notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+        notes.append(duplicated(split.added))
     groups = np.zeros(len(mesh.faces), np.int64) if mesh.groups is None else mesh.groups
     order = np.argsort(groups, kind="stable")
     count = np.bincount(groups)

@@ -100,6 +100,7 @@ def read_obj(data: bytes, source: Source) -> ObjDocument:
         corners[polys.triangles],
         polygons=polys.labels,
         groups=None if groups is None else groups[polys.owner],
+        counted_from=1,
     )
     features = {
         "polygons": polys.labels is not None,

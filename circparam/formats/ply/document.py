@@ -17,7 +17,7 @@ from circparam.formats.ply.model import INDICES, POLYGON_UV, UV_NAMES, FaceLists
 from circparam.formats.ply.reading import Layout
 from circparam.formats.polygons import Polygons, list_start, strips, triangulate
 from circparam.formats.source import Source
-from circparam.formats.vertex_split import split_vertices
+from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import Mesh, UVMap
 
 
@@ -111,7 +111,7 @@ class PlyDocument(Document):
             return Encoded(data, "ply", np.arange(n), np.arange(m), assets=assets, notes=notes,
                            warnings=warnings)  # fmt: skip
         if split.added:
-            notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+            notes.append(duplicated(split.added))
         data = editing.with_vertex_uv(self.layout, self.lists, split, kind)
         return Encoded(data, "ply", split.source, np.arange(m), assets=assets, notes=notes,
                        warnings=warnings)  # fmt: skip

@@ -18,7 +18,7 @@ from circparam.formats.document import (
 from circparam.formats.ply.editing import check_place
 from circparam.formats.ply.model import POLYGON_UV
 from circparam.formats.tokens import ByteArray, interleave
-from circparam.formats.vertex_split import split_vertices
+from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
 
@@ -73,7 +73,7 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     if at_faces and polys.labels is not None and options.ply_uv is None:
         notes.append(POLYGON_UV)
     if not at_faces and split.added:
-        notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+        notes.append(duplicated(split.added))
     data = head + vertex.tobytes() + body.tobytes()
     faces = np.arange(len(document.mesh.faces))
     return Encoded(data, "ply", source, faces, notes=notes, warnings=warnings)

@@ -56,7 +56,7 @@ def test_what_the_tree_says() -> None:
     assert tree["nodes"] == [{"mesh": 0, "name": "mesh"}]
     seams = encode(doc, layout_with_seams(doc), "glb")
     added = len(seams.vertex_map) - 9
-    assert seams.notes == [f"{added} vertices were duplicated along seams, behind the input's"]
+    assert seams.notes == [f"{added} vertices duplicated along seams, behind the input's"]
 
 
 @pytest.mark.parametrize(("vertices", "code"), [(65535, 5123), (65536, 5125)])
