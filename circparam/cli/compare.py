@@ -143,19 +143,24 @@ def _write(found: list[Comparison], sizes: list[Size] | None, given: dict[str, A
     if given["as_json"]:
         document = _document(found, sizes, given["repeats"])
         click.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
-    if given["csv_file"] is not None:
-        _write_csv(Path(given["csv_file"]), found, given["overwrite"])
-    if given["report"] is None and given["plot"] is None:
-        return
-    from circparam.formats.io import read
-    from circparam.render.compare_page import save_plot, save_report
-    from circparam.render.side_by_side import side_by_side
+    from circparam.core.files import write_files
 
-    meshes = [side_by_side(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
-    if given["report"] is not None:
-        save_report(given["report"], meshes, sizes or ())
-    if given["plot"] is not None:
-        save_plot(given["plot"], meshes)
+    contents: dict[Path, bytes] = {}
+    if given["csv_file"] is not None:
+        contents[Path(given["csv_file"])] = _csv(found).encode("utf-8")
+    if given["report"] is not None or given["plot"] is not None:
+        from circparam.formats.io import read
+        from circparam.render.compare_page import compare_page, compare_plot
+        from circparam.render.picture import png_bytes
+        from circparam.render.side_by_side import side_by_side
+
+        meshes = [side_by_side(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
+        if given["report"] is not None:
+            contents[Path(given["report"])] = compare_page(meshes, sizes or ()).encode()
+        if given["plot"] is not None:
+            contents[Path(given["plot"])] = png_bytes(compare_plot(meshes))
+    if contents:  # all or none
+        write_files(contents, overwrite=True)
 
 
 def _check_output(path: str, overwrite: bool, ending: str = "") -> None:
@@ -177,10 +182,8 @@ def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -
     return {"schema": SCHEMA, "version": __version__, "meshes": meshes, "table1": printed}
 
 
-def _write_csv(path: Path, found: list[Comparison], overwrite: bool) -> None:
-    """One line a mesh and method; stages as columns, seconds. The file appears whole or not at all."""
-    from circparam.core.files import write_files
-
+def _csv(found: list[Comparison]) -> str:
+    """One line a mesh and method; stages as columns, seconds."""
     rows = []
     for c in found:
         for entry in c.rows:
@@ -193,4 +196,4 @@ def _write_csv(path: Path, found: list[Comparison], overwrite: bool) -> None:
     writer = csv.DictWriter(text, names, restval="")
     writer.writeheader()
     writer.writerows(rows)
-    write_files({path: text.getvalue().encode("utf-8")}, overwrite)
+    return text.getvalue()
