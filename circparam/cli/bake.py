@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +95,6 @@ def command(mesh: str, **given: Any) -> None:
         "notes": [*baked.notes, *notes],
     }
     if given["as_json"]:
-        click.echo(json.dumps(report, ensure_ascii=False))
+        common.echo_json(report)
     elif not given["quiet"]:
         click.echo("\n".join(str(f) for f in files))

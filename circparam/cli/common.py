@@ -7,6 +7,7 @@ command line has stand here.
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -175,6 +176,12 @@ def _field_type(fields: Any, name: str) -> str:
 
 def _parameter(name: str, spec: Spec) -> str:
     return f"no_{name}" if spec.switches_off else name
+
+
+def echo_json(document: Any, indent: int | None = None) -> None:
+    """JSON on standard output, always UTF-8: bytes of names that are none become escapes (``\\udcff``)."""
+    text = json.dumps(document, indent=indent, ensure_ascii=False, allow_nan=False)
+    click.echo(text.encode("utf-8", "backslashreplace").decode())
 
 
 # options of the command line alone ----------------------------------------------------------------------

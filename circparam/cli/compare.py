@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -142,12 +141,12 @@ def _write(found: list[Comparison], sizes: list[Size] | None, given: dict[str, A
     """JSON, CSV, the page and the image, as asked for."""
     if given["as_json"]:
         document = _document(found, sizes, given["repeats"])
-        click.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+        common.echo_json(document, 2)
     from circparam.core.files import write_files
 
     contents: dict[Path, bytes] = {}
     if given["csv_file"] is not None:
-        contents[Path(given["csv_file"])] = _csv(found).encode("utf-8")
+        contents[Path(given["csv_file"])] = _csv(found).encode("utf-8", "surrogateescape")
     if given["report"] is not None or given["plot"] is not None:
         from circparam.formats.io import read
         from circparam.render.compare_page import compare_page, compare_plot

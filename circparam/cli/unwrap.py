@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import replace
 from typing import Any
@@ -202,7 +201,7 @@ class _Run:
             save_preview(self.given["preview"], result.mesh, layout, result.measures, look)
 
     def _print_json(self, report: dict[str, Any]) -> None:
-        click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
+        common.echo_json(report)
 
 
 def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:

@@ -519,3 +519,31 @@ def test_an_unreadable_file_is_an_error_of_the_input(
     one_line_error(run(*bake), 3, "disk.obj", "Permission denied")
     for flag in ("--seams", "--no-seams", "--pin"):
         one_line_error(run("unwrap", disk, flag, disk, "--method", "lscm"), 3, "Permission denied")
+
+
+def test_names_that_are_not_utf_8(tmp_path: Path) -> None:
+    """Read, written, drawn and reported under any bytes that the system allows; JSON stays UTF-8."""
+    name = os.fsdecode(b"m\xff \xe9")
+    try:
+        mesh = obj(tmp_path / f"{name}.obj", shapes.bumped_disk(40))
+    except OSError:
+        pytest.skip("this file system takes UTF-8 only")
+    flat = ("--cut", "none", "--method", "mean-value", "-q", *QUICK)
+    for kind in ("obj", "ply", "glb", "gltf"):
+        out = tmp_path / f"out-{name}.{kind}"
+        assert run("unwrap", mesh, "-o", out, *flat).exit_code == 0
+        assert run("check", out, "--uv").exit_code == 0
+    for kind in ("png", "svg", "html"):
+        assert (
+            run("view", tmp_path / f"out-{name}.obj", "-o", tmp_path / f"{name}.{kind}").exit_code
+            == 0
+        )
+        assert (tmp_path / f"{name}.{kind}").stat().st_size > 1000
+    page, plot, table = (tmp_path / f"{name}-c.{kind}" for kind in ("html", "png", "csv"))
+    extra = ("--report", page, "--plot", plot, "--csv", table)
+    result = run("compare", mesh, "--methods", "mean-value", "--cut", "none", *extra, "--json")
+    assert result.exit_code == 0, result.stderr
+    for said in (result.stdout_bytes, run("check", mesh, "--json").stdout_bytes):
+        assert "\\udcff" in said.decode("utf-8")
+        json.loads(said)
+    one_line_error(run("unwrap", tmp_path / os.fsdecode(b"no\xff.obj")), 3, "no such file")

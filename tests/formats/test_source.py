@@ -56,3 +56,12 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "x").write_bytes(b" \n")
     with pytest.raises(InputError, match="empty"):
         read_bytes(tmp_path / "x")
+
+
+def test_names_with_a_percent_sign_are_names(tmp_path: Path) -> None:
+    """As they stand where such a file is there, as a URI else."""
+    (tmp_path / "50%20grey.png").write_bytes(b"a")
+    (tmp_path / "two words.png").write_bytes(b"b")
+    assert safe_path(tmp_path, "50%20grey.png") == (tmp_path / "50%20grey.png").resolve()
+    assert safe_path(tmp_path, "two%20words.png") == (tmp_path / "two words.png").resolve()
+    assert safe_path(tmp_path, "%2e%2e/x") is None

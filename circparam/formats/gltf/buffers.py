@@ -84,7 +84,7 @@ class Packing:
             separators=(",", ":") if self.tree.indent is None else None, allow_nan=False,
         )  # fmt: skip
         return (
-            text.encode() + (b"\n" if self.tree.indent is not None else b""),
+            _utf8(text) + (b"\n" if self.tree.indent is not None else b""),
             extra,
             self._assets(),
         )
@@ -131,6 +131,8 @@ class Packing:
         """The URI of a new buffer: a file beside the output, or the data itself where there is none."""
         if not stem:
             return "data:application/octet-stream;base64," + base64.b64encode(body).decode()
+        # other programs read URIs as UTF-8
+        stem = stem.encode("utf-8", "replace").decode().replace("?", "_")
         taken = set(self._assets())
         names = (f"{stem}{tail}.bin" for tail in ("", "_uv", *(f"_uv{k}" for k in range(2, 999))))
         name = next(n for n in names if n not in taken)
@@ -151,9 +153,14 @@ class Packing:
         return glb_bytes(self.json, body, self.tree.rest)
 
 
+def _utf8(text: str) -> bytes:
+    """JSON text as bytes; halves of surrogate pairs become the escapes that JSON has for them."""
+    return text.encode("utf-8", "backslashreplace")
+
+
 def glb_bytes(tree: Json, body: bytes | None, rest: bytes = b"") -> bytes:
     """A GLB file: header, JSON chunk, binary chunk, further chunks."""
-    text = json.dumps(tree, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
+    text = _utf8(json.dumps(tree, ensure_ascii=False, separators=(",", ":"), allow_nan=False))
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
     if body is not None:

@@ -90,6 +90,7 @@ def _new_tree(document: Document, points: npt.NDArray[np.float32], count: IntArr
     """A tree with one node and mesh; views and indices are still to come."""
     used = points.min(0).tolist(), points.max(0).tolist()
     name = document.path.stem if document.path is not None else "mesh"
+    name = name.encode("utf-8", "replace").decode()  # names on a disk may be any bytes
     floats = {"componentType": 5126, "count": len(points)}
     tree: Json = {
         "asset": {"version": "2.0", "generator": "circparam"},
