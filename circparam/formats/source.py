@@ -67,7 +67,8 @@ def safe_path(folder: Path, uri: str) -> Path | None:
 def _inside(folder: Path, name: str) -> Path | None:
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or name.startswith(("/", "\\")):
         return None
-    if "\\" in name or "\0" in name or ".." in name.split("/"):
+    name = name.replace("\\", "/")  # as Windows exporters write
+    if "\0" in name or ".." in name.split("/"):
         return None
     path = (folder / name).resolve()
     return path if path.is_relative_to(folder.resolve()) else None

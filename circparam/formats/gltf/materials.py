@@ -38,7 +38,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     for p in primitives:
         entry = tree.json["meshes"][p.mesh]["primitives"][p.number]
         material = tree.item("materials", entry["material"]) if "material" in entry else {}
-        pbr = material.get("pbrMetallicRoughness", {})
+        pbr = _base_colour(material)
         texture = pbr.get("baseColorTexture")
         image = -1
         if texture is not None:
@@ -58,6 +58,20 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     if len(set(sets)) > 1:
         files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
     return files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
+
+
+def _base_colour(material: dict[str, Any]) -> dict[str, Any]:
+    """Texture and factor of a material's base colour, by today's names.
+
+    Older exports, Sketchfab's among them, keep both in KHR_materials_pbrSpecularGlossiness, which comes first
+    where a reader knows it.
+    """
+    gloss = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+    if gloss is None:
+        found: dict[str, Any] = material.get("pbrMetallicRoughness", {})
+        return found
+    names = {"diffuseTexture": "baseColorTexture", "diffuseFactor": "baseColorFactor"}
+    return {names[key]: value for key, value in gloss.items() if key in names}
 
 
 def texture_sets(entries: Any) -> set[int]:
