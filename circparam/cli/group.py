@@ -40,7 +40,7 @@ COMMANDS = {
     "compare": Entry(
         _HERE + "compare", "Run several methods on the identical cut and put them side by side."
     ),
-    "view": Entry(_HERE + "view", "Draw layout, checker and stretch as PNG, SVG or one HTML page."),
+    "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or one page."),
     "bake": Entry(_HERE + "bake", "Carry colours or an old texture into the new uv."),
     "methods": Entry(_HERE + "methods", "Show every method, and what it guarantees."),
     "samples": Entry(_HERE + "samples", "List the bundled meshes, or save one."),
