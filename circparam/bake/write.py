@@ -18,6 +18,9 @@ from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode
 from circparam.formats.source import Source
 
+# readers that know this extension would show its texture instead of the new one
+GLOSS = "KHR_materials_pbrSpecularGlossiness"
+
 
 def check_target(path: Path) -> None:
     """Raise OptionError where the ending of an output is neither .png nor .glb."""
@@ -108,7 +111,15 @@ def embed(
 def _dress(tree: dict[str, Any], texture: dict[str, int], drop_colours: bool) -> None:
     """Let every material of a tree show the texture, in place; primitives without a material get one."""
     materials = tree.setdefault("materials", [])
+    for kind in ("extensionsUsed", "extensionsRequired"):
+        if GLOSS in tree.get(kind, []):
+            tree[kind] = [name for name in tree[kind] if name != GLOSS]
+            if not tree[kind]:  # an empty list is none that glTF knows
+                tree.pop(kind)
     for material in materials:
+        material.get("extensions", {}).pop(GLOSS, None)
+        if material.get("extensions") == {}:
+            material.pop("extensions")
         pbr = material.setdefault("pbrMetallicRoughness", {})
         if "baseColorTexture" not in pbr:
             pbr.pop("baseColorFactor", None)  # its colour is part of the image now

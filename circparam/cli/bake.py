@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 
 from circparam.cli import common, progress
+from circparam.cli.paths import check_place
 from circparam.core.limits import RESOLUTION
-from circparam.errors import OptionError
 
 _EPILOG = """\b
 Examples:
@@ -76,8 +75,7 @@ def command(mesh: str, **given: Any) -> None:
 
     path = Path(given["output"])
     check_target(path)
-    if path.exists() and not given["overwrite"]:
-        raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
+    check_place(str(path), given["overwrite"])
     document = read(mesh)
     kind, uv_set, size = given["kind"], given["uv_set"], given["size"]
     other = read(given["source"]) if given["source"] is not None else None
@@ -97,6 +95,6 @@ def command(mesh: str, **given: Any) -> None:
         "notes": [*baked.notes, *notes],
     }
     if given["as_json"]:
-        click.echo(json.dumps(report, ensure_ascii=False))
+        common.echo_json(report)
     elif not given["quiet"]:
         click.echo("\n".join(str(f) for f in files))

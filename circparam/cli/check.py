@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import click
@@ -58,7 +57,7 @@ def command(mesh: str, **given: Any) -> None:
         found = inspect(read(mesh, format=given["format"]), **keywords)
     report = summarise_check(found)
     if given["as_json"]:
-        click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
+        common.echo_json(report)
     elif not given["quiet"]:
         from circparam.cli.tables import check_table, console
 

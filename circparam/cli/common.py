@@ -7,6 +7,7 @@ command line has stand here.
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -24,12 +25,60 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 OLDER_FLAGS = {"--border": "--boundary", "--bff-border": "--bff-boundary"}
 
 
+# the sections of a long help text, in their order, and the stages of the library's options in each
+SECTIONS = {
+    "Input and output": ("files", "writing"),
+    "Method": ("method", "flattening"),
+    "Seams": ("seams",),
+    "Packing": ("packing",),
+    "Checks": ("repair", "bounds"),
+    "Information": (),
+}
+INPUT, METHOD, SEAMS, PACKING, CHECKS, INFORMATION = SECTIONS
+
+
+class Option(click.Option):
+    """A flag that knows in which section of a long help text it stands."""
+
+    def __init__(self, *words: Any, section: str = INFORMATION, **known: Any) -> None:
+        super().__init__(*words, **known)
+        self.section = section
+
+
+def option(section: str, *words: str, **known: Any) -> Decorator:
+    """A flag that only the command line has, with its section of the help text."""
+    return click.option(*words, cls=Option, section=section, **known)
+
+
+def section_of(stage: str) -> str:
+    """The section in which the options of a stage stand."""
+    return next((name for name, stages in SECTIONS.items() if stage in stages), INFORMATION)
+
+
 class Command(click.Command):
     """A command that also takes the older names of its flags."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Put today's name in the place of an older one, then read on as click does."""
         return super().parse_args(ctx, [today(word) for word in args])
+
+
+class SectionedCommand(Command):
+    """A command with so many flags that its help text has sections."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """One list of flags a section."""
+        rows: dict[str, list[tuple[str, str]]] = {name: [] for name in SECTIONS}
+        for param in self.get_params(ctx):
+            if not isinstance(param, click.Option):
+                continue
+            record = param.get_help_record(ctx)
+            if record is not None:
+                rows[getattr(param, "section", INFORMATION)].append(record)
+        for name, records in rows.items():
+            if records:
+                with formatter.section(name):
+                    formatter.write_dl(records)
 
 
 def today(word: str) -> str:
@@ -74,8 +123,9 @@ def _formats() -> list[str]:
     return FORMATS.names()
 
 
-MESH = click.Path(dir_okay=True, allow_dash=True)  # a directory is the library's error (exit 3)
-FILE = click.Path()
+# what can't be read or is a directory is the library's error (exit 3), not one of usage
+MESH = click.Path(dir_okay=True, allow_dash=True, readable=False)
+FILE = click.Path(readable=False)
 
 # options of the library ------------------------------------------------------------------------------
 _TYPES: dict[str, Any] = {"int": int, "float": float, "str": str}  # every other type is in a file
@@ -97,7 +147,7 @@ def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
         known["type"] = Name(name, spec.names)
     else:
         known["type"] = click.Choice(spec.choices) if spec.choices else _TYPES.get(base, FILE)
-    return click.option(*filter(None, words), **(known | other))
+    return option(section_of(spec.stage), *filter(None, words), **(known | other))
 
 
 def library_options(stage: str, fields: Any = Options) -> list[Decorator]:
@@ -128,6 +178,12 @@ def _parameter(name: str, spec: Spec) -> str:
     return f"no_{name}" if spec.switches_off else name
 
 
+def echo_json(document: Any, indent: int | None = None) -> None:
+    """JSON on standard output, always UTF-8: bytes of names that are none become escapes (``\\udcff``)."""
+    text = json.dumps(document, indent=indent, ensure_ascii=False, allow_nan=False)
+    click.echo(text.encode("utf-8", "backslashreplace").decode())
+
+
 # options of the command line alone ----------------------------------------------------------------------
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
 
@@ -137,18 +193,20 @@ quiet = click.option("--quiet", "-q", is_flag=True, help="No progress, no table,
 
 verbose = click.option("--verbose", "-v", count=True, help="Show more: -v stages, -vv notes.")
 
-output = click.option("--output", "-o", type=FILE, metavar="FILE", help="Where to write.")
+output = option(INPUT, "--output", "-o", type=FILE, metavar="FILE", help="Where to write.")
 
-out_dir = click.option(
+out_dir = option(
+    INPUT,
     "--out-dir",
     type=FILE,
     metavar="DIR",
-    help="Folder for the outputs, with the names of the inputs.",
+    help="Folder for the outputs, with the names of the inputs; made where it is missing.",
 )
 
 format_option = library_option("format", type=Name("format", _formats, listed=True))
 
-gates = click.option(
+gates = option(
+    CHECKS,
     "--fail-if",
     metavar="GATES",
     help="Exit 6 where a condition holds, for example 'flips>0,overlap>0,distortion>1.05'.",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from circparam.cli import common, exits, progress
-from circparam.errors import CircparamError, NoResultError, OptionError, OutputError
+from circparam.cli.paths import check_place
+from circparam.errors import CircparamError, NoResultError, OptionError
 
 if TYPE_CHECKING:
     from circparam.compare.kim2019 import Size
@@ -102,7 +102,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
 
             print_comparison(result, shown)
     sizes = None
-    if (not meshes or given["report"]) and {kim2019.METHOD, kim2019.PEER} <= set(names):
+    if not meshes and {kim2019.METHOD, kim2019.PEER} <= set(names):
         sizes = kim2019.measure(repeats=given["repeats"])
         if not silent:
             from circparam.cli.compare_tables import print_table1
@@ -144,30 +144,32 @@ def _write(found: list[Comparison], sizes: list[Size] | None, given: dict[str, A
     """JSON, CSV, the page and the image, as asked for."""
     if given["as_json"]:
         document = _document(found, sizes, given["repeats"])
-        click.echo(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
-    if given["csv_file"] is not None:
-        _write_csv(Path(given["csv_file"]), found, given["overwrite"])
-    if given["report"] is None and given["plot"] is None:
-        return
-    from circparam.formats.io import read
-    from circparam.render.compare_page import save_plot, save_report
-    from circparam.render.side_by_side import side_by_side
+        common.echo_json(document, 2)
+    from circparam.core.files import write_files
 
-    meshes = [side_by_side(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
-    if given["report"] is not None:
-        save_report(given["report"], meshes, sizes or ())
-    if given["plot"] is not None:
-        save_plot(given["plot"], meshes)
+    contents: dict[Path, bytes] = {}
+    if given["csv_file"] is not None:
+        contents[Path(given["csv_file"])] = _csv(found).encode("utf-8", "surrogateescape")
+    if given["report"] is not None or given["plot"] is not None:
+        from circparam.formats.io import read
+        from circparam.render.compare_page import compare_page, compare_plot
+        from circparam.render.picture import png_bytes
+        from circparam.render.side_by_side import side_by_side
+
+        meshes = [side_by_side(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
+        if given["report"] is not None:
+            contents[Path(given["report"])] = compare_page(meshes, sizes or ()).encode()
+        if given["plot"] is not None:
+            contents[Path(given["plot"])] = png_bytes(compare_plot(meshes))
+    if contents:  # all or none
+        write_files(contents, overwrite=True)
 
 
 def _check_output(path: str, overwrite: bool, ending: str = "") -> None:
     """Refuse before hours of work, not after."""
     if not path.lower().endswith(ending):
         raise OptionError(f"{path}: end the name in {ending}")
-    if Path(path).exists() and not overwrite:
-        raise OptionError(f"{path} exists already: give --overwrite or another name")
-    if not Path(path).absolute().parent.is_dir():
-        raise OutputError(f"{path}: there is no folder {Path(path).absolute().parent}")
+    check_place(path, overwrite)
 
 
 def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -> dict[str, Any]:
@@ -182,10 +184,8 @@ def _document(found: list[Comparison], sizes: list[Size] | None, repeats: int) -
     return {"schema": SCHEMA, "version": __version__, "meshes": meshes, "table1": printed}
 
 
-def _write_csv(path: Path, found: list[Comparison], overwrite: bool) -> None:
-    """One line a mesh and method; stages as columns, seconds. The file appears whole or not at all."""
-    from circparam.core.files import write_files
-
+def _csv(found: list[Comparison]) -> str:
+    """One line a mesh and method; stages as columns, seconds."""
     rows = []
     for c in found:
         for entry in c.rows:
@@ -198,4 +198,4 @@ def _write_csv(path: Path, found: list[Comparison], overwrite: bool) -> None:
     writer = csv.DictWriter(text, names, restval="")
     writer.writeheader()
     writer.writerows(rows)
-    write_files({path: text.getvalue().encode("utf-8")}, overwrite)
+    return text.getvalue()

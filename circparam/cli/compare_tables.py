@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from circparam.cli.tables import columns, console
+from circparam.core.words import counted
 
 if TYPE_CHECKING:
     from circparam.compare.kim2019 import Size
@@ -15,16 +16,16 @@ if TYPE_CHECKING:
 
 Figures = dict[str, tuple[str, int | None]]
 # head of a column → name of the figure, and its digits (None: a count)
-_COST_FIGURES: Figures = {"charts": ("charts", None), "seam": ("seam_length", 2)}
+_COST_FIGURES: Figures = {"charts": ("charts", None), "seam length": ("seam_length", 2)}
 _FAULTS: Figures = {"flips": ("flips", None), "overlap": ("overlap", None)}
 _QUALITY: Figures = {
-    "SD/4": ("distortion", 4),
-    "worst": ("distortion_max_chart", 4),
+    "distortion": ("distortion", 4),
+    "worst chart": ("distortion_max_chart", 4),
     "L2": ("stretch_l2", 4),
     "Linf": ("stretch_linf", 4),
     "angle": ("angle", 4),
     "area": ("area", 4),
-    "pack": ("pack", 3),
+    "packed": ("pack", 3),
 }
 _SECONDS = ("weights", "solve", "total")
 
@@ -35,7 +36,8 @@ def print_comparison(found: Comparison, shown: str | None = None) -> None:
     shown: a name for the mesh in place of that of its file.
     """
     title = shown or found.mesh
-    about = f"{found.vertices} vertices, {found.faces} faces; cut {found.cut}, {found.cut_seconds:.2f} s"
+    sizes = f"{counted(found.vertices, 'vertex')}, {counted(found.faces, 'face')}"
+    about = f"{sizes}; cut {found.cut}, {found.cut_seconds:.2f} s"
     one = f"{title}: {about}"
     click.echo(one if len(one) <= 80 else f"{title}\n{about}")
     heads = [*_COST_FIGURES, *_SECONDS, "peak MB", *_FAULTS]

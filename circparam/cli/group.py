@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -39,7 +40,7 @@ COMMANDS = {
     "compare": Entry(
         _HERE + "compare", "Run several methods on the identical cut and put them side by side."
     ),
-    "view": Entry(_HERE + "view", "Draw layout, checker and stretch as PNG, SVG or one HTML page."),
+    "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or one page."),
     "bake": Entry(_HERE + "bake", "Carry colours or an old texture into the new uv."),
     "methods": Entry(_HERE + "methods", "Show every method, and what it guarantees."),
     "samples": Entry(_HERE + "samples", "List the bundled meshes, or save one."),
@@ -149,6 +150,9 @@ def _open_standard_streams() -> None:
     ):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, flags), mode))
+    # names of files may be any bytes: they go out as they came in
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="surrogateescape")
 
 
 def _debug_option() -> click.Option:

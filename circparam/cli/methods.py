@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import click
@@ -29,7 +28,7 @@ def command(name: str | None, as_json: bool) -> None:
 
     rows = [_plain(METHODS[name])] if name else [_plain(row) for row in METHODS]
     if as_json:
-        click.echo(json.dumps(rows[0] if name else rows, indent=2, ensure_ascii=False))
+        common.echo_json(rows[0] if name else rows, 2)
     elif name:
         _print_page(rows[0])
     else:

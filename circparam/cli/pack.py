@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import click
@@ -56,7 +55,7 @@ def command(mesh: str, **given: Any) -> None:
     for line in report["warnings"]:
         progress.warn(f"{mesh}: {line}", given["quiet"])
     if given["as_json"]:
-        click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
+        common.echo_json(report)
     elif not given["quiet"] and out != "-":
         from circparam.cli.tables import console, unwrap_table
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from circparam.errors import OptionError
+from circparam.errors import OptionError, OutputError
 
 
 def output_path(mesh: str, given: dict[str, Any]) -> str:
@@ -15,32 +18,62 @@ def output_path(mesh: str, given: dict[str, Any]) -> str:
         return str(given["output"])
     if mesh == "-":
         return "-"
-    from circparam.formats.table import DEFAULT_OUTPUT
-
     path = Path(mesh)
-    kind = path.suffix.lower().lstrip(".")
-    suffix = f".{DEFAULT_OUTPUT[kind]}" if DEFAULT_OUTPUT.get(kind, kind) != kind else path.suffix
     folder = given.get("out_dir")
     if folder is not None:
-        return str(Path(folder) / f"{path.stem}{suffix}")
-    return str(path.with_name(f"{path.stem}_uv{suffix}"))
+        return str(Path(folder) / f"{path.stem}{_suffix(path)}")
+    return beside(path, "_uv", _suffix(path))
 
 
-def check_outputs(meshes: tuple[str, ...], outputs: list[str], given: dict[str, Any]) -> None:
-    """Refuse before any work what cannot be written as asked."""
+def beside(path: Path, tail: str, suffix: str) -> str:
+    """The name of a file beside another: NAME + tail + suffix; ``.`` and ``/`` have no stem and need none."""
+    return str(path.parent / f"{path.stem}{tail}{suffix}")
+
+
+def _suffix(path: Path) -> str:
+    """How the output of a file ends: as the file does, unless its format has no place for uv."""
+    from circparam.formats.io import format_of
+    from circparam.formats.table import DEFAULT_OUTPUT
+
+    try:
+        name = format_of(path)
+    except OptionError:
+        return path.suffix
+    out = DEFAULT_OUTPUT[name]
+    return path.suffix if out == name else f".{out}"
+
+
+def without_outputs(meshes: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """The meshes, and those left out: what an earlier call wrote for another of them (``*.obj`` finds both)."""
+    made = {os.path.normpath(output_path(mesh, _NOWHERE)) for mesh in meshes if mesh != "-"}
+    again = [mesh for mesh in meshes if os.path.normpath(mesh) in made]
+    return [mesh for mesh in meshes if mesh not in again], again
+
+
+_NOWHERE: dict[str, Any] = {"output": None, "out_dir": None}
+# flags that name one further file → the endings it may have, any where there are none
+_FURTHER = {
+    "export_seams": (),
+    "index_map": (".npz",),
+    "preview": (".png", ".svg", ".html"),
+}
+
+
+def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str, Any]) -> None:
+    """Refuse before any work what cannot be written as asked. Raises OptionError, OutputError."""
     if given["output"] is not None and given.get("out_dir") is not None:
         raise OptionError("-o and --out-dir exclude each other: give one of them")
     if given["output"] is not None and len(meshes) > 1:
         raise OptionError(
             f"-o names one file, but {len(meshes)} meshes are given: use --out-dir DIR"
         )
-    singles = ("export_seams", "index_map", "preview")
-    if len(meshes) > 1:
-        for name in singles:
-            if given.get(name):
-                raise OptionError(
-                    f"{_flag(name)} names one file, but {len(meshes)} meshes are given"
-                )
+    further = {name: str(given[name]) for name in _FURTHER if given.get(name)}
+    for name, path in further.items():
+        if len(meshes) > 1:
+            raise OptionError(f"{_flag(name)} names one file, but {len(meshes)} meshes are given")
+        endings = _FURTHER[name]
+        if endings and not path.lower().endswith(endings):
+            raise OptionError(f"{_flag(name)} {path}: end the name in {', '.join(endings)}")
     if outputs.count("-") + bool(given["as_json"]) > 1:
         raise OptionError(
             "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"
@@ -50,9 +83,56 @@ def check_outputs(meshes: tuple[str, ...], outputs: list[str], given: dict[str, 
         raise OptionError(f"two meshes would be written to {clash}: unwrap them one by one")
     if given["format"] is not None and "-" not in (*meshes, *outputs):
         raise OptionError("--format has no effect here: it tells the format of '-' (stdin, stdout)")
-    for path in (*outputs, *(given.get(name) for name in singles)):
-        if path and path != "-" and not given["overwrite"] and os.path.exists(path):
-            raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
+    for path in (*outputs, *further.values()):
+        if path != "-":
+            check_place(path, given["overwrite"], given.get("out_dir"))
+
+
+def check_place(path: str, overwrite: bool, made: str | None = None) -> None:
+    """Refuse a file that is there, a folder in its place, and a folder that is missing.
+
+    made: a folder that will be made, so that it need not be there. Raises OptionError, OutputError.
+    """
+    folder = Path(path).parent
+    if os.path.isdir(path):
+        raise OutputError(f"{path}: this is a directory; name a file")
+    if os.path.exists(path) and not overwrite:
+        raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
+    if not folder.is_dir() and (made is None or folder != Path(made)):
+        raise OutputError(f"{path}: there is no folder {str(folder)!r}: make it, or name another")
+
+
+@contextlib.contextmanager
+def made_folder(folder: str | None) -> Iterator[None]:
+    """Make a folder for outputs where it is missing; it goes again where nothing was written into it.
+
+    Raises OutputError where it can't be made.
+    """
+    made: list[Path] = []
+    try:
+        _make(folder, made)
+        yield
+    finally:
+        for path in reversed(made):
+            with contextlib.suppress(OSError):  # what holds a file stays
+                path.rmdir()
+
+
+def _make(folder: str | None, made: list[Path]) -> None:
+    """Make a folder and those above it, noting each as soon as it is there."""
+    if folder is None:
+        return
+    missing = [p for p in (Path(folder), *Path(folder).parents) if not p.exists()]
+    try:
+        for path in reversed(missing):
+            path.mkdir()
+            made.append(path)
+        if not Path(folder).is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+    except OSError as error:
+        raise OutputError(
+            f"--out-dir {folder}: it can't be made ({error.strerror or error}): name another folder"
+        ) from None
 
 
 def _flag(name: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,7 +40,7 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
         if output is not None:
             raise OptionError(f"-o needs the name of a sample: {', '.join(samples.names())}")
         if as_json:
-            click.echo(json.dumps([vars(s) for s in samples.manifest()], indent=2))
+            common.echo_json([vars(s) for s in samples.manifest()], 2)
         else:
             _print_table(samples.manifest())
         return
@@ -50,7 +49,7 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
         for path in _save(sample, output, overwrite):
             click.echo(f"saved {path}", err=True)
     elif as_json:
-        click.echo(json.dumps({**vars(sample), "path": str(samples.path(name))}, indent=2))
+        common.echo_json({**vars(sample), "path": str(samples.path(name))}, 2)
     else:
         from circparam.cli.tables import console, facts
 

@@ -6,11 +6,15 @@ the right), neither with lines.
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+
+from circparam.core.words import counted
 
 _STATUS = {"ok": "green", "repaired": "yellow", "degraded": "red", "failed": "red"}
 
@@ -62,7 +66,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     row("input", plain(report["input"]))
     row("output", plain(report["output"] or "(in memory)"))
     row("method", f"{report['method']}, cut {report['cut']}")
-    row("charts", f"{report['charts']} of {report['faces']} faces")
+    row("charts", f"{report['charts']} of {counted(report['faces'], 'face')}")
     row("flips, overlaps", f"{report['flips']}, {report['overlap']}")
     row(
         "distortion",
@@ -83,6 +87,36 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
         for line in report["notes"]:
             row("note", plain(line))
     return table
+
+
+def summary_table(reports: list[dict[str, Any]]) -> Table:
+    """What became of several meshes: one line each, and how many of them are of which status."""
+    rows: dict[str, Iterable[str]] = {}
+    for number, report in enumerate(reports, 1):
+        figures = ["-"] * 5
+        if report["status"] != "failed":
+            figures = [
+                str(report["charts"]), _number(report["distortion"]), f"{report['seam_length']:.2f}",
+                _percent(report["pack"]), f"{report['seconds']:.2f}",
+            ]  # fmt: skip
+        rows[f"{number} {_short(report['input'])}"] = [report["status"], *figures]
+    counts = Counter(report["status"] for report in reports)
+    said = ", ".join(f"{counts[name]} {name}" for name in _STATUS if counts[name])
+    heads = ("status", "charts", "distortion", "seam", "packed", "seconds")
+    table = columns("mesh", heads, rows)
+    table.caption = f"{len(reports)} meshes: {said}"
+    table.caption_justify, table.caption_style = "left", ""
+    return table
+
+
+def _short(path: str, width: int = 26) -> str:
+    """The name of a file without its folder, its middle left out where it is long."""
+    name = os.path.basename(path) or path
+    return name if len(name) <= width else f"{name[: width - 13]}…{name[-12:]}"
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"
 
 
 LISTED = 12  # components that a table shows
@@ -111,7 +145,10 @@ def check_table(report: dict[str, Any]) -> Table:
         lengths = ", ".join(f"{x:.4g}" for x in part["boundary_lengths"][:4])
         more = ", ..." if len(part["boundary_lengths"]) > 4 else ""
         boundaries = f"; boundaries of length {lengths}{more}" if lengths else ""
-        row(f"component {number}", f"{part['verdict']}, {part['faces']} faces{boundaries}")
+        row(
+            f"component {number}",
+            f"{part['verdict']}, {counted(part['faces'], 'face')}{boundaries}",
+        )
     if len(parts) > LISTED:
         row("", f"and {len(parts) - LISTED} components more")
     row("uv sets", ", ".join(map(str, report["uv_sets"])) or "none")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from dataclasses import replace
@@ -11,7 +10,7 @@ from typing import Any
 import click
 
 from circparam.cli import common, exits, progress
-from circparam.cli.paths import check_outputs, output_path
+from circparam.cli.paths import check_outputs, made_folder, output_path, without_outputs
 from circparam.errors import CircparamError, GateError, OptionError
 from circparam.pipeline.options import Options
 
@@ -23,10 +22,17 @@ Examples:
   circparam unwrap disk.obj --cut disk --method circle
   circparam unwrap mesh.obj --max-distortion 1.02 --fail-if 'flips>0,overlap>0'
   circparam unwrap - --format obj < mesh.obj > mesh_uv.obj
+
+\b
+Figures of the report:
+  distortion    symmetric Dirichlet energy / 4, the mean over the surface; 1 is perfect
+  seam length   of all seams, in units of the square root of the surface's area
+  stretch       how many times the surface is stretched or shrunk in one direction
+  packed        share of the pages that charts cover
 """
 
 
-class UnwrapCommand(common.Command):
+class UnwrapCommand(common.SectionedCommand):
     """A command whose ``--boundary polygon FILE`` takes the file after the name."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -53,21 +59,36 @@ class UnwrapCommand(common.Command):
     common.library_option("method"),
     common.library_options("flattening"),
     common.library_options("seams"),
-    click.option(
-        "--export-seams", type=common.FILE, metavar="FILE", help="Write the seams as vertex pairs."
+    common.option(
+        common.SEAMS,
+        "--export-seams",
+        type=common.FILE,
+        metavar="FILE",
+        help="Write the seams as vertex pairs.",
     ),
     common.library_options("packing"),
     common.library_options("writing"),
-    click.option(
-        "--map", "index_map", type=common.FILE, metavar="FILE.npz", help="Write the index map."
+    common.option(
+        common.INPUT,
+        "--map",
+        "index_map",
+        type=common.FILE,
+        metavar="FILE.npz",
+        help="Write the index map.",
     ),
     common.library_options("repair"),
     common.gates,
     common.library_option("timeout"),
     common.library_option("jobs"),
-    click.option("--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."),
-    click.option(
-        "--preview", type=common.FILE, metavar="FILE", help="Draw the result: .png, .svg or .html."
+    common.option(
+        common.CHECKS, "--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."
+    ),
+    common.option(
+        common.INPUT,
+        "--preview",
+        type=common.FILE,
+        metavar="FILE",
+        help="Draw the result: .png, .svg or .html.",
     ),
     common.json_option,
     common.quiet,
@@ -82,12 +103,17 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     from circparam.pipeline.gates import parse_gates
 
     run = _Run(given, parse_gates(given["fail_if"]))
-    outputs = [output_path(mesh, given) for mesh in meshes]
-    check_outputs(meshes, outputs, given)
+    asked, again = without_outputs(meshes)
+    outputs = [output_path(mesh, given) for mesh in asked]
+    check_outputs(asked, outputs, given)
+    for mesh in again:
+        progress.warn(f"{mesh}: left out, the output of a mesh beside it", run.quiet)
     codes = []
-    for k, (mesh, out) in enumerate(zip(meshes, outputs, strict=True), 1):
-        run.place = (k, len(meshes))
-        codes.append(run.one(mesh, out))
+    with made_folder(given["out_dir"]):
+        for k, (mesh, out) in enumerate(zip(asked, outputs, strict=True), 1):
+            run.place = (k, len(asked))
+            codes.append(run.one(mesh, out))
+    run.summary()
     return next((code for code in codes if code), exits.OK)
 
 
@@ -101,6 +127,7 @@ class _Run:
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
         self.options = Options(**_keywords(given))
+        self.reports: list[dict[str, Any]] = []  # of every mesh, those without a result too
 
     def one(self, mesh: str, out: str) -> int:
         """Unwrap one mesh; an error of one does not keep the others from being unwrapped."""
@@ -111,10 +138,20 @@ class _Run:
             if mesh not in line and not isinstance(error, OptionError):
                 line = f"{mesh}: {line}"
             click.echo(f"circparam: error: {line}", err=True)
-            if self.as_json and not isinstance(error, GateError):
-                self._print_json(_failure(mesh, line, exits.code_of(error)))
+            if not isinstance(error, GateError):
+                self.reports.append(_failure(mesh, line, exits.code_of(error)))
+                if self.as_json:
+                    self._print_json(self.reports[-1])
             return exits.code_of(error)
         return exits.OK
+
+    def summary(self) -> None:
+        """One line a mesh where there are several: what became of each."""
+        if len(self.reports) < 2 or self.as_json or self.quiet:
+            return
+        from circparam.cli.tables import console, summary_table
+
+        console().print("", summary_table(self.reports))
 
     def _unwrap(self, mesh: str, out: str) -> None:
         from circparam.pipeline.jobs import monitor_of, start_for_file
@@ -137,6 +174,7 @@ class _Run:
             result = unwrap_document(document, out, options, monitor)
             self._extras(result)
         report = summarise(result)
+        self.reports.append(report)
         for line in report["warnings"]:
             progress.warn(f"{mesh}: {line}", self.quiet)
         if self.as_json:
@@ -173,7 +211,7 @@ class _Run:
             save_preview(self.given["preview"], result.mesh, layout, result.measures, look)
 
     def _print_json(self, report: dict[str, Any]) -> None:
-        click.echo(json.dumps(report, ensure_ascii=False, allow_nan=False))
+        common.echo_json(report)
 
 
 def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:

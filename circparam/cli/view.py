@@ -1,4 +1,4 @@
-"""``circparam view``: the layout, the surface with a checker, and the stretch, in one file."""
+"""``circparam view``: the layout, the surface with a checker, and the distortion, in one file."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from circparam.cli import common, progress
+from circparam.cli.paths import beside, check_place
 from circparam.errors import OptionError
 
 _EPILOG = """\b
@@ -47,7 +48,7 @@ Examples:
     "--scale",
     type=click.FloatRange(1, min_open=True),
     metavar="D",
-    help="End of the colour scale of the stretch.  [default: what 99 % stay below]",
+    help="End of the colour scale of distortion.  [default: 2]",
 )
 @click.option(
     "--up",
@@ -60,7 +61,7 @@ Examples:
 @common.overwrite
 @common.quiet
 def command(mesh: str, **given: Any) -> None:
-    """Draw the uv of a mesh: the layout, a checker on the surface, and where the stretch is.
+    """Draw the uv of a mesh: the layout, a checker on the surface, and where the distortion is.
 
     Works for any mesh with uv, made by circparam or not. A page (.html) is one file that needs no network:
     turn and zoom the surface, point at a chart to find it in both views, see the mesh's own texture.
@@ -70,14 +71,12 @@ def command(mesh: str, **given: Any) -> None:
 
     if given["output"] is None and mesh == "-":
         raise OptionError("the mesh comes from standard input: name the picture with -o FILE")
-    stem = Path(mesh)
-    path = Path(given["output"]) if given["output"] else stem.with_name(f"{stem.stem}_view.png")
+    path = Path(given["output"] or beside(Path(mesh), "_view", ".png"))
     check_kind(path)
-    if path.exists() and not given["overwrite"]:
-        raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
+    check_place(str(path), given["overwrite"])
     document = read(mesh, format=given["format"])
     look = {name: given[name] for name in ("uv_set", "padding", "up")}
-    view_document(document, path, **look, stretch_end=given["scale"])
+    view_document(document, path, **look, scale_end=given["scale"])
     for line in document.notes:
         progress.warn(f"{mesh}: {line}", given["quiet"])
     if not given["quiet"]:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.workers import environment
-from circparam.errors import CircparamError, NoResultError, OutOfTimeError
+from circparam.errors import CircparamError, NoResultError, OutOfTimeError, OutputError
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 
@@ -48,8 +48,14 @@ def run(
     """
     with tempfile.TemporaryDirectory(prefix="circparam-") as name:
         folder = Path(name)
-        _save(folder / "input.npz", arrays)
-        (folder / "task.json").write_text(json.dumps([function, settings]), encoding="utf-8")
+        try:
+            _save(folder / "input.npz", arrays)
+            (folder / "task.json").write_text(json.dumps([function, settings]), encoding="utf-8")
+        except OSError as error:
+            raise OutputError(
+                f"{folder}: the mesh can't be handed to a process ({error.strerror or error}): "
+                "name a folder with room in TMPDIR"
+            ) from None
         command = [sys.executable, "-P", "-m", "circparam.compare.process", name]
         try:
             done = subprocess.run(

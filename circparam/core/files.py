@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from circparam.errors import OptionError, OutputError
@@ -14,11 +14,16 @@ from circparam.errors import OptionError, OutputError
 TEMPORARIES: list[Path] = []
 
 
-def write_files(contents: Mapping[Path, bytes], overwrite: bool = False) -> list[Path]:
+def write_files(
+    contents: Mapping[Path, bytes],
+    overwrite: bool = False,
+    *,
+    inside: Path | None = None,
+) -> list[Path]:
     """Write several files, all or none, the last one last (it may refer to those before it).
 
-    Raises OptionError where one exists and may not be replaced, OutputError where the disk refuses. Nothing
-    is left behind by an error or an interrupt.
+    inside: a folder below which missing folders are made. Raises OptionError where one exists and may not be
+    replaced, OutputError where the disk refuses. Nothing is left behind by an error or an interrupt.
     """
     for path in contents:
         if path.is_dir():
@@ -26,7 +31,7 @@ def write_files(contents: Mapping[Path, bytes], overwrite: bool = False) -> list
         if path.exists() and not overwrite:
             raise OptionError(f"{path}: the file exists; replace it with --overwrite")
     try:
-        with _staged(contents) as staged:
+        with _folders(contents, inside), _staged(contents) as staged:
             for real, temporary in staged:
                 if real.exists() and not real.is_file():  # a pipe or a device: no renaming over it
                     real.write_bytes(temporary.read_bytes())
@@ -37,6 +42,24 @@ def write_files(contents: Mapping[Path, bytes], overwrite: bool = False) -> list
         where = next(reversed(list(contents)), "output")
         raise OutputError(f"{where}: it can't be written ({error.strerror or error})") from None
     return list(contents)
+
+
+@contextlib.contextmanager
+def _folders(paths: Iterable[Path], inside: Path | None) -> Iterator[None]:
+    """Make the missing folders of files below ``inside``; an error takes away those that were made."""
+    made: list[Path] = []
+    try:
+        for path in paths if inside is not None else ():
+            missing = [p for p in path.parents if inside in p.parents and not p.exists()]
+            for folder in reversed(missing):
+                folder.mkdir()
+                made.append(folder)
+        yield
+    except BaseException:
+        for folder in reversed(made):
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 @contextlib.contextmanager

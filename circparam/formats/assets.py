@@ -1,49 +1,91 @@
-"""The files that an output refers to: which of them are copied beside it, and which will not resolve."""
+"""The files that an output refers to: which of them go along, and which will not resolve."""
 
 from __future__ import annotations
 
-import re
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from circparam.formats.document import Encoded
+from circparam.errors import OptionError
+from circparam.formats.document import Document, Encoded
+from circparam.formats.obj.mtl import image_names
 from circparam.formats.source import Source, safe_path
 
-_TEXTURE = re.compile(
-    rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t]+(.*?)[ \t\r]*$", re.M | re.I
-)
+
+@dataclass(frozen=True)
+class Assets:
+    """copies: what goes beside the output, by its place. warnings: what won't resolve from there."""
+
+    copies: dict[Path, bytes] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+def check_needed(document: Document, format: str, target: Path, overwrite: bool) -> None:
+    """Refuse, before the work, to put a buffer in the place of another file. Raises OptionError."""
+    folder, out = document.source.folder, target.resolve().parent
+    if folder is None or folder == out or overwrite:
+        return
+    for name in document.needs(format):
+        origin, place = safe_path(folder, name), safe_path(out, name)
+        if origin is None or place is None or not place.exists() or _same(origin, place):
+            continue
+        raise OptionError(
+            f"{place}: {target.name} needs a buffer of that name, and the file there is another: "
+            "replace it with --overwrite, write a .glb, or choose another folder"
+        )
 
 
 def find_assets(
-    source: Source, encoded: Encoded, target: Path, copy: bool
-) -> tuple[dict[Path, bytes], list[str]]:
-    """Files that the output refers to: (what to copy, notes on what won't resolve from there)."""
+    source: Source, encoded: Encoded, target: Path, copy: bool | None, overwrite: bool = False
+) -> Assets:
+    """The files that the output refers to. copy: see ``WriteOptions.copy_assets``.
+
+    overwrite: whether those that are there may be replaced. Files without which the output can't be read go
+    along whatever ``copy`` says.
+    """
     folder, out = source.folder, target.resolve().parent
+    if folder is None:
+        return Assets()
     named = dict.fromkeys(n for name in encoded.assets for n in _named(name, folder))
-    if folder is None or folder == out:
-        missing = [] if folder is None else [n for n in named if not (folder / n).exists()]
-        notes = [f"{name!r} is named by the file and is not there" for name in missing]
-        return {}, notes
+    needed = set(encoded.needed)
     for name in list(named):
         path = safe_path(folder, name)
         if path is not None and path.is_file() and path.suffix.lower() == ".mtl":
             named |= dict.fromkeys(_textures(path, folder))
-    copies: dict[Path, bytes] = {}
-    notes = []
+    found = Assets()
     for name in named:
         origin, place = safe_path(folder, name), safe_path(out, name)
         if origin is None or place is None:
-            notes.append(f"{name!r} lies outside the input's folder and was not copied")
+            found.warnings.append(f"{name!r} lies outside the input's folder and was not copied")
         elif not origin.is_file():
-            notes.append(f"{name!r} is named by the file and is not there")
-        elif place.is_file() and place.read_bytes() == origin.read_bytes():
+            found.warnings.append(f"{name!r} is named by the file and is not there")
+        elif folder == out or _same(origin, place):
             continue
-        elif copy:
-            copies[place] = origin.read_bytes()
+        elif name not in needed and copy is False:
+            found.warnings.append(
+                f"{name!r} won't resolve from {out.name!r}: leave --no-copy-assets out"
+            )
+        elif name not in needed and copy is None and place.exists() and not overwrite:
+            found.warnings.append(
+                f"{name!r} in {out.name!r} is another file and was kept: replace it with --overwrite"
+            )
         else:
-            notes.append(f"{name!r} won't resolve from {out.name!r}: use --copy-assets")
-    for place in copies:
-        place.parent.mkdir(parents=True, exist_ok=True)
-    return copies, notes
+            found.copies[place] = origin.read_bytes()
+    return found
+
+
+def unresolved(encoded: Encoded, source: Source) -> list[str]:
+    """Warnings on the files that an output without a place, such as a pipe, refers to."""
+    names = [n for name in encoded.assets for n in _named(name, source.folder)]
+    return [f"{name!r} is named by the output and is not part of it" for name in names]
+
+
+def _same(origin: Path, place: Path) -> bool:
+    """Whether a place holds the same bytes, or is the same file."""
+    if not place.is_file() or not origin.is_file():
+        return False
+    return os.path.samefile(origin, place) or place.read_bytes() == origin.read_bytes()
 
 
 def _named(text: str, folder: Path | None) -> list[str]:
@@ -58,10 +100,15 @@ def _named(text: str, folder: Path | None) -> list[str]:
     return [text] if whole is not None and whole.is_file() else text.split()
 
 
-def _textures(library: Path, folder: Path) -> list[str]:
+def _textures(library: Path, folder: Path) -> Iterable[str]:
     """The image files that a material library names, relative to the folder."""
-    out = []
-    for line in _TEXTURE.findall(library.read_bytes()):
-        # options stand before the name
-        out += _named(line.decode("utf-8", "surrogateescape"), folder)[-1:]
-    return list(dict.fromkeys(name for name in out if name))
+    try:
+        text = library.read_bytes().decode("utf-8", "surrogateescape")
+    except OSError:
+        return []
+    return dict.fromkeys(_named_image(name, folder) for name in image_names(text))
+
+
+def _named_image(text: str, folder: Path) -> str:
+    """One name: the whole, or its last word where only that is a file."""
+    return _named(text, folder)[-1]

@@ -6,6 +6,7 @@ kept. Each format has its own subclass; ``circparam.formats`` is the only door t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,14 +26,15 @@ class WriteOptions:
 
     uv_set: the set to write; None replaces the first one. overwrite_uv: allow ``uv_set`` to replace a set
     that is there. ply_uv: 'vertex' or 'face'; None takes 'face' only where a seam would split a vertex.
-    copy_assets: copy the files that the output refers to (materials, textures, buffers) beside it. uv_double:
+    copy_assets: copy the materials and textures that the output refers to beside it; None does so but never
+    over another file. Buffers go along whatever it says: nothing could read the output without them. uv_double:
     store uv as doubles where the format can (PLY); others write what they always do.
     """
 
     uv_set: int | None = None
     overwrite_uv: bool = False
     ply_uv: str | None = None
-    copy_assets: bool = False
+    copy_assets: bool | None = None
     uv_double: bool = False
 
 
@@ -41,9 +43,9 @@ class Encoded:
     """A document as bytes, before anything touches the disk.
 
     data: the file. format: its format. extra: further files by their name beside it. assets: relative names
-    of files that it refers to. notes: what the user should know. vertex_map: (k,) int64, input vertex of
-    every output vertex. face_map: (m,) int64, input face of every output face (triangles, in the order in
-    which reading the output gives them).
+    of files that it refers to, needed: those without which it can't be read. warnings: what changes for the
+    user; notes: what may interest. vertex_map: (k,) int64, input vertex of every output vertex. face_map: (m,)
+    int64, input face of every output face (triangles, in the order in which reading the output gives them).
     """
 
     data: bytes
@@ -53,6 +55,8 @@ class Encoded:
     extra: dict[str, bytes] = field(default_factory=dict)
     assets: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    needed: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +86,10 @@ class Document:
     def instances(self) -> int:
         """How often a mesh of the file is shown again by a further node (0 where none is shared)."""
         return 0
+
+    def copies(self) -> list[tuple[IntArray, FloatArray]]:
+        """Parts that the file shows again: faces (k,), and the (4, 4) transform from where they are read."""
+        return []
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """The layout of one uv set of the file, origin bottom-left; None where the file has no such set."""
@@ -120,6 +128,19 @@ class Document:
         """
         return None
 
+    def textured_sets(self) -> set[int]:
+        """The uv sets that images of the file refer to, whether the images are there or not."""
+        try:
+            found = self.textures()
+        except InputError:
+            return set()
+        named = found is not None and (found.images or found.notes)
+        return {found.uv_set} if found is not None and named else set()
+
+    def needs(self, format: str) -> list[str]:
+        """Files beside this one that the output in ``format`` can't be read without, as relative names."""
+        return []
+
     def texture_layout(self, textures: Textures) -> UVMap:
         """The uv that the textures refer to. Raises InputError where the file lacks that set."""
         uvmap = self.uv(textures.uv_set)
@@ -152,8 +173,17 @@ def check_layout(document: Document, uvmap: UVMap) -> UVMap:
     return UVMap(uv + 0.0, np.maximum(faces, -1))
 
 
-def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool) -> tuple[int, str]:
-    """The uv set to write, and a note where one is replaced.
+@dataclass(frozen=True)
+class Replaced:
+    """number: the uv set to write. notes, warnings: where one that is there goes."""
+
+    number: int
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool) -> Replaced:
+    """The uv set to write, a note where one is replaced, and a warning where a texture uses that one.
 
     Raises OptionError where the format has one set only, or the set exists and may not be replaced.
     """
@@ -165,12 +195,17 @@ def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool)
             f"uv set {number}: {document.format.upper()} holds one uv set; leave --uv-set out"
         )
     if number not in document.uv_sets:
-        return number, ""
+        return Replaced(number)
     if options.uv_set is not None and not options.overwrite_uv:
         raise OptionError(
             f"{document.source.name}: uv set {number} exists; replace it with --overwrite-uv"
         )
-    return number, f"uv set {number} of the file was replaced"
+    text = f"uv set {number} of the file was replaced"
+    if number not in document.textured_sets():
+        return Replaced(number, [text])
+    keep = "" if only_first else ", or keep that set with --lightmap"
+    cure = f"carry them over with circparam bake --from texture{keep}"
+    return Replaced(number, [], [f"{text}, which its textures use: {cure}"])
 
 
 def check_new_set(options: WriteOptions, format: str) -> None:
@@ -181,7 +216,24 @@ def check_new_set(options: WriteOptions, format: str) -> None:
         )
 
 
-def not_carried(document: Document, *kept: str) -> list[str]:
-    """A note on what of the input a new file in another format does not carry; none where it carries all."""
+def not_carried(document: Document, format: str, *kept: str) -> tuple[list[str], list[str]]:
+    """What of the input a new file in another format does not carry: (notes, warnings on its looks)."""
     gone = [f for f in document.features if f not in kept]
-    return [f"not carried into the new format: {', '.join(gone)}"] if gone else []
+    looks = [f for f in gone if "colours" in f]
+    cure = "--from vertex-colors" if looks and _has(document.colours) else ""
+    if shown := [f for f in ("materials", "textures") if f in gone and _has(document.textures)]:
+        looks, cure = [*looks, *shown], "--from texture"
+    rest = [f for f in gone if f not in looks]
+    notes = [f"not carried into {format.upper()}: {', '.join(rest)}"] if rest else []
+    if not looks:
+        return notes, []
+    how = f": circparam bake {cure} makes an image of them" if cure else ""
+    return notes, [f"not carried into {format.upper()}: {', '.join(looks)}{how}"]
+
+
+def _has(ask: Callable[[], object]) -> bool:
+    """Whether a file has its colours or textures; those that are malformed count as well."""
+    try:
+        return ask() is not None
+    except InputError:
+        return True

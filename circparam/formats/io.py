@@ -6,7 +6,7 @@ import functools
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
-from circparam.formats.assets import find_assets
+from circparam.formats.assets import check_needed, find_assets, unresolved
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes
@@ -26,7 +26,9 @@ CURABLE = 1 << 24  # bytes of a refused file up to which it is tried whether tri
 
 @dataclass(frozen=True)
 class Written:
-    """What was written: path (None for standard output), all files, notes, and the index maps.
+    """What was written: path (None for standard output), all files, what is told, and the index maps.
+
+    warnings: what changes for the user; notes: what may interest.
 
     vertex_map: (k,) int64 input vertex of every output vertex. face_map: (m,) int64 input face of every
     output face.
@@ -37,6 +39,33 @@ class Written:
     notes: list[str]
     vertex_map: IntArray
     face_map: IntArray
+    warnings: list[str] = field(default_factory=list)
+
+
+_GLB = "export a .glb (or .obj) there, and unwrap that"
+# what people have in place of a mesh that can be read → what to do with it
+_FOREIGN = {
+    ".fbx": f"FBX is a closed format: open it in Blender, Maya or FBX2glTF, {_GLB}",
+    ".usdz": f"USD is not read: open it in Blender or with usdcat, {_GLB}",
+    ".usd": f"USD is not read: open it in Blender, {_GLB}",
+    ".usda": f"USD is not read: open it in Blender, {_GLB}",
+    ".usdc": f"USD is not read: open it in Blender, {_GLB}",
+    ".blend": f"a Blender file holds more than a mesh: open it in Blender, {_GLB}",
+    ".dae": f"COLLADA is not read: open it in Blender, {_GLB}",
+    ".3ds": f"3DS is not read: open it in Blender, {_GLB}",
+    ".max": f"a 3ds Max scene holds more than a mesh: open it there, {_GLB}",
+    ".ma": f"a Maya scene holds more than a mesh: open it there, {_GLB}",
+    ".mb": f"a Maya scene holds more than a mesh: open it there, {_GLB}",
+    ".abc": f"Alembic is not read: open it in Blender, {_GLB}",
+    ".3mf": "3MF is not read: save it as .stl or .obj in the slicer, and unwrap that",
+    ".step": "STEP holds surfaces, no triangles: export an .stl or .obj from the CAD program",
+    ".stp": "STEP holds surfaces, no triangles: export an .stl or .obj from the CAD program",
+    ".iges": "IGES holds surfaces, no triangles: export an .stl or .obj from the CAD program",
+    ".igs": "IGES holds surfaces, no triangles: export an .stl or .obj from the CAD program",
+    ".mtl": "this is a material library: give the .obj that names it",
+    ".bin": "this is a buffer of a glTF: give the .gltf that names it",
+    ".zip": "this is an archive: unpack it, and give the mesh inside",
+}
 
 
 def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
@@ -114,7 +143,10 @@ def _format_of_content(data: bytes, source: Source) -> str:
         by_suffix = format_of(source.path) if source.path is not None else None
     except OptionError as error:
         if name is None:
-            raise InputError(str(error)) from None
+            kind = "" if source.path is None else source.path.suffix.lower()
+            raise InputError(
+                f"{source.name}: {_FOREIGN[kind]}" if kind in _FOREIGN else str(error)
+            ) from None
     if name and by_suffix and name != by_suffix:
         raise source.error(
             f"the name says {by_suffix.upper()}, the content is {name.upper()}: "
@@ -194,14 +226,29 @@ def write(
         encoded = encode(document, uvmap, name, options=options)
         sys.stdout.buffer.write(encoded.data)
         sys.stdout.buffer.flush()
-        return Written(None, [], encoded.notes, encoded.vertex_map, encoded.face_map)
+        told = [*encoded.warnings, *unresolved(encoded, document.source)]
+        return Written(None, [], encoded.notes, encoded.vertex_map, encoded.face_map, told)
     target = Path(path)
     name = format_of(target, format)
-    if target.exists() and not overwrite:  # before the work, not after it
-        raise OptionError(f"{target}: the file exists; replace it with --overwrite")
+    check_place(target, document, name, overwrite)
     encoded = encode(document, uvmap, name, options=options, stem=target.stem)
-    assets, missing = find_assets(document.source, encoded, target, options.copy_assets)
+    assets = find_assets(document.source, encoded, target, options.copy_assets, overwrite)
     beside = {target.parent / name: data for name, data in encoded.extra.items()}
     # the file itself comes last: what it refers to is there before it
-    files = write_files({**assets, **beside, target: encoded.data}, overwrite)[::-1]
-    return Written(target, files, [*encoded.notes, *missing], encoded.vertex_map, encoded.face_map)
+    contents = {**assets.copies, **beside, target: encoded.data}
+    files = write_files(contents, overwrite, inside=target.resolve().parent)[::-1]
+    told = [*encoded.warnings, *assets.warnings]
+    return Written(target, files, encoded.notes, encoded.vertex_map, encoded.face_map, told)
+
+
+def check_place(
+    path: str | os.PathLike[str], document: Document, format: str, overwrite: bool
+) -> None:
+    """Refuse an output before the work for it, where it would replace a file that it may not replace.
+
+    Raises OptionError.
+    """
+    target = Path(path)
+    if target.exists() and not overwrite:
+        raise OptionError(f"{target}: the file exists; replace it with --overwrite")
+    check_needed(document, format, target, overwrite)

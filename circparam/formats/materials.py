@@ -62,14 +62,20 @@ class ImageFiles:
         name = re.sub(r"^(\./)+", "", name.replace("\\", "/"))
         if name not in self._known:
             self._known[name] = -1
-            path = None if self.folder is None else safe_path(self.folder, name)
             try:
-                if path is None:
-                    raise FileNotFoundError
-                self._known[name] = self.add(name, path.read_bytes())
+                self._known[name] = self.add(name, self._content(name))
             except OSError:
                 self.notes.append(f"texture {name} is missing: put it beside the mesh")
         return self._known[name]
+
+    def _content(self, name: str) -> bytes:
+        """The bytes of an image; of a path on the exporter's machine the last part is looked for here."""
+        far = re.match(r"[A-Za-z]:|/", name) is not None
+        for place in [name, name.rpartition("/")[2]] if far else [name]:
+            path = None if self.folder is None else safe_path(self.folder, place)
+            if path is not None and path.is_file():
+                return path.read_bytes()
+        raise FileNotFoundError(name)
 
     def textures(self, face: IntArray, plain: FloatArray, uv_set: int = 0) -> Textures:
         """All images read so far, as ``Textures`` with (m,) image and (m, 3) plain colour of each face."""

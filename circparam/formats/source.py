@@ -55,11 +55,20 @@ def read_bytes(path: str | os.PathLike[str]) -> tuple[bytes, Source]:
 
 
 def safe_path(folder: Path, uri: str) -> Path | None:
-    """The file that a relative URI names inside a folder; None where it leads anywhere else."""
-    name = unquote(uri)
+    """The file that a relative URI names inside a folder; None where it leads anywhere else.
+
+    A name that is there as it stands is taken so: OBJ files write no URIs, and names may hold a ``%``.
+    """
+    if "%" in uri and (as_it_stands := _inside(folder, uri)) is not None and as_it_stands.is_file():
+        return as_it_stands
+    return _inside(folder, unquote(uri))
+
+
+def _inside(folder: Path, name: str) -> Path | None:
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or name.startswith(("/", "\\")):
         return None
-    if "\\" in name or "\0" in name or ".." in name.split("/"):
+    name = name.replace("\\", "/")  # as Windows exporters write
+    if "\0" in name or ".." in name.split("/"):
         return None
     path = (folder / name).resolve()
     return path if path.is_relative_to(folder.resolve()) else None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.words import counted
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,11 @@ class Split:
     def added(self) -> int:
         """Number of duplicates behind the input vertices."""
         return len(self.source) - int(self.source.max(initial=-1)) - 1
+
+
+def duplicated(count: int) -> str:
+    """The note on vertices that seams added."""
+    return f"{counted(count, 'vertex')} duplicated along seams, behind the input's"
 
 
 def split_vertices(n: int, vertex: IntArray, uv: FloatArray, corner_uv: IntArray) -> Split:

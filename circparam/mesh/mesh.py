@@ -9,6 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.graph import components
+from circparam.core.words import counted
 from circparam.errors import InputError
 
 
@@ -19,7 +20,7 @@ class Mesh:
     points: (n, 3) float64, in the units of the file. faces: (m, 3) int64 into points.
     polygons: (m,) int64, the polygon of the file each triangle belongs to (no seam runs inside a polygon);
     None where every polygon is a triangle. groups: (m,) int64, a label per material or group; None where
-    there is only one.
+    there is only one. counted_from: what the file calls its first vertex and face (1 in OBJ), for messages.
 
     Raises InputError where shapes or indices do not fit, or a used point is not finite.
     """
@@ -28,6 +29,7 @@ class Mesh:
     faces: IntArray
     polygons: IntArray | None = None
     groups: IntArray | None = None
+    counted_from: int = 0
 
     def __post_init__(self) -> None:
         points = np.ascontiguousarray(self.points, dtype=np.float64)
@@ -48,8 +50,8 @@ class Mesh:
         broken = used & ~np.isfinite(points).all(1)
         if broken.any():
             raise InputError(
-                f"{int(broken.sum())} used vertices have NaN or infinite coordinates, "
-                f"the first is vertex {int(np.flatnonzero(broken)[0])}: repair the file first"
+                f"{counted(int(broken.sum()), 'used vertex')} with NaN or infinite coordinates, the first is "
+                f"vertex {self.vertex_number(int(np.flatnonzero(broken)[0]))}: repair the file first"
             )
         for name in ("polygons", "groups"):
             value = getattr(self, name)
@@ -60,6 +62,15 @@ class Mesh:
                 object.__setattr__(self, name, value)
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "faces", faces)
+
+    def vertex_number(self, vertex: int) -> int:
+        """What the file calls a vertex."""
+        return int(vertex) + self.counted_from
+
+    def face_number(self, face: int) -> int:
+        """What the file calls the face (its polygon, where it has polygons) that a triangle lies in."""
+        own = face if self.polygons is None else self.polygons[face]
+        return int(own) + self.counted_from
 
     @cached_property
     def weld(self) -> IntArray:

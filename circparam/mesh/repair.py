@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.words import counted
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.halfedge import Pairs, pair_half_edges
 from circparam.mesh.mesh import Mesh
@@ -102,9 +103,9 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
     surface = _oriented(points, faces, aside.kept, pairs, orientation)
     fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~orientation.keep, 0]])
     messages = [
-        *_messages_aside(near, aside),
-        *_messages_split(surface, pairs, fans),
-        *_messages_oriented(surface, orientation),
+        *_messages_aside(mesh, near, aside),
+        *_messages_split(mesh, surface, pairs, fans),
+        *_messages_oriented(mesh, surface, orientation),
     ]
     if messages and not options.allow:
         raise TopologyError(
@@ -157,12 +158,14 @@ def _oriented(
 ) -> Surface:
     """The surface wound as ``orientation`` says; reversing a face swaps its half-edges 0 and 2."""
     back = orientation.reversed_faces
-    h = pairs.edges[orientation.keep]
-    h = np.where(back[h // 3], h - h % 3 + (2 - h % 3), h)
-    h = np.sort(h, 1)
+    solved = np.where(
+        back[pairs.edges // 3], pairs.edges - pairs.edges % 3 + (2 - pairs.edges % 3), pairs.edges
+    )
+    h = np.sort(solved[orientation.keep], 1)
     order = np.argsort(h[:, 0], kind="stable")
     wound = np.where(back[:, None], faces[:, [0, 2, 1]], faces)
-    return Surface(points, wound, source, back, h[order], pairs.locked[orientation.keep][order])
+    return Surface(points, wound, source, back, h[order], pairs.locked[orientation.keep][order],
+                   solved[~orientation.keep])  # fmt: skip
 
 
 def _part_of_another_polygon(
@@ -193,52 +196,53 @@ def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:
     return np.flatnonzero(fans > 1)
 
 
-def _messages_aside(near: int, aside: _Aside) -> list[str]:
+def _messages_aside(mesh: Mesh, near: int, aside: _Aside) -> list[str]:
     """One line for each kind of vertex or face that does not count for itself."""
     out = []
     if near:
-        out.append(f"{near} vertices within the weld tolerance of another count as one")
-    if len(aside.degenerate):
         out.append(
-            f"{len(aside.degenerate)} degenerate faces set aside (the first is face "
-            f"{aside.degenerate[0]}); they take the uv of their points"
+            f"{counted(near, 'vertex')} within the weld tolerance of another "
+            f"{'counts' if near == 1 else 'count'} as one"
         )
-    if len(aside.duplicates):
+    if n := len(aside.degenerate):
+        first = mesh.face_number(aside.degenerate[0])
         out.append(
-            f"{len(aside.duplicates)} duplicate faces set aside (the first is face "
-            f"{aside.duplicates[0]}, the same three points as face {aside.duplicate_of[0]}); "
-            "they take its uv"
+            f"{counted(n, 'degenerate face')} set aside (the first is face {first}); "
+            f"{'it takes the uv of its' if n == 1 else 'they take the uv of their'} points"
+        )
+    if n := len(aside.duplicates):
+        first, same = (mesh.face_number(k[0]) for k in (aside.duplicates, aside.duplicate_of))
+        out.append(
+            f"{counted(n, 'duplicate face')} set aside (the first is face {first}, the same three points as "
+            f"face {same}); {'it takes' if n == 1 else 'they take'} its uv"
         )
     return out
 
 
-def _messages_split(surface: Surface, pairs: Pairs, fans: IntArray) -> list[str]:
+def _messages_split(mesh: Mesh, surface: Surface, pairs: Pairs, fans: IntArray) -> list[str]:
     """One line for each kind of what was split to be manifold."""
     out = []
-    if len(pairs.crowded):
-        h = int(pairs.crowded[0])
-        out.append(
-            f"{len(pairs.crowded)} non-manifold edges split (the first is at face "
-            f"{surface.source[h // 3]})"
-        )
-    if len(fans):
-        out.append(f"{len(fans)} non-manifold vertices split (the first is vertex {fans[0]})")
+    if n := len(pairs.crowded):
+        first = mesh.face_number(surface.source[int(pairs.crowded[0]) // 3])
+        out.append(f"{counted(n, 'non-manifold edge')} split (the first is at face {first})")
+    if n := len(fans):
+        first = mesh.vertex_number(fans[0])
+        out.append(f"{counted(n, 'non-manifold vertex')} split (the first is vertex {first})")
     return out
 
 
-def _messages_oriented(surface: Surface, orientation: Orientation) -> list[str]:
+def _messages_oriented(mesh: Mesh, surface: Surface, orientation: Orientation) -> list[str]:
     """One line for reversed faces, and one for components with one side only."""
     out = []
     back = orientation.reversed_faces
-    if back.any():
-        first = surface.source[int(back.argmax())]
+    if n := int(back.sum()):
+        first = mesh.face_number(surface.source[int(back.argmax())])
         out.append(
-            f"{int(back.sum())} faces wound against their neighbours turned for the solve (the "
-            f"first is face {first}); the file keeps its winding"
+            f"{counted(n, 'face')} wound against {'its' if n == 1 else 'their'} neighbours turned "
+            f"for the solve (the first is face {first}); the file keeps its winding"
         )
-    if orientation.one_sided:
-        out.append(
-            f"{orientation.one_sided} components with one side only (Möbius strips) cut along "
-            f"{int((~orientation.keep).sum())} edges"
-        )
+    if n := orientation.one_sided:
+        edges = counted(int((~orientation.keep).sum()), "edge")
+        strips = "Möbius strip" if n == 1 else "Möbius strips"
+        out.append(f"{counted(n, 'component')} with one side only ({strips}) cut along {edges}")
     return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,8 @@ class Surface:
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
     locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
     price: (e,) what a seam along an edge costs, in lengths of the edge; None where all edges are alike.
+    torn: (t, 2) int64, pairs of half-edges that repair let go because the component has one side only. Both run
+    the same way along their edge; the cut between them is a seam like any other, though no pair.
     """
 
     points: FloatArray
@@ -35,6 +37,7 @@ class Surface:
     edges: IntArray
     locked: BoolArray
     price: FloatArray | None = None
+    torn: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
     @cached_property
     def corner_vertex(self) -> IntArray:
@@ -70,9 +73,20 @@ class Surface:
     @cached_property
     def edge_lengths(self) -> FloatArray:
         """(e,) length of each edge in ``edges``."""
-        h = self.edges[:, 0]
+        return self.lengths(self.edges[:, 0])
+
+    def torn_seams(self, corners: FloatArray) -> IntArray:
+        """(s,) half-edges of ``torn`` whose two sides have different uv; corners (m, 3, 2)."""
+        flat = corners.reshape(-1, corners.shape[-1])
+        i, j = self.torn[:, 0], self.torn[:, 1]
+        apart = (flat[i] != flat[j]) | (flat[next_half_edge(i)] != flat[next_half_edge(j)])
+        out: IntArray = i[apart.any(1)]
+        return out
+
+    def lengths(self, half_edges: IntArray) -> FloatArray:
+        """(h,) length of each of the given half-edges."""
         flat = self.faces.ravel()
-        d = self.points[flat[next_half_edge(h)]] - self.points[flat[h]]
+        d = self.points[flat[next_half_edge(half_edges)]] - self.points[flat[half_edges]]
         result: FloatArray = np.linalg.norm(d, axis=1)
         return result
 

@@ -14,6 +14,7 @@ from circparam.errors import OptionError
 GATE_NAMES = (
     *("faces", "charts", "flips", "overlap", "mirrored", "missing", "distortion"),
     *("distortion_max_chart", "stretch_l2", "stretch_linf", "angle", "area", "seam_length", "pack"),
+    "packed",
     "seam_visible",
     *("stretch_p95", "stretch_p99", "stretch_p999", "share_over_2"),
     *("gap_texels", "border_texels", "seconds"),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.formats.document import Document
-from circparam.formats.io import rounding, stored
+from circparam.formats.io import check_place, rounding, stored
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, RepairReport, repair
@@ -63,6 +63,8 @@ def prepare(
     Raises InputError for a mesh without usable faces, OptionError where an option does not fit the file.
     """
     target = target_format(document, output, options)
+    if output is not None and os.fspath(output) != "-":
+        check_place(output, document, target, options.overwrite)
     with monitor.stage("repair"):
         surface, report = repair(document.mesh, RepairOptions(options.weld or 0.0, options.repair))
         floaters = None

@@ -216,7 +216,10 @@ class Options:
     ply_uv: str | None = option(
         "writing", "Where a PLY holds its uv.", choices=("vertex", "face")
     )
-    copy_assets: bool | None = option("writing", "Copy materials and textures beside the output.")
+    copy_assets: bool | None = option(
+        "writing", "Copy materials and textures beside the output.",
+        flag="--copy-assets/--no-copy-assets", shown="where no other file is in the way",
+    )
     lightmap: bool | None = option(
         "writing", "Keep the first uv set, write the second: one atlas of the scene.",
         applies=applies.with_one_atlas,

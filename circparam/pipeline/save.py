@@ -13,10 +13,11 @@ from circparam.core.arrays import IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import WriteOptions
-from circparam.formats.io import read, write
+from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_bytes, write_seams
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.result import Result, verdict, verify_layout
+from circparam.pipeline.verify import corners_of
 
 
 def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None = None) -> Result:
@@ -31,7 +32,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         uv_set=o.target_set,
         overwrite_uv=bool(o.overwrite_uv),
         ply_uv=o.ply_uv,
-        copy_assets=bool(o.copy_assets),
+        copy_assets=o.copy_assets,
         uv_double=result.uv_double,
     )
     piped = os.fspath(output) == "-"
@@ -49,21 +50,22 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
         path="-" if written.path is None else os.fspath(written.path),
         files=[os.fspath(f) for f in written.files],
         notes=[*result.notes, *written.notes],
+        warnings=[*result.warnings, *written.warnings],
         vertex_map=written.vertex_map,
         face_map=written.face_map,
     )
     # a pipe or a device cannot be read back
     read_back = not piped and os.path.isfile(result.path or "")
-    return _verified_file(result, written.face_map, monitor) if read_back else result
+    return _verified_file(result, written, monitor) if read_back else result
 
 
-def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Result:
+def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result:
     """The result as its file says."""
     o = result.options
     with monitor.stage("verify"):
         again = read(result.path or "", format=o.format)
         layout = again.uv(o.target_set or 0)
-        uvmap = None if layout is None else in_input_order(layout, face_map, result)
+        uvmap = None if layout is None else in_input_order(layout, written.face_map, result)
         if uvmap is None:
             raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
         # the file holds the very numbers that were verified: what was found for them is found again
@@ -82,7 +84,7 @@ def _verified_file(result: Result, face_map: IntArray, monitor: Monitor) -> Resu
         verification=verification,
         status=said.status,
         reasons=said.reasons,
-        warnings=said.warnings,
+        warnings=[*said.warnings, *written.warnings],
     )
 
 
@@ -115,6 +117,8 @@ def seam_pairs(result: Result) -> IntArray:
     glued = np.zeros(surface.faces.size, bool)
     glued[cut_mesh.edges.ravel()] = True
     h = surface.edges[~glued[surface.edges[:, 0]], 0]
+    corners, _ = corners_of(surface, UVMap(result.uv, result.uv_faces))
+    h = np.concatenate([h, surface.torn_seams(corners)])
     corner = np.where(surface.reversed_faces[:, None], [[0, 2, 1]], [[0, 1, 2]])
     face = result.mesh.faces[surface.source]
     a = face[h // 3, corner[h // 3, h % 3]]

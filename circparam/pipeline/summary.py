@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from circparam._version import __version__
+from circparam.pipeline import applies
 
 if TYPE_CHECKING:
     from circparam.pipeline.inspect import Inspection
@@ -21,10 +23,11 @@ def summarise(result: Result) -> dict[str, Any]:
     Figures are those of the file as read back. distortion: symmetric Dirichlet energy / 4 of the atlas at
     its best scale, 1 is perfect; distortion_max_chart: of the worst chart at that scale. seam_length is in
     units of √(surface area); seam_visible is the share of it that is seen, in the mean over 64 directions, null
-    where there is no seam. pack: covered share of the pages. flips, overlap, mirrored, missing: 0 in a
-    valid layout. dropped_components, dropped_faces: left out by --drop-floaters. stages: seconds.
+    where there is no seam. packed (also as pack): covered share of the pages. flips, overlap, mirrored,
+    missing: 0 in a valid layout. dropped_components, dropped_faces: left out by --drop-floaters. stages:
+    seconds.
     """
-    numbers = {k: plain(v) for k, v in result.measures.items()}
+    numbers = _numbers(result.measures)
     left_out = result.floaters
     return {
         "schema": SCHEMA.format(result.work),
@@ -45,18 +48,37 @@ def summarise(result: Result) -> dict[str, Any]:
         "dropped_faces": 0 if left_out is None else int(left_out.faces.sum()),
         "repairs": result.repairs,
         "repaired": result.repair_report.as_dict(),
-        "warnings": result.warnings,
+        "warnings": [*result.warnings, *_room(result)],
         "notes": result.notes,
         "seconds": round(sum(result.seconds.values()), 4),
         "stages": {name: round(value, 4) for name, value in result.seconds.items()},
     }
 
 
+ROOM = 0.5  # a page that is less full than this is worth a word
+
+
+def _room(result: Result) -> list[str]:
+    """A warning where pages are half empty although packing chose the sizes: with the option that helps."""
+    o, share = result.options, result.measures.get("pack")
+    sized = not o.packed or o.scale is False or o.texel_density is not None
+    if sized or share is None or share >= ROOM:
+        return []
+    splits = result.work == "unwrap" and o.pack_splits is None
+    if splits and applies.with_room(o, "pack_splits") is None:
+        cure = "--pack-splits 10 cuts arms off where that makes room"
+    elif o.rotate in ("90", "none"):
+        cure = "--rotate free lets charts turn"
+    else:
+        cure = f"--effort {max(4 * (o.effort or 1), 1):g} searches longer"
+    return [f"the pages are {100 * share:.0f} % full: {cure}"]
+
+
 def summarise_check(found: Inspection) -> dict[str, Any]:
     """One JSON document about a mesh as it is; ``uv`` is null where no uv set was judged."""
     uv = None
     if found.uv is not None:
-        uv = {k: plain(v) for k, v in found.uv.numbers().items()}
+        uv = _numbers(found.uv.numbers())
         uv |= {"outside": len(found.uv.outside), "valid": found.uv.valid, "faults": found.faults}
     return {
         "schema": SCHEMA.format("check"),
@@ -68,6 +90,12 @@ def summarise_check(found: Inspection) -> dict[str, Any]:
         "uv": uv,
         "notes": found.notes,
     }
+
+
+def _numbers(measures: Mapping[str, Any]) -> dict[str, Any]:
+    """The figures as JSON can hold them; the packed share by both of its names."""
+    out = {k: plain(v) for k, v in measures.items()}
+    return out | {"packed": out["pack"]} if "pack" in out else out
 
 
 def plain(value: Any) -> Any:

@@ -15,6 +15,7 @@ import numpy as np
 from circparam.core import workers
 from circparam.core.arrays import FloatArray, group_sum
 from circparam.core.monitor import Listener, Monitor
+from circparam.core.words import counted
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.overlap import signs
@@ -159,7 +160,7 @@ def _as_given(job: Job, uvmap: UVMap) -> Atlas:
     corners, ok = corners_of(job.surface, uvmap)
     if not ok.all():
         raise InputError(
-            f"{job.document.source.name}: {int((~ok).sum())} faces have no uv: "
+            f"{job.document.source.name}: {counted(int((~ok).sum()), 'face')} without uv: "
             "circparam unwrap makes some"
         )
     return Atlas(job.surface, uv_seams(job.surface, uvmap), corners)

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.words import counted
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
@@ -158,11 +159,25 @@ def verify(
         overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
         outside=outside,
         measures=measure(part, alike),
-        seam_length=atlas.seam_length,
+        seam_length=_seam_length(atlas),
         uv_min=points.min(0),
         uv_max=points.max(0),
         coverage=cover(cut_mesh, uv, resolution, padding + 2) if resolution is not None else None,
     )
+
+
+def flipped_faces(surface: Surface, uvmap: UVMap) -> BoolArray:
+    """(m,) faces of the surface that ``verify`` counts as flips."""
+    corners, ok = corners_of(surface, uvmap)
+    cut_mesh, uv = Atlas(surface, _seams(surface, corners, ok), corners).open()
+    return _orientation(surface, cut_mesh, signs(uv, cut_mesh.faces), ok)[0]
+
+
+def _seam_length(atlas: Atlas) -> float:
+    """Length of all seams over the square root of the area, those that open one-sided components too."""
+    surface = atlas.surface
+    torn = surface.lengths(surface.torn_seams(atlas.corners)).sum()
+    return atlas.seam_length + float(torn / np.sqrt(surface.areas.sum()))
 
 
 def _orientation(
@@ -263,17 +278,18 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
     """Why a layout is less than what was promised, one line each; empty where it is all right."""
     out = []
     if v.missing:
-        out.append(f"{v.missing} faces have no finite uv")
+        out.append(f"{counted(v.missing, 'face')} without finite uv")
     if v.flips:
         where = np.unique(v.cut_mesh.chart[v.flipped])
-        out.append(f"{v.flips} faces are flipped or without area in {_named(where)}")
+        out.append(f"{counted(v.flips, 'face')} flipped or without area in {_named(where)}")
     if len(v.mirrored):
         out.append(f"{_named(v.mirrored)} mirrored")
     if len(v.overlapping):
         out.append(f"{_named(v.overlapping)} overlapping itself")
     if len(v.overlapping_pairs):
         a, b = v.overlapping_pairs[0]
-        out.append(f"{len(v.overlapping_pairs)} pairs of charts overlap, the first {a} and {b}")
+        count = counted(len(v.overlapping_pairs), "pair")
+        out.append(f"{count} of charts overlapping, the first {a} and {b}")
     if len(v.outside):
         out.append(f"{_named(v.outside)} outside the unit square")
     if promise.bound is not None:

@@ -1,8 +1,8 @@
 """Colours of every picture and page, in one place: calm, and told apart by the colour-blind.
 
-Chart colours are those of Okabe and Ito (2008), with an indigo of Tol (2021) for their black. The stretch map
-runs from pale to dark with falling lightness, interpolated in OKLab (Ottosson 2020), so that it reads in grey
-as well.
+Chart colours are those of Okabe and Ito (2008), with an indigo of Tol (2021) for their black. The map of
+distortion runs from pale to dark with falling lightness, interpolated in OKLab (Ottosson 2020), so that it
+reads in grey as well.
 """
 
 from __future__ import annotations
@@ -12,11 +12,22 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 
 INK = "#1b2130"
-MUTED = "#667085"
+MUTED = "#5d6779"
 HAIRLINE = "#dfe3e8"
 PANEL = "#f5f6f8"
 PAPER = "#ffffff"
-FLIP = "#00b7c7"  # flipped faces: a hue that the stretch map never takes
+ACCENT = "#0068a3"
+WARN = "#a84300"
+# what a page has in place of these where the reader's system is dark; text keeps the contrast of WCAG 2.1, AA
+DARK = {
+    "INK": "#e7eaf0", "MUTED": "#a5aebd", "HAIRLINE": "#3a414e", "PANEL": "#20252e", "PAPER": "#14181f",
+    "ACCENT": "#62b6ee", "WARN": "#ff9a62",
+}  # fmt: skip
+LIGHT = {
+    "INK": INK, "MUTED": MUTED, "HAIRLINE": HAIRLINE, "PANEL": PANEL, "PAPER": PAPER, "ACCENT": ACCENT,
+    "WARN": WARN,
+}  # fmt: skip
+FLIP = "#00b7c7"  # flipped faces: a hue that the distortion map never takes
 NO_UV = "#c8ccd2"
 CHARTS = (
     "#0072b2",
@@ -28,7 +39,14 @@ CHARTS = (
     "#f0e442",
     "#332288",
 )
-STRETCH_STOPS = ("#f4f1e6", "#f5d58a", "#ef9a4c", "#d4553f", "#93295f", "#4b1a5c", "#1d0f3a")
+DISTORTION_STOPS = ("#f4f1e6", "#f5d58a", "#ef9a4c", "#d4553f", "#93295f", "#4b1a5c", "#1d0f3a")
+
+
+def contrast(a: str, b: str) -> float:
+    """The contrast of two #rrggbb codes, 1 to 21 (WCAG 2.1)."""
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    low, high = sorted(float(_to_linear(rgb(code)) @ weights) for code in (a, b))
+    return (high + 0.05) / (low + 0.05)
 
 
 def rgb(code: str) -> FloatArray:
@@ -77,9 +95,9 @@ def from_oklab(lab: FloatArray) -> FloatArray:
     return _to_srgb((lab @ np.linalg.inv(_LAB).T) ** 3 @ np.linalg.inv(_LMS).T)
 
 
-def stretch_map(n: int = 256) -> FloatArray:
-    """(n, 3) colours of the stretch map from 1 (pale) to the end of the scale (dark)."""
-    stops = oklab(np.array([rgb(code) for code in STRETCH_STOPS]))
+def distortion_map(n: int = 256) -> FloatArray:
+    """(n, 3) colours of the distortion map from 1 (pale) to the end of the scale (dark)."""
+    stops = oklab(np.array([rgb(code) for code in DISTORTION_STOPS]))
     # equal steps of colour difference, so equal steps of the value look equally large
     length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))]
     t = np.linspace(0, length[-1], n)
@@ -102,23 +120,24 @@ def mix(a: FloatArray, b: FloatArray, t: float | FloatArray) -> FloatArray:
     return a * (1 - t) + b * t
 
 
-def stretch_position(stretch: FloatArray, top: float) -> FloatArray:
-    """Where a stretch value (1 is perfect) lies on the map: log(value) / log(top), clipped to 0..1."""
+def distortion_position(distortion: FloatArray, top: float) -> FloatArray:
+    """Where a distortion value (1 is perfect) lies on the map: log(value) / log(top), clipped to 0..1."""
     with np.errstate(invalid="ignore"):
-        t = np.log(np.maximum(stretch, 1.0)) / np.log(top)
+        t = np.log(np.maximum(distortion, 1.0)) / np.log(top)
     result: FloatArray = np.clip(np.nan_to_num(t, nan=0.0, posinf=1.0), 0, 1)
     return result
 
 
-TOPS = (1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
+END = 2.0  # of the scale of distortion where nothing else is asked for: one for all pictures
+ENDS = (1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)  # that a page offers
 
 
-def stretch_top(stretch: FloatArray, weights: FloatArray) -> float:
-    """End of the colour scale: the first round value above 99 % of the surface."""
-    ok = np.isfinite(stretch) & (weights > 0)
-    if not ok.any():
-        return 2.0
-    order = np.argsort(stretch[ok], kind="stable")
-    share = np.cumsum(weights[ok][order])
-    value = float(stretch[ok][order][np.searchsorted(share, 0.99 * share[-1])])
-    return next((top for top in TOPS if top >= value), TOPS[-1])
+def line_weight(length: float) -> float:
+    """How thick lines may be, 1 where there are few of them, less where they would bury what they divide.
+
+    length: of all lines together, in sides of the picture.
+    """
+    return float(np.clip(np.sqrt(FEW_LINES / max(length, 1e-9)), THINNEST, 1.0))
+
+
+FEW_LINES, THINNEST = 25.0, 0.3

@@ -7,10 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.words import counted
+from circparam.errors import InputError
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.pipeline.verify import verify
+from circparam.render.colours import END
 from circparam.render.scene import Scene
 
 Figures = Sequence[tuple[str, str]]
+RASTER = 2048  # texels a side on which the packed share is counted, as by default everywhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,17 +36,17 @@ class PictureOptions:
     """How a picture or a page is made.
 
     title: the heading. note: words beside it. up: the axis that points up: x, y, z, or auto. padding: of the
-    layout, in uv units (0 shows none). stretch_end: end of the colour scale, None for the value that 99 % stay
-    below. directions: (d, 3) sides to look from, None for those that show most. samples: along a pixel's side,
-    to smooth edges; None takes 3, or 2 for large meshes. For pages only: repairs, one line each; images, the
-    mesh's own textures; image_note, why there are none.
+    layout, in uv units (0 shows none). scale_end: end of the colour scale of distortion. directions: (d, 3)
+    sides to look from, None for those that show most. samples: along a pixel's side, to smooth edges; None
+    takes 3, or 2 for large meshes. For pages only: repairs, one line each; images, the mesh's own textures;
+    image_note, why there are none.
     """
 
     title: str = "uv layout"
     note: str = ""
     up: str = "auto"
     padding: float = 0.0
-    stretch_end: float | None = None
+    scale_end: float = END
     directions: FloatArray | None = None
     samples: int | None = None
     repairs: tuple[str, ...] = ()
@@ -47,46 +54,40 @@ class PictureOptions:
     image_note: str = "this mesh has no texture"
 
 
-def scene_figures(
-    scene: Scene, covered: tuple[float, float] | None = None
-) -> list[tuple[str, str]]:
-    """The key figures of a scene as (label, text), for pictures made without a report at hand.
+def counts(scene: Scene, note: str = "") -> str:
+    """Faces and charts in words, behind a note where there is one."""
+    once = scene.once
+    copies = len(scene.faces) - len(once.faces)
+    again = f" and {copies:,} shown again" if copies else ""
+    words = f"{counted(len(once.faces), 'face')}{again} · {counted(once.n_charts, 'chart')}"
+    return f"{note} · {words}" if note else words
 
-    covered: (share of the tiles in use that is covered, share of that covered more than once), if known.
-    """
-    ok = np.isfinite(scene.stretch) & scene.mapped
-    area = scene.areas
-    whole = float(area[ok].sum())
-    mean = float((scene.stretch[ok] * area[ok]).sum() / whole) if whole > 0 else float("nan")
-    h = scene.inner_seams
-    p = scene.points[scene.faces.ravel()]
-    seam = np.linalg.norm(p[3 * (h // 3) + (h + 1) % 3] - p[h], axis=1).sum()
-    turn = np.sign(group_sum(scene.uv_areas, np.maximum(scene.chart, 0), max(scene.n_charts, 1)))
-    out = [
-        ("charts", f"{scene.n_charts:,}"),
-        ("stretch (1 is perfect)", f"{mean:.4f}"),
-        ("flipped faces", f"{int(scene.flipped.sum()):,}"),
-        ("mirrored charts", f"{int((turn < 0).sum()):,}"),
-        ("seam length / size", f"{seam / np.sqrt(max(area.sum(), 1e-300)):.2f}"),
-    ]
-    if covered is not None:
-        out.append(("covered", f"{100 * covered[0]:.1f} %"))
-        out.append(("overlap", f"{100 * covered[1]:.2f} %"))
-    if not scene.mapped.all():
-        out.append(("faces without uv", f"{int((~scene.mapped).sum()):,}"))
-    return out
+
+def measured(mesh: Mesh, uvmap: UVMap, padding: int = 4) -> list[tuple[str, str]]:
+    """The key figures of a layout as (label, text), by the measures of every report of the command line."""
+    surface, _ = repair(mesh, RepairOptions())
+    return as_figures(verify(surface, uvmap, resolution=RASTER, padding=padding).numbers())
+
+
+def scene_figures(scene: Scene) -> list[tuple[str, str]]:
+    """The key figures of a scene, for pictures made without a report at hand; few where no face has an area."""
+    once = scene.once
+    try:
+        return measured(Mesh(once.points, once.faces), UVMap(once.uv, once.uv_faces))
+    except InputError:
+        return [("charts", f"{once.n_charts:,}"), ("flips", f"{int(once.flipped.sum()):,}")]
 
 
 # what reports call their measures → what pictures call them, in the order in which they are shown
 NAMES = {
     "charts": "charts",
-    "distortion": "stretch (1 is perfect)",
+    "distortion": "distortion (1 is perfect)",
     "distortion_max_chart": "worst chart",
-    "flips": "flipped faces",
+    "flips": "flips",
     "overlap": "overlaps",
-    "mirrored": "mirrored charts",
-    "seam_length": "seam length / size",
-    "pack": "covered",
+    "mirrored": "mirrored",
+    "seam_length": "seam length, × √area",
+    "pack": "packed",
     "gap_texels": "gap, texels",
     "missing": "faces without uv",
     "stretch_l2": "L2 stretch",
@@ -94,6 +95,10 @@ NAMES = {
     "angle": "angle distortion",
     "area": "area distortion",
     "border_texels": "border, texels",
+    "stretch_p95": "stretch on 95 %",
+    "stretch_p99": "stretch on 99 %",
+    "stretch_p999": "stretch on 99.9 %",
+    "share_over_2": "stretched over 2 times",
 }
 
 
@@ -107,7 +112,7 @@ def as_figures(measures: Mapping[str, object] | Figures) -> list[tuple[str, str]
         value = pairs[name]
         if value is None or (name == "missing" and not value):
             continue
-        share = name == "pack" and isinstance(value, float)
+        share = name in ("pack", "share_over_2") and isinstance(value, float)
         text = f"{100 * value:.1f} %" if share and isinstance(value, float) else number_text(value)
         out.append((NAMES.get(name, name.replace("_", " ")), text))
     return out

@@ -11,6 +11,7 @@ import html
 import json
 import zlib
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import resources
 from typing import Any
 
@@ -20,15 +21,18 @@ from circparam._version import __version__
 from circparam.core.arrays import FloatArray, IntArray, group_count, group_sum, relabel
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, up_vector
-from circparam.render.figures import Figures, PageImages, PictureOptions, scene_figures
+from circparam.render.figures import Figures, PageImages, PictureOptions, counts, scene_figures
 from circparam.render.scene import Scene
-from circparam.render.views import checker_cells, coverage
+from circparam.render.views import checker_cells
 
 SCRIPTS = ("decode.js", "shaders.js", "renderer.js", "cameras.js", "main.js")
-STRETCH_LIMIT = (
-    1000.0  # stretch codes: the square root of log(stretch) / log(limit), 0..254; 255 is flipped
+# codes of distortion: the square root of log(distortion) / log(limit), 0..254; 255 is flipped
+DISTORTION_LIMIT = 1000.0
+HINT = (
+    "Drag to turn, scroll to zoom, shift-drag to move; point at a chart, or press , and . "
+    "to go through them."
 )
-HINT = "Drag to turn, scroll or pinch to zoom, shift-drag to move; point at a chart to find it in both views."
+TOUCH_HINT = "Swipe sideways to turn, pinch to zoom, two fingers to move; tap a chart to find it in both views."
 
 
 def page(
@@ -41,19 +45,20 @@ def page(
     images = options.images
     order = np.arange(len(scene.faces))
     if images is not None:
+        if scene.source is not None:  # what is shown again has the image of what it repeats
+            images = PageImages(images.files, images.face[scene.source])
+            options = replace(options, images=images)
         order = np.argsort(images.face, kind="stable")
     sections, packed = pack_geometry(scene, order)
     meta = _meta(scene, options)
     meta["sections"] = sections
-    counts = f"{len(scene.faces):,} faces · {scene.n_charts:,} chart{'s' * (scene.n_charts != 1)}"
     fields = {
         "VERSION": __version__,
-        "TITLE": html.escape(options.title),
-        "NOTE": html.escape(f"{options.note} · {counts}" if options.note else counts),
+        "TITLE": escaped(options.title),
+        "NOTE": escaped(counts(scene, options.note)),
         "HINT": HINT,
-        "FIGURES": _table(
-            figures if figures is not None else scene_figures(scene, coverage(scene))
-        ),
+        "ASPECT": f"{_aspect(scene):.4g}",
+        "FIGURES": _table(figures if figures is not None else scene_figures(scene)),
         "REPAIRS": _list(options.repairs),
         "STYLE": page_style("style.css"),
         "META": json.dumps(meta, separators=(",", ":")).replace("</", "<\\/"),
@@ -84,14 +89,24 @@ def viewer_file(name: str) -> str:
 
 def page_style(name: str) -> str:
     """A style sheet of the viewer with the colours of all pictures filled in."""
-    names = ("INK", "MUTED", "HAIRLINE", "PANEL", "PAPER")
-    own = {"ACCENT": col.CHARTS[0], "WARN": col.CHARTS[5]}
-    return fill_in(viewer_file(name), {n: getattr(col, n) for n in names} | own)
+    dark = {f"DARK-{name}": code for name, code in col.DARK.items()}
+    return fill_in(viewer_file("scheme.css") + viewer_file(name), col.LIGHT | dark)
+
+
+def escaped(text: str) -> str:
+    """Text for a page: no markup, and no halves of surrogate pairs, which names on a disk may hold."""
+    return html.escape(text.encode("utf-8", "replace").decode())
+
+
+def _aspect(scene: Scene) -> float:
+    """Width over height of the layout's view."""
+    u0, v0, u1, v1 = scene.once.bounds
+    return float(np.clip((u1 - u0) / (v1 - v0), 0.25, 4.0))
 
 
 def _table(figures: Figures) -> str:
     return "".join(
-        f"<tr><th>{html.escape(label)}</th><td>{html.escape(text)}</td></tr>"
+        f"<tr><th scope=row>{escaped(label)}</th><td>{escaped(text)}</td></tr>"
         for label, text in figures
     )
 
@@ -99,7 +114,7 @@ def _table(figures: Figures) -> str:
 def _list(lines: Sequence[str]) -> str:
     if not lines:
         return "<p>None.</p>"
-    return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
+    return "<ul>" + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"
 
 
 def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
@@ -109,7 +124,7 @@ def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
     directions = options.directions
     if directions is None:
         directions = best_directions(scene, 1, options.up)
-    top = options.stretch_end or col.stretch_top(scene.stretch, scene.areas * scene.mapped)
+    top = options.scale_end
     palette = col.chart_colours(np.arange(24))
     return {
         "extent": extent.tolist(),
@@ -119,23 +134,42 @@ def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
         "uvBox": [*scene.uv.min(0).tolist(), *_uv_span(scene).tolist()],
         "bounds": list(scene.bounds),
         "cells": checker_cells(scene),
-        "stretchEnd": top,
-        "stretchEnds": sorted({*col.TOPS, top}),
+        "distortionEnd": top,
+        "distortionEnds": sorted({*col.ENDS, top}),
         "palette": [col.hex_code(c) for c in palette],
-        "ramp": [col.hex_code(c) for c in col.stretch_map(64)],
-        "colours": {
-            "ink": col.INK,
-            "paper": col.PAPER,
-            "panel": col.PANEL,
-            "hairline": col.HAIRLINE,
-            "flip": col.FLIP,
-            "noUv": col.NO_UV,
+        "ramp": [col.hex_code(c) for c in col.distortion_map(64)],
+        "schemes": {
+            name: {key.lower(): code for key, code in scheme.items()}
+            for name, scheme in (("light", col.LIGHT), ("dark", col.DARK))
         },
-        "charts": _chart_figures(scene),
+        "flip": col.FLIP,
+        "noUv": col.NO_UV,
+        "lines": _line_weights(scene),
+        "charts": _chart_figures(scene.once),
         "hint": HINT,
+        "touchHint": TOUCH_HINT,
         "images": [] if images is None else [_data_url(*file) for file in images.files],
         "imageNote": options.image_note,
         "ranges": _ranges(images),
+    }
+
+
+def _line_weights(scene: Scene) -> dict[str, float]:
+    """How thick seams are drawn before anything is zoomed, on the surface and in the layout."""
+    h, flat = scene.seams, scene.faces.ravel()
+    ends = 3 * (h // 3) + (h + 1) % 3
+    on_surface = np.linalg.norm(scene.points[flat[ends]] - scene.points[flat[h]], axis=1).sum()
+    once = scene.once
+    h, corners = once.seams, once.uv_faces.ravel()
+    d = once.uv[corners[3 * (h // 3) + (h + 1) % 3]] - once.uv[corners[h]]
+    u0, v0, u1, v1 = once.bounds
+    diagonal = max(float(np.linalg.norm(np.ptp(scene.used_points, axis=0))), 1e-300)
+    return {
+        # both sides of a seam are listed, and half of the surface is seen
+        "surface": round(col.line_weight(float(on_surface) / 4 / diagonal), 3),
+        "plane": round(
+            col.line_weight(float(np.linalg.norm(d, axis=1).sum()) / max(u1 - u0, v1 - v0)), 3
+        ),
     }
 
 
@@ -156,21 +190,21 @@ def _ranges(images: PageImages | None) -> list[dict[str, int]]:
 
 
 def _chart_figures(scene: Scene) -> dict[str, list[float]]:
-    """Faces, share of the surface, and mean stretch of every chart."""
+    """Faces, share of the surface, and mean distortion of every chart."""
     n = scene.n_charts
     ok = scene.mapped
     chart = scene.chart[ok]
     area = scene.areas[ok]
-    finite = np.isfinite(scene.stretch[ok])
-    sums = group_sum(np.where(finite, scene.stretch[ok], 0.0) * area, chart, n)
+    finite = np.isfinite(scene.distortion[ok])
+    sums = group_sum(np.where(finite, scene.distortion[ok], 0.0) * area, chart, n)
     held = group_sum(area, chart, n)
     weight = group_sum(area * finite, chart, n)
-    stretch = np.divide(sums, weight, out=np.ones(n), where=weight > 0)
+    distortion = np.divide(sums, weight, out=np.ones(n), where=weight > 0)
     whole = max(float(scene.areas.sum()), 1e-300)
     return {
         "faces": group_count(chart, n).tolist(),
         "share": [float(f"{x:.4g}") for x in held / whole],
-        "stretch": [float(f"{x:.5g}") for x in stretch],
+        "distortion": [float(f"{x:.5g}") for x in distortion],
     }
 
 
@@ -213,7 +247,7 @@ def pack_geometry(scene: Scene, order: IntArray) -> tuple[list[dict[str, Any]], 
             np.where(scene.mapped, scene.chart, 0xFFFF_FFFF)[order].astype(np.uint32),
             "delta",
         ),
-        ("stretch", _stretch_codes(scene)[order], "plain"),
+        ("distortion", _distortion_codes(scene)[order], "plain"),
         ("seams", np.sort(seams).astype(np.uint32), "delta"),
     ]
     sections, data = [], []
@@ -250,8 +284,8 @@ def _octahedral(normal: FloatArray) -> Any:
     return np.round((e * 0.5 + 0.5) * 255).astype(np.uint8)
 
 
-def _stretch_codes(scene: Scene) -> Any:
-    t = np.sqrt(col.stretch_position(scene.stretch, STRETCH_LIMIT))
+def _distortion_codes(scene: Scene) -> Any:
+    t = np.sqrt(col.distortion_position(scene.distortion, DISTORTION_LIMIT))
     out = np.round(t * 254).astype(np.uint8)
     out[scene.flipped] = 255
     return out

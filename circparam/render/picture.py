@@ -1,4 +1,4 @@
-"""The picture of a layout: one PNG that shows the plane, the surface and the stretch; or the layout as SVG."""
+"""The picture of a layout: one PNG of the plane, the surface and the distortion; or the layout as SVG."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from circparam.core.arrays import FloatArray
 from circparam.core.files import write_files
@@ -15,26 +15,22 @@ from circparam.errors import OutputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, look_from
-from circparam.render.figures import Figures, PictureOptions, as_figures, scene_figures
+from circparam.render.figures import Figures, PictureOptions, as_figures, counts, scene_figures
 from circparam.render.html import page
 from circparam.render.scene import Scene, make_scene
-from circparam.render.svg import layout_svg
+from circparam.render.svg import figure_svg
+from circparam.render.text import fitted, width, write
 from circparam.render.views import (
     View,
     checker_cells,
     checker_colours,
+    distortion_colours,
     draw_plan,
     paint,
     see,
-    stretch_colours,
 )
 
 MARGIN = 40
-
-
-def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Pillow's own font at a size, so that pictures look the same on every machine."""
-    return ImageFont.load_default(size)
 
 
 def to_image(array: FloatArray, paper: str = col.PAPER) -> Image.Image:
@@ -48,7 +44,7 @@ def to_image(array: FloatArray, paper: str = col.PAPER) -> Image.Image:
 def draw_figure(
     scene: Scene, options: PictureOptions | None = None, figures: Figures | None = None
 ) -> Image.Image:
-    """The figure, 1600 pixels wide: layout on the left, checker above stretch on the right, numbers below.
+    """The figure, 1600 pixels wide: layout on the left, checker above distortion on the right, numbers below.
 
     figures: (label, text) pairs to print; None prints what the scene itself tells.
     """
@@ -57,12 +53,12 @@ def draw_figure(
     directions = options.directions
     if directions is None:
         directions = best_directions(scene, 2, options.up)
-    top = options.stretch_end or col.stretch_top(scene.stretch, scene.areas * scene.mapped)
+    top = options.scale_end
     cells = checker_cells(scene)
     plan = draw_plan(scene, 720, min(factor, 2), cells=cells, padding=options.padding)
-    width, height = 370, 345
+    wide, high = 370, 345
     views = [
-        see(scene, look_from(scene, d, options.up, width / height), width, height, factor)
+        see(scene, look_from(scene, d, options.up, wide / high), wide, high, factor)
         for d in directions[:2]
     ]
     page = Image.new("RGB", (1600, 1010), col.PAPER)
@@ -73,18 +69,14 @@ def draw_figure(
     note = _tile_note(scene) + ("; hatched where it overlaps" if plan.overlap > 1e-4 else "")
     _label(draw, MARGIN, y - 26, "Layout", note)
     for k, view in enumerate(views):
-        x = MARGIN + 720 + 40 + k * (width + 20)
+        x = MARGIN + 720 + 40 + k * (wide + 20)
         page.paste(_checker_view(scene, view, cells), (x, y))
-        page.paste(_stretch_view(scene, view, top), (x, y + height + 30))
+        page.paste(_distortion_view(scene, view, top), (x, y + high + 30))
     x = MARGIN + 760
     _label(draw, x, y - 26, "Checker", "in the colours of the charts; seams in black")
-    _label(draw, x, y + height + 4, "Stretch", "")
-    _legend(page, draw, 1600 - MARGIN, y + height + 6, top, scene)
-    _figures(
-        draw,
-        905,
-        figures if figures is not None else scene_figures(scene, (plan.share, plan.overlap)),
-    )
+    _label(draw, x, y + high + 4, "Distortion", "")
+    _legend(page, draw, 1600 - MARGIN, y + high + 6, top, scene)
+    _figures(draw, 905, figures if figures is not None else scene_figures(scene))
     return page
 
 
@@ -92,8 +84,10 @@ def _checker_view(scene: Scene, view: View, cells: float) -> Image.Image:
     return to_image(paint(view, checker_colours(scene, view, cells), col.rgb(col.INK)))
 
 
-def _stretch_view(scene: Scene, view: View, top: float) -> Image.Image:
-    return to_image(paint(view, stretch_colours(scene, view.face, top), col.rgb(col.INK), 0.5, 0.5))
+def _distortion_view(scene: Scene, view: View, top: float) -> Image.Image:
+    return to_image(
+        paint(view, distortion_colours(scene, view.face, top), col.rgb(col.INK), 0.5, 0.5)
+    )
 
 
 def _tile_note(scene: Scene) -> str:
@@ -104,42 +98,40 @@ def _tile_note(scene: Scene) -> str:
 
 
 def _heading(draw: ImageDraw.ImageDraw, options: PictureOptions, scene: Scene) -> None:
-    draw.text((MARGIN, 28), options.title, font=font(30), fill=col.INK)
-    counts = f"{len(scene.faces):,} faces · {scene.n_charts:,} chart{'s' * (scene.n_charts != 1)}"
-    line = f"{options.note} · {counts}" if options.note else counts
-    draw.text((1600 - MARGIN, 38), line, font=font(19), fill=col.MUTED, anchor="ra")
+    line = counts(scene, options.note)
+    write(draw, (1600 - MARGIN, 38), line, 19, col.MUTED, "ra")
+    room = 1600 - 2 * MARGIN - 40 - width(draw, line, 19)
+    write(draw, (MARGIN, 28), fitted(draw, options.title, 30, room), 30, col.INK)
     draw.line((MARGIN, 80, 1600 - MARGIN, 80), fill=col.HAIRLINE, width=2)
 
 
 def _label(draw: ImageDraw.ImageDraw, x: float, y: float, name: str, note: str) -> None:
-    draw.text((x, y), name, font=font(19), fill=col.INK)
+    write(draw, (x, y), name, 19, col.INK)
     if note:
-        shift = draw.textlength(name, font=font(19)) + 12
-        draw.text((x + shift, y + 2), note, font=font(16), fill=col.MUTED)
+        write(draw, (x + width(draw, name, 19) + 12, y + 2), note, 16, col.MUTED)
 
 
 def _legend(
     page: Image.Image, draw: ImageDraw.ImageDraw, right: int, y: int, top: float, scene: Scene
 ) -> None:
     """A colour bar from 1 to the end of the scale, on one line that ends at ``right``."""
-    small = font(16)
     for present, code, name in (
         (not scene.mapped.all(), col.NO_UV, "no uv"),
         (scene.flipped.any(), col.FLIP, "flipped"),
     ):
         if present:
-            right -= int(draw.textlength(name, font=small))
-            draw.text((right, y), name, font=small, fill=col.MUTED)
+            right -= int(width(draw, name, 16))
+            write(draw, (right, y), name, 16, col.MUTED)
             draw.rectangle((right - 22, y + 4, right - 8, y + 18), fill=code)
             right -= 42
     text = f"{top:g} or more"
-    right -= int(draw.textlength(text, font=small))
-    draw.text((right, y), text, font=small, fill=col.MUTED)
+    right -= int(width(draw, text, 16))
+    write(draw, (right, y), text, 16, col.MUTED)
     bar = 240
     left = right - 10 - bar
-    page.paste(to_image(np.repeat(col.stretch_map(bar)[None], 12, axis=0)), (left, y + 5))
+    page.paste(to_image(np.repeat(col.distortion_map(bar)[None], 12, axis=0)), (left, y + 5))
     draw.rectangle((left - 1, y + 4, left + bar, y + 17), outline=col.HAIRLINE)
-    draw.text((left - 10, y), "1, no stretch", font=small, fill=col.MUTED, anchor="ra")
+    write(draw, (left - 10, y), "1 is perfect", 16, col.MUTED, "ra")
 
 
 def _figures(draw: ImageDraw.ImageDraw, y: int, figures: Figures) -> None:
@@ -149,8 +141,8 @@ def _figures(draw: ImageDraw.ImageDraw, y: int, figures: Figures) -> None:
     step = (1600 - 2 * MARGIN) / max(len(shown), 1)
     for k, (label, text) in enumerate(shown):
         x = MARGIN + k * step
-        draw.text((x, y), text, font=font(27), fill=col.INK)
-        draw.text((x, y + 38), label, font=font(16), fill=col.MUTED)
+        write(draw, (x, y), fitted(draw, text, 27, step - 12), 27, col.INK)
+        write(draw, (x, y + 38), fitted(draw, label, 16, step - 12), 16, col.MUTED)
 
 
 def png_bytes(image: Image.Image) -> bytes:
@@ -192,7 +184,7 @@ def save_scene(
     if kind == ".png":
         data = png_bytes(draw_figure(scene, options, figures))
     elif kind == ".svg":
-        data = layout_svg(scene, options.title).encode()
+        data = figure_svg(scene, options).encode()
     elif kind == ".html":
         data = page(scene, options, figures).encode()
     else:

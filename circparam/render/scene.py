@@ -1,7 +1,8 @@
-"""What a picture shows: a mesh with its uv, its charts, its seams, and the stretch of every face."""
+"""What a picture shows: a mesh with its uv, its charts, its seams, and the distortion of every face."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +19,9 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components
 from circparam.errors import InputError
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.pipeline.verify import flipped_faces
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +31,8 @@ class Scene:
     points: (n, 3) float64. faces: (m, 3) int64 into points. weld: (n,) int64, equal for equal positions.
     uv: (k, 2) float64, finite, all of them used. uv_faces: (m, 3) int64 into uv, −1 where a face has no uv.
     chart: (m,) int64, charts numbered by falling uv area, −1 where a face has no uv.
+    base, source: where the surface is shown several times, the scene without its copies and (m,) the face of it
+    that each face repeats; the layout, the distortion and all figures are those of the base.
     """
 
     points: FloatArray
@@ -35,6 +41,13 @@ class Scene:
     uv: FloatArray
     uv_faces: IntArray
     chart: IntArray
+    base: Scene | None = None
+    source: IntArray | None = None
+
+    @property
+    def once(self) -> Scene:
+        """The scene in which every face stands once: what a layout is drawn from."""
+        return self if self.base is None else self.base
 
     @cached_property
     def n_charts(self) -> int:
@@ -119,12 +132,14 @@ class Scene:
         return float(np.sqrt(uv_area / area)) if area > 0 and uv_area > 0 else 1.0
 
     @cached_property
-    def stretch(self) -> FloatArray:
+    def distortion(self) -> FloatArray:
         """(m,) symmetric Dirichlet energy σ1² + σ2² + σ1⁻² + σ2⁻² of every face, divided by 4: 1 is perfect.
 
         At the one scale that is best for the whole atlas, as in the measures (Rabinovich 2017; Smith and
         Schaefer 2015). Infinite where a face has no area on either side, NaN where it has no uv.
         """
+        if self.base is not None and self.source is not None:
+            return self.base.distortion[self.source]
         c = self.points[self.faces]
         e1, e2 = c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]
         w = np.nan_to_num(self.corner_uv)
@@ -150,33 +165,16 @@ class Scene:
 
     @cached_property
     def flipped(self) -> BoolArray:
-        """(m,) faces whose uv winding differs from that of their chart, or whose uv area is zero.
-
-        Faces without area on the surface, duplicate faces (they can only lie on the uv of the first one), and
-        faces that the file orients against their neighbours are no flips.
-        """
-        n = self.n_charts
-        chart = np.maximum(self.chart, 0)
-        turn = np.sign(group_sum(self.uv_areas * self.mapped, chart, max(n, 1)))
-        result: BoolArray = self.mapped & (np.sign(self.uv_areas) != turn[chart])
-        c = self.points[self.faces]
-        longest = np.square(c - c[:, [1, 2, 0]]).sum(2).max(1)
-        result &= self.areas > 1e-12 * longest
-        if result.any():
-            label = row_labels(np.sort(self.weld[self.faces], axis=1).astype(np.float64))
-            first = np.full(int(label.max()) + 1, len(label))
-            np.minimum.at(first, label, np.arange(len(label)))
-            result &= first[label] == np.arange(len(label))
-            result &= ~self._inconsistent()
-        return result
-
-    def _inconsistent(self) -> BoolArray:
-        """(m,) faces that run along a uv edge in the same direction as another: oriented against it."""
-        a, b = self.uv_faces.ravel(), self.uv_faces[:, [1, 2, 0]].ravel()
-        key = np.where(a >= 0, a * (len(self.uv) + 1) + b, -1)
-        _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
-        shared = (count[inverse.reshape(-1)] > 1) & (a >= 0)
-        return np.asarray(shared.reshape(-1, 3).any(axis=1), bool)
+        """(m,) faces that are flips by the judgement of every report (``pipeline/verify``)."""
+        if self.base is not None and self.source is not None:
+            return self.base.flipped[self.source]
+        out = np.zeros(len(self.faces), bool)
+        try:
+            surface, _ = repair(Mesh(self.points, self.faces), RepairOptions())
+        except InputError:  # no face has an area
+            return out
+        out[surface.source] = flipped_faces(surface, UVMap(self.uv, self.uv_faces))
+        return out
 
     @cached_property
     def seams(self) -> IntArray:
@@ -232,6 +230,30 @@ class Scene:
     def outside(self) -> bool:
         """Whether some uv lie outside the unit square."""
         return bool((self.uv < -1e-6).any() or (self.uv > 1 + 1e-6).any())
+
+
+def with_copies(scene: Scene, copies: Sequence[tuple[IntArray, FloatArray]]) -> Scene:
+    """The scene with parts of it shown again: faces (k,) and the (4, 4) transform of each copy."""
+    if not copies:
+        return scene
+    n, k = len(scene.points), len(scene.uv)
+    points, faces, uv_faces = [scene.points], [scene.faces], [scene.uv_faces]
+    source = [np.arange(len(scene.faces))]
+    for number, (fid, matrix) in enumerate(copies, 1):
+        used, corners = np.unique(scene.faces[fid], return_inverse=True)
+        points.append(scene.points[used] @ matrix[:3, :3].T + matrix[:3, 3])
+        turned = corners.reshape(-1, 3) + n
+        faces.append(turned[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else turned)
+        own = np.where(scene.uv_faces[fid] < 0, -1, scene.uv_faces[fid] + number * k)
+        uv_faces.append(own[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else own)
+        n += len(used)
+        source.append(fid)
+    all_points, whole = np.concatenate(points), np.concatenate(source)
+    return Scene(
+        all_points, np.concatenate(faces), row_labels(all_points),
+        np.tile(scene.uv, (len(copies) + 1, 1)), np.concatenate(uv_faces), scene.chart[whole],
+        scene, whole,
+    )  # fmt: skip
 
 
 def row_labels(rows: FloatArray) -> IntArray:

@@ -11,9 +11,10 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode, media_type
 from circparam.mesh.mesh import UVMap
-from circparam.render.figures import PageImages, PictureOptions
+from circparam.render.colours import END
+from circparam.render.figures import PageImages, PictureOptions, measured, scene_figures
 from circparam.render.picture import save_scene
-from circparam.render.scene import Scene, make_scene
+from circparam.render.scene import Scene, make_scene, with_copies
 
 KINDS = (".png", ".svg", ".html")
 LARGEST = 2048  # texels a side of a texture inside a page
@@ -34,13 +35,13 @@ def view_document(
     uv_set: int = 0,
     padding: float = 0.0,
     up: str = "auto",
-    stretch_end: float | None = None,
+    scale_end: float | None = None,
 ) -> Scene:
     """Draw a uv set of a file into a PNG, an SVG or a page, by the ending of ``path``; returns the scene.
 
-    padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or auto. stretch_end:
-    end of the colour scale. Raises OptionError for an unknown ending, InputError where the file lacks that set
-    or its uv are no numbers, OutputError where the picture cannot be written.
+    padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or auto. scale_end: end
+    of the colour scale of distortion. Raises OptionError for an unknown ending, InputError where the file lacks
+    that set or its uv are no numbers, OutputError where the picture cannot be written.
     """
     check_kind(path)
     uvmap = document.uv(uv_set)
@@ -48,7 +49,7 @@ def view_document(
         there = ", ".join(str(n) for n in document.uv_sets)
         cure = f"it has {there}" if there else "make uv first with 'circparam unwrap'"
         raise InputError(f"{document.source.name}: no uv set {uv_set}: {cure}")
-    scene = scene_of(document, uvmap)
+    scene = with_copies(scene_of(document, uvmap), document.copies())
     images, note, notes = None, "this mesh has no texture", list(document.notes)
     if path.suffix.lower() == ".html":
         images, note, more = page_images(document, uv_set)
@@ -58,10 +59,18 @@ def view_document(
         up = {"glb": "y", "gltf": "y", "stl": "z"}.get(document.format, up)
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
-        padding=padding, stretch_end=stretch_end, repairs=tuple(notes), images=images, image_note=note,
+        padding=padding, scale_end=scale_end or END, repairs=tuple(notes), images=images, image_note=note,
     )  # fmt: skip
-    save_scene(path, scene, options)
+    save_scene(path, scene, options, view_figures(document, uvmap, scene))
     return scene
+
+
+def view_figures(document: Document, uvmap: UVMap, scene: Scene) -> list[tuple[str, str]]:
+    """The figures of a uv set, as ``circparam check --uv`` tells them."""
+    try:
+        return measured(document.mesh, uvmap)
+    except InputError:
+        return scene_figures(scene)
 
 
 def scene_of(document: Document, uvmap: UVMap) -> Scene:

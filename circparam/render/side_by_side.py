@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from circparam.core.words import counted
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render import colours as col
@@ -20,18 +21,17 @@ from circparam.render.views import (
     View,
     checker_cells,
     checker_colours,
+    distortion_colours,
     draw_plan,
     paint,
     see,
-    stretch_colours,
     with_seams,
 )
 
-LARGEST_TOP = 5.0  # a scale that ends later shows no difference between the good ones
 COLUMNS = {
     "seconds": "seconds",
     "charts": "charts",
-    "distortion": "stretch",
+    "distortion": "distortion",
     "distortion_max_chart": "worst chart",
     "stretch_l2": "L2",
     "stretch_linf": "L∞",
@@ -40,8 +40,8 @@ COLUMNS = {
     "flips": "flips",
     "overlap": "overlaps",
     "mirrored": "mirrored",
-    "seam_length": "seam",
-    "pack": "covered",
+    "seam_length": "seam length",
+    "pack": "packed",
     "peak_bytes": "peak MB",
 }
 
@@ -78,7 +78,7 @@ class SideBySide:
 
 @dataclass(frozen=True, eq=False)
 class DrawnLayout:
-    """A row and its pictures: layout, checker, stretch; None where the row has no layout."""
+    """A row and its pictures: layout, checker, distortion; None where the row has no layout."""
 
     row: MethodLayout
     images: tuple[Image.Image, Image.Image, Image.Image] | None
@@ -98,15 +98,13 @@ def side_by_side(comparison: Any, mesh: Mesh, title: str = "", up: str = "auto")
 
 
 def draw_layouts(
-    shown: SideBySide, size: int = 300, samples: int = 2
-) -> tuple[list[DrawnLayout], float]:
-    """Every row drawn from the same side of the surface: (pictures, end of the common stretch scale).
+    shown: SideBySide, size: int = 300, samples: int = 2, top: float = col.END
+) -> list[DrawnLayout]:
+    """Every row drawn from the same side of the surface, with one scale of distortion that ends at ``top``.
 
     size: pixels of the square layout; the views are size wide and as high as the surface needs.
     """
     scenes = [_scene(shown.mesh, row) for row in shown.rows]
-    tops = [col.stretch_top(s.stretch, s.areas * s.mapped) for s in scenes if s is not None]
-    top = min(max(tops, default=2.0), LARGEST_TOP)
     height = size
     view: View | None = None
     camera: Camera | None = None
@@ -125,10 +123,12 @@ def draw_layouts(
         cells = checker_cells(scene, 22)
         plan = draw_plan(scene, size, samples, cells=cells)
         checker = paint(view, checker_colours(scene, view, cells), col.rgb(col.INK))
-        colours = stretch_colours(scene, view.face, top)
-        stretch = paint(view, colours, col.rgb(col.INK), 0.5, 0.5)
-        out.append(DrawnLayout(row, (to_image(plan.image), to_image(checker), to_image(stretch))))
-    return out, top
+        colours = distortion_colours(scene, view.face, top)
+        distortion = paint(view, colours, col.rgb(col.INK), 0.5, 0.5)
+        out.append(
+            DrawnLayout(row, (to_image(plan.image), to_image(checker), to_image(distortion)))
+        )
+    return out
 
 
 def _view_height(scene: Scene, camera: Camera, size: int) -> int:
@@ -148,13 +148,13 @@ def _scene(mesh: Mesh, row: MethodLayout) -> Scene | None:
 
 
 def caption(row: MethodLayout, seconds: bool = True) -> str:
-    """Charts, stretch and seconds of a row in a few words; what is unknown is left out."""
-    charts, stretch, time = (row.figures.get(k) for k in ("charts", "distortion", "seconds"))
+    """Charts, distortion and seconds of a row in a few words; what is unknown is left out."""
+    charts, distortion, time = (row.figures.get(k) for k in ("charts", "distortion", "seconds"))
     parts = []
     if charts is not None:
-        parts.append(f"{charts:,} chart{'s' * (charts != 1)}")
-    if stretch is not None:
-        parts.append(f"stretch {cell_text('distortion', stretch)}")
+        parts.append(counted(int(charts), "chart"))
+    if distortion is not None:
+        parts.append(f"distortion {cell_text('distortion', distortion)}")
     if time is not None and seconds:
         parts.append(f"{cell_text('seconds', time)}\u00a0s")
     return " · ".join(parts)

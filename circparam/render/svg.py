@@ -1,67 +1,192 @@
-"""The layout as SVG: one path a chart, ready for a drawing program or a paper."""
+"""The layout as SVG, ready for a drawing program or a paper: charts, a checker on them, and their distortion.
+
+Three squares side by side, each a group of its own (``layout``, ``checker``, ``distortion``). In the first
+every chart is one path; in the last faces of one chart and of one step of the colour scale are.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.graph import cycles
 from circparam.render import colours as col
+from circparam.render.figures import PictureOptions, counts
 from circparam.render.scene import Scene
+from circparam.render.views import checker_cells
 
 SIZE = 1000  # svg units for one uv unit
+STEPS = 24  # of the colour scale
 
 
-def outlines(scene: Scene) -> list[tuple[int, FloatArray]]:
+def outlines(scene: Scene, label: IntArray | None = None) -> list[tuple[int, FloatArray]]:
     """Closed outlines of all charts: (chart, (p, 2) uv), charts ascending, holes included.
 
-    The boundary half-edges of a chart are chained end to start. Where a boundary touches itself in a point, the
-    k-th half-edge that arrives goes on with the k-th that leaves, which closes every loop as well.
+    label: (m,) outlines of what has one label instead, those below 0 left out; a label may not reach over
+    several charts. The half-edges on a boundary are chained end to start. Where a boundary touches itself in a
+    point, the k-th half-edge that arrives goes on with the k-th that leaves, which closes every loop as well.
     """
     flat = scene.uv_faces.ravel()
-    h = scene.seams
+    owner = scene.chart if label is None else label
+    h = scene.seams if label is None else _borders(scene, label)
     a, b = flat[h], flat[3 * (h // 3) + (h + 1) % 3]
-    chart = scene.chart[h // 3]
-    leaving, arriving = np.argsort(a, kind="stable"), np.argsort(b, kind="stable")
-    if not np.array_equal(a[leaving], b[arriving]):
+    piece = owner[h // 3]
+    leaving, arriving = np.lexsort((a, piece)), np.lexsort((b, piece))
+    ends_meet = np.array_equal(a[leaving], b[arriving])
+    if not ends_meet or not np.array_equal(piece[leaving], piece[arriving]):
         # inconsistently oriented faces: draw every boundary edge on its own
-        return [(int(c), scene.uv[[i, j]]) for c, i, j in zip(chart, a, b, strict=True)]
+        return [(int(c), scene.uv[[i, j]]) for c, i, j in zip(piece, a, b, strict=True)]
     follower = np.empty(len(h), np.int64)
     follower[arriving] = leaving
     _, order, size = cycles(follower)
     loops = np.split(order, np.cumsum(size)[:-1]) if len(size) else []
-    out = [(int(chart[loop[0]]), scene.uv[a[loop]]) for loop in loops]
+    out = [(int(piece[loop[0]]), scene.uv[a[loop]]) for loop in loops]
     return sorted(out, key=lambda item: item[0])
 
 
+def _borders(scene: Scene, label: IntArray) -> IntArray:
+    """Half-edges between faces of different labels, and those of the charts' own boundaries."""
+    a, b = scene.uv_faces.ravel(), scene.uv_faces[:, [1, 2, 0]].ravel()
+    n = len(scene.uv) + 1
+    own = np.repeat(label, 3)
+    base = int(label.max(initial=0)) + 2
+    there = np.where(a >= 0, (a * n + b) * base + own + 1, -1)
+    back = np.where(a >= 0, (b * n + a) * base + own + 1, -2)
+    out: IntArray = np.flatnonzero(~np.isin(there, back) & (own >= 0))
+    return out
+
+
 def layout_svg(scene: Scene, title: str = "uv layout") -> str:
-    """The layout as an SVG document: tiles as squares, every chart as one path with its holes."""
+    """The picture with the scale of distortion that all pictures have."""
+    return figure_svg(scene, PictureOptions(title=title))
+
+
+def figure_svg(scene: Scene, options: PictureOptions) -> str:
+    """The layout three times: tiles as squares, charts as paths with their holes."""
+    scene = scene.once
     u0, v0, u1, v1 = scene.bounds
+    width, height = (u1 - u0) * SIZE, (v1 - v0) * SIZE
+    pad, text = 0.02 * max(width, height), 0.024 * max(width, height)
+    stroke = max(width, height) / 900
+    head, foot = 3.4 * text, 2.4 * text
+    whole = 3 * width + 4 * pad
+    view = f"{-pad:g} {-head:g} {whole:g} {height + head + foot:g}"
+    charts = _charts(scene)
+    pieces = {"layout": "", "checker": _checker(scene), "distortion": _distortion(scene, options)}
+    names = {"layout": "Layout", "checker": "Checker", "distortion": "Distortion"}
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}" width="1800">',
+        f"<title>{_escape(options.title)}</title>",
+        f'<rect x="{-pad:g}" y="{-head:g}" width="{whole:g}" height="{height + head + foot:g}" '
+        f'fill="{col.PAPER}"/>',
+        f'<g font-family="sans-serif" font-size="{text:g}" fill="{col.INK}">',
+        f'<text y="{-2.1 * text:g}">{_escape(options.title)}</text>',
+        f'<text x="{3 * width + 2 * pad:g}" y="{-2.1 * text:g}" text-anchor="end" fill="{col.MUTED}">'
+        f"{_escape(counts(scene, options.note))}</text>",
+        "</g>",
+    ]
+    for k, (name, inside) in enumerate(pieces.items()):
+        fills = charts if name == "layout" else [d.replace(' id="', ' data-id="') for d in charts]
+        lines += [
+            f'<g id="{name}" transform="translate({k * (width + pad):g})">',
+            f'<text y="{-0.6 * text:g}" font-family="sans-serif" font-size="{text:g}" '
+            f'fill="{col.INK}">{names[name]}</text>',
+            f'<rect width="{width:g}" height="{height:g}" fill="{col.PANEL}"/>',
+            f'<g stroke="{col.HAIRLINE}" stroke-width="{stroke:g}" fill="none">',
+            *_grid(u0, v0, u1, v1),
+            "</g>",
+            inside if name == "distortion" else "",
+            f'<g stroke="{col.INK}" stroke-width="{stroke * _weight(scene):g}" stroke-linejoin="round" '
+            f'fill-rule="evenodd">',
+            *(fills if name != "distortion" else [_unfilled(d) for d in fills]),
+            "</g>",
+            inside if name == "checker" else "",
+            "</g>",
+        ]
+    lines.append(_legend(2 * (width + pad), height + 0.5 * text, width, text, options.scale_end))
+    return "\n".join([line for line in lines if line] + ["</svg>", ""])
+
+
+def _weight(scene: Scene) -> float:
+    """Thinner lines where there are many."""
+    h, flat = scene.seams, scene.uv_faces.ravel()
+    d = scene.uv[flat[3 * (h // 3) + (h + 1) % 3]] - scene.uv[flat[h]]
+    u0, v0, u1, v1 = scene.bounds
+    return col.line_weight(float(np.linalg.norm(d, axis=1).sum()) / max(u1 - u0, v1 - v0))
+
+
+def _paths(scene: Scene, label: IntArray | None = None) -> dict[int, str]:
+    """Chart or label → the data of a path with all its loops."""
+    u0, _, _, v1 = scene.bounds
     parts: dict[int, list[str]] = {}
-    for chart, uv in outlines(scene):
+    for piece, uv in outlines(scene, label):
         xy = np.stack([uv[:, 0] - u0, v1 - uv[:, 1]], 1) * SIZE
         points = " ".join(f"{x:.2f},{y:.2f}" for x, y in xy.tolist())
-        parts.setdefault(chart, []).append(f"M{points}Z")
+        parts.setdefault(piece, []).append(f"M{points}Z")
+    return {piece: "".join(loops) for piece, loops in parts.items()}
+
+
+def _charts(scene: Scene) -> list[str]:
     colours = col.chart_colours(np.arange(max(scene.n_charts, 1)))
-    width, height = (u1 - u0) * SIZE, (v1 - v0) * SIZE
-    pad = 0.02 * max(width, height)
-    stroke = max(width, height) / 900
-    view = f"{-pad:g} {-pad:g} {width + 2 * pad:g} {height + 2 * pad:g}"
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}" width="1000">',
-        f"<title>{_escape(title)}</title>",
-        f'<rect x="{-pad:g}" y="{-pad:g}" width="{width + 2 * pad:g}" height="{height + 2 * pad:g}" '
-        f'fill="{col.PAPER}"/>',
-        f'<rect width="{width:g}" height="{height:g}" fill="{col.PANEL}"/>',
-        f'<g stroke="{col.HAIRLINE}" stroke-width="{stroke:g}" fill="none">',
-        *_grid(u0, v0, u1, v1),
-        "</g>",
-        f'<g stroke="{col.INK}" stroke-width="{stroke:g}" stroke-linejoin="round" fill-rule="evenodd">',
+    return [
+        f'<path id="chart-{chart}" fill="{col.hex_code(col.mix(colours[chart], np.ones(3), 0.5))}" d="{d}"/>'
+        for chart, d in _paths(scene).items()
     ]
-    for chart, loops in parts.items():
-        fill = col.hex_code(col.mix(colours[chart], np.ones(3), 0.5))
-        lines.append(f'<path id="chart-{chart}" fill="{fill}" d="{"".join(loops)}"/>')
-    return "\n".join([*lines, "</g>", "</svg>", ""])
+
+
+def _unfilled(path: str) -> str:
+    """The same outline without its fill."""
+    head, _, rest = path.partition(' fill="')
+    return f'{head} fill="none"{rest[rest.index(chr(34)) + 1 :]}'
+
+
+def _checker(scene: Scene) -> str:
+    """Two fields of a checker as a pattern over all charts, so that a drawing program can scale it."""
+    u0, _, _, v1 = scene.bounds
+    cell = SIZE / checker_cells(scene)
+    # cells begin at uv 0, wherever the picture does
+    x, y = (-u0 * SIZE) % (2 * cell), (v1 * SIZE) % (2 * cell)
+    everything = "".join(_paths(scene).values())
+    return (
+        f'<pattern id="cells" patternUnits="userSpaceOnUse" x="{x:g}" y="{y:g}" width="{2 * cell:g}" '
+        f'height="{2 * cell:g}"><path fill="{col.INK}" fill-opacity="0.28" '
+        f'd="M0,0h{cell:g}v{cell:g}h{-cell:g}zM{cell:g},{cell:g}h{cell:g}v{cell:g}h{-cell:g}z"/></pattern>'
+        f'<path id="cells-on-charts" fill="url(#cells)" fill-rule="evenodd" d="{everything}"/>'
+    )
+
+
+def _distortion(scene: Scene, options: PictureOptions) -> str:
+    """Faces by steps of the colour scale; flipped ones in a colour of their own."""
+    t = col.distortion_position(scene.distortion, options.scale_end)
+    step = np.minimum((t * STEPS).astype(np.int64), STEPS - 1)
+    step = np.where(scene.flipped, STEPS, step)
+    label = np.where(scene.mapped, scene.chart * (STEPS + 1) + step, -1)
+    ramp = [*map(col.hex_code, col.distortion_map(2 * STEPS)[1::2]), col.FLIP]
+    by_step: dict[int, list[str]] = {}
+    for piece, d in _paths(scene, label).items():
+        by_step.setdefault(piece % (STEPS + 1), []).append(d)
+    # a stroke of the same colour closes the gaps that drawing programs leave between neighbours
+    return "".join(
+        f'<path fill="{ramp[k]}" stroke="{ramp[k]}" stroke-width="0.4" fill-rule="evenodd" d="{"".join(ds)}"/>'
+        for k, ds in sorted(by_step.items())
+    )
+
+
+def _legend(x: float, y: float, width: float, text: float, end: float) -> str:
+    """The colour scale below the last square."""
+    ramp = col.distortion_map(STEPS)
+    left, bar = x + 7 * text, max(width - 14 * text, width / 4)
+    each = bar / STEPS
+    boxes = "".join(
+        f'<rect x="{left + k * each:.2f}" y="{y:.2f}" width="{each * 1.02:.2f}" height="{0.7 * text:.2f}" '
+        f'fill="{col.hex_code(c)}"/>'
+        for k, c in enumerate(ramp)
+    )
+    return (
+        f'<g font-family="sans-serif" font-size="{0.8 * text:g}" fill="{col.MUTED}">'
+        f'<text x="{left - 0.4 * text:g}" y="{y + 0.65 * text:g}" text-anchor="end">1 is perfect</text>{boxes}'
+        f'<text x="{left + bar + 0.4 * text:g}" y="{y + 0.65 * text:g}">{end:g} or more</text></g>'
+    )
 
 
 def _grid(u0: float, v0: float, u1: float, v1: float) -> list[str]:
@@ -77,4 +202,6 @@ def _grid(u0: float, v0: float, u1: float, v1: float) -> list[str]:
 
 
 def _escape(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    """Text for XML, which has no place for control characters and halves of surrogate pairs."""
+    kept = "".join(c if c >= " " and not "\ud800" <= c <= "\udfff" else "\ufffd" for c in text)
+    return kept.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

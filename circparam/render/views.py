@@ -72,7 +72,10 @@ def _seam_lines(scene: Scene, camera: Camera, z: FloatArray, factor: int) -> Flo
     a, b = flat[seams], flat[3 * (seams // 3) + (seams + 1) % 3]
     lines = np.concatenate([xy, depth[:, None]], 1)
     pixel_size = 2 * camera.reach / min(w, h)
-    return draw_lines(lines[a], lines[b], (h, w), 0.75 * factor, z, 3.5 * factor * pixel_size)
+    # every seam is listed from both sides, and about half of them are seen
+    length = np.linalg.norm(xy[b] - xy[a], axis=1).sum() / 4 / min(w, h)
+    radius = 0.75 * factor * col.line_weight(length)
+    return draw_lines(lines[a], lines[b], (h, w), radius, z, 3.5 * factor * pixel_size)
 
 
 def _brightness(normal: FloatArray, back: BoolArray, camera: Camera) -> FloatArray:
@@ -143,10 +146,10 @@ def _chart_table(scene: Scene, pale: tuple[float, float]) -> FloatArray:
     return np.stack([col.mix(base, np.ones(3), t) for t in pale], 1)
 
 
-def stretch_colours(scene: Scene, faces: IntArray, top: float) -> FloatArray:
-    """(p, 3) the stretch map of faces; flipped faces and faces without uv have colours of their own."""
-    table = col.stretch_map(512)
-    t = col.stretch_position(scene.stretch[faces], top)
+def distortion_colours(scene: Scene, faces: IntArray, top: float) -> FloatArray:
+    """(p, 3) the distortion map of faces; flipped faces and faces without uv have colours of their own."""
+    table = col.distortion_map(512)
+    t = col.distortion_position(scene.distortion[faces], top)
     out = table[np.round(t * 511).astype(np.int64)]
     out[scene.flipped[faces]] = col.rgb(col.FLIP)
     out[~scene.mapped[faces]] = col.rgb(col.NO_UV)
@@ -181,13 +184,13 @@ def draw_plan(
     *,
     cells: float = 0.0,
     padding: float = 0.0,
-    stretch_end: float = 0.0,
 ) -> Plan:
     """The layout, size × size pixels: charts in their colours, boundaries drawn, the space between them seen.
 
     cells: checker cells for one uv unit, 0 for none. padding: width, in uv units, of the band round every
-    chart that belongs to it, drawn paler. stretch_end: colour by stretch up to that value instead.
+    chart that belongs to it, drawn paler.
     """
+    scene = scene.once
     n = size * factor
     u0, v0, u1, v1 = scene.bounds
     unit = n / max(u1 - u0, v1 - v0)
@@ -201,16 +204,13 @@ def draw_plan(
     pixel = np.flatnonzero(face.ravel() >= 0)
     seen = face.ravel()[pixel]
     flat = image.reshape(-1, 3)
-    if stretch_end:
-        flat[pixel] = stretch_colours(scene, seen, stretch_end)
-    else:
-        shade = np.zeros(len(pixel), np.int64)
-        if cells:
-            at = np.stack([pixel % n + 0.5, -(pixel // n) - 0.5], 1) / unit + origin
-            shade = _checker(at, cells)
-        table = _chart_table(scene, (0.62, 0.42) if cells else (0.52, 0.52))
-        flat[pixel] = table[scene.chart[seen], shade]
-        flat[pixel[scene.flipped[seen]]] = col.rgb(col.FLIP)
+    shade = np.zeros(len(pixel), np.int64)
+    if cells:
+        at = np.stack([pixel % n + 0.5, -(pixel // n) - 0.5], 1) / unit + origin
+        shade = _checker(at, cells)
+    table = _chart_table(scene, (0.62, 0.42) if cells else (0.52, 0.52))
+    flat[pixel] = table[scene.chart[seen], shade]
+    flat[pixel[scene.flipped[seen]]] = col.rgb(col.FLIP)
     double = layers.ravel()[pixel] > 1
     stripe = ((pixel % n + pixel // n) // (3 * factor)) % 2 == 0
     twice = pixel[double & stripe]
@@ -221,16 +221,6 @@ def draw_plan(
         len(pixel) / (scene.n_tiles * unit**2),
         float(double.mean()) if len(pixel) else 0.0,
     )
-
-
-def coverage(scene: Scene, size: int = 1024) -> tuple[float, float]:
-    """(share of the tiles in use that is covered, share of that covered more than once), on a raster."""
-    u0, v0, u1, v1 = scene.bounds
-    unit = size / max(u1 - u0, v1 - v0)
-    _, _, layers = rasterise((scene.corner_uv - np.array([u0, v0])) * unit, size, size)
-    hit = layers > 0
-    double = float((layers[hit] > 1).mean()) if hit.any() else 0.0
-    return float(hit.sum()) / (scene.n_tiles * unit**2), double
 
 
 def _tile_ground(
@@ -270,8 +260,7 @@ def _draw_boundaries(image: FloatArray, scene: Scene, uv: FloatArray, factor: in
     h = scene.seams
     flat = scene.uv_faces.ravel()
     a, b = uv[flat[h]], uv[flat[3 * (h // 3) + (h + 1) % 3]]
-    length = np.abs(b - a).sum() / image.shape[0]
-    radius = factor * (0.62 if length < 60 else 0.4)
-    mask = draw_lines(a, b, image.shape[:2], radius)[..., None]
-    strength = 0.85 if length < 60 else 0.55
+    weight = col.line_weight(np.linalg.norm(b - a, axis=1).sum() / image.shape[0])
+    mask = draw_lines(a, b, image.shape[:2], 0.62 * factor * weight)[..., None]
+    strength = 0.85 * np.sqrt(weight)
     image[:] = image * (1 - strength * mask) + col.rgb(col.INK) * strength * mask

@@ -1,9 +1,10 @@
 /* Opens a page in headless chromium, does what a user does, takes a screenshot after every step, and prints
-   what it saw as JSON. Called by test_browser.py: node drive.cjs CHROMIUM PAGE FOLDER WIDTH HEIGHT TOUCH STEPS */
+   what it saw as JSON. Called by test_browser.py:
+   node drive.cjs CHROMIUM PAGE FOLDER WIDTH HEIGHT TOUCH SCHEME STEPS */
 
 const { chromium } = require("playwright-core");
 
-const [executablePath, page, folder, width, height, touch, steps] = process.argv.slice(2);
+const [executablePath, page, folder, width, height, touch, colorScheme, steps] = process.argv.slice(2);
 
 async function pinch(session, x, y) {
   const points = (gap) => [{ x: x - gap, y, id: 1 }, { x: x + gap, y, id: 2 }];
@@ -13,11 +14,48 @@ async function pinch(session, x, y) {
   await send("touchEnd", []);
 }
 
-async function swipe(session, x, y) {
+async function swipe(session, x, y, dx = 20, dy = 6) {
   const send = (type, touchPoints) => session.send("Input.dispatchTouchEvent", { type, touchPoints });
   await send("touchStart", [{ x, y, id: 1 }]);
-  for (let k = 1; k <= 4; k++) await send("touchMove", [{ x: x + 20 * k, y: y + 6 * k, id: 1 }]);
+  for (let k = 1; k <= 4; k++) await send("touchMove", [{ x: x + dx * k, y: y + dy * k, id: 1 }]);
   await send("touchEnd", []);
+}
+
+/* Run in the page: the lowest contrast of any text that is seen with the ground it stands on, and that text. */
+function lowestContrast() {
+  const parse = (c) => (c.match(/[\d.]+/g) ?? [0, 0, 0, 0]).map(Number);
+  const part = (c) => ((c /= 255) <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+  const light = ([r, g, b]) => 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b);
+  const ground = (e) => {
+    for (; e; e = e.parentElement) {
+      const [r, g, b, a = 1] = parse(getComputedStyle(e).backgroundColor);
+      if (a > 0.99) return [r, g, b];
+    }
+    return [255, 255, 255];
+  };
+  let worst = { ratio: 99, text: "" };
+  for (const e of document.body.querySelectorAll("*")) {
+    const own = [...e.childNodes].filter((n) => n.nodeType === 3).map((n) => n.textContent).join("").trim();
+    if (!own || ["SCRIPT", "STYLE", "LEGEND"].includes(e.tagName) || !e.getClientRects().length) continue;
+    const style = getComputedStyle(e);
+    const colour = parse(e instanceof SVGElement ? style.fill : style.color);
+    let opacity = 1;
+    for (let p = e; p; p = p.parentElement) opacity *= Number(getComputedStyle(p).opacity);
+    const back = ground(e);
+    const front = back.map((c, i) => c + (colour[i] - c) * opacity * (colour[3] ?? 1));
+    const [low, high] = [light(front), light(back)].sort((a, b) => a - b);
+    const ratio = (high + 0.05) / (low + 0.05);
+    if (ratio < worst.ratio) worst = { ratio, text: own.slice(0, 40) };
+  }
+  return worst;
+}
+
+/* Run in the page: wait until a swipe has stopped to scroll it. */
+async function settled() {
+  for (let still = 0, y = -1; still < 12; still = y === window.scrollY ? still + 1 : 0) {
+    y = window.scrollY;
+    await new Promise((done) => requestAnimationFrame(done));
+  }
 }
 
 (async () => {
@@ -27,8 +65,10 @@ async function swipe(session, x, y) {
   });
   const context = await browser.newContext({
     viewport: { width: Number(width), height: Number(height) }, hasTouch: touch === "yes",
+    isMobile: touch === "yes", colorScheme,
   });
   const tab = await context.newPage();
+  await tab.addInitScript(`window.lowestContrast = ${lowestContrast}`);
   const seen = { console: [], requests: [], shots: {}, text: {} };
   tab.on("console", (m) => ["error", "warning"].includes(m.type()) && seen.console.push(m.text()));
   tab.on("pageerror", (e) => seen.console.push(e.message));
@@ -36,7 +76,7 @@ async function swipe(session, x, y) {
   await tab.goto(page);
   await tab.waitForSelector("body[data-ready=yes], table.sortable", { timeout: 120000 });
   seen.marks = await tab.evaluate(() => performance.getEntriesByType("mark").map((m) => [m.name, m.startTime]));
-  for (const name of ["surface", "plane"]) seen[name] = await tab.locator(`#${name}`).boundingBox({ timeout: 500 }).catch(() => null);
+  for (const name of ["surface", "plane"]) seen[name] = (await tab.locator(`#${name}`).count()) ? await tab.locator(`#${name}`).boundingBox() : null;
   const session = await context.newCDPSession(tab);
   for (const [name, action, ...rest] of JSON.parse(steps)) {
     if (action === "move") await tab.mouse.move(...rest);
@@ -54,7 +94,13 @@ async function swipe(session, x, y) {
       await tab.mouse.move(5, 5);
     }
     if (action === "pinch") await pinch(session, ...rest);
-    if (action === "swipe") await swipe(session, ...rest);
+    if (action === "swipe") {
+      await swipe(session, ...rest);
+      await tab.evaluate(settled);
+    }
+    if (action === "tap") await tab.touchscreen.tap(...rest);
+    if (action === "scroll") await tab.evaluate((y) => window.scrollTo(0, y), rest[0]);
+    if (action === "scheme") await tab.emulateMedia({ colorScheme: rest[0] });
     if (action === "click") await tab.click(rest[0]);
     if (action === "key") await tab.press(rest[0], rest[1]);
     if (action === "fill") await tab.locator(rest[0]).fill(rest[1]);
@@ -64,6 +110,8 @@ async function swipe(session, x, y) {
     seen.text[name] = await tab.evaluate(() => ({
       hovered: document.getElementById("hovered")?.textContent ?? "",
       first: document.querySelector("table.sortable tbody th")?.textContent ?? "",
+      scroll: window.scrollY,
+      contrast: lowestContrast(),
       overflow: document.documentElement.scrollWidth > window.innerWidth,
     }));
   }

@@ -43,7 +43,8 @@ missing = [
 ]
 pytestmark = pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
 
-SIZES = {"desktop": (1280, 800, False), "phone": (390, 844, True)}
+SIZES = {"desktop": (1280, 800, False), "phone": (390, 844, True), "wide": (1920, 1080, False)}
+USUAL = ("desktop", "phone")
 
 
 def ball() -> tuple[Mesh, UVMap]:
@@ -69,16 +70,18 @@ def ball() -> tuple[Mesh, UVMap]:
     return Mesh(np.concatenate(points), together), UVMap(np.concatenate(uv), together)
 
 
-def drive(page: Path, name: str, size: str, steps: list[list[Any]]) -> dict[str, Any]:
+def drive(
+    page: Path, name: str, size: str, steps: list[list[Any]], scheme: str = "light"
+) -> dict[str, Any]:
     """Run the steps in the browser; returns what drive.cjs saw."""
     width, height, touch = SIZES[size]
-    folder = ARTEFACTS / f"{name}-{size}"
+    folder = ARTEFACTS / f"{name}-{size}-{scheme}"
     folder.mkdir(parents=True, exist_ok=True)
     assert NODE is not None
     assert CHROMIUM is not None
     done = subprocess.run(
         [NODE, str(HERE / "drive.cjs"), CHROMIUM, page.as_uri(), str(folder), str(width), str(height),
-         "yes" if touch else "no", json.dumps(steps)],
+         "yes" if touch else "no", scheme, json.dumps(steps)],
         capture_output=True, text=True, check=False, env={**os.environ, "NODE_PATH": str(modules())},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -101,6 +104,10 @@ def changed(seen: dict[str, Any], a: str, b: str, panel: str) -> float:
     return float((difference > 12).mean())
 
 
+def middle(box: dict[str, float]) -> tuple[float, float]:
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mesh, uvmap = ball()
@@ -115,22 +122,25 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module", params=list(SIZES))
+@pytest.fixture(scope="module", params=USUAL)
 def seen(request: pytest.FixtureRequest, page: Path) -> dict[str, Any]:
     """One visit: look, turn, zoom, point, switch modes."""
     touch = SIZES[request.param][2]
-    if request.param == "desktop":
-        surface, plane = (260, 430), (750, 433)
-        chart = (plane[0] - 140, plane[1] + 105)  # the first chart lies bottom left
-    else:
-        surface, plane = (195, 350), (195, 680)
-        chart = (plane[0] - 95, plane[1] + 70)
+    places = drive(page, "places", request.param, [["start", "none"]])
+    surface, plane = middle(places["surface"]), middle(places["plane"])
+    side = min(places["plane"]["width"], places["plane"]["height"])
+    chart = (plane[0] - side * 0.3, plane[1] - side * 0.22)  # one of six in a grid of 3 × 2
+    point = ["tap" if touch else "move", *surface], ["tap" if touch else "move", *chart]
+    # a finger goes away with a tap on nothing: above the layout's charts, where the ground is
+    away = (
+        ["tap", plane[0] + side * 0.5 - 2, plane[1] - side * 0.5 - 2] if touch else ["move", 5, 5]
+    )
     steps: list[list[Any]] = [
         ["start", "none"],
-        ["on-surface", "move", *surface],
-        ["off", "move", 5, 5],
-        ["on-layout", "move", *chart],
-        ["away", "move", 5, 5],
+        ["on-surface", *point[0]],
+        ["off", *away],
+        ["on-layout", *point[1]],
+        ["away", *away],
         ["turned", "swipe" if touch else "drag", *surface, *([] if touch else [90, 20])],
         ["rested", "click", "#reset"],
         ["zoomed", *(["pinch", *surface] if touch else ["wheel", *surface, -240])],
@@ -138,7 +148,7 @@ def seen(request: pytest.FixtureRequest, page: Path) -> dict[str, Any]:
         ["keys", "key", "#surface", "ArrowLeft"],
         ["reset-again", "click", "#reset"],
         ["dense", "fill", "#density", "2"],
-        ["stretch", "click", "input[value=stretch] + span"],
+        ["distortion", "click", "input[value=distortion] + span"],
         ["charts", "click", "input[value=charts] + span"],
         ["texture", "click", "input[value=texture] + span"],
         ["full", "full"],
@@ -184,7 +194,7 @@ def test_pointing_at_a_chart_lights_it_up_in_both_views(seen: dict[str, Any]):
 
 
 def test_modes_and_slider(seen: dict[str, Any]):
-    for a, b in (("reset-again", "dense"), ("dense", "stretch"), ("stretch", "charts")):
+    for a, b in (("reset-again", "dense"), ("dense", "distortion"), ("distortion", "charts")):
         for panel in ("surface", "plane"):
             assert changed(seen, a, b, panel) > 0.05
     red = pixels(seen, "texture", "plane")
@@ -201,7 +211,7 @@ def test_a_comparison_sorts_and_fits(tmp_path: Path):
         MethodLayout("lost", None, "failed", {}, {}, "no result"),
     ]
     save_report(tmp_path / "c.html", [SideBySide("ball", mesh, rows, "cut charts")])
-    for size in SIZES:
+    for size in USUAL:
         seconds, method = "thead th:nth-child(2) button", "thead th:nth-child(1) button"
         steps = [
             ["start", "none"], ["up", "click", seconds], ["down", "click", seconds],
@@ -213,3 +223,74 @@ def test_a_comparison_sorts_and_fits(tmp_path: Path):
         order = [seen["text"][s]["first"] for s in ("start", "up", "down", "name")]
         assert order == ["slow", "quick", "slow", "lost"]
         assert not seen["text"]["start"]["overflow"]
+
+
+def test_a_finger_scrolls_turns_and_selects(page: Path):
+    """A vertical swipe over the surface scrolls the page, a sideways one turns, a tap stays selected."""
+    at = middle(drive(page, "places", "phone", [["start", "none"]])["surface"])
+    steps = [
+        ["start", "none"],
+        ["up", "swipe", *at, 0, -60],
+        ["back", "scroll", 0],
+        ["sideways", "swipe", *at, 25, 2],
+        ["tapped", "tap", *at],
+        ["waited", "none"],
+    ]
+    seen = drive(page, "fingers", "phone", steps)
+    assert seen["console"] == []
+    assert seen["text"]["up"]["scroll"] > 100
+    assert seen["text"]["sideways"]["scroll"] == 0
+    assert changed(seen, "start", "back", "surface") < 0.002, "scrolling turned the surface"
+    assert changed(seen, "back", "sideways", "surface") > 0.03
+    assert not seen["text"]["sideways"]["hovered"].startswith("Chart"), "a swipe is no tap"
+    for step in ("tapped", "waited"):
+        assert seen["text"][step]["hovered"].startswith("Chart ")
+    assert "Swipe" in seen["text"]["start"]["hovered"]
+
+
+def test_charts_are_reached_by_the_keyboard(page: Path):
+    steps = [["start", "none"], ["first", "key", "#plane", "."], ["second", "key", "#plane", "."],
+             ["last", "key", "#surface", ","], ["before", "key", "#surface", ","]]  # fmt: skip
+    seen = drive(page, "keys", "desktop", steps)
+    told = [seen["text"][step]["hovered"].split(" of")[0] for step, *_ in steps[1:]]
+    assert told == ["Chart 1", "Chart 2", "Chart 1", "Chart 6"]
+
+
+def test_the_layout_takes_the_height_that_there_is(page: Path):
+    """On a wide screen the layout is as high as its panel; on a phone as wide as the screen."""
+    wide = drive(page, "places", "wide", [["start", "none"]])
+    assert wide["plane"]["width"] == pytest.approx(wide["plane"]["height"], rel=0.02)
+    phone = drive(page, "places", "phone", [["start", "none"]])
+    assert phone["plane"]["width"] == SIZES["phone"][0]
+    assert phone["plane"]["height"] == pytest.approx(phone["plane"]["width"], rel=0.02)
+
+
+@pytest.mark.parametrize("size", ["desktop", "phone"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_is_legible_in_both_schemes(page: Path, tmp_path: Path, size: str, scheme: str):
+    """Every text on both pages has the contrast of AA, and the ground is dark where that was asked for."""
+    mesh, uvmap = ball()
+    rows = [
+        MethodLayout("good", uvmap, "ok", {"seconds": 3.0, "distortion": 1.1}, {"solve": 3.0}),
+        MethodLayout("odd", uvmap, "invalid", {"seconds": 0.003, "distortion": 1.9}),
+        MethodLayout("lost", None, "failed", {}, {}, "no result"),
+    ]
+    save_report(tmp_path / "c.html", [SideBySide("ball", mesh, rows, "cut charts")])
+    modes = [[m, "click", f"input[value={m}] + span"] for m in ("distortion", "charts", "texture")]
+    for path, steps in (
+        (page, [["start", "none"], *modes]),
+        (tmp_path / "c.html", [["start", "none"]]),
+    ):
+        seen = drive(path, f"contrast-{path.stem}", size, steps, scheme)
+        assert seen["console"] == []
+        for step, text in seen["text"].items():
+            assert text["contrast"]["ratio"] >= 4.5, (step, text["contrast"])
+            assert not text["overflow"]
+        light = pixels(seen, "start")[:4].mean() > 128
+        assert light == (scheme == "light")
+
+
+def test_the_scheme_follows_the_system_while_the_page_is_open(page: Path):
+    seen = drive(page, "follow", "desktop", [["start", "none"], ["dark", "scheme", "dark"]])
+    assert pixels(seen, "start", "surface").mean() > 150 > pixels(seen, "dark", "surface").mean()
+    assert seen["console"] == []

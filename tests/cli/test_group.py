@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from circparam.cli import COMMANDS, cli
+from circparam.cli import COMMANDS, cli, common
+from circparam.core.fields import flag, option, specs
+from circparam.pipeline.options import Options
 
 
 def commands() -> list[str]:
@@ -69,3 +73,57 @@ def test_a_file_for_a_command_names_the_cure(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, [str(mesh)])
     assert result.exit_code == 2
     assert f"circparam unwrap {mesh}" in result.stderr
+
+
+def sections(name: str) -> dict[str, list[str]]:
+    """Heading → the flags below it, of a help text."""
+    out: dict[str, list[str]] = {}
+    heading = ""
+    for line in CliRunner().invoke(cli, [name, "--help"]).stdout.splitlines():
+        if line and not line.startswith(" "):
+            heading = line.rstrip(":")
+        found = re.match(r"  (?:-\w, )?(--[\w-]+)", line)
+        if found:
+            out.setdefault(heading, []).append(found.group(1))
+    return out
+
+
+def test_the_help_of_unwrap_has_sections() -> None:
+    """Every flag stands in one, those of the library by their stage."""
+    found = sections("unwrap")
+    assert list(found) == list(common.SECTIONS)
+    command = cli.get_command(click.Context(cli), "unwrap")
+    assert command is not None
+    given = [p.opts for p in command.params if isinstance(p, click.Option)]
+    flags = [opts[0] if opts[0][:2] == "--" else opts[-1] for opts in given]
+    assert sorted(f for names in found.values() for f in names) == sorted([*flags, "--help"])
+    spec_of = {flag(n, s): s for n, s in specs(Options).items()}
+    for heading, names in found.items():
+        for name in names:
+            if name in spec_of:
+                assert common.section_of(spec_of[name].stage) == heading
+    for heading, name in (("Seams", "--export-seams"), ("Checks", "--fail-if"), ("Information", "--json"),
+                          ("Input and output", "--out-dir")):  # fmt: skip
+        assert name in found[heading]
+
+
+def test_a_new_option_falls_into_a_section_by_its_stage() -> None:
+    @dataclass(frozen=True, eq=False)
+    class More(Options):
+        toy: bool | None = option("packing", "A toy.")
+
+    @click.command(cls=common.SectionedCommand)
+    @common.apply(common.library_options("packing", More))
+    def command(**_: object) -> None:
+        """Nothing."""
+
+    lines = (
+        CliRunner().invoke(command, ["--help"]).stdout.split("Packing:")[1].split("Information:")[0]
+    )
+    assert "--toy" in lines
+
+
+def test_the_figures_are_explained_once_by_the_words_of_the_table() -> None:
+    text = CliRunner().invoke(cli, ["unwrap", "--help"]).stdout
+    for word in ("distortion  ", "seam length  ", "packed  "):
+        assert text.count(f"    {word}") == 1

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from circparam.cli.paths import check_outputs, output_path
-from circparam.errors import OptionError
+from circparam.cli.paths import check_outputs, made_folder, output_path, without_outputs
+from circparam.errors import OptionError, OutputError
 
 NOTHING = {
     "output": None,
@@ -26,6 +26,13 @@ NOTHING = {
         ("a/m.PLY", {}, "a/m_uv.PLY"),
         ("m.stl", {}, "m_uv.glb"),  # has no place for uv
         ("m.off", {"out_dir": "out"}, "out/m.glb"),
+        ("m.stla", {}, "m_uv.glb"),  # every suffix of such a format
+        ("m.STLB", {}, "m_uv.glb"),
+        ("m.coff", {}, "m_uv.glb"),
+        ("m.vrm", {}, "m_uv.vrm"),
+        ("m.txt", {}, "m_uv.txt"),
+        (".", {}, "_uv"),  # a directory: reading says so
+        ("/", {"out_dir": "out"}, "out"),
         ("a/m.gltf", {"out_dir": "out"}, "out/m.gltf"),
         ("m.obj", {"output": "x.ply"}, "x.ply"),
         ("-", {}, "-"),
@@ -44,6 +51,13 @@ REFUSED = {
     "stdout twice": ("-", "-", {"as_json": True, "format": "obj"}, "stdout"),
     "two meshes to stdout": ("a b", "- -", {}, "stdout"),
     "two of one name": ("a b", "o o", {}, "one by one"),
+    "a map of another kind": (
+        "a",
+        "o",
+        {"index_map": "m.txt"},
+        "--map m.txt: end the name in .npz",
+    ),
+    "a preview of no kind": ("a", "o", {"preview": "p"}, "--preview p: end the name in .png"),
     "format of no stream": ("a", "o", {"format": "obj"}, "--format has no effect"),
 }
 
@@ -62,12 +76,53 @@ def test_what_is_fine() -> None:
     check_outputs(("a",), ["o"], NOTHING | {"index_map": "m.npz"})
 
 
-@pytest.mark.parametrize("extra", [{}, {"index_map": "there"}, {"export_seams": "there"}])
+@pytest.mark.parametrize("extra", [{}, {"index_map": "there.npz"}, {"export_seams": "there"}])
 def test_a_file_that_is_there_stays(extra: dict[str, Any], tmp_path: Path) -> None:
-    there = tmp_path / "there"
+    there = tmp_path / next(iter(extra.values()), "there")
     there.write_text("mine")
     given = NOTHING | {name: str(there) for name in extra}
     out = str(tmp_path / "new") if extra else str(there)
-    with pytest.raises(OptionError, match="there exists: give --overwrite"):
+    with pytest.raises(OptionError, match="exists: give --overwrite"):
         check_outputs(("a",), [out], given)
     check_outputs(("a",), [out], given | {"overwrite": True})
+
+
+@pytest.mark.parametrize("name", ["output", "export_seams"])
+def test_directories_and_missing_folders_are_told_before_the_work(
+    name: str, tmp_path: Path
+) -> None:
+    for path, says in ((tmp_path, "this is a directory"), (tmp_path / "no" / "x", "no folder")):
+        given = NOTHING | {name: str(path), "overwrite": True}
+        out = str(path) if name == "output" else str(tmp_path / "x.obj")
+        with pytest.raises(OutputError, match=says):
+            check_outputs(("a",), [out], given)
+
+
+def test_outputs_of_an_earlier_call_are_no_inputs() -> None:
+    """What a pattern such as *.obj finds in a folder that was worked on before."""
+    names = ("a.obj", "a_uv.obj", "b_uv.obj", "./c.stl", "c_uv.glb", "-")
+    assert without_outputs(names) == (
+        ["a.obj", "b_uv.obj", "./c.stl", "-"],
+        ["a_uv.obj", "c_uv.glb"],
+    )
+    assert without_outputs(("a_uv.obj",)) == (["a_uv.obj"], [])
+    assert without_outputs(("a_uv.obj", "a_uv_uv.obj")) == (["a_uv.obj"], ["a_uv_uv.obj"])
+
+
+def test_a_folder_for_outputs_is_made_and_goes_when_nothing_came(tmp_path: Path) -> None:
+    new = tmp_path / "x" / "y"
+    with made_folder(str(new)):
+        assert new.is_dir()
+    assert not (tmp_path / "x").exists()
+    with made_folder(str(new)):
+        (new / "file").write_text("kept")
+    with made_folder(str(new)):  # one that is there stays, empty or not
+        (new / "file").unlink()
+    assert new.is_dir()
+    (tmp_path / "file").write_text("in the way")
+    for bad in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(OutputError, match="--out-dir"), made_folder(str(bad)):
+            pass
+    with pytest.raises(ValueError, match="mine"), made_folder(str(tmp_path / "z")):
+        raise ValueError("mine")
+    assert not (tmp_path / "z").exists()

@@ -501,3 +501,91 @@ def test_a_named_pipe_is_written_and_not_read_back(disk: Path, tmp_path: Path) -
     assert result.exit_code == 0, result.stderr
     assert run("unwrap", disk, *CONVEX, "-q").exit_code == 0
     assert got.read_bytes() == (tmp_path / "disk_uv.obj").read_bytes()
+
+
+def test_several_meshes_end_with_a_summary(tmp_path: Path) -> None:
+    """One line a mesh, failed ones too, and how many of each status; the folder is made."""
+    a = obj(tmp_path / "a.obj", shapes.bumped_disk(100))
+    b = obj(tmp_path / "b.obj", shapes.grid(4, 4))
+    bad = tmp_path / "bad.obj"
+    bad.write_text("no mesh")
+    old = tmp_path / "a_uv.obj"
+    old.write_text("what an earlier run wrote")
+    out = tmp_path / "new" / "folder"
+    result = run("unwrap", a, bad, b, old, "--out-dir", out, "--cut", "none", *QUICK)
+    assert result.exit_code == 3
+    assert sorted(p.name for p in out.iterdir()) == ["a.obj", "b.obj"]
+    tail = result.stdout.splitlines()[-5:]
+    assert tail[0].split()[:2] == ["mesh", "status"]
+    assert [line.split()[1] for line in tail[1:4]] == [
+        "a.obj",
+        "bad.obj",
+        "b.obj",
+    ]
+    assert "failed" in tail[2]
+    assert tail[4].strip() == "3 meshes: 2 ok, 1 failed"
+    assert "a_uv.obj: left out" in result.stderr
+    assert old.read_text() == "what an earlier run wrote"
+    lines = run(
+        "unwrap", a, b, "--out-dir", out, "--overwrite", "--json", "--cut", "none", *QUICK
+    ).stdout
+    assert [json.loads(line)["status"] for line in lines.splitlines()] == ["ok", "ok"]
+
+
+@pytest.mark.parametrize("place", [".", "/", ".."])
+def test_a_directory_is_no_mesh(place: str) -> None:
+    for command in ("unwrap", "view", "pack", "check", "compare"):
+        one_line_error(run(command, place), 3, "this is a directory")
+
+
+def test_an_unreadable_file_is_an_error_of_the_input(
+    disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Root may read everything, so the system's answers are made up: the documented code is 3."""
+
+    def refuse(path: object, *_: object, **__: object) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(os, "access", lambda *_, **__: False)
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    monkeypatch.setattr(Path, "read_text", refuse)
+    for words in (
+        ("unwrap", disk),
+        ("check", disk),
+        ("view", disk),
+        ("pack", disk),
+        ("compare", disk),
+    ):
+        one_line_error(run(*words), 3, "disk.obj", "Permission denied")
+    bake = ("bake", disk, "--from", "texture", "-o", disk.with_name("x.png"))
+    one_line_error(run(*bake), 3, "disk.obj", "Permission denied")
+    for flag in ("--seams", "--no-seams", "--pin"):
+        one_line_error(run("unwrap", disk, flag, disk, "--method", "lscm"), 3, "Permission denied")
+
+
+def test_names_that_are_not_utf_8(tmp_path: Path) -> None:
+    """Read, written, drawn and reported under any bytes that the system allows; JSON stays UTF-8."""
+    name = os.fsdecode(b"m\xff \xe9")
+    try:
+        mesh = obj(tmp_path / f"{name}.obj", shapes.bumped_disk(40))
+    except OSError:
+        pytest.skip("this file system takes UTF-8 only")
+    flat = ("--cut", "none", "--method", "mean-value", "-q", *QUICK)
+    for kind in ("obj", "ply", "glb", "gltf"):
+        out = tmp_path / f"out-{name}.{kind}"
+        assert run("unwrap", mesh, "-o", out, *flat).exit_code == 0
+        assert run("check", out, "--uv").exit_code == 0
+    for kind in ("png", "svg", "html"):
+        assert (
+            run("view", tmp_path / f"out-{name}.obj", "-o", tmp_path / f"{name}.{kind}").exit_code
+            == 0
+        )
+        assert (tmp_path / f"{name}.{kind}").stat().st_size > 1000
+    page, plot, table = (tmp_path / f"{name}-c.{kind}" for kind in ("html", "png", "csv"))
+    extra = ("--report", page, "--plot", plot, "--csv", table)
+    result = run("compare", mesh, "--methods", "mean-value", "--cut", "none", *extra, "--json")
+    assert result.exit_code == 0, result.stderr
+    for said in (result.stdout_bytes, run("check", mesh, "--json").stdout_bytes):
+        assert "\\udcff" in said.decode("utf-8")
+        json.loads(said)
+    one_line_error(run("unwrap", tmp_path / os.fsdecode(b"no\xff.obj")), 3, "no such file")

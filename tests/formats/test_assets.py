@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from circparam.errors import OptionError
-from circparam.formats.assets import find_assets
+from circparam.errors import OptionError, OutputError
+from circparam.formats.assets import Assets, find_assets
 from circparam.formats.document import Encoded, WriteOptions
-from circparam.formats.io import read, write
+from circparam.formats.io import check_place, read, write
 from circparam.formats.memory import from_arrays
 from circparam.formats.source import Source
 from tests.support.formats_tools import (
     grid,
     smooth_layout,
 )
+from tests.support.full_disk import fill_up
+from tests.support.gltf_files import full_mesh
 
 
 def document():
@@ -38,30 +41,39 @@ def test_materials_and_textures_go_along(tmp_path: Path) -> None:
     text = "mtllib my mat.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     (source / "x.obj").write_text(text)
     doc = read(source / "x.obj")
-    plain = write(out / "x.obj", doc, smooth_layout(doc))
-    assert any("my mat.mtl" in n and "--copy-assets" in n for n in plain.notes)
+    bare = write(out / "x.obj", doc, smooth_layout(doc), options=WriteOptions(copy_assets=False))
+    assert any("my mat.mtl" in n and "--no-copy-assets" in n for n in bare.warnings)
     assert [p.name for p in out.iterdir()] == ["x.obj"]
-    copied = write(out / "y.obj", doc, smooth_layout(doc), options=WriteOptions(copy_assets=True))
+    copied = write(out / "y.obj", doc, smooth_layout(doc))
     assert {str(p.relative_to(out)) for p in copied.files} == {
         "y.obj", "my mat.mtl", os.path.join("tex", "a.png"), "two words.png",
     }  # fmt: skip
-    assert any("secret" in n and "outside" in n for n in copied.notes)
-    assert any("no.png" in n and "not there" in n for n in copied.notes)
+    assert any("secret" in n and "outside" in n for n in copied.warnings)
+    assert any("no.png" in n and "not there" in n for n in copied.warnings)
     (out / "two words.png").write_bytes(b"another")
     with pytest.raises(OptionError, match="two words"):
         write(out / "z.obj", doc, smooth_layout(doc), options=WriteOptions(copy_assets=True))
     assert not (out / "z.obj").exists()
+    kept = write(out / "z.obj", doc, smooth_layout(doc))
+    assert any("two words" in n and "another file" in n for n in kept.warnings)
+    assert (out / "two words.png").read_bytes() == b"another"
+    write(out / "z.obj", doc, smooth_layout(doc), overwrite=True)
+    assert (out / "two words.png").read_bytes() == b"b"
 
 
-def found(tmp_path: Path, *names: str, copy: bool = False, same: bool = False):
+def found(
+    tmp_path: Path, *names: str, copy: bool | None = False, same: bool = False, needed: bool = False
+):
     folder, out = tmp_path / "in", tmp_path / "out"
     for each in (folder, out):
         each.mkdir(exist_ok=True)
     (folder / "a b.png").write_bytes(b"ab")
     (folder / "a").write_bytes(b"a")
     encoded = Encoded(b"", "obj", np.arange(1), np.arange(1), assets=list(names))
+    encoded = replace(encoded, needed=list(names) if needed else [])
     source = Source("x", folder / "x.obj")
-    return find_assets(source, encoded, (folder if same else out) / "y.obj", copy)
+    assets = find_assets(source, encoded, (folder if same else out) / "y.obj", copy)
+    return assets.copies, assets.warnings
 
 
 def test_a_name_with_blanks_is_one_file_or_several(tmp_path: Path) -> None:
@@ -78,17 +90,82 @@ def test_the_same_folder_needs_no_copy(tmp_path: Path) -> None:
 
 
 def test_copies_only_when_asked_and_only_what_differs(tmp_path: Path) -> None:
-    assert found(tmp_path, "a") == ({}, ["'a' won't resolve from 'out': use --copy-assets"])
+    assert found(tmp_path, "a") == (
+        {},
+        ["'a' won't resolve from 'out': leave --no-copy-assets out"],
+    )
     (tmp_path / "out" / "a").write_bytes(b"a")
     assert found(tmp_path, "a", copy=True) == ({}, [])
     (tmp_path / "out" / "a").write_bytes(b"other")
     copies, _ = found(tmp_path, "a", copy=True)
     assert list(copies.values()) == [b"a"]
+    copies, (warning,) = found(tmp_path, "a", copy=None)
+    assert copies == {}
+    assert "another file" in warning
+
+
+def test_what_the_output_cannot_be_read_without_goes_along_always(tmp_path: Path) -> None:
+    for copy in (None, False, True):
+        copies, warnings = found(tmp_path, "a", copy=copy, needed=True)
+        assert (list(copies.values()), warnings) == ([b"a"], [])
+
+
+def external(tmp_path: Path) -> Path:
+    """A glTF whose buffer and image lie beside it."""
+    g = full_mesh()
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "t.bin").write_bytes(g.bin)
+    (folder / "t.png").write_bytes(b"\x89PNG and more")
+    g.tree["images"] = [{"uri": "t.png"}]
+    g.tree["textures"] = [{"source": 0}]
+    (folder / "t.gltf").write_bytes(g.gltf("t.bin"))
+    return folder / "t.gltf"
+
+
+def test_another_buffer_in_the_way_is_told_before_the_work(tmp_path: Path) -> None:
+    document = read(external(tmp_path))
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "t.bin").write_bytes(b"something else")
+    check_place(out / "new.glb", document, "glb", overwrite=False)
+    with pytest.raises(OptionError, match=r"t\.bin"):
+        check_place(out / "new.gltf", document, "gltf", overwrite=False)
+    check_place(out / "new.gltf", document, "gltf", overwrite=True)
+    (out / "t.bin").write_bytes((tmp_path / "in" / "t.bin").read_bytes())
+    check_place(out / "new.gltf", document, "gltf", overwrite=False)
+
+
+def test_a_glb_takes_the_images_in(tmp_path: Path) -> None:
+    document = read(external(tmp_path))
+    out = tmp_path / "out"
+    out.mkdir()
+    written = write(out / "new.glb", document, smooth_layout(document))
+    assert [p.name for p in written.files] == ["new.glb"]
+    tree = read(out / "new.glb").tree  # type: ignore[attr-defined]
+    (image,) = tree.json["images"]
+    assert image == {"bufferView": image["bufferView"], "mimeType": "image/png", "name": "t"}
+    assert tree.view(image["bufferView"], "")[0].tobytes() == b"\x89PNG and more"
+
+
+def test_a_folder_made_for_textures_goes_when_the_write_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "in" / "tex").mkdir(parents=True)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "in" / "tex" / "k.png").write_bytes(b"k")
+    (tmp_path / "in" / "m.mtl").write_text("newmtl x\nmap_Kd tex/k.png\n")
+    (tmp_path / "in" / "x.obj").write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    doc = read(tmp_path / "in" / "x.obj")
+    fill_up(monkeypatch, "fsync")
+    with pytest.raises(OutputError):
+        write(tmp_path / "out" / "x.obj", doc, smooth_layout(doc))
+    assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_what_came_from_memory_has_nothing_beside_it(tmp_path: Path) -> None:
     encoded = Encoded(b"", "obj", np.arange(1), np.arange(1), assets=["a"])
-    assert find_assets(Source("x"), encoded, tmp_path / "y.obj", True) == ({}, [])
+    assert find_assets(Source("x"), encoded, tmp_path / "y.obj", True) == Assets()
 
 
 def test_images_of_a_material_file_come_along_in_folders(tmp_path: Path) -> None:
@@ -100,5 +177,4 @@ def test_images_of_a_material_file_come_along_in_folders(tmp_path: Path) -> None
     copies, notes = found(tmp_path, "m.mtl", copy=True)
     out = (tmp_path / "out").resolve()
     assert {p.relative_to(out).as_posix() for p in copies} == {"m.mtl", "tex/k.png", "a"}
-    assert (out / "tex").is_dir()
     assert notes == []

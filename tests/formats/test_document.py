@@ -10,15 +10,18 @@ import pytest
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.document import (
     Document,
+    Replaced,
     WriteOptions,
     check_layout,
     check_new_set,
     check_uv_set,
     not_carried,
 )
+from circparam.formats.io import read, read_data
 from circparam.formats.materials import Textures
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
+from tests.support.gltf_files import full_mesh
 
 MESH = Mesh(np.eye(3), np.array([[0, 1, 2]]), groups=np.array([0]))
 UV = np.array([[0.0, 0.0], [1, 0], [0, 1]])
@@ -50,14 +53,12 @@ def test_layouts_that_do_not_fit() -> None:
 
 def test_uv_sets_are_replaced_only_when_asked() -> None:
     two = document(uv_sets=(0, 1))
-    assert check_uv_set(document(), WriteOptions(), only_first=True) == (0, "")
-    assert check_uv_set(two, WriteOptions(), only_first=True) == (
-        0,
-        "uv set 0 of the file was replaced",
-    )
-    assert check_uv_set(two, WriteOptions(uv_set=2), only_first=False) == (2, "")
-    number, note = check_uv_set(two, WriteOptions(uv_set=1, overwrite_uv=True), only_first=False)
-    assert (number, note) == (1, "uv set 1 of the file was replaced")
+    said = "uv set {} of the file was replaced"
+    assert check_uv_set(document(), WriteOptions(), only_first=True) == Replaced(0)
+    assert check_uv_set(two, WriteOptions(), only_first=True) == Replaced(0, [said.format(0)])
+    assert check_uv_set(two, WriteOptions(uv_set=2), only_first=False) == Replaced(2)
+    replaced = check_uv_set(two, WriteOptions(uv_set=1, overwrite_uv=True), only_first=False)
+    assert replaced == Replaced(1, [said.format(1)])
     for options, only_first, says in (
         (WriteOptions(uv_set=1), False, "uv set 1 exists"),
         (WriteOptions(uv_set=0), True, "uv set 0 exists"),
@@ -77,8 +78,44 @@ def test_a_new_file_gets_one_set() -> None:
 
 def test_what_is_lost_is_noted() -> None:
     rich = document(features=("polygons", "normals", "groups"))
-    assert not_carried(rich, "polygons") == ["not carried into the new format: normals, groups"]
-    assert not_carried(rich, "polygons", "normals", "groups") == []
+    assert not_carried(rich, "obj", "polygons") == (["not carried into OBJ: normals, groups"], [])
+    assert not_carried(rich, "obj", "polygons", "normals", "groups") == ([], [])
+
+
+def test_what_changes_the_looks_is_a_warning(tmp_path: Path) -> None:
+    """Colours and what shows a texture; materials that show none are as good as groups."""
+    mesh = b"v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 0 1 0\nvn 0 0 1\nusemtl a\nf 1//1 2//1 3//1\n"
+    notes, warnings = not_carried(read_data(mesh), "glb")
+    assert notes == ["not carried into GLB: normals, materials"]
+    assert len(warnings) == 1
+    assert "vertex colours" in warnings[0]
+    assert "bake --from vertex-colors" in warnings[0]
+    text = "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nusemtl a\nf 1//1 2//1 3//1\n"
+    (tmp_path / "m.obj").write_text(text)
+    textured = read(tmp_path / "m.obj")
+    notes, warnings = not_carried(textured, "glb")
+    assert notes == ["not carried into GLB: normals"]
+    assert "materials" in warnings[0]
+    assert "bake --from texture" in warnings[0]
+    assert not_carried(textured, "glb", "materials", "normals") == ([], [])
+
+
+def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> None:
+    (tmp_path / "m.mtl").write_text("newmtl a\n\tmap_Kd\tt.png\n")
+    text = (
+        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n"
+    )
+    (tmp_path / "m.obj").write_text(text)
+    obj = read(tmp_path / "m.obj")
+    (warning,) = check_uv_set(obj, WriteOptions(), only_first=True).warnings
+    assert "uv set 0" in warning
+    assert "bake" in warning
+    assert "--lightmap" not in warning  # OBJ has one set only
+    glb = read_data(full_mesh().glb())  # a normal map on set 0, nothing on set 1
+    (warning,) = check_uv_set(glb, WriteOptions(), only_first=False).warnings
+    assert "--lightmap" in warning
+    lightmap = WriteOptions(uv_set=1, overwrite_uv=True)
+    assert check_uv_set(glb, lightmap, only_first=False).warnings == []
 
 
 def test_defaults() -> None:

@@ -12,7 +12,7 @@ import pytest
 from circparam.core import files
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
 from circparam.formats import DEFAULT_OUTPUT, FORMATS
-from circparam.formats.io import encode, read, stored, write
+from circparam.formats.io import encode, format_of, read, stored, write
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
@@ -161,3 +161,25 @@ def test_the_file_itself_is_named_first_and_written_last(tmp_path: Path) -> None
     written = write(tmp_path / "x.gltf", doc, smooth_layout(doc))
     assert [p.name for p in written.files] == ["x.gltf", "x.bin"]
     assert written.path == tmp_path / "x.gltf"
+
+
+@pytest.mark.parametrize(
+    ("name", "cure"),
+    [("a.fbx", "export a .glb"), ("a.USDZ", "export a .glb"), ("a.blend", "export a .glb"),
+     ("a.step", "export an .stl or .obj"), ("a.mtl", "give the .obj"), ("a.zip", "unpack")],
+)  # fmt: skip
+def test_formats_of_other_programs_are_told_what_to_export(
+    tmp_path: Path, name: str, cure: str
+) -> None:
+    (tmp_path / name).write_bytes(b"\x00\x01 nothing that is known \xff" * 9)
+    with pytest.raises(InputError, match=cure) as caught:
+        read(tmp_path / name)
+    assert str(caught.value).count(name) == 1
+    assert "\n" not in str(caught.value)
+
+
+def test_a_mesh_under_a_foreign_name_is_read_by_its_content(tmp_path: Path) -> None:
+    (tmp_path / "a.fbx").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert len(read(tmp_path / "a.fbx").mesh.faces) == 1
+    with pytest.raises(OptionError, match=r"end it in \.obj"):
+        format_of("out.fbx")

@@ -28,7 +28,7 @@ def test_names_inside_the_folder(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["../a", "b/../../a", "/a", "\\a", "a\\b", "C:/a", "file:a", "x\0", "%2e%2e/a", "http://h/a"],
+    ["../a", "b/../../a", "/a", "\\a", "..\\b", "C:/a", "file:a", "x\0", "%2e%2e/a", "http://h/a"],
 )
 def test_names_that_lead_elsewhere(tmp_path: Path, name: str) -> None:
     assert safe_path(tmp_path, name) is None
@@ -56,3 +56,18 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "x").write_bytes(b" \n")
     with pytest.raises(InputError, match="empty"):
         read_bytes(tmp_path / "x")
+
+
+def test_names_with_a_percent_sign_are_names(tmp_path: Path) -> None:
+    """As they stand where such a file is there, as a URI else."""
+    (tmp_path / "50%20grey.png").write_bytes(b"a")
+    (tmp_path / "two words.png").write_bytes(b"b")
+    assert safe_path(tmp_path, "50%20grey.png") == (tmp_path / "50%20grey.png").resolve()
+    assert safe_path(tmp_path, "two%20words.png") == (tmp_path / "two words.png").resolve()
+    assert safe_path(tmp_path, "%2e%2e/x") is None
+
+
+def test_backslashes_are_slashes_and_lead_nowhere_else(tmp_path: Path) -> None:
+    assert safe_path(tmp_path, "tex\\a.png") == (tmp_path / "tex" / "a.png").resolve()
+    for bad in ("..\\a.png", "tex\\..\\..\\a.png", "\\\\server\\a.png", "C:\\a.png"):
+        assert safe_path(tmp_path, bad) is None

@@ -87,7 +87,7 @@ def test_a_pinched_vertex_becomes_one_for_each_fan():
 def test_refusing_repair_names_what_is_wrong():
     with pytest.raises(TopologyError, match=r"4 non-manifold edges.*--no-repair"):
         repair(Mesh(*shapes.fins(3)), RepairOptions(allow=False))
-    with pytest.raises(TopologyError, match="1 non-manifold vertices"):
+    with pytest.raises(TopologyError, match="1 non-manifold vertex split"):
         repair(Mesh(*shapes.pinched()), RepairOptions(allow=False))
     with pytest.raises(TopologyError, match="one side only"):
         repair(Mesh(*shapes.moebius()), RepairOptions(allow=False))

@@ -53,3 +53,24 @@ def test_a_check_without_uv() -> None:
     assert report["uv"] is None
     assert (report["genus"], report["uv_sets"]) == (1, [])
     json.dumps(report, allow_nan=False)
+
+
+def test_half_empty_pages_are_a_warning_with_the_option_that_helps(tmp_path: Path) -> None:
+    """A long strip fills little of a square; where sizes were asked for there is nothing to say."""
+    strip = shapes.grid(40, 3, 20.0, 1.0)
+    path = tmp_path / "o.obj"
+    plain = {"cut": "none", "effort": 0.01}
+    result = circparam.unwrap(strip, path, **plain)
+    report = circparam.summarise(result)
+    assert report["packed"] == report["pack"] < 0.5
+    (warning,) = report["warnings"]
+    assert "full" in warning
+    assert "--effort" in warning
+    split = circparam.summarise(circparam.unwrap(strip, cut="charts", effort=0.01))
+    assert any("--pack-splits" in line for line in split["warnings"])
+    turned = circparam.summarise(circparam.repack(path, effort=0.01, rotate="none"))
+    assert any("--rotate free" in line for line in turned["warnings"])
+    strip = (strip[0] / 40, strip[1])
+    for sizes in ({"scale": False}, {"texel_density": 9.0}, {"normalize": False}):
+        asked = circparam.summarise(circparam.unwrap(strip, cut="none", **sizes))
+        assert not any("full" in line for line in asked["warnings"])

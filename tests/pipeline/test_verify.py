@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import circparam
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.gates import GATE_NAMES
+from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.verify import Promise, corners_of, reasons, uv_seams, verify
 from tests.support import shapes
 from tests.support.atlases import surface_of
@@ -124,7 +126,7 @@ def test_numbers_that_are_none(value: float) -> None:
     uv[7] = value
     v = verify(surface, UVMap(uv, f))
     assert v.missing == (f == 7).any(1).sum()
-    assert any("no finite uv" in line for line in reasons(v, Promise()))
+    assert any("without finite uv" in line for line in reasons(v, Promise()))
 
 
 def test_faces_without_uv() -> None:
@@ -177,3 +179,29 @@ def test_the_visible_share_is_that_of_the_seams_of_the_uv() -> None:
     flat = surface_of(*shapes.grid(4, 4))
     plain = verify(flat, UVMap(flat.points[:, :2].copy(), flat.faces))
     assert plain.numbers()["seam_visible"] is None
+
+
+@pytest.mark.parametrize("shape", [shapes.moebius(), shapes.klein()])
+def test_seams_that_open_a_surface_of_one_side_count(shape: shapes.Shape) -> None:
+    """By hand: edges of the mesh whose two faces have other uv at their ends."""
+    p, f = shape
+    result = circparam.unwrap((p, f), effort=0.01)
+    ends = np.sort(np.stack([f, np.roll(f, -1, 1)], 2).reshape(-1, 2), 1)
+    uv = result.uv[result.uv_faces]
+    sides = np.stack([uv, np.roll(uv, -1, 1)], 2).reshape(-1, 2, 2)
+    turned = f.ravel() > np.roll(f, -1, 1).ravel()
+    sides[turned] = sides[turned][:, ::-1]
+    order = np.lexsort(ends.T[::-1])
+    a, b = order[:-1], order[1:]
+    same = (ends[a] == ends[b]).all(1)
+    apart = same & (sides[a] != sides[b]).any((1, 2))
+    edge = ends[a[apart]]
+    length = np.linalg.norm(p[edge[:, 0]] - p[edge[:, 1]], axis=1).sum()
+    area = (
+        np.linalg.norm(np.cross(p[f[:, 1]] - p[f[:, 0]], p[f[:, 2]] - p[f[:, 0]]), axis=1).sum() / 2
+    )
+    assert length > 0
+    assert result.measures["seam_length"] == pytest.approx(length / np.sqrt(area))
+    assert seam_pairs(result).tolist() == np.unique(edge, axis=0).tolist()
+    again = circparam.unwrap((p, f), seams=seam_pairs(result), effort=0.01)  # as they were exported
+    assert again.measures["flips"] == 0

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from circparam.render import colours as col
 
 
-def test_stretch_map_falls_in_lightness_evenly():
-    lightness = col.oklab(col.stretch_map(64))[:, 0]
+def test_distortion_map_falls_in_lightness_evenly():
+    lightness = col.oklab(col.distortion_map(64))[:, 0]
     assert (np.diff(lightness) < 0).all()
-    steps = np.linalg.norm(np.diff(col.oklab(col.stretch_map(64)), axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(col.oklab(col.distortion_map(64)), axis=0), axis=1)
     assert steps.max() < 1.5 * steps.min()
 
 
@@ -35,7 +36,25 @@ def test_chart_colours_differ_for_the_colour_blind():
         assert gap.min() > 0.07
 
 
-def test_scale_end_covers_the_surface():
-    assert col.stretch_top(np.array([1.0, 1.01, 1.02]), np.ones(3)) == 1.05
-    assert col.stretch_top(np.array([1.0, np.inf, 4.0]), np.ones(3)) == 5.0
-    assert col.stretch_top(np.full(2, np.nan), np.ones(2)) == 2.0
+def test_lines_get_thinner_with_their_number():
+    assert col.line_weight(0) == col.line_weight(5) == 1
+    weights = [col.line_weight(x) for x in (30, 60, 120, 240, 1e4)]
+    assert weights == sorted(weights, reverse=True)
+    assert weights[0] < 1
+    assert min(weights) > 0.1  # never gone
+
+
+@pytest.mark.parametrize("scheme", [col.LIGHT, col.DARK], ids=["light", "dark"])
+def test_text_has_the_contrast_of_aa(scheme: dict[str, str]):
+    """WCAG 2.1, 1.4.3: 4.5 for text; what is focused or chosen stands out by 3."""
+    for text in ("INK", "MUTED", "ACCENT", "WARN"):
+        for ground in ("PAPER", "PANEL"):
+            assert col.contrast(scheme[text], scheme[ground]) >= 4.5, (text, ground)
+    assert set(scheme) == set(col.LIGHT)
+
+
+def test_contrast_of_known_colours():
+    assert col.contrast("#000000", "#ffffff") == pytest.approx(21)
+    assert col.contrast("#ffffff", "#000000") == pytest.approx(21)
+    assert col.contrast("#777777", "#777777") == pytest.approx(1)
+    assert col.contrast("#777777", "#ffffff") == pytest.approx(4.48, abs=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path
@@ -14,9 +15,8 @@ from PIL import Image
 from circparam import samples
 from circparam.cli import cli
 from circparam.errors import OptionError, OutputError
+from circparam.render.bars import bar_parts, bars, scale_of
 from circparam.render.compare_page import (
-    _bar_end,
-    _bar_parts,
     compare_page,
     compare_plot,
     save_plot,
@@ -25,7 +25,9 @@ from circparam.render.compare_page import (
 from circparam.render.side_by_side import (
     MethodLayout,
     SideBySide,
+    caption,
 )
+from circparam.render.text import drawable, has_glyph
 from tests.support.full_disk import STEPS, fill_up
 from tests.support.side_by_side import compared_sheet
 
@@ -111,12 +113,55 @@ def test_plot_and_files(tmp_path: Path):
 
 def test_bars_add_up():
     rows = compared_sheet().rows
-    parts = _bar_parts(rows[0], ["solve", "weights"])
+    parts = bar_parts(rows[0], ["solve", "weights"])
     assert sum(share for share, _ in parts) == pytest.approx(1.0)
     assert [round(share, 3) for share, _ in parts] == [0.5, 0.25, 0.25]
-    assert _bar_end([1.0, 1.0, 1000.0]) == 20.0
-    assert _bar_end([]) == 1.0
-    assert _bar_end([0.0]) == 1.0
+
+
+def test_bars_tell_values_apart_over_decades():
+    """From 0.02 s to 3000 s: every bar is seen, each decade is as long, and equal steps are equal ratios."""
+    values = [0.02, 0.3, 40.0, 3000.0]
+    scale = scale_of(values)
+    assert scale.logarithmic
+    assert 0 < scale(0.02) < scale(0.3) < scale(40) < scale(3000) <= 1
+    assert scale(40) - scale(4) == pytest.approx(scale(4) - scale(0.4))
+    assert [value for value, _ in scale.ticks] == pytest.approx(
+        [0.01, 0.1, 1, 10, 100, 1000, 10000]
+    )
+    close = scale_of([2.0, 3.0])
+    assert not close.logarithmic
+    assert (close(3.0), close(1.5)) == (1.0, 0.5)
+    for nothing in ([], [0.0], [float("nan")], [1e300]):
+        assert scale_of(nothing)(0.0) == 0.0
+    assert len(scale_of([1e-6, 1e11]).ticks) <= 7
+
+
+@pytest.mark.parametrize("key", ["seconds", "distortion"])
+def test_nothing_of_a_bar_chart_is_cut_off(key: str):
+    """Texts end inside the drawing, by a width that no letter of the page's fonts reaches in the mean."""
+    rows = [
+        MethodLayout("m" * 24, None, "ok", {key: 1.0}, {"a long stage": 0.5, "another one": 0.5}),
+        MethodLayout("short", None, "ok", {key: 1.23456789e9}, {"assembly of it all": 1.0}),
+        MethodLayout("none", None, "failed", {}),
+    ]
+    root = ET.fromstring(bars(rows, key, "Title").replace("&nbsp;", " "))
+    wide = float(root.get("viewBox").split()[2])
+    for text in root.iter("text"):
+        x, size = float(text.get("x")), 8.0 * len(text.text)
+        start = x - size * {"end": 1.0, "middle": 0.5}.get(text.get("text-anchor"), 0.0)
+        if text.get("class") != "title":
+            assert start >= -1, text.text
+            assert start + size <= wide + 1, text.text
+
+
+def test_captions_have_no_missing_glyphs():
+    """What Pillow's font lacks is written in what it has."""
+    row = MethodLayout("x", None, "ok", {"charts": 1, "distortion": float("inf"), "seconds": 0.5})
+    said = drawable(caption(row) + " é × ∞ – − Łódź 中 \u00a0")
+    assert all(has_glyph(c) or c == " " for c in said)
+    assert said.startswith("1 chart · distortion inf · 0.5 s")
+    assert drawable("é×\u00a0–") == "ex -"
+    assert not has_glyph("\u00a0")
 
 
 def test_from_the_shell(tmp_path: Path):
@@ -127,6 +172,7 @@ def test_from_the_shell(tmp_path: Path):
     result = CliRunner().invoke(cli, [*words, "--report", str(report), "--plot", str(plot)])
     assert result.exit_code == 0, result.output
     text = report.read_text("utf-8")
+    assert "Table 1" not in text  # the page is about the meshes that were given
     assert text.count("<article>") == 2
     assert text.count("<img ") == 6
     assert Image.open(plot).size[0] >= 660

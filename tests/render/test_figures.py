@@ -11,9 +11,9 @@ def test_figures_are_ordered_and_rounded():
     )
     assert out == [
         ("charts", "1,234"),
-        ("stretch (1 is perfect)", "1.0432"),
-        ("flipped faces", "0"),
-        ("covered", "50.0 %"),
+        ("distortion (1 is perfect)", "1.0432"),
+        ("flips", "0"),
+        ("packed", "50.0 %"),
         ("own", "12"),
     ]
     assert as_figures({"missing": 0, "gap_texels": None, "x": float("inf")}) == [("x", "inf")]

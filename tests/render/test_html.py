@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circparam.render import colours as col
 from circparam.render.figures import PageImages, PictureOptions
 from circparam.render.html import fill_in, pack_geometry, page
-from circparam.render.scene import Scene, make_scene
+from circparam.render.scene import Scene, make_scene, with_copies
 from tests.support.scenes import cube, flat_quad
 
 PNG = base64.b64decode(
@@ -96,18 +97,18 @@ def test_normals_survive_the_octahedron():
     assert np.abs(n[index] - scene.corner_normals).max() < 0.02
 
 
-def test_stretch_codes_grow_and_mark_flips():
+def test_distortion_codes_grow_and_mark_flips():
     points, faces, uv, uv_faces = cube()
     uv[1] = uv[0] + (uv[3] - uv[0]) * [1, 1]
     scene = make_scene(points, faces, uv, uv_faces)
-    code = unpack(*pack_geometry(scene, np.arange(12)))["stretch"][:, 0]
+    code = unpack(*pack_geometry(scene, np.arange(12)))["distortion"][:, 0]
     plain = ~scene.flipped
-    order = np.argsort(scene.stretch[plain], kind="stable")
+    order = np.argsort(scene.distortion[plain], kind="stable")
     assert (np.diff(code[plain][order].astype(int)) >= 0).all()
     assert (code[scene.flipped] == 255).all()
     back = np.exp((code[plain] / 254.0) ** 2 * np.log(1000))
-    finite = np.isfinite(scene.stretch[plain])
-    assert np.abs(back / scene.stretch[plain] - 1)[finite].max() < 0.05
+    finite = np.isfinite(scene.distortion[plain])
+    assert np.abs(back / scene.distortion[plain] - 1)[finite].max() < 0.05
 
 
 def test_page_is_one_file_that_asks_for_nothing():
@@ -164,3 +165,50 @@ def test_large_meshes_stay_small():
     text = page(make_scene(points, faces, uv, faces))
     fixed = 60_000
     assert len(text) < fixed + 20 * len(faces)
+
+
+def meta_of(text: str) -> dict:
+    found = re.search(r'id="meta">(.*?)</script>', text, re.S)
+    assert found is not None
+    out: dict = json.loads(found.group(1))
+    return out
+
+
+def test_all_pages_have_one_scale_unless_asked():
+    """So that pictures of different meshes compare."""
+    points, faces, uv, uv_faces = cube()
+    for squeeze in (1.0, 0.2):
+        meta = meta_of(page(make_scene(points, faces, uv * [1, squeeze], uv_faces)))
+        assert meta["distortionEnd"] == 2.0
+        assert 2.0 in meta["distortionEnds"]
+    meta = meta_of(page(make_scene(points, faces, uv, uv_faces), PictureOptions(scale_end=7.0)))
+    assert meta["distortionEnd"] == 7.0
+
+
+def test_both_schemes_are_in_the_page():
+    text = page(make_scene(*cube()))
+    assert "@media (prefers-color-scheme: dark)" in text
+    schemes = meta_of(text)["schemes"]
+    for name, code in (("light", col.LIGHT), ("dark", col.DARK)):
+        assert schemes[name] == {key.lower(): value for key, value in code.items()}
+        assert all(value in text.split("</style>")[0] for value in code.values())
+
+
+def test_copies_are_in_the_page_with_their_images():
+    """The geometry holds them, what is said of charts does not count them."""
+    scene = make_scene(*cube())
+    move = np.eye(4)
+    move[:3, 3] = 5
+    shown = with_copies(scene, [(np.arange(4), move)])
+    image = np.array([1] * 2 + [0] * 4 + [-1] * 6)
+    meta = meta_of(page(shown, PictureOptions(images=PageImages([(PNG, "image/png")] * 2, image))))
+    assert [r["count"] for r in meta["ranges"]] == [6, 6, 4]
+    assert sum(meta["charts"]["faces"]) == 12
+    index = next(s for s in meta["sections"] if s["name"] == "index")
+    assert index["count"] == 3 * 16
+
+
+def test_names_that_are_not_utf_8_do_not_stop_a_page():
+    text = page(make_scene(*cube()), PictureOptions(title="a\udc80<", repairs=("\udcff",)))
+    assert text.encode("utf-8")
+    assert "<title>a?&lt;</title>" in text

@@ -46,7 +46,7 @@ def test_a_point_sized_and_a_flat_mesh_are_drawn():
     huge = make_scene(
         1e12 * np.concatenate([SQUARE, np.zeros((4, 1))], 1), QUAD, SQUARE * 1e-9, QUAD
     )
-    assert np.allclose(huge.stretch, 1)
+    assert np.allclose(huge.distortion, 1)
     assert draw_figure(huge, PictureOptions(samples=1)).size == (1600, 1010)
 
 

@@ -1,24 +1,32 @@
-"""Stretch, flips, charts and seams of known scenes."""
+"""Distortion, flips, charts and seams of known scenes."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import circparam
 from circparam.errors import InputError
-from circparam.render.scene import make_scene, row_labels
+from circparam.formats.io import read
+from circparam.render.figures import as_figures, scene_figures
+from circparam.render.scene import make_scene, row_labels, with_copies
+from circparam.render.show import scene_of, view_figures
+from circparam.render.views import draw_plan
+from tests.support import shapes
 from tests.support.scenes import QUAD, SQUARE, cube
 
 
-def test_stretch_of_known_maps():
-    """An isometry at any scale has stretch 1; squeezing one axis by s gives (s² + s⁻² + 2) / 4, scaled best."""
+def test_distortion_of_known_maps():
+    """An isometry at any scale has 1; squeezing one axis by s gives (s² + s⁻² + 2) / 4, scaled best."""
     points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
     for scale in (1.0, 0.01, 30.0):
         scene = make_scene(points, QUAD, SQUARE * scale, QUAD)
-        assert np.allclose(scene.stretch, 1.0)
+        assert np.allclose(scene.distortion, 1.0)
         assert scene.scale == pytest.approx(scale)
     compacted = make_scene(points, QUAD, SQUARE * [1.0, 0.25], QUAD)
-    assert np.allclose(compacted.stretch, (2.0**2 + 2.0**-2) * 2 / 4)
+    assert np.allclose(compacted.distortion, (2.0**2 + 2.0**-2) * 2 / 4)
 
 
 def test_flips_are_against_the_chart():
@@ -90,3 +98,57 @@ def test_scenes_that_cannot_be(uv, uv_faces, message: str):
     points = np.concatenate([SQUARE, np.zeros((4, 1))], 1)
     with pytest.raises(InputError, match=message):
         make_scene(points, QUAD, uv, uv_faces)
+
+
+def test_what_is_shown_again_is_drawn_and_not_counted():
+    """A copy moved aside, and one that is mirrored: seen on the surface, once in layout and figures."""
+    scene = make_scene(*cube())
+    move, mirror = np.eye(4), np.diag([-1.0, 1, 1, 1])
+    move[:3, 3] = [5, 0, 0]
+    mirror[:3, 3] = [-5, 0, 0]
+    fid = np.arange(6)
+    shown = with_copies(scene, [(fid, move), (fid, mirror)])
+    assert len(shown.faces) == 24
+    assert shown.once is scene
+    assert shown.n_charts == scene.n_charts
+    assert shown.points[shown.faces].max((0, 1))[0] == 6
+    assert shown.points[shown.faces].min((0, 1))[0] == -6
+    assert shown.bounds == scene.bounds
+    np.testing.assert_array_equal(shown.distortion[12:18], scene.distortion[fid])
+    np.testing.assert_array_equal(shown.corner_uv[12:18], scene.corner_uv[fid])
+    np.testing.assert_allclose(
+        shown.normals[12:18], scene.normals[fid]
+    )  # moved, not turned inside out
+    np.testing.assert_allclose(shown.normals[18:], scene.normals[fid] * [-1, 1, 1])
+    half = np.isin(scene.seams // 3, fid).sum()
+    assert len(shown.seams) >= len(scene.seams) + 2 * half
+    assert scene_figures(shown) == scene_figures(scene)
+    np.testing.assert_array_equal(draw_plan(shown, 60).image, draw_plan(scene, 60).image)
+    assert with_copies(scene, []) is scene
+
+
+@pytest.mark.parametrize("shape", [shapes.moebius(), shapes.klein()])
+def test_a_picture_shows_the_flips_that_reports_count(shape: shapes.Shape):
+    """Faces wound against their neighbours are no flips, on one-sided surfaces either."""
+    p, f = shape
+    result = circparam.unwrap((p, f), effort=0.01)
+    assert result.measures["flips"] == 0
+    assert not make_scene(p, f, result.uv, result.uv_faces).flipped.any()
+
+
+def test_pictures_tell_the_figures_of_the_reports(tmp_path: Path):
+    """One mesh through unwrap, check and view: the same seam length, distortion and packed share."""
+    path = tmp_path / "soup.obj"
+    p, f = shapes.cube(3)
+    rows = [
+        f"v {x!r} {y!r} {z!r}" for x, y, z in p[f].reshape(-1, 3).tolist()
+    ]  # no shared vertices
+    rows += [f"f {3 * k + 1} {3 * k + 2} {3 * k + 3}" for k in range(len(f))]
+    path.write_text("\n".join(rows))
+    result = circparam.unwrap(path, tmp_path / "out.obj", effort=0.01)
+    document = read(tmp_path / "out.obj")
+    uvmap = document.uv()
+    assert uvmap is not None
+    told = dict(view_figures(document, uvmap, scene_of(document, uvmap)))
+    assert told == dict(as_figures(result.measures))
+    assert result.measures["seam_length"] > 0

@@ -16,14 +16,13 @@ from tests.support.side_by_side import compared_sheet
 
 
 def test_same_view_and_same_scale():
-    drawn, top = draw_layouts(compared_sheet(), size=60, samples=1)
+    drawn = draw_layouts(compared_sheet(), size=60, samples=1)
     good, bad, none = (d.images for d in drawn)
     assert none is None
     assert good is not None
     assert bad is not None
     shape = [np.asarray(i.convert("L")) < 250 for i in (good[1], bad[1])]
     assert np.array_equal(*shape)  # the same silhouette
-    assert top > 1.05  # the scale is that of the worse row, so the good one is pale
     assert np.asarray(good[2]).mean() > np.asarray(bad[2]).mean() + 5
 
 

@@ -11,7 +11,7 @@ from circparam.render.camera import look_from
 from circparam.render.figures import PictureOptions
 from circparam.render.picture import draw_figure
 from circparam.render.scene import make_scene
-from circparam.render.views import checker_colours, coverage, draw_plan, paint, see
+from circparam.render.views import checker_colours, draw_plan, paint, see
 from tests.support.scenes import QUAD, SQUARE, cube, flat_quad
 
 
@@ -59,13 +59,13 @@ def test_faces_without_uv_are_grey():
 def test_layout_share_overlap_and_tiles():
     points, faces, uv, uv_faces = cube()
     scene = make_scene(points, faces, uv, uv_faces)
-    share, double = coverage(scene)
-    assert share == pytest.approx(0.64, abs=0.01)
-    assert double == 0
+    plan = draw_plan(scene, 256)
+    assert plan.share == pytest.approx(0.64, abs=0.01)
+    assert plan.overlap == 0
     half = np.concatenate([uv[:12], uv[:12]])  # the second half lies on the first
-    share, double = coverage(make_scene(points, faces, half, uv_faces))
-    assert share == pytest.approx(0.32, abs=0.01)
-    assert double == pytest.approx(1.0, abs=0.01)
+    plan = draw_plan(make_scene(points, faces, half, uv_faces), 256)
+    assert plan.share == pytest.approx(0.32, abs=0.01)
+    assert plan.overlap == pytest.approx(1.0, abs=0.01)
 
 
 def test_uv_outside_the_unit_square_is_shown():

@@ -11,6 +11,8 @@ import pytest
 
 from circparam.errors import InputError
 from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.gltf.reading import Tree
+from circparam.formats.gltf.unused import accessor_slots, view_slots
 from circparam.formats.io import read_data
 from tests.support.formats_tools import (
     GltfMaker,
@@ -79,7 +81,7 @@ def assert_same_but_uv(old: GltfDocument, new: GltfDocument, *changed: str) -> N
             if not name.startswith(changed):
                 np.testing.assert_array_equal(a[name], b[name], name)
     skip = ("accessors", "bufferViews", "buffers", "meshes")
-    before, after = old.tree.json, new.tree.json
+    before, after = resolved(old.tree), resolved(new.tree)
     assert {k: v for k, v in before.items() if k not in skip} == {
         k: v for k, v in after.items() if k not in skip
     }
@@ -93,6 +95,27 @@ def assert_same_but_uv(old: GltfDocument, new: GltfDocument, *changed: str) -> N
         return meshes
 
     assert bare(before) == bare(after)
+
+
+def resolved(tree: Tree) -> dict:
+    """The JSON of a tree with the bytes in place of the numbers of views and accessors outside the meshes."""
+    out = copy.deepcopy(tree.json)
+    for image in out.get("images", []):
+        if "bufferView" in image:
+            image["bufferView"] = tree.view(image["bufferView"], "")[0].tobytes()
+    for container, key in accessor_slots({k: v for k, v in out.items() if k != "meshes"}):
+        container[key] = tree.rows(container[key]).tobytes()
+    return out
+
+
+def unused_entries(tree: dict) -> tuple[set[int], set[int]]:
+    """Accessors and views that nothing in the core of glTF refers to: what validators complain of."""
+    used = {c[k] for c, k in accessor_slots(tree)}
+    views = {c[k] for c, k in view_slots(tree)}
+    return (
+        set(range(len(tree.get("accessors", [])))) - used,
+        set(range(len(tree.get("bufferViews", [])))) - views,
+    )
 
 
 def instanced() -> GltfMaker:

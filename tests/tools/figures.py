@@ -1,7 +1,7 @@
 """The pictures of README and docs, made from the samples: ``python -m tests.tools.figures`` (make figures).
 
-docs/pictures/creature.png: a closed creature, its layout, a checker, the stretch. methods.png: the methods on
-one disk. xatlas.png: the creature by circparam and by xatlas. methods/NAME.png: one picture a method. Every
+docs/pictures/creature.png: a closed creature, its layout, a checker, its distortion. methods.png: the methods
+on one disk. xatlas.png: the creature by circparam and by xatlas. methods/NAME.png: one picture a method. Every
 file stays below 200 kB; no time is printed in them, so the same code makes the same pictures.
 """
 
@@ -20,7 +20,7 @@ from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
 from circparam.methods import METHODS
 from circparam.pipeline.unwrap import unwrap
-from circparam.render.colours import stretch_map
+from circparam.render.colours import distortion_map
 from circparam.render.compare_page import compare_plot
 from circparam.render.figures import PictureOptions, as_figures
 from circparam.render.picture import draw_figure, png_bytes, to_image
@@ -34,10 +34,10 @@ SHOWN = ("circle", "floater", "mean-value", "lscm", "isometric")
 
 
 def save(name: str, image: Image.Image) -> None:
-    """As a PNG with a palette of its own, in which the stretch map has its share of the colours."""
+    """As a PNG with a palette of its own, in which the distortion map has its share of the colours."""
     path = FOLDER / name
     path.parent.mkdir(parents=True, exist_ok=True)
-    ramp = to_image(stretch_map(256)[None].repeat(image.height // 3, axis=0))
+    ramp = to_image(distortion_map(256)[None].repeat(image.height // 3, axis=0))
     chooser = Image.new("RGB", (image.width, image.height + ramp.height), "white")
     chooser.paste(image, (0, 0))
     chooser.paste(ramp.resize((image.width, ramp.height)), (0, image.height))
@@ -63,7 +63,7 @@ def side(mesh: str, method: str, cut: str) -> MethodLayout:
 
 
 def creature() -> MethodLayout:
-    """The creature's layout, its checker and its stretch."""
+    """The creature's layout, its checker and its distortion."""
     result = unwrap(samples.path("creature"))
     mesh = result.mesh
     scene = make_scene(mesh.points, mesh.faces, result.uv, result.uv_faces)
@@ -93,8 +93,8 @@ def xatlas(own: MethodLayout) -> None:
         return
     layout = UVMap(arrays["uv"], arrays["uv_faces"])
     scene = make_scene(mesh.points, mesh.faces, layout.uv, layout.uv_faces)
-    ok = np.isfinite(scene.stretch)
-    mean = float((scene.stretch * scene.areas)[ok].sum() / scene.areas[ok].sum())
+    ok = np.isfinite(scene.distortion)
+    mean = float((scene.distortion * scene.areas)[ok].sum() / scene.areas[ok].sum())
     figures = {"distortion": mean, "charts": scene.n_charts}
     rows = [own, MethodLayout("xatlas", layout, "ok", figures)]
     save("xatlas.png", compare_plot([SideBySide("creature.ply", mesh, rows)]))

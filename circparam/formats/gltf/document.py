@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import write_uv
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, Tree, sound_tree
-from circparam.formats.gltf.scene import read_meshes, unshare_meshes, walk
+from circparam.formats.gltf.scene import Again, read_meshes, shown_again, unshare_meshes, walk
 from circparam.formats.materials import Textures
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
@@ -25,12 +26,18 @@ class GltfDocument(Document):
     tree: Tree = field(kw_only=True)
     primitives: list[Primitive] = field(kw_only=True)
     pools: list[Pool] = field(kw_only=True)
-    shared: int = 0
+    again: list[Again] = field(default_factory=list)
 
     @property
     def instances(self) -> int:
         """How many further nodes show a mesh that another node shows already."""
-        return self.shared
+        return len(self.again)
+
+    def copies(self) -> list[tuple[IntArray, FloatArray]]:
+        """The meshes that further nodes show, where those put them."""
+        size = np.array([len(p.triangles) for p in self.primitives])
+        mesh = np.repeat([p.mesh for p in self.primitives], size)
+        return [(np.flatnonzero(mesh == a.mesh), a.matrix) for a in self.again]
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """TEXCOORD_n as float64, v upwards; corners of primitives without that set have −1."""
@@ -78,12 +85,31 @@ class GltfDocument(Document):
         """The same tree with TEXCOORD_n of every triangle primitive."""
         if format not in ("gltf", "glb"):
             return None
-        number, note = check_uv_set(self, options, only_first=False)
+        replaced = check_uv_set(self, options, only_first=False)
         with sound_tree(self.source):
             out = write_uv(
-                self.tree, self.primitives, self.pools, uvmap, number, format=format, stem=stem
+                self.tree,
+                self.primitives,
+                self.pools,
+                uvmap,
+                replaced.number,
+                format=format,
+                stem=stem,
             )
-        return replace(out, notes=[note, *out.notes]) if note else out
+        notes = [*replaced.notes, *out.notes]
+        return replace(out, notes=notes, needed=self.needs(format), warnings=replaced.warnings)
+
+    def textured_sets(self) -> set[int]:
+        """The uv sets that textures of the materials refer to, those of extensions too."""
+        with sound_tree(self.source, "a material"):
+            return materials.texture_sets(self.tree.json.get("materials", []))
+
+    def needs(self, format: str) -> list[str]:
+        """The buffers that lie beside the file; a GLB holds its own."""
+        if format != "gltf":
+            return []
+        uris = [b.get("uri") for b in self.tree.json.get("buffers", [])]
+        return [unquote(u) for u in uris if isinstance(u, str) and not u.startswith("data:")]
 
 
 def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocument:
@@ -107,11 +133,10 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     faces = np.concatenate([p.triangles + parts.pools[p.pool].first for p in parts.primitives])
     groups, names = _materials(tree, parts.primitives)
     sets = sorted({int(k[9:]) for p in parts.pools for k in p.attributes if k[:9] == "TEXCOORD_"})
-    meshes = {-1 - node if node < 0 else tree.item("nodes", node)["mesh"] for node, _ in shown}
     return GltfDocument(
         source, "glb" if tree.is_glb else "gltf", Mesh(parts.points, faces, groups=groups),
         tuple(sets), parts.notes, _features(tree), names,
-        tree=tree, primitives=parts.primitives, pools=parts.pools, shared=len(shown) - len(meshes),
+        tree=tree, primitives=parts.primitives, pools=parts.pools, again=shown_again(tree, shown),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.words import counted
 from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.model import (
@@ -22,7 +23,7 @@ from circparam.formats.gltf.model import (
     Primitive,
 )
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.vertex_split import Split, split_vertices
+from circparam.formats.vertex_split import Split, duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
 
@@ -54,13 +55,14 @@ def write_uv(
             listed += edit.indices(users, split)
     notes = []
     if added:
-        notes.append(f"{added} vertices were duplicated along seams, behind the input's")
+        notes.append(duplicated(added))
     if listed:
         notes.append(
-            f"{listed} strip or fan primitives became triangle lists: a seam runs through them"
+            f"{counted(listed, 'strip or fan primitive')} made triangle lists: a seam runs through"
         )
     if dropped:
-        notes.append(f"tangents of {dropped} primitives were dropped: they belonged to the old uv")
+        of = counted(dropped, "primitive")
+        notes.append(f"tangents of {of} were dropped: they belonged to the old uv")
     data, extra, assets = edit.finish(format, stem)
     return Encoded(
         data, format, np.concatenate(sources), np.arange(len(uvmap.uv_faces)), extra, assets, notes

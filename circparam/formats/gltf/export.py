@@ -21,7 +21,7 @@ from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import file_uv, index_type, stored_uv
 from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json
 from circparam.formats.source import Source
-from circparam.formats.vertex_split import split_vertices
+from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
 
@@ -39,11 +39,11 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
             f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
             "scale the mesh"
         )
-    notes = not_carried(document)
+    notes, warnings = not_carried(document, "glb")
     if (points != mesh.points)[np.unique(mesh.faces)].any():
         notes.append("positions were rounded to float32, all that glTF stores")
     if split.added:
-        notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+        notes.append(duplicated(split.added))
     groups = np.zeros(len(mesh.faces), np.int64) if mesh.groups is None else mesh.groups
     order = np.argsort(groups, kind="stable")
     count = np.bincount(groups)
@@ -69,7 +69,8 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
         )
         offset += 3 * k * width
     tree["buffers"] = [{"byteLength": at}]
-    return Encoded(glb_bytes(tree, b"".join(parts)), "glb", split.source, order, notes=notes)
+    data = glb_bytes(tree, b"".join(parts))
+    return Encoded(data, "glb", split.source, order, notes=notes, warnings=warnings)
 
 
 def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
@@ -89,6 +90,7 @@ def _new_tree(document: Document, points: npt.NDArray[np.float32], count: IntArr
     """A tree with one node and mesh; views and indices are still to come."""
     used = points.min(0).tolist(), points.max(0).tolist()
     name = document.path.stem if document.path is not None else "mesh"
+    name = name.encode("utf-8", "replace").decode()  # names on a disk may be any bytes
     floats = {"componentType": 5126, "count": len(points)}
     tree: Json = {
         "asset": {"version": "2.0", "generator": "circparam"},

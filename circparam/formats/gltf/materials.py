@@ -38,7 +38,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     for p in primitives:
         entry = tree.json["meshes"][p.mesh]["primitives"][p.number]
         material = tree.item("materials", entry["material"]) if "material" in entry else {}
-        pbr = material.get("pbrMetallicRoughness", {})
+        pbr = _base_colour(material)
         texture = pbr.get("baseColorTexture")
         image = -1
         if texture is not None:
@@ -58,6 +58,36 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     if len(set(sets)) > 1:
         files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
     return files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
+
+
+def _base_colour(material: dict[str, Any]) -> dict[str, Any]:
+    """Texture and factor of a material's base colour, by today's names.
+
+    Older exports, Sketchfab's among them, keep both in KHR_materials_pbrSpecularGlossiness, which comes first
+    where a reader knows it.
+    """
+    gloss = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+    if gloss is None:
+        found: dict[str, Any] = material.get("pbrMetallicRoughness", {})
+        return found
+    names = {"diffuseTexture": "baseColorTexture", "diffuseFactor": "baseColorFactor"}
+    return {names[key]: value for key, value in gloss.items() if key in names}
+
+
+def texture_sets(entries: Any) -> set[int]:
+    """The uv sets that texture infos anywhere in a tree refer to."""
+    out, stack = set(), [entries]
+    while stack:
+        value = stack.pop()
+        if isinstance(value, dict):
+            for key, info in value.items():
+                if key.endswith("Texture") and isinstance(info, dict) and "index" in info:
+                    moved = info.get("extensions", {}).get("KHR_texture_transform", {})
+                    out.add(int(moved.get("texCoord", info.get("texCoord", 0))))
+            stack += value.values()
+        elif isinstance(value, list):
+            stack += value
+    return out
 
 
 def _texture_source(texture: dict[str, Any]) -> int | None:

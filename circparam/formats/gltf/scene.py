@@ -167,6 +167,30 @@ def triangles_of(index: IntArray, mode: int) -> IntArray:
     return index[np.stack([k + odd, k + 1 - odd, k + 2], 1)]
 
 
+@dataclass(frozen=True, eq=False)
+class Again:
+    """A mesh that a further node shows. matrix: (4, 4) from where its first node puts it to this place."""
+
+    mesh: int
+    matrix: FloatArray
+
+
+def shown_again(tree: Tree, shown: list[tuple[int, FloatArray]]) -> list[Again]:
+    """What nodes (from ``walk``) show again; a mesh that its first node flattens stays where that one is."""
+    first: dict[int, FloatArray] = {}
+    out = []
+    for node, matrix in shown:
+        mesh = -1 - node if node < 0 else int(tree.item("nodes", node)["mesh"])
+        if mesh not in first:
+            first[mesh] = matrix
+            continue
+        try:
+            out.append(Again(mesh, matrix @ np.linalg.inv(first[mesh])))
+        except np.linalg.LinAlgError:
+            out.append(Again(mesh, np.eye(4)))
+    return out
+
+
 def unshare_meshes(tree: Tree, shown: list[tuple[int, FloatArray]]) -> None:
     """Give every further node of a shared mesh a copy of the mesh's entry (the accessors stay shared)."""
     taken: set[int] = set()

@@ -67,8 +67,8 @@ class ObjDocument(Document):
         """The same file with new vt lines and vt fields."""
         if format != "obj":
             return None
-        _, note = check_uv_set(self, options, only_first=True)
-        notes = [note] if note else []
+        replaced = check_uv_set(self, options, only_first=True)
+        notes = list(replaced.notes)
         corner = self.polys.corner_uv(uvmap, self.source.name)
         used, corner = compact(corner, len(uvmap.uv))
         data = with_uv(self.scan, uvmap.uv[used], corner)
@@ -76,8 +76,9 @@ class ObjDocument(Document):
             notes.append("l elements lost their vt: they named points of the old uv set")
         n, m = len(self.mesh.points), len(self.mesh.faces)
         return Encoded(
-            data, "obj", np.arange(n), np.arange(m), assets=self.scan.libraries(), notes=notes
-        )
+            data, "obj", np.arange(n), np.arange(m), assets=self.scan.libraries(), notes=notes,
+            warnings=replaced.warnings,
+        )  # fmt: skip
 
 
 def read_obj(data: bytes, source: Source) -> ObjDocument:
@@ -99,6 +100,7 @@ def read_obj(data: bytes, source: Source) -> ObjDocument:
         corners[polys.triangles],
         polygons=polys.labels,
         groups=None if groups is None else groups[polys.owner],
+        counted_from=1,
     )
     features = {
         "polygons": polys.labels is not None,

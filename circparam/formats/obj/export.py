@@ -52,8 +52,8 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     lines = body[np.repeat(some, lengths)].tobytes() if not some.all() else body.tobytes()
     data = points.encode() + vt_lines(uvmap.uv[used], "\n") + lines
     n, m = len(document.mesh.points), len(document.mesh.faces)
-    notes = not_carried(document, "polygons", "groups")
-    return Encoded(data, "obj", np.arange(n), np.arange(m), notes=notes)
+    notes, warnings = not_carried(document, "obj", "polygons", "groups")
+    return Encoded(data, "obj", np.arange(n), np.arange(m), notes=notes, warnings=warnings)
 
 
 def _polygon_groups(

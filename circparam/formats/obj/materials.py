@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.materials import ImageFiles, Textures
+from circparam.formats.obj.mtl import read_mtl
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import safe_path
 
@@ -50,29 +49,3 @@ def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | Non
         image_of[0], plain[0] = next(iter(materials.values()))
     at = np.searchsorted(lines, scan.face_lines)[owner]
     return files.textures(image_of[at], plain[at])
-
-
-def read_mtl(text: str) -> Iterator[tuple[str, FloatArray, str | None]]:
-    """(name, diffuse colour, image or None) of every material of an MTL file."""
-    name: str | None = None
-    colour: FloatArray = np.ones(3)
-    image: str | None = None
-    for line in text.splitlines():
-        word, _, rest = line.strip().partition(" ")
-        rest = rest.strip()
-        if word == "newmtl":
-            if name is not None:
-                yield name, colour, image
-            name, colour, image = rest, np.ones(3), None
-        elif word == "Kd":
-            numbers = re.findall(r"[-+.\deE]+", rest)[:3]
-            try:
-                colour = np.clip(np.array([float(x) for x in numbers]), 0, 1)
-            except ValueError:
-                colour = np.ones(3)
-            colour = colour if colour.shape == (3,) else np.ones(3)
-        elif word == "map_Kd":
-            # options like "-s 1 1 1" stand before the name
-            image = re.sub(r"^(-\w+(\s+(on|off|[-+.\d]+))*\s+)+", "", rest)
-    if name is not None:
-        yield name, colour, image

@@ -17,7 +17,7 @@ from circparam.formats.ply.model import INDICES, POLYGON_UV, UV_NAMES, FaceLists
 from circparam.formats.ply.reading import Layout
 from circparam.formats.polygons import Polygons, list_start, strips, triangulate
 from circparam.formats.source import Source
-from circparam.formats.vertex_split import split_vertices
+from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import Mesh, UVMap
 
 
@@ -85,8 +85,9 @@ class PlyDocument(Document):
         """The same file with uv in its vertices or faces."""
         if format != "ply":
             return None
-        _, note = check_uv_set(self, options, only_first=True)
-        notes = [note] if note else []
+        replaced = check_uv_set(self, options, only_first=True)
+        notes = list(replaced.notes)
+        warnings, assets = replaced.warnings, self._images()
         kind, polys = "f8" if options.uv_double else self.uv_type, self.lists.polys
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
@@ -107,11 +108,18 @@ class PlyDocument(Document):
             data = editing.with_face_uv(
                 self.layout, self.lists, uv, corner_uv[: self.lists.n_corners], kind
             )
-            return Encoded(data, "ply", np.arange(n), np.arange(m), notes=notes)
+            return Encoded(data, "ply", np.arange(n), np.arange(m), assets=assets, notes=notes,
+                           warnings=warnings)  # fmt: skip
         if split.added:
-            notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+            notes.append(duplicated(split.added))
         data = editing.with_vertex_uv(self.layout, self.lists, split, kind)
-        return Encoded(data, "ply", split.source, np.arange(m), notes=notes)
+        return Encoded(data, "ply", split.source, np.arange(m), assets=assets, notes=notes,
+                       warnings=warnings)  # fmt: skip
+
+    def _images(self) -> list[str]:
+        """The image files that comments name."""
+        names = (materials.texture_file(line) for line in self.layout.lines)
+        return list(dict.fromkeys(name for name in names if name))
 
 
 def read_ply(data: bytes, source: Source) -> PlyDocument:

@@ -18,7 +18,7 @@ from circparam.formats.document import (
 from circparam.formats.ply.editing import check_place
 from circparam.formats.ply.model import POLYGON_UV
 from circparam.formats.tokens import ByteArray, interleave
-from circparam.formats.vertex_split import split_vertices
+from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
 
@@ -71,13 +71,14 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     lines += [f"element face {len(size)}", f"property list {count_name} int vertex_indices"]
     lines += [f"property list {count_name} {uv_name} texcoord"] if at_faces else []
     head = "\n".join([*lines, "end_header", ""]).encode()
-    notes = not_carried(document, "polygons")
+    notes, warnings = not_carried(document, "ply", "polygons")
     if at_faces and polys.labels is not None and options.ply_uv is None:
         notes.append(POLYGON_UV)
     if not at_faces and split.added:
-        notes.append(f"{split.added} vertices were duplicated along seams, behind the input's")
+        notes.append(duplicated(split.added))
     data = head + vertex.tobytes() + body.tobytes()
-    return Encoded(data, "ply", source, np.arange(len(document.mesh.faces)), notes=notes)
+    faces = np.arange(len(document.mesh.faces))
+    return Encoded(data, "ply", source, faces, notes=notes, warnings=warnings)
 
 
 def _raw(values: npt.NDArray[Any]) -> tuple[ByteArray, IntArray]:

@@ -40,8 +40,13 @@ def textures(layout: Layout, m: int, folder: Path | None) -> Textures | None:
     """The first TextureFile comment, as MeshLab writes it, for all m faces; None where there is none."""
     files = ImageFiles(folder)
     for line in layout.lines:
-        comment = re.match(r"comment\s+TextureFile\s+(.+)", line.strip(), re.IGNORECASE)
-        if comment:
-            face = np.full(m, files.read(comment.group(1).strip()), np.int64)
+        if name := texture_file(line):
+            face = np.full(m, files.read(name), np.int64)
             return files.textures(face, np.ones((m, 3)))
     return None
+
+
+def texture_file(line: str) -> str:
+    """The image that a line of the header names, as MeshLab writes it; '' for any other line."""
+    found = re.match(r"comment\s+TextureFile\s+(.+)", line.strip(), re.IGNORECASE)
+    return found.group(1).strip() if found else ""

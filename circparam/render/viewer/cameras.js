@@ -65,7 +65,7 @@ class OrbitCamera {
     model[15] = 1;
     const turn = new Float32Array(9);
     axes.forEach((axis, row) => axis.forEach((c, k) => (turn[3 * k + row] = c)));
-    return { matrix: multiply(projection, model), turn, plane: false };
+    return { matrix: multiply(projection, model), turn, plane: false, zoom: this.zoom };
   }
 
   drag(dx, dy, shift, size) {
@@ -108,7 +108,7 @@ class PlaneCamera {
     matrix[10] = matrix[15] = 1;
     matrix[12] = (u0 - this.centre[0]) * sx;
     matrix[13] = (v0 - this.centre[1]) * sy;
-    return { matrix, turn: new Float32Array([1, 0, 0, 0, 1, 0, 0, 0, 1]), plane: true };
+    return { matrix, turn: new Float32Array([1, 0, 0, 0, 1, 0, 0, 0, 1]), plane: true, zoom: this.zoom };
   }
 
   drag(dx, dy, shift, size) {
@@ -125,9 +125,13 @@ class PlaneCamera {
   }
 }
 
-/* Wire a panel: drag, wheel, pinch, keys, double click. changed(): draw again; hover(x, y) in page pixels. */
-function control(panel, camera, changed, hover) {
+/* Wire a panel: drag, wheel, pinch, tap, keys, double click. changed(): draw again; hover(x, y) in page pixels;
+   step(±1): the next or last chart. A finger selects with a tap; where the page scrolls, the browser takes
+   vertical swipes for itself and cancels the pointer. */
+function control(panel, camera, changed, hover, step) {
   const fingers = new Map();
+  const TAP = 8; // pixels that a finger may slip
+  let slipped = 0, first = [0, 0], scrolls = false;
   const size = () => Math.min(panel.clientWidth, panel.clientHeight);
   const middle = (event) => {
     const r = panel.getBoundingClientRect();
@@ -139,27 +143,40 @@ function control(panel, camera, changed, hover) {
   };
   panel.addEventListener("pointerdown", (event) => {
     panel.setPointerCapture(event.pointerId);
+    slipped = fingers.size ? Infinity : 0;
+    first = middle(event);
+    scrolls = false;
     fingers.set(event.pointerId, middle(event));
   });
   panel.addEventListener("pointermove", (event) => {
     const last = fingers.get(event.pointerId);
-    if (!last) return hover(event.clientX, event.clientY);
+    if (!last) return event.pointerType === "touch" ? undefined : hover(event.clientX, event.clientY);
     const now = middle(event);
+    const before = slipped;
+    slipped += Math.hypot(now[0] - last[0], now[1] - last[1]);
+    if (event.pointerType === "touch" && fingers.size === 1) {
+      if (slipped <= TAP) return fingers.set(event.pointerId, now);
+      const upright = Math.abs(now[1] - first[1]) > Math.abs(now[0] - first[0]);
+      if (before <= TAP) scrolls = upright && getComputedStyle(panel).touchAction === "pan-y";
+      if (scrolls) return undefined; // the browser is about to take it
+    }
     const share = 1 / fingers.size;
-    const before = fingers.size === 2 ? gap() : 0;
+    const apart = fingers.size === 2 ? gap() : 0;
     fingers.set(event.pointerId, now);
     const shift = event.shiftKey || event.buttons === 2 || fingers.size > 1;
     camera.drag((now[0] - last[0]) * share, (now[1] - last[1]) * share, shift, size());
-    if (before > 0) camera.scale(gap() / before, now[0], now[1], size());
+    if (apart > 0) camera.scale(gap() / apart, now[0], now[1], size());
     changed();
   });
   for (const name of ["pointerup", "pointercancel"]) {
     panel.addEventListener(name, (event) => {
       fingers.delete(event.pointerId);
-      if (event.pointerType !== "mouse" && name === "pointerup") hover(event.clientX, event.clientY);
+      if (event.pointerType !== "mouse" && name === "pointerup" && slipped <= TAP) hover(event.clientX, event.clientY);
     });
   }
-  panel.addEventListener("pointerleave", () => hover(NaN, NaN));
+  panel.addEventListener("pointerleave", (event) => {
+    if (event.pointerType !== "touch") hover(NaN, NaN);
+  });
   panel.addEventListener("contextmenu", (event) => event.preventDefault());
   panel.addEventListener("dblclick", () => (camera.reset(), changed()));
   panel.addEventListener("wheel", (event) => {
@@ -174,6 +191,7 @@ function control(panel, camera, changed, hover) {
     else if (event.key === "+" || event.key === "=") camera.scale(1.2, 0, 0, size());
     else if (event.key === "-") camera.scale(1 / 1.2, 0, 0, size());
     else if (event.key === "Home") camera.reset();
+    else if (event.key === "." || event.key === ",") step(event.key === "." ? 1 : -1);
     else return;
     event.preventDefault();
     changed();

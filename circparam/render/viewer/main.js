@@ -12,9 +12,14 @@ async function start() {
   performance.mark("decoded");
   const canvas = $("canvas"), stage = $("stage");
   const renderer = new Renderer(canvas, meta, mesh);
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const scheme = () => renderer.setScheme(meta.schemes[dark.matches ? "dark" : "light"]);
+  scheme();
+  if (matchMedia("(pointer: coarse)").matches) meta.hint = meta.touchHint;
+  $("hovered").textContent = meta.hint;
   performance.mark("uploaded");
   const state = {
-    mode: "checker", cells: meta.cells, stretchEnd: meta.stretchEnd, seams: true, hovered: -1, ratio: 1,
+    mode: "checker", cells: meta.cells, distortionEnd: meta.distortionEnd, seams: true, hovered: -1, ratio: 1,
   };
   const cameras = { surface: new OrbitCamera(meta), plane: new PlaneCamera(meta) };
   let waiting = false, pickingStale = true;
@@ -44,6 +49,16 @@ async function start() {
     redraw();
   };
 
+  const select = (chart) => {
+    if (chart === state.hovered) return;
+    state.hovered = chart;
+    describe(meta, chart);
+    redraw();
+  };
+  const step = (by) => {
+    const n = meta.charts.faces.length;
+    select((state.hovered < 0 ? (by > 0 ? 0 : n - 1) : state.hovered + by + n) % n);
+  };
   const hover = (x, y) => {
     const r = stage.getBoundingClientRect();
     let chart = -1;
@@ -52,13 +67,11 @@ async function start() {
       pickingStale = false;
       chart = renderer.chartAt(x - r.left, y - r.top);
     }
-    if (chart === state.hovered) return;
-    state.hovered = chart;
-    describe(meta, chart);
-    redraw();
+    select(chart);
   };
 
-  for (const name of ["surface", "plane"]) control($(name), cameras[name], moved, hover);
+  for (const name of ["surface", "plane"]) control($(name), cameras[name], moved, hover, step);
+  dark.addEventListener("change", () => (scheme(), redraw()));
   $("reset").addEventListener("click", () => {
     Object.values(cameras).forEach((camera) => camera.reset());
     moved();
@@ -81,13 +94,13 @@ function describe(meta, chart) {
     `Chart ${number(chart + 1)} of ${number(c.faces.length)}`,
     `${number(c.faces[chart])} faces`,
     `${number(100 * c.share[chart], 2)} % of the surface`,
-    `stretch ${number(c.stretch[chart], 3)}`,
+    `distortion ${number(c.distortion[chart], 3)}`,
   ].join("  ·  ");
 }
 
 function wireModes(meta, state, redraw) {
   const show = () => {
-    for (const name of ["checker", "stretch"]) $(`${name}-tool`).hidden = state.mode !== name;
+    for (const name of ["checker", "distortion"]) $(`${name}-tool`).hidden = state.mode !== name;
     redraw();
   };
   for (const input of document.querySelectorAll("input[name=mode]")) {
@@ -107,11 +120,11 @@ function wireSliders(meta, state, redraw) {
     $("density-value").textContent = `${number(state.cells, state.cells < 10 ? 1 : 0)} a unit`;
     redraw();
   });
-  end.max = meta.stretchEnds.length - 1;
-  end.value = meta.stretchEnds.indexOf(meta.stretchEnd);
+  end.max = meta.distortionEnds.length - 1;
+  end.value = meta.distortionEnds.indexOf(meta.distortionEnd);
   const show = () => {
-    state.stretchEnd = meta.stretchEnds[Number(end.value)];
-    $("scale-value").textContent = `${state.stretchEnd} or more`;
+    state.distortionEnd = meta.distortionEnds[Number(end.value)];
+    $("scale-value").textContent = `${state.distortionEnd} or more`;
     redraw();
   };
   end.addEventListener("input", show);

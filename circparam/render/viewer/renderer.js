@@ -1,6 +1,6 @@
 /* The WebGL2 side: one canvas under both panels, one set of buffers for both. */
 
-const MODES = { checker: 0, stretch: 1, charts: 2, texture: 3, picking: 4 };
+const MODES = { checker: 0, distortion: 1, charts: 2, texture: 3, picking: 4 };
 
 function program(gl, vertex, fragment) {
   const out = gl.createProgram();
@@ -21,9 +21,9 @@ function program(gl, vertex, fragment) {
   return { program: out, at };
 }
 
-/* Faces without shared corners, so that a face can hold its own chart and stretch: 20 bytes a corner. */
+/* Faces without shared corners, so that a face can hold its own chart and distortion: 20 bytes a corner. */
 function cornerBuffer(mesh) {
-  const { index, position, uv, normal, chart, stretch } = mesh;
+  const { index, position, uv, normal, chart, distortion } = mesh;
   const bytes = new ArrayBuffer(index.length * 20);
   const words = new Uint16Array(bytes), small = new Uint8Array(bytes), long = new Uint32Array(bytes);
   for (let c = 0; c < index.length; c++) {
@@ -31,7 +31,7 @@ function cornerBuffer(mesh) {
     words[w] = position[3 * v];
     words[w + 1] = position[3 * v + 1];
     words[w + 2] = position[3 * v + 2];
-    words[w + 3] = stretch[(c / 3) | 0];
+    words[w + 3] = distortion[(c / 3) | 0];
     words[w + 4] = uv[2 * v];
     words[w + 5] = uv[2 * v + 1];
     small[2 * w + 12] = normal[2 * v];
@@ -128,8 +128,8 @@ class Renderer {
     const gl = this.gl, { meta } = this, u = this.fill.at;
     gl.useProgram(this.fill.program);
     gl.uniform3fv(u.palette, meta.palette.flatMap((c) => this.colour(c)));
-    gl.uniform3fv(u.flipColour, this.colour(meta.colours.flip));
-    gl.uniform3fv(u.emptyColour, this.colour(meta.colours.noUv));
+    gl.uniform3fv(u.flipColour, this.colour(meta.flip));
+    gl.uniform3fv(u.emptyColour, this.colour(meta.noUv));
     gl.uniform3fv(u.extent, meta.extent);
     gl.uniform4fv(u.uvBox, meta.uvBox);
     gl.uniform1i(u.insideOut, meta.insideOut ? 1 : 0);
@@ -137,8 +137,17 @@ class Renderer {
     gl.uniform1i(u.image, 1);
     gl.useProgram(this.ground.program);
     gl.uniform4fv(this.ground.at.uvBox, meta.uvBox);
-    gl.uniform3fv(this.ground.at.panel, this.colour(meta.colours.panel));
-    gl.uniform3fv(this.ground.at.hairline, this.colour(meta.colours.hairline));
+  }
+
+  /* Take the colours of a scheme, light or dark: those of the ground, and what other charts fade to. */
+  setScheme(colours) {
+    const gl = this.gl;
+    this.paper = this.colour(colours.paper);
+    gl.useProgram(this.ground.program);
+    gl.uniform3fv(this.ground.at.panel, this.colour(colours.panel));
+    gl.uniform3fv(this.ground.at.hairline, this.colour(colours.hairline));
+    gl.useProgram(this.fill.program);
+    gl.uniform3fv(this.fill.at.faded, this.colour(colours.panel));
   }
 
   addImage(slot, element) {
@@ -152,7 +161,7 @@ class Renderer {
 
   /* Draw the panels: [{x, y, width, height, matrix, turn, plane}], in pixels from the bottom left. */
   draw(panels, state) {
-    const gl = this.gl, [r, g, b] = this.colour(this.meta.colours.paper);
+    const gl = this.gl, [r, g, b] = this.paper;
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.SCISSOR_TEST);
     gl.clearColor(r, g, b, 1);
@@ -192,7 +201,7 @@ class Renderer {
     gl.uniform1i(u.hovered, state.hovered);
     gl.uniform1i(u.mode, mode);
     gl.uniform1f(u.cells, state.cells);
-    gl.uniform1f(u.stretchEnd, Math.log(state.stretchEnd));
+    gl.uniform1f(u.distortionEnd, Math.log(state.distortionEnd));
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.ramp);
     gl.activeTexture(gl.TEXTURE1);
@@ -216,10 +225,12 @@ class Renderer {
     gl.uniform1i(u.plane, panel.plane ? 1 : 0);
     gl.uniform1i(u.hovered, state.hovered);
     gl.uniform2f(u.pixels, panel.width, panel.height);
-    const busy = panel.plane && this.seams > 20000 ? 0.6 : 1;
-    gl.uniform1f(u.thickness, (panel.plane ? 1.2 : 1.5) * busy * state.ratio);
-    const [r, g, b] = this.colour(this.meta.colours.ink);
-    gl.uniform4f(u.ink, r, g, b, state.mode === "stretch" && !panel.plane ? 0.55 : 0.9);
+    // thinner where there are many, until they are zoomed apart
+    const weight = clamp(this.meta.lines[panel.plane ? "plane" : "surface"] * Math.sqrt(panel.zoom), 0.2, 1);
+    gl.uniform1f(u.thickness, (panel.plane ? 1.2 : 1.5) * weight * state.ratio);
+    const [r, g, b] = this.colour(this.meta.schemes.light.ink); // charts are pale in both schemes
+    const ink = (state.mode === "distortion" && !panel.plane ? 0.55 : 0.9) * Math.sqrt(weight);
+    gl.uniform4f(u.ink, r, g, b, ink);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);

@@ -14,12 +14,12 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec2 uv;
 layout(location = 2) in vec2 normal;
 layout(location = 3) in uint chart;
-layout(location = 4) in uint stretch;
+layout(location = 4) in uint distortion;
 uniform vec3 extent;
 uniform vec4 uvBox;
 uniform mat3 turn;
 flat out uint chartId;
-flat out uint stretchCode;
+flat out uint distortionCode;
 out vec2 at;
 out vec3 space;
 out vec3 smoothNormal;
@@ -32,7 +32,7 @@ vec3 unfold(vec2 e) {     // octahedral: two numbers for a direction
 }
 void main() {
   chartId = chart;
-  stretchCode = stretch;
+  distortionCode = distortion;
   at = uvBox.xy + uv * uvBox.zw;
   smoothNormal = turn * unfold(normal);
   space = turn * (position * extent);
@@ -41,18 +41,19 @@ void main() {
 }`;
 
 const FILL_FRAGMENT = `${COMMON}
-uniform int mode;         // 0 checker, 1 stretch, 2 charts, 3 texture, 4 picking
+uniform int mode;         // 0 checker, 1 distortion, 2 charts, 3 texture, 4 picking
 uniform float cells;
-uniform float stretchEnd; // log of the end of the scale
+uniform float distortionEnd; // log of the end of the scale
 uniform vec3 palette[24];
 uniform vec3 flipColour;
 uniform vec3 emptyColour;
+uniform vec3 faded;       // what charts fade to that are not pointed at
 uniform bool insideOut;
 uniform sampler2D ramp;
 uniform sampler2D image;
 uniform bool hasImage;
 flat in uint chartId;
-flat in uint stretchCode;
+flat in uint distortionCode;
 in vec2 at;
 in vec3 space;
 in vec3 smoothNormal;
@@ -69,9 +70,9 @@ vec3 base(out float shade) {
   vec3 own = palette[int(chartId % 24u)];
   if (mode == 1) {
     shade = 0.5;
-    if (stretchCode == 255u) return flipColour;
-    float s = float(stretchCode) / 254.0;
-    return texture(ramp, vec2(clamp(s * s * 6.9077553 / stretchEnd, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
+    if (distortionCode == 255u) return flipColour;
+    float s = float(distortionCode) / 254.0;
+    return texture(ramp, vec2(clamp(s * s * 6.9077553 / distortionEnd, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
   }
   if (mode == 2) return mix(own, vec3(1.0), plane ? 0.45 : 0.25);
   if (mode == 3) return hasImage ? texture(image, at).rgb : emptyColour;
@@ -97,7 +98,7 @@ void main() {
     if (back && mode != 3) c = mix(c, vec3(0.62, 0.63, 0.65), 0.45);
     c *= 1.0 - shade + shade * light;
   }
-  if (hovered >= 0 && int(chartId) != hovered) c = mix(c, vec3(0.955, 0.96, 0.968), 0.72);
+  if (hovered >= 0 && int(chartId) != hovered) c = mix(c, faded, 0.72);
   colour = vec4(c, 1.0);
 }`;
 

@@ -15,6 +15,7 @@ from circparam.formats.document import WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.reading import Tree
+from circparam.formats.gltf.unused import accessor_spans
 from circparam.formats.io import encode, read, read_data, stored, write
 from tests.support.formats_tools import (
     GltfMaker,
@@ -28,6 +29,7 @@ from tests.support.gltf_files import (
     assert_same_but_uv,
     full_mesh,
     tree_of,
+    unused_entries,
 )
 
 
@@ -63,23 +65,31 @@ def test_external_buffers_and_images(tmp_path: Path) -> None:
     g.tree["images"] = [{"uri": "t.png"}]
     (tmp_path / "in.gltf").write_bytes(g.gltf("a%20b.bin"))
     document = read(tmp_path / "in.gltf")
-    uvmap = layout_with_seams(document)
+    uvmap = smooth_layout(document)
     out = tmp_path / "out"
     out.mkdir()
-    plain = write(out / "x.gltf", document, uvmap)
-    assert sorted(p.name for p in plain.files) == ["x.bin", "x.gltf"]
-    assert sum("--copy-assets" in note for note in plain.notes) == 2
-    copied = write(out / "y.gltf", document, uvmap, options=WriteOptions(copy_assets=True))
-    assert sorted(p.name for p in copied.files) == ["a b.bin", "t.png", "y.bin", "y.gltf"]
+    bare = write(out / "x.gltf", document, uvmap, options=WriteOptions(copy_assets=False))
+    assert sorted(p.name for p in bare.files) == ["a b.bin", "x.bin", "x.gltf"]
+    assert sum("t.png" in w and "--no-copy-assets" in w for w in bare.warnings) == 1
     assert (out / "a b.bin").read_bytes() == bytes(g.bin)
+    read(out / "x.gltf")  # what it needs is there
+    copied = write(out / "y.gltf", document, uvmap)
+    assert sorted(p.name for p in copied.files) == ["t.png", "y.bin", "y.gltf"]
+    assert not any("t.png" in w for w in copied.warnings)
+    assert (out / "t.png").read_bytes() == b"png"
     again = read(out / "y.gltf")
     np.testing.assert_array_equal(corners(again.uv()), corners(stored(uvmap, "gltf")))  # type: ignore[arg-type]
     packed = write(out / "z.glb", document, uvmap)
     assert [p.name for p in packed.files] == ["z.glb"]
     np.testing.assert_array_equal(read(out / "z.glb").mesh.points[:16], document.mesh.points)
     third = write(out / "y.gltf", again, uvmap, overwrite=True)
-    assert "y_uv.bin" in [p.name for p in third.files]  # y.bin is still in use
+    # y.bin held nothing but uv, which are new: it is replaced, not kept beside a second one
+    assert sorted(p.name for p in third.files) == ["y.bin", "y.gltf"]
     assert_same_but_uv(document, read(out / "y.gltf"), "TEXCOORD_0", "TANGENT", "0:TANGENT")  # type: ignore[arg-type]
+    # a seam duplicates vertices: all that the old buffer held stands in the new one, and it stays behind
+    cut = write(out / "c.gltf", document, layout_with_seams(document))
+    assert sorted(p.name for p in cut.files) == ["c.bin", "c.gltf"]
+    assert len(read(out / "c.gltf").tree.json["buffers"]) == 1  # type: ignore[attr-defined]
 
 
 def chunks(data: bytes) -> list[tuple[int, bytes]]:
@@ -145,13 +155,63 @@ def test_the_freed_bytes_are_exactly_those_of_dead_views() -> None:
     assert before["buffers"][0]["byteLength"] - tree["buffers"][0]["byteLength"] in range(
         tangents - 12, tangents + 1
     )
-    assert len(tree["accessors"]) == len(before["accessors"])
-    dead = [a for a in tree["accessors"] if "bufferView" not in a]
-    assert len(dead) == 2
-    assert all(set(a) <= {"componentType", "count", "type", "name", "extras"} for a in dead)
-    for name, index in tree["meshes"][0]["primitives"][0]["attributes"].items():
-        if name != "TEXCOORD_0":  # every number that stays is the one it was
-            assert before["meshes"][0]["primitives"][0]["attributes"][name] == index
+    assert len(tree["accessors"]) == len(before["accessors"]) - 2
+    assert unused_entries(tree) == (set(), set())
+
+
+@pytest.mark.parametrize("seams", [False, True])
+def test_views_that_accessors_share_lose_the_bytes_of_those_that_go(seams: bool) -> None:
+    """All vertex data in one view, each attribute behind the other, as many exporters write them."""
+    points, faces = grid(6)
+    rng = np.random.default_rng(0)
+    rows = [points, rng.normal(size=points.shape), rng.random((36, 2)), rng.random((36, 4))]
+    g = GltfMaker()
+    view = g.view(b"".join(r.astype("f4").tobytes() for r in rows))
+    names, at, attributes = ("POSITION", "NORMAL", "TEXCOORD_0", "TANGENT"), 0, {}
+    for name, r in zip(names, rows, strict=True):
+        attributes[name] = g.accessor(r.astype("f4"), view, byteOffset=at)
+        at += 4 * r.size
+    index = g.accessor(faces.ravel().astype("u2"))
+    g.tree["meshes"] = [{"primitives": [{"attributes": attributes, "indices": index}]}]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    uvmap = layout_with_seams(document) if seams else smooth_layout(document)
+    data = encode(document, uvmap, "glb").data
+    again = read_data(data)
+    assert_same_but_uv(document, again, "TEXCOORD_0", "TANGENT")  # type: ignore[arg-type]
+    tree = tree_of(data)
+    assert unused_entries(tree) == (set(), set())
+    spans = [s for a in tree["accessors"] for s in accessor_spans(tree, a)]
+    assert sum(s.end - s.start for s in spans) == tree["buffers"][0]["byteLength"]
+    views_do_not_overlap(data)
+
+
+def test_interleaved_vertices_keep_their_stride() -> None:
+    """Only uv go and their bytes lie between others: nothing is cut; all go with a seam."""
+    points, faces = grid(5)
+    uv = np.random.default_rng(0).random((25, 2))
+    g = GltfMaker()
+    both = np.concatenate([points, uv], 1).astype("f4")
+    view = g.view(both.tobytes(), byteStride=20)
+    attributes = {
+        "POSITION": g.accessor(points.astype("f4"), view),
+        "TEXCOORD_0": g.accessor(uv.astype("f4"), view, byteOffset=12),
+    }
+    g.tree["meshes"] = [
+        {
+            "primitives": [
+                {"attributes": attributes, "indices": g.accessor(faces.ravel().astype("u2"))}
+            ]
+        }
+    ]
+    document = read_data(g.scene({"mesh": 0}).glb())
+    for uvmap in (smooth_layout(document), layout_with_seams(document)):
+        again = assert_round_trip(document, uvmap, "glb")
+        assert_same_but_uv(document, again, "TEXCOORD_0")  # type: ignore[arg-type]
+        assert unused_entries(again.tree.json) == (set(), set())  # type: ignore[attr-defined]
+    tree = again.tree.json  # type: ignore[attr-defined]
+    assert tree["buffers"][0]["byteLength"] < len(g.bin) + 20 * (
+        again.mesh.points.shape[0] - 25 + 2
+    )
 
 
 def test_bytes_that_a_living_view_shares_stay() -> None:

@@ -33,7 +33,7 @@ def test_one_primitive_for_each_group() -> None:
     assert [p["material"] for p in mesh["primitives"]] == [0, 1]
     assert [m["name"] for m in tree["materials"]] == ["first", "group_2"]
     assert out.face_map.tolist() == [1, 3, 4, 5, 6, 7, 0, 2]
-    assert out.notes == ["not carried into the new format: groups"]
+    assert out.notes == ["not carried into GLB: groups"]
     assert_round_trip(doc, layout_with_seams(doc), "glb")
     one = encode(grouped([3] * 8, ()), smooth_layout(doc), "glb")
     assert "materials" not in tree_of(one.data)
@@ -56,7 +56,7 @@ def test_what_the_tree_says() -> None:
     assert tree["nodes"] == [{"mesh": 0, "name": "mesh"}]
     seams = encode(doc, layout_with_seams(doc), "glb")
     added = len(seams.vertex_map) - 9
-    assert seams.notes == [f"{added} vertices were duplicated along seams, behind the input's"]
+    assert seams.notes == [f"{added} vertices duplicated along seams, behind the input's"]
 
 
 @pytest.mark.parametrize(("vertices", "code"), [(65535, 5123), (65536, 5125)])

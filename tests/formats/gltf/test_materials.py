@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from circparam.bake.write import embed
 from circparam.errors import InputError
 from circparam.formats.io import read, read_data
 from circparam.formats.materials import srgb
+from circparam.formats.source import Source
 from tests.support.formats_tools import GltfMaker, grid
+from tests.support.gltf_files import full_mesh, tree_of
 
 
 def two_primitives(**second: object) -> GltfMaker:
@@ -124,3 +127,25 @@ def test_colours_without_an_image_go_with_the_first_uv_set() -> None:
     assert textures is not None
     assert textures.uv_set == 0
     assert textures.images == ()
+
+
+def test_specular_glossiness_of_older_exports() -> None:
+    """As Sketchfab writes: the picture is in the extension, and bake takes the extension out."""
+    g = full_mesh()
+    g.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(b"picture").decode()}]
+    g.tree["textures"] = [{"source": 0}]
+    gloss = {"diffuseTexture": {"index": 0, "texCoord": 0}, "diffuseFactor": [1, 0, 0, 1]}
+    g.tree["materials"] = [{"extensions": {"KHR_materials_pbrSpecularGlossiness": gloss}}]
+    document = read_data(g.glb())
+    found = document.textures()
+    assert found is not None
+    assert found.images == (b"picture",)
+    assert (found.face == 0).all()
+    np.testing.assert_allclose(found.plain, np.tile([1.0, 0, 0], (len(found.plain), 1)), atol=1e-9)
+    assert document.textured_sets() == {0}
+    g.tree["extensionsUsed"] = ["KHR_materials_pbrSpecularGlossiness", "VENDOR_x"]
+    tree = tree_of(embed(g.glb(), Source("x"), b"new"))
+    assert tree["extensionsUsed"] == ["VENDOR_x"]
+    (material,) = tree["materials"]
+    assert not material.get("extensions")
+    assert "baseColorTexture" in material["pbrMetallicRoughness"]

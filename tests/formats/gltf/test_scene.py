@@ -232,3 +232,26 @@ def test_the_default_scene_comes_first_and_a_root_of_two_is_shown_once() -> None
     assert read_data(g.glb()).instances == 1  # without scenes: every node that has no parent
     g.tree["nodes"] = []
     assert len(read_data(g.glb()).mesh.faces) == 16  # without nodes: every mesh
+
+
+def test_copies_lie_where_their_nodes_put_them() -> None:
+    """The read mesh moved by a copy's transform is what the copy's own node makes of the local points."""
+    document = read_data(instanced().glb())
+    (copy,) = document.copies()
+    faces, matrix = copy
+    apart = read_data(instanced().glb(), unshare=True)
+    assert apart.copies() == []
+    where = document.mesh.points[document.mesh.faces[faces]] @ matrix[:3, :3].T + matrix[:3, 3]
+    mine = apart.mesh.points[apart.mesh.faces]
+    found = [
+        k for k in range(0, len(mine), len(faces)) if np.allclose(mine[k : k + len(faces)], where)
+    ]
+    assert len(found) == 1
+    assert document.instances == 1
+
+
+def test_a_copy_of_a_flattened_mesh_stays_there() -> None:
+    g = instanced()
+    g.tree["nodes"][2]["scale"] = [1, 1, 0]
+    ((_, matrix),) = read_data(g.glb()).copies()
+    assert np.isfinite(matrix).all()

@@ -57,7 +57,7 @@ def test_groups_are_materials() -> None:
     out = encode(doc, UVMap(UV, FACES), "obj")
     assert b"usemtl two_words\nf 1/1 2/2 3/3 4/4\n" in out.data
     assert b"usemtl group_0\nf 2/2 5/5 3/3\n" in out.data
-    assert out.notes == ["not carried into the new format: normals"]
+    assert out.notes == ["not carried into OBJ: normals"]
     one = document(np.array([2, 2, 2]), ("a",))
     assert encode(one, UVMap(UV, FACES), "obj").data.count(b"usemtl group_2\n") == 1
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from circparam.formats.io import read, read_data
-from circparam.formats.obj.materials import read_mtl
+from circparam.formats.obj.mtl import image_names, read_mtl
 
 FACES = b"f 1 2 3\nf 3 2 1\n"
 
@@ -41,12 +41,38 @@ def test_bytes_become_fractions() -> None:
         ("map_Kd -clamp on -blendu off a.png", "a.png"),
         ("map_Ks a.png", None),
         ("\tmap_Kd   a.png ", "a.png"),
+        ("map_Kd\ta.png\t", "a.png"),
+        ("map_Kd\t-s\t1 1 1\ttwo words.png", "two words.png"),
+        ("MAP_KD A.png", "A.png"),
+        ('map_Kd "two words.png"', "two words.png"),
+        ("map_Kd -bm 1e-3 -imfchan r -type sphere a.png", "a.png"),
+        ("map_Kd \\\n  a.png", "a.png"),
+        ("map_Kd 2.png", "2.png"),
+        ("map_Kd -s 1 1 1 2.png", "2.png"),
+        ("map_Kd", None),
     ],
 )
 def test_images_of_materials(line: str, image: str | None) -> None:
     ((name, colour, found),) = read_mtl(f"# head\nnewmtl my mat\nKd 0.25 .5 2\n{line}\n")
     assert (name, found) == ("my mat", image)
     assert colour.tolist() == [0.25, 0.5, 1]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_dialects_of_libraries(end: str) -> None:
+    """Tabs as MeshLab writes them, a byte order mark, any line end, words that are nothing to us."""
+    lines = ["\ufeff# head", "newmtl\tmy mat\t\t", "\tKd\t0.25 .5 2", "illum 2", "map_Kd fuze uv.jpg",
+             "map_Bump -bm 0.5 n.png", "NORM n.png", "refl -type sphere r.png", "newmtl b"]  # fmt: skip
+    first, second = read_mtl(end.join(lines))
+    assert (first[0], first[1].tolist(), first[2]) == ("my mat", [0.25, 0.5, 1], "fuze uv.jpg")
+    assert second[0] == "b"
+    assert image_names(end.join(lines)) == ["fuze uv.jpg", "n.png", "r.png"]
+
+
+def test_an_image_by_a_path_of_another_machine_is_looked_for_beside_the_mesh(folder: Path) -> None:
+    (folder / "far.mtl").write_text("newmtl skin\nmap_Kd C:\\Users\\me\\tex\\s.png\n")
+    found = textures(folder, b"mtllib far.mtl\nusemtl skin\nf 1 2 3\n")
+    assert (found.face.tolist(), found.images, found.notes) == ([0], (b"s",), [])
 
 
 def test_materials_do_not_leak_into_each_other() -> None:

@@ -54,7 +54,7 @@ def test_where_the_option_says(place: str, seams: bool) -> None:
     assert ("texcoord" in rows["face"][0]) == (place == "face")
     added = len(rows["vertex"]) - 9
     assert (added > 0) == (seams and place == "vertex")
-    said = f"{added} vertices were duplicated along seams, behind the input's"
+    said = f"{added} vertices duplicated along seams, behind the input's"
     assert out.notes == ([said] if added else [])
     assert_round_trip(doc, uvmap, "ply", options)
 

@@ -1,0 +1,18 @@
+"""Words of messages: numbers with their nouns."""
+
+from __future__ import annotations
+
+_PLURALS = {"vertex": "vertices", "mesh": "meshes", "copy": "copies", "is": "are", "has": "have"}
+
+
+def counted(number: int, noun: str) -> str:
+    """``1 vertex``, ``2 vertices``, ``1,234 faces``; adjectives before the noun stay as they are."""
+    return f"{number:,} {plural(number, noun)}"
+
+
+def plural(number: int, noun: str) -> str:
+    """The noun, or the verb, as it stands with a number: the last word decides."""
+    if number == 1:
+        return noun
+    head, blank, last = noun.rpartition(" ")
+    return f"{head}{blank}{_PLURALS.get(last, last + 's')}"

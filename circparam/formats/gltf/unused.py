@@ -1,0 +1,200 @@
+"""What nothing in a glTF tree uses any more: accessors, views and buffers that lost their last user go.
+
+New entries take the places of those that go, so that few numbers change; what is left over is taken out and
+all references are renumbered. The bytes go with them, those of accessors that share a view with others too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from circparam.formats.gltf.model import Json
+from circparam.formats.gltf.reading import element_size
+
+_DATA_KEYS = {"accessor", "accessors", "bufferView", "buffer", "attributes", "indices", "POSITION"}
+Slots: TypeAlias = Iterator[tuple[Any, Any]]
+
+
+@dataclass(frozen=True)
+class Span:
+    """Bytes ``start`` to ``end`` of a buffer."""
+
+    buffer: int
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Unused:
+    """What went: the bytes, and the views in which other accessors still live (by identity)."""
+
+    spans: list[Span]
+    shared: list[Json]
+
+
+def accessor_slots(tree: Json) -> Slots:
+    """(container, key) of every reference to an accessor."""
+    for mesh in tree.get("meshes", []):
+        for p in mesh["primitives"]:
+            yield from ((p["attributes"], k) for k in p["attributes"])
+            yield from ((t, k) for t in p.get("targets", []) for k in t)
+            if "indices" in p:
+                yield p, "indices"
+    for animation in tree.get("animations", []):
+        yield from ((s, k) for s in animation["samplers"] for k in ("input", "output"))
+    for skin in tree.get("skins", []):
+        if "inverseBindMatrices" in skin:
+            yield skin, "inverseBindMatrices"
+
+
+def view_slots(tree: Json) -> Slots:
+    """(container, key) of every reference to a buffer view."""
+    for accessor in tree.get("accessors", []):
+        yield from ((x, "bufferView") for x in _parts(accessor))
+    yield from ((i, "bufferView") for i in tree.get("images", []) if "bufferView" in i)
+
+
+def drop_unused(tree: Json, touched: set[int], accessors: int, views: int) -> Unused:
+    """Take out the accessors among ``touched`` that nothing refers to, and the views that only they used.
+
+    accessors, views: how many the tree had before new ones were appended. What nothing used from the
+    beginning stays: it is not ours.
+    """
+    old, all_views = tree.get("accessors", []), tree.get("bufferViews", [])
+    free = sorted(touched - {c[k] for c, k in accessor_slots(tree)})
+    mine = _views_of(old, free)
+    others = set(range(len(old))) - set(free)
+    alive = _views_of(old, others) | {i.get("bufferView") for i in tree.get("images", [])}
+    dead = sorted(mine - alive)
+    spans = [_view_span(all_views[k]) for k in dead]
+    spans += [s for k in free for s in accessor_spans(tree, old[k])]
+    shared = [all_views[k] for k in sorted(mine & alive)]
+    _compact(old, free, accessors, lambda: accessor_slots(tree))
+    _compact(all_views, dead, views, lambda: view_slots(tree))
+    return Unused(spans, shared)
+
+
+def drop_buffers(tree: Json, before: Json, fresh: Iterable[Json]) -> None:
+    """Take out the buffers that views used ``before`` and none but ``fresh`` ones use now, in place."""
+    new = {id(v) for v in fresh}
+    kept_views = [v for v in tree.get("bufferViews", []) if id(v) not in new]
+    gone = {v["buffer"] for v in before.get("bufferViews", [])} - {v["buffer"] for v in kept_views}
+    left = [k for k in range(len(tree["buffers"])) if k not in gone]
+    number = {k: i for i, k in enumerate(left)}
+    for view in kept_views:
+        view["buffer"] = number.get(view["buffer"], view["buffer"])
+    tree["buffers"] = [tree["buffers"][k] for k in left]
+
+
+def accessor_spans(tree: Json, accessor: Json) -> list[Span]:
+    """The bytes of an accessor, its sparse parts by whole views; padding to a whole word counts in."""
+    views = tree.get("bufferViews", [])
+    out = [_view_span(views[x["bufferView"]]) for x in _parts(accessor) if x is not accessor]
+    if "bufferView" in accessor:
+        view = _view_span(views[accessor["bufferView"]])
+        size = element_size(accessor)
+        stride = views[accessor["bufferView"]].get("byteStride", 0) or size
+        start = view.start + accessor.get("byteOffset", 0)
+        end = start + max(int(accessor["count"]) - 1, 0) * stride + size
+        out.append(Span(view.buffer, start, min(end + -end % 4, view.end)))
+    return out
+
+
+def cut(tree: Json, body: bytes, unused: Unused, fresh: Iterable[Json]) -> bytes:
+    """Buffer 0 without the bytes that went, unless others lie over them; offsets follow, in place.
+
+    fresh: views that have no bytes yet. Whole words go, so that everything behind them stays aligned.
+    """
+    shared, new = {id(v) for v in unused.shared}, {id(v) for v in fresh}
+    views = tree.get("bufferViews", [])
+    old = [v for v in views if id(v) not in new and v["buffer"] == 0]
+    images = {i["bufferView"] for i in tree.get("images", []) if "bufferView" in i}
+    live = [
+        _view_span(v)
+        for k, v in enumerate(views)
+        if id(v) not in new and (k in images or id(v) not in shared)
+    ]
+    inside = [
+        a for a in tree.get("accessors", [])
+        if any(id(views[x["bufferView"]]) in shared for x in _parts(a))
+    ]  # fmt: skip
+    live += [span for a in inside for span in accessor_spans(tree, a)]
+    words = -(-len(body) // 4)
+    covered, dead = _covered(live, words), _covered(unused.spans, words)
+    drop = (dead.reshape(-1, 4) | (np.arange(words * 4) >= len(body)).reshape(-1, 4)).all(1)
+    drop &= ~covered.reshape(-1, 4).any(1)
+    keep = np.repeat(~drop, 4)[: len(body)]
+    shift = np.concatenate([[0], np.cumsum(~keep)])
+    for a in inside:
+        view = views[a["bufferView"]] if "bufferView" in a else None
+        if view is not None and a.get("byteOffset", 0):
+            start = view.get("byteOffset", 0)
+            at = start + a["byteOffset"]
+            a["byteOffset"] = int(a["byteOffset"] - (shift[at] - shift[start]))
+    for v in old:
+        start, size = v.get("byteOffset", 0), v["byteLength"]
+        if shift[start]:
+            v["byteOffset"] = int(start - shift[start])
+        v["byteLength"] = int(size - (shift[start + size] - shift[start]))
+    return np.frombuffer(body, np.uint8)[keep].tobytes()
+
+
+def extensions_hold_data(tree: Any) -> bool:
+    """Whether an extension refers to accessors, views or buffers by itself (then nothing may be renumbered)."""
+    stack = [(tree, False)]
+    while stack:
+        value, inside = stack.pop()
+        if isinstance(value, dict):
+            if inside and _DATA_KEYS & set(value):
+                return True
+            stack += [(v, inside or k == "extensions") for k, v in value.items()]
+        elif isinstance(value, list):
+            stack += [(v, inside) for v in value]
+    return False
+
+
+def _parts(accessor: Json) -> list[Json]:
+    """The objects of an accessor that name a view: itself, and its sparse parts."""
+    sparse = accessor.get("sparse", {})
+    parts = (accessor, sparse.get("indices", {}), sparse.get("values", {}))
+    return [x for x in parts if "bufferView" in x]
+
+
+def _views_of(accessors: list[Json], numbers: Iterable[int]) -> set[int]:
+    return {x["bufferView"] for k in numbers for x in _parts(accessors[k])}
+
+
+def _view_span(view: Json) -> Span:
+    start = int(view.get("byteOffset", 0))
+    return Span(int(view["buffer"]), start, start + int(view["byteLength"]))
+
+
+def _covered(spans: Iterable[Span], words: int) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """(4 words,) which bytes of buffer 0 the spans cover."""
+    change = np.zeros(4 * words + 1, np.int64)
+    for s in spans:
+        if s.buffer == 0:
+            change[min(s.start, 4 * words)] += 1
+            change[min(s.end, 4 * words)] -= 1
+    out: np.ndarray[Any, np.dtype[np.bool_]] = np.cumsum(change)[:-1] > 0
+    return out
+
+
+def _compact(entries: list[Json], free: list[int], old: int, slots: Callable[[], Slots]) -> None:
+    """Move the entries from ``old`` on into free places, take out what is left of those, and renumber."""
+    if not free:
+        return
+    moves = dict(zip(range(old, len(entries)), free, strict=False))
+    for source, place in moves.items():
+        entries[place] = entries[source]
+    gone = {*moves, *free[len(moves) :]}
+    kept = [k for k in range(len(entries)) if k not in gone]
+    number = {k: i for i, k in enumerate(kept)}
+    number |= {source: number[place] for source, place in moves.items()}
+    for container, key in slots():
+        container[key] = number.get(container[key], container[key])
+    entries[:] = [entries[k] for k in kept]
