@@ -36,8 +36,8 @@ class Surface:
     reversed_faces: BoolArray
     edges: IntArray
     locked: BoolArray
-    price: FloatArray | None = None
     torn: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    price: FloatArray | None = None
 
     @cached_property
     def corner_vertex(self) -> IntArray:

@@ -15,7 +15,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
-from circparam.seams.hard.flats import flat_prices
+from circparam.seams.hard.flats import flat_prices, with_flats
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import hiding_prices
@@ -115,15 +115,13 @@ def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
 def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     """Move seams to cheaper paths: on hard components all of them, on others where they have flats."""
     hard = hardness(atlas.surface) == HARD
-    for which, priced in ((hard, seam_prices), (~hard, flat_prices)):
+    for which, priced in ((hard, seam_prices), (with_flats(atlas.surface) & ~hard, flat_prices)):
         if not which.any() or not atlas.cut.any():
             continue
         part = atlas.part(which)
-        prices = priced(part.surface)
-        if prices is not None:
-            part = Atlas(part.surface, part.cut, part.corners, prices)
-            straighten(part, limits, monitor)
-            atlas.put(which, part)
+        part = Atlas(part.surface, part.cut, part.corners, priced(part.surface))
+        straighten(part, limits, monitor)
+        atlas.put(which, part)
 
 
 def mirrored_atlas(

@@ -48,11 +48,17 @@ def real_flats(surface: Surface) -> tuple[BoolArray, IntArray]:
     return meant & (by_design & many)[component[fi]], np.bincount(flat)[flat[fi]]
 
 
-def flat_prices(surface: Surface) -> SeamPrices | None:
-    """Prices that lead seams round flats of an organic surface; None where it has none."""
+def with_flats(surface: Surface) -> BoolArray:
+    """(m,) bool: faces of components that have flats that are meant."""
+    flat, _ = real_flats(surface)
+    fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
+    _, component = components(len(surface.faces), fi, fj)
+    return np.isin(component, component[fi[flat]])
+
+
+def flat_prices(surface: Surface) -> SeamPrices:
+    """Prices that lead seams round the flats of an organic surface."""
     flat, size = real_flats(surface)
-    if not flat.any():
-        return None
     bare = Atlas(surface, np.zeros(len(flat), bool))
     with np.errstate(invalid="ignore", divide="ignore"):
         price = np.where(bare.lengths > 0, edge_costs(bare) / bare.lengths, 1.0)
