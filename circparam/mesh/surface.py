@@ -148,5 +148,5 @@ class Surface:
             self.reversed_faces[fid],
             3 * local[e // 3] + e % 3,
             self.locked[inside],
-            None if self.price is None else self.price[inside],
+            price=None if self.price is None else self.price[inside],
         )
