@@ -15,11 +15,10 @@ def output_path(mesh: str, given: dict[str, Any]) -> str:
         return str(given["output"])
     if mesh == "-":
         return "-"
-    from circparam.formats.table import DEFAULT_OUTPUT
+    from circparam.formats.table import output_suffix
 
     path = Path(mesh)
-    kind = path.suffix.lower().lstrip(".")
-    suffix = f".{DEFAULT_OUTPUT[kind]}" if DEFAULT_OUTPUT.get(kind, kind) != kind else path.suffix
+    suffix = output_suffix(path.suffix)
     folder = given.get("out_dir")
     if folder is not None:
         return str(Path(folder) / f"{path.stem}{suffix}")

@@ -93,7 +93,7 @@ class _Run:
         self.given, self.gates = given, gates
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
-        self.options = Options(**_keywords(given))
+        self.options = Options(**library_options_of(given))
 
     def one(self, mesh: str, out: str) -> int:
         """Unwrap one mesh; an error of one does not keep the others from being unwrapped."""
@@ -180,7 +180,7 @@ def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
     }
 
 
-def _keywords(given: dict[str, Any]) -> dict[str, Any]:
+def library_options_of(given: dict[str, Any]) -> dict[str, Any]:
     """The options of the library out of those of the command: files read, angles in radians.
 
     The format is left to the streams: it says nothing of meshes in files.
@@ -204,10 +204,8 @@ def _keywords(given: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _limit_memory(size: str | None) -> None:
-    """Bound the address space of the process by so many bytes more than it has now."""
-    if size is None:
-        return
+def memory_size(size: str) -> int:
+    """Bytes out of a text such as 4G. Raises OptionError, also where memory cannot be bounded."""
     factor = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     text = size.strip().upper().removesuffix("B").removesuffix("I")
     unit = factor.get(text[-1:], 1)
@@ -220,7 +218,17 @@ def _limit_memory(size: str | None) -> None:
             f"--max-memory {size!r} is no size: write a number with K, M or G, such as 4G"
         )
     try:
-        import resource
+        import resource  # noqa: F401
     except ImportError:
         raise OptionError("--max-memory is not available on this system: leave it out") from None
+    return count
+
+
+def _limit_memory(size: str | None) -> None:
+    """Bound the address space of the process."""
+    if size is None:
+        return
+    count = memory_size(size)
+    import resource
+
     resource.setrlimit(resource.RLIMIT_AS, (count, resource.getrlimit(resource.RLIMIT_AS)[1]))
