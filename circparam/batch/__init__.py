@@ -1,1 +1,1 @@
-"""Many files at once: listed, handed to Dask's workers, each unwrapped in a process of its own, told in a manifest."""
+"""Many files: listed, handed to Dask's workers, each unwrapped in a process of its own, told in a manifest."""

@@ -14,16 +14,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from circparam.batch.cluster import Cluster, Lost
+from circparam.batch.cluster import Cluster, LostError
 from circparam.batch.index import Index, size_of
 from circparam.batch.manifest import NAME, Manifest, lines
 from circparam.batch.progress import Meter, Progress
 from circparam.batch.report import save_report
-from circparam.batch.run import Batch
+from circparam.batch.run import Batch, Task
 from circparam.batch.settings import Settings
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder
-from circparam.batch.task import WORK, pack_settings
+from circparam.batch.task import WORK, do_item, pack_settings
 from circparam.errors import InputError, NoResultError, OptionError
 
 STATUS = f"{WORK}/status.json"
@@ -33,7 +33,7 @@ REMOTE_STATUS = 30.0  # seconds between two notes of the state in a remote folde
 @dataclass(frozen=True)
 class Plan:
     """What is asked for. sources: as the command line has them. retry: of failed, degraded, all. workers: of a
-    cluster on this machine; scheduler, scheduler_file: of one that runs."""
+    cluster on this machine; scheduler, scheduler_file: of one that runs. task: what a worker does with one."""
 
     sources: Sequence[str]
     settings: Settings
@@ -41,12 +41,13 @@ class Plan:
     workers: int | None = None
     scheduler: str | None = None
     scheduler_file: str | None = None
+    task: Task = do_item
 
 
 @dataclass(frozen=True)
 class Hooks:
-    """What the caller hears. listener: how far it is. on_line: each final line. note: a word on what was left out.
-    started: gets the function that asks the batch to stop; a context, within which the work is done."""
+    """What the caller hears. listener: how far it is. on_line: each final line. note: a word on what was
+    left out. started: gets the function that asks the batch to stop; a context, within which it works."""
 
     listener: Callable[[Progress], None] | None = None
     on_line: Callable[[dict[str, Any]], None] | None = None
@@ -58,9 +59,9 @@ class Hooks:
 
 @dataclass(frozen=True)
 class Summary:
-    """How a batch ended. total: files of the sources; counts: of them by status, as the manifest has them in the
-    end; missed: with a gate missed; done: in this run; finished: whether nothing is left to do. codes: exit code
-    → files. report: address of the page, None where none was written."""
+    """How a batch ended. total: files of the sources; counts: of them by status, as the manifest has them in
+    the end; missed: with a gate missed; done: in this run; finished: whether nothing is left to do. codes:
+    exit code → files. report: address of the page, None where none was written."""
 
     total: int
     counts: dict[str, int]
@@ -82,8 +83,9 @@ class Summary:
 def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
     """Unwrap all files of the sources that the manifest does not have as done.
 
-    Raises OptionError for results that collide, a scheduler or a worker that does not fit; InputError for sources
-    that are missing; OutputError where the folder cannot be written; NoResultError where the scheduler ended.
+    Raises OptionError for results that collide, a scheduler or a worker that does not fit; InputError for
+    sources that are missing; OutputError where the folder cannot be written; NoResultError where the
+    scheduler ended.
     """
     hooks = hooks or Hooks()
     start = time.monotonic()
@@ -158,11 +160,11 @@ def _work(
     try:
         batch = Batch(
             cluster, index.items(), pack_settings(settings), manifest, meter,
-            _Told(manifest.folder, hooks.listener), hooks.on_line,
+            _Told(manifest.folder, hooks.listener), hooks.on_line, plan.task,
         )  # fmt: skip
         with hooks.started(batch.ask_to_stop):
             finished = batch.run()
-    except Lost:
+    except LostError:
         cluster.kill()
         where = plan.scheduler or plan.scheduler_file or "this machine"
         left = meter.total - meter.skipped - sum(meter.counts.values())

@@ -20,7 +20,7 @@ from circparam.errors import OptionError
 ANSWER = 10.0  # seconds that a scheduler has for its first answer
 
 
-class Lost(Exception):
+class LostError(Exception):
     """The scheduler has gone."""
 
 
@@ -132,7 +132,7 @@ class Cluster:
         """Whether the scheduler is there."""
         if self._process is not None and self._process.poll() is not None:
             return False
-        return self.client.status == "running"
+        return bool(self.client.status == "running")
 
     def kill(self) -> None:
         """End it at once; what ran on a cluster that was there before is left to it."""

@@ -1,4 +1,4 @@
-"""A remote file on this machine: with the files beside it that its content needs, such as the buffers of a glTF."""
+"""A remote file on this machine, with the files beside it that its content needs: buffers of a glTF ..."""
 
 from __future__ import annotations
 

@@ -184,7 +184,8 @@ def _row(line: dict[str, Any]) -> tuple[Any, ...]:
     return (
         _key(line["name"]), _key(str(line.get("source"))), line.get("source_bytes"),
         line.get("source_mark"), line.get("source_hash"), line.get("options"), line.get("status"),
-        line.get("exit"), line.get("output_bytes"), _key(_cause(line)), _slowest(line.get("stages") or {}), *figures,
+        line.get("exit"), line.get("output_bytes"), _key(_cause(line)),
+        _slowest(line.get("stages") or {}), *figures,
     )  # fmt: skip
 
 

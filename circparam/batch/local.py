@@ -42,16 +42,19 @@ def main() -> None:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     ended = threading.Event()
     threading.Thread(target=_wait, args=(ended,), daemon=True).start()
-    with tempfile.TemporaryDirectory(prefix="circparam-batch-dask-") as folder, LocalCluster(
-        n_workers=count,
-        threads_per_worker=1,
-        processes=True,
-        host="127.0.0.1",
-        dashboard_address=None,
-        memory_limit=0,
-        local_directory=folder,
-        silence_logs=logging.CRITICAL,
-    ) as cluster:
+    with (
+        tempfile.TemporaryDirectory(prefix="circparam-batch-dask-") as folder,
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=0,
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+    ):
         send(target, cluster.scheduler_address.encode())
         ended.wait()
         for nanny in cluster.workers.values():  # nothing is worth waiting for

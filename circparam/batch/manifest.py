@@ -82,6 +82,9 @@ class Manifest:
             raise OutputError(
                 f"{self.path}: the manifest can't be written ({error.strerror or error})"
             ) from None
+        except OptionError:
+            self._stream.close()
+            raise
         self._synced = self._uploaded = time.monotonic()
         self._pause = UPLOAD
         if folder.remote and self.fresh:
@@ -167,7 +170,7 @@ def journal(folder: Folder) -> Path:
 
 
 def manifest_file(folder: Folder) -> Path:
-    """A local file with the lines of a folder's manifest, for reading. Raises OptionError where there is none."""
+    """A local file with the lines of a folder's manifest. Raises OptionError where there is none."""
     if not folder.remote:
         path = Path(folder.of(NAME))
     else:

@@ -25,7 +25,7 @@ _FREE: list[WarmServer] = []
 _LOCK = threading.Lock()
 
 
-class Gone(Exception):
+class GoneError(Exception):
     """The server has ended, or does not answer: not the fault of the mesh, as far as is known."""
 
 
@@ -58,28 +58,28 @@ class WarmServer:
         return self._process.poll() is None
 
     def ask(self, task: dict[str, Any], stop: float | None, limit: int | None) -> dict[str, Any]:
-        """What became of a mesh (see ``Server.answer``). stop: seconds, limit: bytes, for a server that is reused.
+        """What became of a mesh (see ``Server.answer``). stop: seconds, limit: bytes, where it is reused.
 
-        Raises Gone.
+        Raises GoneError.
         """
         start = time.monotonic()
         if self._process.stdin is None:
-            raise Gone
+            raise GoneError
         try:
             send(self._process.stdin, pickle.dumps(task))
         except OSError:
-            raise Gone from None
+            raise GoneError from None
         deadline = None if stop is None else start + stop + (MORE if self.forks else 0.0)
         end = self._answer(deadline, None if self.forks else limit)
         if isinstance(end, dict):
             return end
         self.close()
         if self.forks:
-            raise Gone
+            raise GoneError
         return {"end": end, "answer": None, "peak": None, "seconds": time.monotonic() - start}
 
     def _answer(self, deadline: float | None, limit: int | None) -> Any:
-        """The next answer; 'timeout' or 'memory' where a bound was crossed. Raises Gone."""
+        """The next answer; 'timeout' or 'memory' where a bound was crossed. Raises GoneError."""
         while True:
             try:
                 answer = self._answers.get(timeout=TICK if limit or deadline else None)
@@ -90,7 +90,7 @@ class WarmServer:
                     return "memory"
                 continue
             if answer is None:
-                raise Gone
+                raise GoneError
             return answer
 
     def _listen(self) -> None:

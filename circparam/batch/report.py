@@ -133,7 +133,7 @@ def _counts(counts: dict[str, int], index: Index) -> str:
 
 
 def _causes(index: Index) -> str:
-    """What failed or missed a gate, by cause: numbers in it and the file's own name do not tell causes apart."""
+    """What failed or missed a gate, by cause; the names of the files do not tell causes apart."""
     found: dict[str, list[Any]] = {}
     query = "SELECT name, source, exit, cause FROM done WHERE exit != 0 ORDER BY name"
     for name, source, code, cause in index.data.execute(query):
@@ -234,7 +234,7 @@ def _card(folder: Folder, title: str, row: tuple[Any, ...]) -> str:
         why = readable(cause)
     else:
         over = f", {100 * over:.2g} % stretched over 2" if over else ""
-        why = f"{charts:.0f} charts, seam {seam or 0:.3g}, distortion {distortion or 0:.4g}{over}"
+        why = f"{charts:.0f} chart{'s' * (charts != 1)}, seam {seam or 0:.3g}, distortion {distortion or 0:.4g}{over}"
     picture = f'<div class="pair">{images}</div>' if images else '<p class="empty">no picture</p>'
     return (
         f"<article><h3>{html.escape(readable(name))}{badge}</h3>{picture}"

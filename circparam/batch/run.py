@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from circparam.batch.cluster import Cluster, Lost, refuse
+from circparam.batch.cluster import Cluster, LostError, refuse
 from circparam.batch.index import Item
 from circparam.batch.manifest import Manifest
 from circparam.batch.progress import Meter, Progress
@@ -66,8 +66,11 @@ class Batch:
         self.stopping = True
 
     def run(self) -> bool:
-        """Until all is done (True), or was asked to stop. Raises Lost where the scheduler is gone, OutputError
-        where the manifest cannot be written, OptionError for a worker of another version."""
+        """Until all is done (True), or it was asked to stop.
+
+        Raises LostError where the scheduler is gone, OutputError where the manifest cannot be written,
+        OptionError for a worker of another version.
+        """
         more, told = True, False
         while True:
             if self.stopping and not told:
@@ -134,7 +137,7 @@ class Batch:
         """The worker ended while it had the task, or could not read it."""
         if future.status in ("cancelled", "lost"):
             if not self.stopping and not self.cluster.alive:
-                raise Lost
+                raise LostError
             if not self.stopping:
                 self._try_again(replace(item, attempt=item.attempt - 1))
             return
@@ -201,13 +204,13 @@ class Batch:
             return
         self._looked = now
         if not self.cluster.alive:
-            raise Lost
+            raise LostError
         try:
             self._threads = self.cluster.threads()
             ages = self.cluster.running()
         except Exception:
             if not self.cluster.alive:
-                raise Lost from None
+                raise LostError from None
             return
         known = {k: seconds for k, seconds in ages.items() if k in self.running}
         if self.listener is not None:

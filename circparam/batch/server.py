@@ -1,9 +1,9 @@
 """A warm server: a process that has imported everything once, and forks for each mesh.
 
-Started as ``python -m circparam.batch.server fork|reuse`` by ``circparam.batch.process``, it takes pickled tasks
-from standard input and answers each on standard output. With ``fork`` the mesh is done by a child, which is
-watched: its time, its memory, its end. With ``reuse`` (Windows, macOS) the server does it itself, and who asked
-ends the server instead. When who asked is gone, child and scratch folder go too.
+Started as ``python -m circparam.batch.server fork|reuse`` by ``circparam.batch.process``, it takes pickled
+tasks from standard input and answers each on standard output. With ``fork`` the mesh is done by a child, which
+is watched: its time, its memory, its end. With ``reuse`` (Windows, macOS) the server does it itself, and who
+asked ends the server instead. When who asked is gone, child and scratch folder go too.
 """
 
 from __future__ import annotations
@@ -62,6 +62,7 @@ class Server:
 
     def __init__(self, source: IO[bytes], target: IO[bytes], forks: bool) -> None:
         self.source, self.target, self.forks = source, target, forks
+        self._input = source.fileno()
 
     def serve(self) -> None:
         """Answer until who asks is gone."""
@@ -116,8 +117,8 @@ class Server:
             wait = TICK if limit else 5.0
             if deadline is not None:
                 wait = min(wait, max(deadline - time.monotonic(), 0.0))
-            ready, _, _ = select.select([reader, self.source], [], [], wait)
-            if self.source in ready:  # no task comes while one is at work: it is the end
+            ready, _, _ = select.select([reader, self._input], [], [], wait)
+            if self._input in ready:  # no task comes while one is at work: it is the end
                 _kill(pid)
                 shutil.rmtree(scratch, ignore_errors=True)
                 os._exit(1)
@@ -151,7 +152,7 @@ def _work(settings: Settings, task: dict[str, Any]) -> dict[str, Any]:
 
 
 def _become_child(log: int, max_memory: int | None) -> None:
-    """A session of its own, that ends with the server; bounded memory; the first to go where memory is short."""
+    """A session of its own that ends with the server; bounded memory, and the first to go where it is short."""
     os.setsid()
     os.dup2(os.open(os.devnull, os.O_RDWR), 0)
     os.dup2(log, 1)

@@ -1,4 +1,4 @@
-"""Where files lie: a folder of this machine, or an address that fsspec knows (``s3://``, ``gs://``, ``zip://`` ...).
+"""Where files lie: a folder of this machine, or an address of fsspec (``s3://``, ``gs://``, ``zip://`` ...).
 
 Local files are never handled by fsspec. A remote call is tried again some times, since stores refuse calls now
 and then; a file is put there whole or not at all.
@@ -126,7 +126,7 @@ class Folder:
             ) from None
 
     def put(self, name: str, path: str) -> None:
-        """Put a local file there, whole; it is moved where the folder is local. Raises OSError, or the store's own."""
+        """Put a local file there, whole: moved where the folder is local. Raises what the store does."""
         if not self.remote:
             target = self.of(name)
             os.makedirs(os.path.dirname(target), exist_ok=True)
@@ -136,7 +136,7 @@ class Folder:
         again(store.put_file, path, f"{root}/{name}")
 
     def put_bytes(self, name: str, data: bytes) -> None:
-        """Put a small file there, whole. Raises OSError, or the store's own."""
+        """Put a small file there, whole. Raises OSError or what the store does."""
         if self.remote:
             store, root = root_store(self.address)
             again(store.pipe_file, f"{root}/{name}", data)

@@ -21,7 +21,7 @@ from circparam._version import __version__
 from circparam.batch.companions import fetch
 from circparam.batch.index import Item, size_of
 from circparam.batch.manifest import SCHEMA
-from circparam.batch.process import Gone, warm_server
+from circparam.batch.process import GoneError, warm_server
 from circparam.batch.settings import Settings
 from circparam.batch.store import Folder, digest, is_remote
 from circparam.errors import CircparamError, InputError, OutputError
@@ -253,7 +253,7 @@ def _failed(settings: Settings, error: Exception) -> dict[str, Any]:
     """An error round the unwrap: of a store, a disk, a warm server."""
     out = {"status": "failed", "seconds": None, "peak_memory": None}
     cause = error.__cause__ or error
-    if isinstance(error, Gone):
+    if isinstance(error, GoneError):
         line = "the process that unwraps was ended from outside"
         return {**out, "exit": 5, "error": line, "again": "ended"}
     code, line = settings.judge(error)

@@ -1,4 +1,4 @@
-"""``circparam batch``: many files, on all cores or on a cluster, with a manifest that the next run continues."""
+"""``circparam batch``: many files, on all cores or on a cluster, with a manifest to continue from."""
 
 from __future__ import annotations
 

@@ -68,9 +68,8 @@ class Screen:
                     self._say("further errors are only counted; the report has them all")
         elif self.verbose and not self.silent:
             measures = line.get("measures") or {}
-            self._say(
-                f"{line['status']}: {escaped(line['name'])}: {measures.get('charts')} charts, {line['seconds']} s"
-            )
+            told = f"{measures.get('charts')} charts, {line['seconds']} s"
+            self._say(f"{line['status']}: {escaped(line['name'])}: {told}")
 
     def _say(self, text: str) -> None:
         if self._live is not None:
@@ -89,7 +88,7 @@ class Screen:
             self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
             self._live.start()
         left = max(progress.total - progress.skipped, 1)
-        rows = [
+        rows: list[Any] = [
             Text(headline(progress) + (" · stopping" if self._stopping else "")),
             ProgressBar(total=left, completed=progress.done, width=60),
         ]
