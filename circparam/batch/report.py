@@ -234,7 +234,8 @@ def _card(folder: Folder, title: str, row: tuple[Any, ...]) -> str:
         why = readable(cause)
     else:
         over = f", {100 * over:.2g} % stretched over 2" if over else ""
-        why = f"{charts:.0f} chart{'s' * (charts != 1)}, seam {seam or 0:.3g}, distortion {distortion or 0:.4g}{over}"
+        parts = f"{charts:.0f} chart{'s' * (charts != 1)}, seam {seam or 0:.3g}"
+        why = f"{parts}, distortion {distortion or 0:.4g}{over}"
     picture = f'<div class="pair">{images}</div>' if images else '<p class="empty">no picture</p>'
     return (
         f"<article><h3>{html.escape(readable(name))}{badge}</h3>{picture}"
