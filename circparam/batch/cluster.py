@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
+import json
 import logging
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 from typing import Any
 
 from circparam._version import __version__
@@ -42,25 +45,26 @@ class Cluster:
         scheduler: str | None = None,
         scheduler_file: str | None = None,
     ) -> None:
-        try:
-            import distributed
-        except ImportError:
-            raise OptionError(f"circparam batch: {EXTRA}") from None
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        if importlib.util.find_spec("distributed") is None:
+            raise OptionError(f"circparam batch: {EXTRA}")
         self._process: subprocess.Popen[bytes] | None = None
-        self.scheduler = scheduler or scheduler_file
-        known: dict[str, Any] = {"timeout": ANSWER, "set_as_default": False}
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed by _end
+        self.scheduler = scheduler_file or scheduler
+        if self.scheduler is None:
+            self._start(workers or cores())
+        import distributed  # while the cluster does so, too
+
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        if scheduler_file is not None:
+            scheduler = address_in(scheduler_file)
         try:
-            if self.scheduler is None:
-                known["address"] = self._start(workers or cores())
-            elif scheduler is not None:
-                known["address"] = scheduler
-            else:
-                known["scheduler_file"] = scheduler_file
-            self.client = distributed.Client(name="circparam-batch", **known)
+            address = scheduler or self._address()
+            self.client = distributed.Client(
+                address, name="circparam-batch", timeout=ANSWER, set_as_default=False
+            )
         except (OSError, ValueError, ImportError) as error:
             self._end()
-            flag = "--scheduler" if scheduler else "--scheduler-file"
+            flag = "--scheduler-file" if scheduler_file else "--scheduler"
             said = " ".join(str(error).split()) or type(error).__name__
             raise OptionError(
                 f"{flag} {self.scheduler}: no answer within {ANSWER:g} s ({said}): is the scheduler running?"
@@ -74,29 +78,31 @@ class Cluster:
             self.kill()
             raise
 
-    def _start(self, workers: int) -> str:
-        """Start a cluster on this machine; returns its address."""
-        with tempfile.TemporaryFile() as log:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "circparam.batch.local", str(workers)],
-                env=environment(),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                start_new_session=True,
-            )
-            self._process = process
-            try:
-                if process.stdout is None:
-                    raise EOFError
-                return message(process.stdout).decode()
-            except EOFError:
-                log.seek(0)
-                said = log.read()[-2000:].decode(errors="replace").strip().splitlines()[-1:] or [
-                    "no word"
-                ]
-                self._end()
-                raise OptionError(f"the cluster on this machine did not start: {said[0]}") from None
+    def _start(self, workers: int) -> None:
+        """Start a cluster on this machine."""
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "circparam.batch.local", str(workers)],
+            env=environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            start_new_session=True,
+        )
+
+    def _address(self) -> str:
+        """The address of the cluster on this machine, as soon as it says it."""
+        process = self._process
+        try:
+            if process is None or process.stdout is None:
+                raise EOFError
+            return message(process.stdout).decode()
+        except EOFError:
+            self._log.seek(0)
+            said = self._log.read()[-2000:].decode(errors="replace").strip().splitlines()
+            self._end()
+            raise OptionError(
+                f"the cluster on this machine did not start: {said[-1] if said else 'no word'}"
+            ) from None
 
     def _check_versions(self) -> None:
         """Refuse workers without circparam, or with another version of it."""
@@ -148,6 +154,7 @@ class Cluster:
 
     def _end(self) -> None:
         process, self._process = self._process, None
+        self._log.close()
         if process is None:
             return
         with contextlib.suppress(OSError):
@@ -157,6 +164,20 @@ class Cluster:
             if stream is not None:
                 with contextlib.suppress(OSError):
                     stream.close()
+
+
+def address_in(path: str) -> str:
+    """The address in a scheduler's file. Raises OptionError where there is none."""
+    try:
+        return str(json.loads(Path(path).read_bytes())["address"])
+    except OSError as error:
+        raise OptionError(
+            f"--scheduler-file {path}: it can't be read ({error.strerror}): is the scheduler running?"
+        ) from None
+    except (ValueError, KeyError, TypeError):
+        raise OptionError(
+            f"--scheduler-file {path}: it is no file that a scheduler has written"
+        ) from None
 
 
 def refuse(worker: str, found: str) -> None:

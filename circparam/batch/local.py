@@ -20,6 +20,7 @@ from circparam.core.messages import send
 # count as failed, and then the batch itself tries them again.
 CONFIG = {
     "distributed.scheduler.allowed-failures": 10,
+    "distributed.worker.preload": ["circparam.batch.preload"],
     "distributed.worker.profile.enabled": False,
     "distributed.admin.system-monitor.log-length": 10,
     "distributed.worker.memory.terminate": False,  # a mesh has its own bound, --max-memory

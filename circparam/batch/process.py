@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future
 from typing import Any
 
 from circparam.batch.server import resident
@@ -22,6 +23,7 @@ START = 120.0  # seconds that a server may take to import everything
 MORE = 30.0  # seconds that a server has, after the hard stop of a mesh, to say so
 TICK = 0.1
 _FREE: list[WarmServer] = []
+_COMING: list[Future[WarmServer]] = []  # started before anybody asked
 _LOCK = threading.Lock()
 
 
@@ -119,13 +121,33 @@ def warm_server(forks: bool) -> Iterator[WarmServer]:
         free = [s for s in _FREE if s.forks == forks and s.alive]
         server = free[0] if free else None
         _FREE[:] = [s for s in _FREE if s is not server and s.alive]
-    server = server or WarmServer(forks)
+        coming = _COMING.pop() if server is None and _COMING else None
+    if coming is not None:
+        with contextlib.suppress(GoneError):
+            server = coming.result()
+    if server is None or server.forks != forks:
+        server = WarmServer(forks)
     try:
         yield server
     finally:
         if server.alive:
             with _LOCK:
                 _FREE.append(server)
+
+
+def prepare(forks: bool) -> None:
+    """Begin to start a server: the first mesh finds it warm."""
+    future: Future[WarmServer] = Future()
+    with _LOCK:
+        _COMING.append(future)
+
+    def start() -> None:
+        try:
+            future.set_result(WarmServer(forks))
+        except BaseException as error:
+            future.set_exception(error)
+
+    threading.Thread(target=start, daemon=True).start()
 
 
 def close_servers() -> None:

@@ -27,7 +27,13 @@ def due(index: Index, *retry: str, options: str = "o", exists: Any = there) -> l
 
 
 def line(name: str, **more: Any) -> dict[str, Any]:
-    known = {"name": name, "source": f"/s/{name}", "source_bytes": 5, "source_mark": "1", "options": "o"}
+    known = {
+        "name": name,
+        "source": f"/s/{name}",
+        "source_bytes": 5,
+        "source_mark": "1",
+        "options": "o",
+    }
     return {**known, "status": "ok", "exit": 0, "output_bytes": 9, **more}
 
 
@@ -39,7 +45,9 @@ def index() -> Any:
 
 def test_the_largest_come_first(index: Index, tmp_path: Path) -> None:
     sizes = {"a.obj": 3, "b.obj": 30, "c.obj": 7, "d.obj": 7}
-    index.add_sources([Source(f"/s/{n}", n, size) for n, size in sizes.items()], Folder(str(tmp_path)))
+    index.add_sources(
+        [Source(f"/s/{n}", n, size) for n, size in sizes.items()], Folder(str(tmp_path))
+    )
     assert due(index) == ["b.obj", "c.obj", "d.obj", "a.obj"]
     assert index.weight() == 47
 
@@ -102,7 +110,9 @@ def test_a_file_that_was_only_touched_is_not_done_again(index: Index, tmp_path: 
 
 def test_results_that_collide(index: Index, tmp_path: Path) -> None:
     with pytest.raises(OptionError, match=r"/s/a.off and /s/a.stl would both be written to a.glb"):
-        index.add_sources([Source(f"/s/a.{k}", f"a.{k}") for k in ("off", "stl")], Folder(str(tmp_path)))
+        index.add_sources(
+            [Source(f"/s/a.{k}", f"a.{k}") for k in ("off", "stl")], Folder(str(tmp_path))
+        )
 
 
 def test_a_file_named_twice_counts_once(index: Index, tmp_path: Path) -> None:

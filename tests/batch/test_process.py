@@ -56,7 +56,9 @@ def test_the_bytes_are_those_of_unwrap(tmp_path: Path) -> None:
     assert files(out) == written
 
 
-def test_a_server_is_used_again_and_its_child_knows_nothing_of_the_last_mesh(tmp_path: Path) -> None:
+def test_a_server_is_used_again_and_its_child_knows_nothing_of_the_last_mesh(
+    tmp_path: Path,
+) -> None:
     pids = set()
     for k in range(3):
         with warm_server(True) as server:

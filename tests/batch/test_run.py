@@ -1,7 +1,8 @@
-"""Whole batches on a real cluster: continuing, poisoned sets, killed workers, clients and schedulers, full disks."""
+"""Whole batches on a real cluster: continued, poisoned, workers, clients and schedulers killed, disks full."""
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import random
@@ -57,7 +58,9 @@ def expect_quiet(source: Path, out: Path, count: int) -> None:
     assert files(out) == set(found)
     for name, line in found.items():
         assert (line["status"], line["exit"]) == ("ok", 0), line
-        one = circparam.unwrap(str(source / name), str(source.parent / "one.obj"), overwrite=True, **QUICK)
+        one = circparam.unwrap(
+            str(source / name), str(source.parent / "one.obj"), overwrite=True, **QUICK
+        )
         assert one.path is not None
         assert (out / name).read_bytes() == Path(one.path).read_bytes()
 
@@ -69,7 +72,13 @@ def test_a_batch_and_its_continuation(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (summary.done, summary.skipped, summary.finished) == (5, 0, True)
     assert states[-1].total == 5
     expect_quiet(source, out, 5)
-    assert {p.name for p in out.iterdir()} == {"a", "b", "manifest.jsonl", "report.csv", "report.html"}
+    assert {p.name for p in out.iterdir()} == {
+        "a",
+        "b",
+        "manifest.jsonl",
+        "report.csv",
+        "report.html",
+    }
     assert status(str(out))["counts"] == {"ok": 5}
     before = (out / "manifest.jsonl").read_bytes()
 
@@ -133,7 +142,12 @@ def test_a_large_poisoned_set(tmp_path: Path, corpus: Path) -> None:
     kinds = sorted(p for p in corpus.iterdir() if p.suffix in (".obj", ".ply", ".off", ".glb"))[:20]
     for k, path in enumerate(kinds):
         data = path.read_bytes()[:3000]
-        junk = [b"", data[:40], bytes(rng.randbytes(500)), data.replace(b"1", b"x")[:200] + b"\0\xff"][k % 4]
+        junk = [
+            b"",
+            data[:40],
+            bytes(rng.randbytes(500)),
+            data.replace(b"1", b"x")[:200] + b"\0\xff",
+        ][k % 4]
         (source / "broken" / f"{k}{path.suffix}").write_bytes(junk)
     given = settings(out, Poison(), timeout=2.0, max_memory=3 << 30)
     summary = batch(source, out, settings=given)
@@ -199,7 +213,17 @@ def test_workers_are_killed(count: int, after: set[int], tmp_path: Path) -> None
 
 
 def start_batch(source: Path, out: Path, *more: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-P", "-m", "circparam", "batch", str(source), "--out", str(out), *ARGS]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "circparam",
+        "batch",
+        str(source),
+        "--out",
+        str(out),
+        *ARGS,
+    ]
     return subprocess.Popen(
         [*command, "--workers", "1", *more], env=environment(), stderr=subprocess.PIPE,
         stdout=subprocess.PIPE, cwd=out.parent,
@@ -217,6 +241,11 @@ def wait_for(reached: Callable[[], bool], process: subprocess.Popen[bytes]) -> N
     raise AssertionError("nothing happened for more than a minute")
 
 
+def has_lines(out: Path, count: int) -> bool:
+    """Whether the manifest is there with so many lines."""
+    return (out / "manifest.jsonl").exists() and count_lines(out) >= count
+
+
 def count_lines(out: Path) -> int:
     path = out / "manifest.jsonl"
     return path.read_bytes().count(b"\n") if path.exists() else 0
@@ -230,7 +259,7 @@ def test_the_client_is_killed_and_continued(moments: list[int], tmp_path: Path) 
     source, out = write_set(tmp_path / "src", count), tmp_path / "out"
     for moment in moments:
         with start_batch(source, out) as process:
-            wait_for(lambda moment=moment: (out / "manifest.jsonl").exists() and count_lines(out) >= moment, process)  # type: ignore[misc]
+            wait_for(functools.partial(has_lines, out, moment), process)
             (cluster,) = clusters_of(process.pid) or [0]
             process.kill()
             process.communicate()
@@ -298,7 +327,9 @@ def test_a_scheduler_that_runs_and_then_ends(
     def end(line: dict[str, Any]) -> None:
         server.kill()
 
-    with pytest.raises(NoResultError, match="has ended, .* are not done: the same command continues"):
+    with pytest.raises(
+        NoResultError, match=r"has ended, .* are not done: the same command continues"
+    ):
         batch(source, out, scheduler_file=str(where), hooks=Hooks(on_line=end))
     assert count_lines(out) >= 1
     assert batch(source, out).counts == {"ok": 12}
@@ -312,7 +343,7 @@ def test_no_scheduler_and_another_version(
     monkeypatch.setattr("circparam.batch.cluster.ANSWER", 1.0)
     with pytest.raises(OptionError, match=r"--scheduler tcp://127.0.0.1:9: no answer within 1 s"):
         batch(source, out, scheduler="tcp://127.0.0.1:9")
-    with pytest.raises(OptionError, match=r"--scheduler-file .*nowhere: no answer"):
+    with pytest.raises(OptionError, match=r"--scheduler-file .*nowhere: it can't be read"):
         batch(source, out, scheduler_file=str(tmp_path / "nowhere"))
     monkeypatch.setattr("circparam.batch.cluster.ANSWER", 10.0)
     where = str(scheduler[1])
@@ -329,8 +360,8 @@ def test_the_disk_is_full_for_a_while(tmp_path: Path) -> None:
 
     def listen(progress: Any) -> None:
         notes.append(progress.note)
-        if notes.count("the disk is full: waiting for room") == 2:
-            (source / "FULL").unlink()
+        if notes.count("the disk is full: waiting for room") >= 2:
+            (source / "FULL").unlink(missing_ok=True)
 
     summary = batch(source, out, task=full_disk_item, hooks=Hooks(listener=listen))
     assert not (source / "FULL").exists()
@@ -340,10 +371,9 @@ def test_the_disk_is_full_for_a_while(tmp_path: Path) -> None:
 
 def test_refused_before_any_work(tmp_path: Path) -> None:
     source, out = write_set(tmp_path / "src", 2), tmp_path / "out"
+    (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="no mesh files are there"):
-        empty = tmp_path / "empty"
-        empty.mkdir()
-        batch(empty, out)
+        batch(tmp_path / "empty", out)
     with pytest.raises(OptionError, match="would overwrite itself"):
         batch(source, source)
     write_disk(out / "a" / "m001.obj")
