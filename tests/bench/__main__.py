@@ -1,11 +1,11 @@
-"""``python -m tests.bench [solve|atlas|packing|hard] ...``: one benchmark by name; solve when none is named."""
+"""``python -m tests.bench [solve|atlas|packing|hard|batch] ...``: one benchmark by name, else solve."""
 
 from __future__ import annotations
 
 import importlib
 import sys
 
-NAMES = ("solve", "atlas", "packing", "hard")
+NAMES = ("solve", "atlas", "packing", "hard", "batch")
 
 
 def main() -> None:
