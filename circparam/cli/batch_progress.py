@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from circparam.batch.progress import Progress
 
 NAMED = 8  # of the files that run, the oldest
+BAR = 60  # characters of the bar
 ERRORS = 50  # lines about files that failed; more of them are only counted
 MINUTE = 60.0
 
@@ -79,7 +80,6 @@ class Screen:
 
     def _draw(self, progress: Progress) -> None:
         from rich.console import Console, Group
-        from rich.progress_bar import ProgressBar
         from rich.text import Text
 
         if self._live is None:
@@ -87,10 +87,10 @@ class Screen:
 
             self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
             self._live.start()
-        left = max(progress.total - progress.skipped, 1)
+        filled = BAR * progress.done // max(progress.total - progress.skipped, 1)
         rows: list[Any] = [
             Text(headline(progress) + (" · stopping" if self._stopping else "")),
-            ProgressBar(total=left, completed=progress.done, width=60),
+            Text.assemble(("━" * filled, "green"), ("━" * (BAR - filled), "bright_black")),
         ]
         for name, seconds in progress.running[:NAMED]:
             rows.append(
