@@ -103,7 +103,7 @@ def report_page(folder: Folder, index: Index) -> str:
         "STYLE": style,
         "SECTIONS": "\n".join(filter(None, sections)),
         "ROWS_NOTE": note,
-        "DATA": json.dumps(data, separators=(",", ":")).replace("</", "<\\/"),
+        "DATA": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
         "SCRIPT": viewer_file("batch.js"),
     }
     return fill_in(viewer_file("batch.html"), fields)

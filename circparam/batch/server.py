@@ -84,6 +84,7 @@ class Server:
 
     def _in_child(self, settings: Settings, task: dict[str, Any]) -> dict[str, Any]:
         reader, writer = os.pipe()
+        server = os.getpid()
         with tempfile.TemporaryFile() as log:
             pid = os.fork()
             if pid == 0:
@@ -91,6 +92,8 @@ class Server:
                 try:
                     os.close(reader)
                     _become_child(log.fileno(), settings.max_memory)
+                    if os.getppid() != server:  # it ended before the child had asked to end with it
+                        os._exit(code)
                     data = pickle.dumps(_work(settings, task))
                     with open(writer, "wb") as stream:
                         stream.write(data)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import pickle
 import re
@@ -16,6 +17,7 @@ from typing import Any
 import pytest
 
 import circparam
+from circparam.batch import task
 from circparam.batch.index import Item
 from circparam.batch.process import GoneError, WarmServer, close_servers, warm_server
 from circparam.batch.settings import Settings
@@ -123,7 +125,7 @@ def test_a_server_that_is_reused_is_ended_from_outside(tmp_path: Path) -> None:
 def test_a_server_that_is_killed_takes_its_child_along(tmp_path: Path) -> None:
     given = settings(tmp_path / "o", Poison())
     (tmp_path / "s").mkdir()
-    task = {
+    asked = {
         "settings": pickle.dumps(given), "source": str(write_disk(tmp_path / "hang.obj")),
         "target": str(tmp_path / "s" / "hang.obj"), "name": "hang.obj", "scratch": str(tmp_path / "s"),
     }  # fmt: skip
@@ -133,7 +135,7 @@ def test_a_server_that_is_killed_takes_its_child_along(tmp_path: Path) -> None:
 
     def ask() -> None:
         try:
-            server.ask(task, None, None)
+            server.ask(asked, None, None)
         except GoneError as error:
             failed.append(error)
 
@@ -145,8 +147,8 @@ def test_a_server_that_is_killed_takes_its_child_along(tmp_path: Path) -> None:
     thread.join(20)
     assert failed
     server._process.wait()
-    gone = (not Path(f"/proc/{child[0]}").exists() or thread.join(0.05) for _ in range(400))
-    assert any(gone)
+    pause = threading.Event()
+    assert any(not Path(f"/proc/{child[0]}").exists() or pause.wait(0.05) for _ in range(400))
     server.close()
 
 
@@ -154,18 +156,29 @@ def test_a_server_whose_worker_has_gone_cleans_up(tmp_path: Path) -> None:
     given = settings(tmp_path / "o", Poison())
     scratch = tmp_path / "s"
     scratch.mkdir()
-    task = {
+    asked = {
         "settings": pickle.dumps(given), "source": str(write_disk(tmp_path / "hang.obj")),
         "target": str(scratch / "hang.obj"), "name": "hang.obj", "scratch": str(scratch),
     }  # fmt: skip
     server = WarmServer(True)
     assert server._process.stdin is not None
-    send(server._process.stdin, pickle.dumps(task))
+    send(server._process.stdin, pickle.dumps(asked))
     while not (scratch / "hang.obj").exists():
         server._answers.empty()
     server._process.stdin.close()
     assert server._process.wait(20) == 1
     assert not scratch.exists()
+
+
+def test_a_full_disk_is_told_from_other_trouble_of_the_output(tmp_path: Path) -> None:
+    full = f"/o/m.obj: it can't be written ({os.strerror(errno.ENOSPC)})"
+    for error, again in (
+        (full, "space"),
+        ("/o/m.obj: it can't be written (Input/output error)", None),
+    ):
+        answer = {"code": 8, "error": error, "report": None, "files": []}
+        end = {"end": "done", "answer": answer, "seconds": 1.0, "peak": 1}
+        assert task._told(settings(tmp_path), end).get("again") == again
 
 
 def test_another_version_is_refused(tmp_path: Path) -> None:

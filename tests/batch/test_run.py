@@ -22,6 +22,7 @@ pytest.importorskip("distributed")
 import circparam
 from circparam.batch.batch import Hooks, Plan, Summary, run_batch, status
 from circparam.batch.manifest import encode
+from circparam.batch.run import ATTEMPTS
 from circparam.core.workers import environment
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
 from tests.support.batch_faults import (
@@ -181,6 +182,16 @@ def clusters_of(pid: int) -> list[int]:
 def workers_of(cluster: int) -> list[int]:
     """Processes of a cluster that are Dask's workers."""
     return [c for c in children(cluster) if b"spawn_main" in command_line(c)]
+
+
+@pytest.mark.slow
+def test_a_mesh_that_is_ended_again_and_again_is_given_up(tmp_path: Path) -> None:
+    source, out = write_poison(tmp_path / "src", 2, {"killed": 1}), tmp_path / "out"
+    summary = batch(source, out, settings=settings(out, Poison()))
+    found = told(out)
+    assert summary.counts == {"ok": 2, "failed": 1}
+    assert [line["attempts"] for line in found.values() if line["exit"]] == [ATTEMPTS]
+    assert "SIGKILL" in str(found["killed/killed0.obj"]["error"])
 
 
 class Killer:
