@@ -106,7 +106,8 @@ class Batch:
         return True
 
     def _submit(self, item: Item) -> None:
-        key = f"unwrap-{item.number:x}-{next(self._number):x}"
+        # digits alone: Dask keeps something for ever for each word that keys begin with, and "ab" is a word
+        key = f"unwrap-{item.number}-{next(self._number)}"
         future = self.cluster.client.submit(
             self.task, self.settings, item, key=key, pure=False, retries=0
         )
