@@ -88,6 +88,11 @@ def cpu_of_tree(root: psutil.Process) -> float:
     return total
 
 
+def cpu_of_children() -> float:
+    """Processor seconds of all processes that this one has waited for."""
+    return float(sum(os.times()[2:4]))
+
+
 def clusters() -> list[psutil.Process]:
     """The local cluster that this process has started."""
     return [p for p in psutil.Process().children() if "circparam.batch.local" in p.cmdline()]
@@ -117,12 +122,17 @@ def rate(count: int) -> list[Line]:
         for path in (folder / "src").glob("*.warm.obj"):
             path.unlink()
         warm_rate, warm_cpu = len(few) / seconds, cpu / len(few)
-        start = time.perf_counter()
+        start, before = time.perf_counter(), cpu_of_children()
         one = f"{sys.executable} -P -m circparam unwrap -q --out-dir {folder / 'x'}"
         script = f"printf '%s\\0' \"$@\" | xargs -0 -n1 -P{WORKERS} {one}"
         (folder / "x").mkdir()
         subprocess.run(["sh", "-c", script, "sh", *few], env=environment(), check=True)
         xargs_rate = len(few) / (time.perf_counter() - start)
+        xargs_cpu = (cpu_of_children() - before) / len(few)
+        print(
+            f"warm {warm_rate:.3g}/s, xargs {xargs_rate:.3g}/s, {xargs_cpu:.3g} s CPU each",
+            flush=True,
+        )
         spent: list[tuple[int, float, float]] = []
 
         def on_line(line: dict[str, Any]) -> None:
@@ -147,6 +157,7 @@ def rate(count: int) -> list[Line]:
             Line("batch, 2 workers", batch_rate, "meshes/s", None, f"{batch_cpu:.3f} s CPU a mesh; {told}"),
             Line("batch / (2 x warm)", batch_rate / (WORKERS * warm_rate), "", ">= 0.9"),
             Line("CPU a mesh, warm / batch", warm_cpu / batch_cpu, "", None, "the same, whatever else runs"),
+            Line("CPU a mesh, xargs / batch", xargs_cpu / batch_cpu, "", None, f"{xargs_cpu:.3f} s"),
             Line("batch / xargs -P2", batch_rate / xargs_rate, "", ">= 2.5", f"{xargs_rate:.3g} meshes/s"),
         ]  # fmt: skip
 
