@@ -22,6 +22,9 @@ CONFIG = {
     "distributed.scheduler.allowed-failures": 10,
     "distributed.worker.preload": ["circparam.batch.preload"],
     "distributed.worker.profile.enabled": False,
+    # what Dask remembers of past tasks, for people who look: nobody does here
+    "distributed.admin.log-length": 100,
+    "distributed.admin.low-level-log-length": 100,
     "distributed.admin.system-monitor.log-length": 10,
     "distributed.worker.memory.terminate": False,  # a mesh has its own bound, --max-memory
     "distributed.worker.memory.pause": False,
