@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed fuzz mutants figures docs dist clean
+.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed bench-batch fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -72,6 +72,9 @@ bench-packing: $(VENV)/.dev ## covered share on identical charts
 
 bench-speed: $(VENV)/.dev ## seconds of whole atlases beside xatlas and UVAtlas, with a profile
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench speed
+bench-batch: $(VENV)/.dev ## many files: rates, overhead, memory, and the tests of faults that take minutes
+	CIRCPARAM_SLOW=1 $(RUN) -m pytest -m slow tests/batch
+	$(RUN) -m tests.bench batch
 
 fuzz: $(VENV)/.dev ## hostile meshes and broken files: make fuzz FUZZ=5000 SEED=1
 	$(RUN) -m tests.fuzz --cases $(FUZZ) --seed $(SEED)

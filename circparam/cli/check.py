@@ -6,7 +6,8 @@ from typing import Any
 
 import click
 
-from circparam.cli import common, progress
+from circparam.cli import common, exits, progress
+from circparam.errors import CircparamError, GateError, OptionError
 
 _EPILOG = """\b
 Examples:
@@ -14,11 +15,12 @@ Examples:
   circparam check mesh.glb --uv --json
   circparam check mesh.obj --require disk && circparam unwrap mesh.obj --cut none
   circparam check mesh.glb --uv --fail-if 'flips>0,overlap>0'
+  circparam check *.obj --uv
 """
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("mesh", metavar="MESH", type=common.MESH)
+@click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=common.MESH)
 @common.apply(
     click.option("--uv", is_flag=True, help="Judge the uv that the file has."),
     common.library_option("uv_set"),
@@ -33,35 +35,61 @@ Examples:
     common.json_option,
     common.quiet,
 )
-def command(mesh: str, **given: Any) -> None:
+def command(meshes: tuple[str, ...], **given: Any) -> int:
     """Report topology, and with --uv judge a uv set that is there.
 
     Vertices, faces, components, Euler characteristic, genus, boundaries, what is non-manifold, degenerate,
     duplicate or wound inconsistently; with --uv flips, overlaps, mirrored charts, distortion, seams, packing.
+    Several files are told in one line each.
     """
-    from circparam.errors import GateError, OptionError
-    from circparam.formats.io import read
     from circparam.pipeline.gates import parse_gates
-    from circparam.pipeline.inspect import inspect, require_disks
-    from circparam.pipeline.summary import summarise_check
 
     judge_uv = given["uv"] or given["uv_set"] is not None
     for name in ("resolution", "padding", "fail_if"):
         if given[name] is not None and not judge_uv:
             raise OptionError(f"--{name.replace('_', '-')} has no effect without --uv")
+    if len(meshes) > 1 and given["format"] is not None and "-" not in meshes:
+        raise OptionError("--format has no effect here: it tells the format of '-' (stdin)")
     gates = parse_gates(given["fail_if"])
     keywords = {k: given[k] for k in ("weld", "resolution", "padding") if given[k] is not None}
     if judge_uv:
         keywords["uv_set"] = given["uv_set"] or 0
+    if len(meshes) == 1:
+        _check(meshes[0], given, keywords, gates, table=True)
+        return exits.OK
+    codes = []
+    for mesh in meshes:
+        try:
+            _check(mesh, given, keywords, gates, table=False)
+        except (CircparamError, MemoryError) as error:
+            line = exits.line_of(error)
+            line = line if mesh in line else f"{mesh}: {line}"
+            click.echo(f"circparam: error: {line}", err=True)
+            codes.append(exits.code_of(error))
+    return next(iter(codes), exits.OK)
+
+
+def _check(
+    mesh: str, given: dict[str, Any], keywords: dict[str, Any], gates: Any, *, table: bool
+) -> None:
+    """Report on one file, as a table or in one line."""
+    from circparam.formats.io import read
+    from circparam.pipeline.inspect import inspect, require_disks
+    from circparam.pipeline.summary import summarise_check
+
     with progress.listener(mesh, given["quiet"]):
-        found = inspect(read(mesh, format=given["format"]), **keywords)
+        format = given["format"] if table or mesh == "-" else None
+        found = inspect(read(mesh, format=format), **keywords)
     report = summarise_check(found)
     if given["as_json"]:
         common.echo_json(report)
     elif not given["quiet"]:
-        from circparam.cli.tables import check_table, console
+        from circparam.cli.tables import check_line, check_table, console
 
-        console().print(check_table(report))
+        if table:
+            console().print(check_table(report))
+        else:
+            click.echo(f"{mesh}: {check_line(report)}")
     if given["require"] == "disk":
         require_disks(found)
     missed = gates.missed(report["uv"] or {})

@@ -82,3 +82,8 @@ def line_of(error: BaseException) -> str:
             "and report it)"
         )
     return " ".join(text.split())
+
+
+def judge(error: BaseException) -> tuple[int, str]:
+    """Exit code and line of an exception, for those who keep them instead of ending."""
+    return code_of(error), line_of(error)

@@ -35,6 +35,10 @@ COMMANDS = {
     "unwrap": Entry(
         _HERE + "unwrap", "Give meshes a uv layout: cut, flatten, pack, write the same file back."
     ),
+    "batch": Entry(
+        _HERE + "batch",
+        "Unwrap thousands of files on all cores or a cluster, and go on where it stopped.",
+    ),
     "check": Entry(_HERE + "check", "Report topology, and judge a uv set that is there."),
     "pack": Entry(_HERE + "pack", "Repack the uv of a file without touching its charts."),
     "compare": Entry(

@@ -18,29 +18,18 @@ def output_path(mesh: str, given: dict[str, Any]) -> str:
         return str(given["output"])
     if mesh == "-":
         return "-"
+    from circparam.formats.table import output_suffix
+
     path = Path(mesh)
     folder = given.get("out_dir")
     if folder is not None:
-        return str(Path(folder) / f"{path.stem}{_suffix(path)}")
-    return beside(path, "_uv", _suffix(path))
+        return str(Path(folder) / f"{path.stem}{output_suffix(path.suffix)}")
+    return beside(path, "_uv", output_suffix(path.suffix))
 
 
 def beside(path: Path, tail: str, suffix: str) -> str:
     """The name of a file beside another: NAME + tail + suffix; ``.`` and ``/`` have no stem and need none."""
     return str(path.parent / f"{path.stem}{tail}{suffix}")
-
-
-def _suffix(path: Path) -> str:
-    """How the output of a file ends: as the file does, unless its format has no place for uv."""
-    from circparam.formats.io import format_of
-    from circparam.formats.table import DEFAULT_OUTPUT
-
-    try:
-        name = format_of(path)
-    except OptionError:
-        return path.suffix
-    out = DEFAULT_OUTPUT[name]
-    return path.suffix if out == name else f".{out}"
 
 
 def without_outputs(meshes: tuple[str, ...]) -> tuple[list[str], list[str]]:

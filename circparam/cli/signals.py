@@ -14,16 +14,35 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
 
 from circparam.cli.exits import INTERRUPTED, TERMINATED, Interrupted, Terminated
 
 GRACE = 0.7  # seconds that the main thread has to clean up by itself
 
+# what the first Ctrl-C calls instead, once: one list for the main thread, one for the watcher
+_ASKED: list[Callable[[], None]] = []
+_SPARED: list[int] = []
+
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
+    if _ASKED:
+        _ASKED.pop()()
+        return
     raise Interrupted
+
+
+@contextlib.contextmanager
+def asked_first(ask: Callable[[], None]) -> Iterator[None]:
+    """Within the block the first Ctrl-C calls ``ask`` and nothing else; a second one ends the work as ever."""
+    _SPARED.append(signal.SIGINT)
+    _ASKED.append(ask)
+    try:
+        yield
+    finally:
+        _ASKED.clear()
+        _SPARED.clear()
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
@@ -65,7 +84,9 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
             return
         if not data:
             return
-        if data[0] in (signal.SIGINT, signal.SIGTERM):
+        if data[0] in _SPARED:
+            _SPARED.remove(data[0])
+        elif data[0] in (signal.SIGINT, signal.SIGTERM):
             break
     if done.wait(GRACE):
         return

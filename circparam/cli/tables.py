@@ -166,6 +166,21 @@ _DEFECTS = {
 }
 
 
+def check_line(report: dict[str, Any]) -> str:
+    """What a mesh is, and what its uv are worth, in one line."""
+    parts = report["component_list"]
+    verdict = parts[0]["verdict"] if len(parts) == 1 else f"{len(parts)} components"
+    words = [f"{report['faces']} faces", verdict, f"{report['boundaries']} boundaries"]
+    words += [f"{report[name]} {label}" for name, label in _DEFECTS.items() if report[name]]
+    uv = report["uv"]
+    if uv is not None:
+        words.append(f"{uv['charts']} charts, {uv['flips']} flips, {uv['overlap']} overlaps")
+        words.append(f"distortion {_number(uv['distortion'])}, seam {_number(uv['seam_length'])}")
+    elif report["uv_sets"]:
+        words.append(f"uv sets {', '.join(map(str, report['uv_sets']))}")
+    return ", ".join(words)
+
+
 def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
     row("charts", uv["charts"])
     row("flips, overlaps, mirrored", f"{uv['flips']}, {uv['overlap']}, {uv['mirrored']}")

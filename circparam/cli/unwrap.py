@@ -126,7 +126,7 @@ class _Run:
         self.place = (1, 1)  # of the mesh, and of how many
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
-        self.options = Options(**_keywords(given))
+        self.options = Options(**library_options_of(given))
         self.reports: list[dict[str, Any]] = []  # of every mesh, those without a result too
 
     def one(self, mesh: str, out: str) -> int:
@@ -228,7 +228,7 @@ def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
     }
 
 
-def _keywords(given: dict[str, Any]) -> dict[str, Any]:
+def library_options_of(given: dict[str, Any]) -> dict[str, Any]:
     """The options of the library out of those of the command, files read.
 
     The format is left to the streams: it says nothing of meshes in files.
@@ -250,10 +250,8 @@ def _keywords(given: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _limit_memory(size: str | None) -> None:
-    """Bound the address space of the process by so many bytes more than it has now."""
-    if size is None:
-        return
+def memory_size(size: str) -> int:
+    """Bytes out of a text such as 4G. Raises OptionError, also where memory cannot be bounded."""
     factor = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     text = size.strip().upper().removesuffix("B").removesuffix("I")
     unit = factor.get(text[-1:], 1)
@@ -266,7 +264,17 @@ def _limit_memory(size: str | None) -> None:
             f"--max-memory {size!r} is no size: write a number with K, M or G, such as 4G"
         )
     try:
-        import resource
+        import resource  # noqa: F401
     except ImportError:
         raise OptionError("--max-memory is not available on this system: leave it out") from None
+    return count
+
+
+def _limit_memory(size: str | None) -> None:
+    """Bound the address space of the process."""
+    if size is None:
+        return
+    count = memory_size(size)
+    import resource
+
     resource.setrlimit(resource.RLIMIT_AS, (count, resource.getrlimit(resource.RLIMIT_AS)[1]))

@@ -179,6 +179,14 @@ class _Outputs(Mapping[str, str]):
 DEFAULT_OUTPUT: Mapping[str, str] = _Outputs()
 
 
+def output_suffix(suffix: str) -> str:
+    """The suffix of what a file is written to when nothing is said: its own where its format has uv."""
+    for row in FORMATS:
+        if suffix.lower() in row.function.suffixes and row.function.output:
+            return f".{row.function.output}"
+    return suffix
+
+
 def takes_unshare(format: str) -> bool:
     """Whether meshes of a format can be shared by several nodes, and so be copied for each."""
     return format in FORMATS and FORMATS[format].function.unshare is not None

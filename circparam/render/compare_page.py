@@ -91,14 +91,15 @@ def _card(drawn: DrawnLayout) -> str:
         reason = escaped(row.error or "no layout")
         return f'<article>{head}<p class="empty">{reason}</p></article>'
     pictures = "".join(
-        f'<img alt="{what} of {escaped(row.name)}" src="{_png_url(image)}" '
+        f'<img alt="{what} of {escaped(row.name)}" src="{png_url(image)}" '
         f'width="{image.width}" height="{image.height}">'
         for what, image in zip(("layout", "checker", "distortion"), drawn.images, strict=True)
     )
     return f"<article>{head}{pictures}<p>{escaped(caption(row))}</p></article>"
 
 
-def _png_url(image: Image.Image) -> str:
+def png_url(image: Image.Image) -> str:
+    """An image as the address of itself, in 128 colours."""
     out = io.BytesIO()
     image.quantize(128, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
     return "data:image/png;base64," + base64.b64encode(out.getvalue()).decode()

@@ -115,3 +115,24 @@ def test_an_option_that_needs_uv(tmp_path: Path) -> None:
 def test_bad_input(tmp_path: Path) -> None:
     one_line_error(check(tmp_path / "none.obj"), 3, "none.obj")
     one_line_error(check(tmp_path), 3, "directory")
+
+
+def test_several_files_have_a_line_each(tmp_path: Path) -> None:
+    good = obj(tmp_path / "disk.obj", shapes.grid())
+    torus = obj(tmp_path / "torus.obj", shapes.torus(10, 8))
+    bad = tmp_path / "bad.obj"
+    bad.write_text("nothing")
+    result = check(good, bad, torus)
+    lines = result.stdout.splitlines()
+    assert [line.split(": ")[0] for line in lines] == [str(good), str(torus)]
+    assert "disk" in lines[0]
+    assert "genus 1" in lines[1]
+    assert result.exit_code == 3
+    assert result.stderr.count("circparam: error: ") == 1
+    assert str(bad) in result.stderr
+    several = check(good, torus, "--json").stdout.splitlines()
+    assert [json.loads(line)["genus"] for line in several] == [0, 1]
+    assert check(good, torus, "--require", "disk").exit_code == 4
+    one_line_error(check(good, torus, "--format", "obj"), 2, "has no effect")
+    quads = obj(tmp_path / "q.obj", shapes.grid(4, 4))
+    assert check(good, quads, "--uv").exit_code != 0  # they have none

@@ -88,3 +88,30 @@ def test_nothing_is_installed_outside_the_main_thread() -> None:
     thread.start()
     thread.join()
     assert seen == [signal.getsignal(signal.SIGTERM)]
+
+
+ASK = """
+import sys, time
+from circparam.cli import exits, signals
+with signals.installed():
+    try:
+        with signals.asked_first(lambda: print("asked", file=sys.stderr, flush=True)):
+            print("ready", file=sys.stderr, flush=True)
+            time.sleep(600)
+    except exits.Interrupted:
+        sys.exit(130)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of another kind")
+def test_the_first_ctrl_c_may_only_ask() -> None:
+    with subprocess.Popen([sys.executable, "-c", ASK], stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == b"ready\n"
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.readline() == b"asked\n"
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(2 * signals.GRACE)  # the watcher leaves it alone as well
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+    assert process.returncode == 130

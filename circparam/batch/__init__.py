@@ -1,0 +1,1 @@
+"""Many files: listed, handed to Dask's workers, each unwrapped in a process of its own, told in a manifest."""

@@ -1,0 +1,270 @@
+"""A whole batch: list, check, continue from the manifest, run on a cluster, tell. ``run_batch`` is the door."""
+
+from __future__ import annotations
+
+import contextlib
+import glob
+import json
+import os
+import shutil
+import tempfile
+import time
+import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from circparam.batch.cluster import Cluster, LostError
+from circparam.batch.index import Index, size_of
+from circparam.batch.manifest import NAME, Manifest, lines
+from circparam.batch.progress import Meter, Progress
+from circparam.batch.report import save_report
+from circparam.batch.run import Batch, Task
+from circparam.batch.settings import Settings
+from circparam.batch.sources import Listing
+from circparam.batch.store import Folder
+from circparam.batch.task import WORK, do_item, pack_settings
+from circparam.errors import InputError, NoResultError, OptionError
+
+STATUS = f"{WORK}/status.json"
+REMOTE_STATUS = 30.0  # seconds between two notes of the state in a remote folder
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is asked for. sources: as the command line has them. retry: of failed, degraded, all. workers: of a
+    cluster on this machine; scheduler, scheduler_file: of one that runs. task: what a worker does with one."""
+
+    sources: Sequence[str]
+    settings: Settings
+    retry: frozenset[str] = frozenset()
+    workers: int | None = None
+    scheduler: str | None = None
+    scheduler_file: str | None = None
+    task: Task = do_item
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """What the caller hears. listener: how far it is. on_line: each final line. note: a word on what was
+    left out. started: gets the function that asks the batch to stop; a context, within which it works."""
+
+    listener: Callable[[Progress], None] | None = None
+    on_line: Callable[[dict[str, Any]], None] | None = None
+    note: Callable[[str], None] = field(default=lambda _: None)
+    started: Callable[[Callable[[], None]], contextlib.AbstractContextManager[None]] = field(
+        default=lambda _: contextlib.nullcontext()
+    )
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How a batch ended. total: files of the sources; counts: of them by status, as the manifest has them in
+    the end; missed: with a gate missed; done: in this run; finished: whether nothing is left to do. codes:
+    exit code → files. report: address of the page, None where none was written."""
+
+    total: int
+    counts: dict[str, int]
+    missed: int
+    done: int
+    skipped: int
+    finished: bool
+    seconds: float
+    codes: dict[str, int] = field(default_factory=dict)
+    report: str | None = None
+
+    @property
+    def fail_rate(self) -> float:
+        """Share of the files that failed or missed a gate."""
+        told = sum(self.counts.values())
+        return (self.counts.get("failed", 0) + self.missed) / told if told else 0.0
+
+
+def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
+    """Unwrap all files of the sources that the manifest does not have as done.
+
+    Raises OptionError for results that collide, a scheduler or a worker that does not fit; InputError for
+    sources that are missing; OutputError where the folder cannot be written; NoResultError where the
+    scheduler ended.
+    """
+    hooks = hooks or Hooks()
+    start = time.monotonic()
+    folder = Folder(plan.settings.out)
+    settings = replace(plan.settings, out=folder.address, run=uuid.uuid4().hex[:12])
+    with Index() as index:
+        total = _list(plan, folder, index, hooks)
+        folder.make()
+        exists = _existing(folder)
+        _check_owned(folder, index, exists, settings)
+        manifest = Manifest(folder)
+        try:
+            _clean(folder)
+            if manifest.mended:
+                hooks.note(f"{NAME}: a torn last line of {manifest.mended} bytes was cut off")
+            index.add_lines(lines(manifest.path))
+            due = index.mark_due(settings.key(), plan.retry, exists)
+            meter = Meter(total, total - due, index.weight())
+            finished = True
+            if due:
+                finished = _work(plan, settings, (index, manifest, meter), hooks)
+            index.add_lines(lines(manifest.path))
+            report = _report(folder, index, bool(due))
+        finally:
+            _clean(folder)
+            manifest.close()
+        return _summary(index, meter, finished, report, time.monotonic() - start)
+
+
+def _list(plan: Plan, folder: Folder, index: Index, hooks: Hooks) -> int:
+    listing = Listing(plan.sources, None if folder.remote else folder.address)
+    total = index.add_sources(listing, folder)
+    if listing.own:
+        hooks.note(f"{listing.own} files named *_uv.* are results of unwrap and no sources")
+    if not total:
+        raise InputError(f"{' '.join(plan.sources)}: no mesh files are there")
+    return total
+
+
+def _existing(folder: Folder) -> Callable[[str, int], bool]:
+    """Whether a result (name, bytes or −1) is there."""
+    if folder.remote:
+        sizes = folder.sizes()
+        return lambda name, size: name in sizes and size in (-1, sizes[name])
+    return lambda name, size: size_of(folder.of(name)) in ({size} if size >= 0 else _Any())
+
+
+class _Any:
+    def __contains__(self, size: object) -> bool:
+        return size != -1
+
+
+def _check_owned(
+    folder: Folder, index: Index, exists: Callable[[str, int], bool], settings: Settings
+) -> None:
+    """Refuse to write over what no batch has written: a folder with a manifest is a batch's own."""
+    if settings.options.overwrite or exists(NAME, -1):
+        return
+    found = index.existing(exists)
+    if found is not None:
+        raise OptionError(
+            f"{folder.of(found)} exists and no batch has written there: give --overwrite, or another --out"
+        )
+
+
+def _work(
+    plan: Plan, settings: Settings, state: tuple[Index, Manifest, Meter], hooks: Hooks
+) -> bool:
+    """Run what is due; whether all of it is done."""
+    index, manifest, meter = state
+    cluster = Cluster(plan.workers, plan.scheduler, plan.scheduler_file)
+    try:
+        batch = Batch(
+            cluster, index.items(), pack_settings(settings), manifest, meter,
+            _Told(manifest.folder, hooks.listener), hooks.on_line, plan.task,
+        )  # fmt: skip
+        with hooks.started(batch.ask_to_stop):
+            finished = batch.run()
+    except LostError:
+        cluster.kill()
+        where = plan.scheduler or plan.scheduler_file or "this machine"
+        left = meter.total - meter.skipped - sum(meter.counts.values())
+        raise NoResultError(
+            f"the scheduler of {where} has ended, {left} files are not done: the same command continues"
+        ) from None
+    except BaseException:
+        cluster.kill()
+        raise
+    cluster.close()
+    return finished
+
+
+class _Told:
+    """Passes progress on, and keeps it under --out for ``--status``."""
+
+    def __init__(self, folder: Folder, listener: Callable[[Progress], None] | None) -> None:
+        self.folder, self.listener = folder, listener
+        self.last = -REMOTE_STATUS
+        if not folder.remote:
+            os.makedirs(folder.of(WORK), exist_ok=True)
+
+    def __call__(self, progress: Progress) -> None:
+        now = time.monotonic()
+        if not self.folder.remote or now - self.last >= REMOTE_STATUS:
+            self.last = now
+            known = {**progress.as_dict(), "pid": os.getpid(), "time": time.time()}
+            with contextlib.suppress(Exception):  # it only informs
+                self.folder.put_bytes(STATUS, json.dumps(known).encode())
+        if self.listener is not None:
+            self.listener(progress)
+
+
+def _clean(folder: Folder) -> None:
+    """Remove what an earlier run may have left, and what this one had."""
+    if not folder.remote:
+        shutil.rmtree(folder.of(WORK), ignore_errors=True)
+        return
+    from circparam.batch.store import root_store
+
+    store, root = root_store(folder.address)
+    with contextlib.suppress(Exception):
+        store.rm_file(f"{root}/{STATUS}")
+    for left in glob.glob(os.path.join(tempfile.gettempdir(), "circparam-batch-*-*")):
+        if os.path.isdir(left) and time.time() - os.path.getmtime(left) > 86400:
+            shutil.rmtree(left, ignore_errors=True)
+
+
+def _report(folder: Folder, index: Index, changed: bool) -> str | None:
+    if not changed and not folder.remote and os.path.exists(folder.of("report.html")):
+        return folder.of("report.html")
+    return save_report(folder, index)
+
+
+def _summary(
+    index: Index, meter: Meter, finished: bool, report: str | None, seconds: float
+) -> Summary:
+    """The state of all files of the sources, as their last lines have it."""
+    query = "SELECT d.status, d.exit, count(*) FROM file f JOIN done d ON d.name = f.target GROUP BY 1, 2"
+    counts: dict[str, int] = {}
+    codes: dict[str, int] = {}
+    missed = 0
+    for status, code, n in index.data.execute(query):
+        counts[status] = counts.get(status, 0) + n
+        codes[str(code)] = codes.get(str(code), 0) + n
+        missed += n if status != "failed" and code else 0
+    done = sum(meter.counts.values())
+    return Summary(
+        meter.total, counts, missed, done, meter.skipped, finished, seconds, codes, report
+    )
+
+
+def status(out: str) -> dict[str, Any]:
+    """What the manifest of a folder says, and how far the batch is that runs there, where one does.
+
+    Raises OptionError where there is no manifest.
+    """
+    from circparam.batch.manifest import manifest_file
+
+    folder = Folder(out)
+    with Index() as index:
+        index.add_lines(lines(manifest_file(folder)))
+        rows = list(
+            index.data.execute("SELECT status, count(*), sum(exit != 0) FROM done GROUP BY 1")
+        )
+    counts = {name: n for name, n, _ in rows}
+    known = folder.get_bytes(STATUS)
+    live: dict[str, Any] | None = None
+    if known is not None:
+        with contextlib.suppress(ValueError):
+            live = json.loads(known)
+    stale = 10.0 if not folder.remote else 4 * REMOTE_STATUS
+    if live is not None and time.time() - float(live.get("time", 0)) > stale:
+        live = None
+    return {
+        "schema": "circparam/batch-status/1",
+        "out": folder.address,
+        "lines": sum(counts.values()),
+        "counts": counts,
+        "missed": sum(int(bad or 0) for name, _, bad in rows if name != "failed"),
+        "running": live is not None,
+        "run": live,
+    }

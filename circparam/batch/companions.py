@@ -1,0 +1,77 @@
+"""A remote file on this machine, with the files beside it that its content needs: buffers of a glTF ..."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from circparam.batch.settings import Settings
+from circparam.batch.store import again, archive_of, digest, open_store
+from circparam.errors import CircparamError, InputError
+from circparam.formats.source import safe_path
+
+_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", re.M)
+_TEXTURE = re.compile(
+    rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t].*?(\S+)[ \t\r]*$", re.M | re.I
+)
+
+
+def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | None]:
+    """Download a file into a folder: (its local path, hash of its bytes).
+
+    What it refers to comes along: buffers of a glTF, with --copy-assets images and materials too. Raises
+    InputError, with the cause kept where it was the store.
+    """
+    os.makedirs(folder)
+    inner = address.removesuffix(archive_of(address))
+    path = os.path.join(folder, inner.rpartition("/")[2] or "source")
+    try:
+        store, remote = open_store(address)
+        again(store.get_file, remote, path)
+        for name in _companions(path, bool(settings.options.copy_assets)):
+            beside = f"{remote.rpartition('/')[0]}/{name}".lstrip(
+                "/" if archive_of(address) else ""
+            )
+            local = safe_path(Path(folder), name)
+            if local is not None:
+                local.parent.mkdir(parents=True, exist_ok=True)
+                # a file that is missing is told when the mesh is read, as with local files
+                with contextlib.suppress(FileNotFoundError):
+                    again(store.get_file, beside, str(local))
+    except CircparamError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{address}: no such file") from None
+    except Exception as error:
+        text = f"{type(error).__name__}: {error}"
+        raise InputError(f"{address}: it can't be fetched ({' '.join(text.split())})") from error
+    return path, digest(path)
+
+
+def _companions(path: str, all_of_them: bool) -> list[str]:
+    """Relative names of the files that a file refers to."""
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix == ".gltf":
+        with contextlib.suppress(ValueError, OSError):
+            tree = json.loads(Path(path).read_bytes())
+            return _uris(tree, ("buffers", "images") if all_of_them else ("buffers",))
+    if suffix == ".obj" and all_of_them:
+        return [
+            m.decode("utf-8", "surrogateescape") for m in _LIBRARY.findall(Path(path).read_bytes())
+        ]
+    return []
+
+
+def _uris(tree: Any, kinds: tuple[str, ...]) -> list[str]:
+    found = []
+    for kind in kinds:
+        rows = tree.get(kind) if isinstance(tree, dict) else None
+        for row in rows if isinstance(rows, list) else []:
+            uri = row.get("uri") if isinstance(row, dict) else None
+            if isinstance(uri, str) and not uri.startswith("data:"):
+                found.append(uri)
+    return found

@@ -1,0 +1,237 @@
+"""What is to be done: all files of the sources and what the manifest says of them, in a temporary data base.
+
+It lies on the disk, so that ten million files take no more memory than ten, and is thrown away at the end: the
+manifest is the truth, the index only an order in it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import sqlite3
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from circparam.batch.sources import Source, output_name
+from circparam.batch.store import Folder, digest
+from circparam.errors import OptionError
+
+ROWS = 5000  # rows that are written together
+FIGURES = (
+    *("charts", "seam_length", "distortion", "distortion_max_chart", "stretch_p99", "share_over_2"),
+    *("pack", "faces", "seconds", "peak_memory", "attempts"),
+)
+_TABLES = f"""
+PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA temp_store = FILE; PRAGMA cache_size = -20000;
+CREATE TABLE file (id INTEGER PRIMARY KEY, source BLOB, target BLOB UNIQUE, path BLOB, size INTEGER,
+                   mark TEXT, due INTEGER DEFAULT 0);
+CREATE TABLE done (name BLOB PRIMARY KEY, source BLOB, size INTEGER, mark TEXT, hash TEXT, options TEXT,
+                   status TEXT, exit INTEGER, output_bytes INTEGER, cause BLOB, stage TEXT,
+                   {", ".join(f"{name} REAL" for name in FIGURES)});
+"""
+
+
+@dataclass(frozen=True)
+class Item:
+    """A file to do. target: name of its result under --out."""
+
+    number: int
+    source: str
+    target: str
+    size: int
+    mark: str
+    attempt: int = 1
+
+
+class Index:
+    """The files of a batch and the last line that the manifest has of each; a context that removes it."""
+
+    def __init__(self) -> None:
+        handle, self._name = tempfile.mkstemp(prefix="circparam-batch-", suffix=".index")
+        os.close(handle)
+        self.data = sqlite3.connect(self._name)
+        self.data.executescript(_TABLES)
+
+    def __enter__(self) -> Index:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Throw it away."""
+        self.data.close()
+        with contextlib.suppress(OSError):
+            os.unlink(self._name)
+
+    def add_lines(self, found: Iterable[dict[str, Any]]) -> None:
+        """Fold the lines of a manifest: the last one of each name counts."""
+        marks = ",".join("?" * (11 + len(FIGURES)))
+        for rows in _blocks(map(_row, found)):
+            self.data.executemany(f"INSERT OR REPLACE INTO done VALUES ({marks})", rows)
+        self.data.commit()
+
+    def add_sources(self, found: Iterable[Source], folder: Folder) -> int:
+        """All files of the sources; returns how many. A file that is named twice counts once.
+
+        Raises OptionError where a result would overwrite another one, or a source.
+        """
+        out = None if folder.remote else os.path.realpath(folder.address)
+        for block in _blocks(found):
+            rows = []
+            for s in block:
+                target = output_name(s.name)
+                path = folder.of(target) if out is None else os.path.join(out, target)
+                rows.append((_key(s.address), _key(target), _key(path), s.size, s.mark))
+            before = self.data.total_changes
+            self.data.executemany(
+                "INSERT OR IGNORE INTO file (source, target, path, size, mark) VALUES (?,?,?,?,?)",
+                rows,
+            )
+            if self.data.total_changes - before < len(rows):
+                self._check_same(rows)
+        self.data.execute("CREATE INDEX source_of ON file (source)")
+        hit = self.data.execute(
+            "SELECT a.source, b.source FROM file a JOIN file b ON b.source = a.path LIMIT 1"
+        ).fetchone()
+        if hit is not None:
+            what = "itself" if hit[0] == hit[1] else f"the source {_text(hit[1])}"
+            raise OptionError(f"{_text(hit[0])} would overwrite {what}: give another --out")
+        return self.count("1")
+
+    def _check_same(self, rows: list[tuple[Any, ...]]) -> None:
+        for source, target, *_ in rows:
+            (other,) = self.data.execute(
+                "SELECT source FROM file WHERE target = ?", (target,)
+            ).fetchone()
+            if other != source:
+                raise OptionError(
+                    f"{_text(other)} and {_text(source)} would both be written to {_text(target)}: "
+                    "give them two folders of results"
+                )
+
+    def count(self, condition: str) -> int:
+        """How many files meet a condition of SQL."""
+        (n,) = self.data.execute(f"SELECT count(*) FROM file WHERE {condition}").fetchone()
+        return int(n)
+
+    def mark_due(
+        self, options: str, retry: frozenset[str], exists: Callable[[str, int], bool]
+    ) -> int:
+        """Decide what is to be done; returns the number of files.
+
+        options: hash of the options and version. retry: of failed, degraded, all. exists: whether a result
+        (name, bytes) is still there. Done and unchanged is left: same options, same source, result there.
+        """
+        due: list[tuple[int]] = []
+        query = (
+            "SELECT f.id, f.source, f.target, f.size, f.mark, d.size, d.mark, d.hash, d.options, d.status, "
+            "d.exit, d.output_bytes FROM file f LEFT JOIN done d ON d.name = f.target"
+        )
+        for number, source, target, size, mark, *last in self.data.execute(query):
+            if _due(_text(source), _text(target), (size, mark), last, (options, retry, exists)):
+                due.append((number,))
+        self.data.executemany("UPDATE file SET due = 1 WHERE id = ?", due)
+        self.data.commit()
+        return len(due)
+
+    def weight(self) -> int:
+        """Bytes of all files that are due."""
+        (n,) = self.data.execute("SELECT coalesce(sum(size), 0) FROM file WHERE due").fetchone()
+        return int(n)
+
+    def existing(self, exists: Callable[[str, int], bool]) -> str | None:
+        """The first result that is there already; None where there is none."""
+        for (target,) in self.data.execute("SELECT target FROM file ORDER BY id"):
+            if exists(_text(target), -1):
+                return _text(target)
+        return None
+
+    def items(self) -> Iterator[Item]:
+        """The files that are due, the largest first."""
+        query = "SELECT id, source, target, size, mark FROM file WHERE due ORDER BY size DESC, id"
+        for number, source, target, size, mark in self.data.execute(query):
+            yield Item(number, _text(source), _text(target), size, mark)
+
+
+def _due(
+    source: str, target: str, now: tuple[int, str], last: list[Any],
+    asked: tuple[str, frozenset[str], Callable[[str, int], bool]],
+) -> bool:  # fmt: skip
+    size, mark, hashed, options, status, code, output_bytes = last
+    current, retry, exists = asked
+    if status is None or options != current or "all" in retry:
+        return True
+    if "failed" in retry and (status == "failed" or code):
+        return True
+    if "degraded" in retry and status == "degraded":
+        return True
+    if now != (size, mark):
+        same = size == now[0] and (hashed or "").startswith("sha256:") and os.path.isfile(source)
+        if not same or digest(source) != hashed:
+            return True
+    return status != "failed" and not exists(target, output_bytes or -1)
+
+
+def _row(line: dict[str, Any]) -> tuple[Any, ...]:
+    measures = line.get("measures") or {}
+    figures = [line.get(name, measures.get(name)) for name in FIGURES]
+    return (
+        _key(line["name"]), _key(str(line.get("source"))), line.get("source_bytes"),
+        line.get("source_mark"), line.get("source_hash"), line.get("options"), line.get("status"),
+        line.get("exit"), line.get("output_bytes"), _key(_cause(line)),
+        _slowest(line.get("stages") or {}), *figures,
+    )  # fmt: skip
+
+
+def _cause(line: dict[str, Any]) -> str:
+    """Why a file is not as it should be, in one line; '' where it is."""
+    reasons = line.get("reasons") or []
+    return str(line.get("error") or (reasons[0] if reasons else ""))
+
+
+def _slowest(stages: dict[str, float]) -> str:
+    """The stage that took longest."""
+    name = max(stages, key=lambda k: stages[k], default="")
+    return f"{name}: {stages[name]:.3g} s" if name else ""
+
+
+def _blocks(found: Iterable[Any]) -> Iterator[list[Any]]:
+    iterator = iter(found)
+    while block := list(itertools.islice(iterator, ROWS)):
+        yield block
+
+
+def _key(text: str) -> bytes:
+    """A name as bytes: SQLite takes no text that is not UTF-8."""
+    return text.encode("utf-8", "surrogateescape")
+
+
+def _text(key: bytes) -> str:
+    return key.decode("utf-8", "surrogateescape")
+
+
+def settings_hash(values: dict[str, Any]) -> str:
+    """A short hash of plain values; arrays by their content."""
+    import hashlib
+
+    def plain(value: Any) -> Any:
+        return (
+            hashlib.sha256(value.tobytes()).hexdigest() if hasattr(value, "tobytes") else str(value)
+        )
+
+    text = json.dumps(values, sort_keys=True, default=plain)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def size_of(path: str | os.PathLike[str]) -> int:
+    """Bytes of a file, −1 where there is none."""
+    try:
+        return Path(path).stat().st_size
+    except OSError:
+        return -1

@@ -1,0 +1,83 @@
+"""A Dask cluster on this machine, in a session of its own: ``python -m circparam.batch.local WORKERS``.
+
+A terminal's Ctrl-C does not reach it, and it ends, with everything it has started, when whoever started it is
+gone. It says one line on standard output: the address of its scheduler.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+import sys
+import tempfile
+import threading
+
+from circparam.core.messages import send
+
+# A worker that is ended is started again; the tasks that it had are given to others that often before they
+# count as failed, and then the batch itself tries them again.
+CONFIG = {
+    "distributed.scheduler.allowed-failures": 10,
+    "distributed.worker.preload": ["circparam.batch.preload"],
+    "distributed.worker.profile.enabled": False,
+    # what Dask remembers of past tasks, for people who look: nobody does here
+    "distributed.admin.log-length": 100,
+    "distributed.admin.low-level-log-length": 100,
+    "distributed.admin.system-monitor.log-length": 10,
+    "distributed.worker.memory.terminate": False,  # a mesh has its own bound, --max-memory
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.target": False,
+}
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    count = int(sys.argv[1])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    target = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    import dask
+    from distributed import LocalCluster
+
+    dask.config.set(CONFIG)
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    ended = threading.Event()
+    threading.Thread(target=_wait, args=(ended,), daemon=True).start()
+    with (
+        tempfile.TemporaryDirectory(prefix="circparam-batch-dask-") as folder,
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=0,
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+    ):
+        send(target, cluster.scheduler_address.encode())
+        ended.wait()
+        for nanny in cluster.workers.values():  # nothing is worth waiting for
+            with contextlib.suppress(Exception):
+                os.kill(nanny.pid, signal.SIGKILL)
+        threading.Timer(5.0, _all_of_it, ()).start()
+    _all_of_it()
+
+
+def _all_of_it() -> None:
+    os.killpg(0, signal.SIGKILL)
+
+
+def _wait(ended: threading.Event) -> None:
+    with contextlib.suppress(OSError):
+        while os.read(0, 4096):
+            pass
+    ended.set()
+
+
+if __name__ == "__main__":
+    main()

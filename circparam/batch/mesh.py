@@ -1,0 +1,85 @@
+"""One mesh of a batch, as a process of its own does it: from a local file to files in a scratch folder."""
+
+from __future__ import annotations
+
+import os
+import traceback
+from dataclasses import replace
+from typing import Any
+
+from circparam.batch.settings import PLACE, Settings
+
+
+def unwrap_one(settings: Settings, source: str, target: str, name: str) -> dict[str, Any]:
+    """Unwrap a file; never raises but for what ends a process.
+
+    source: local path. target: path of the result in a scratch folder. name: of the result, for further files.
+    Returns {"code": exit code of ``unwrap``, "error": a line or None, "report": what --json tells or None,
+    "files": written, relative to the scratch folder, the result itself last}.
+    """
+    try:
+        return _unwrapped(settings, source, target, name)
+    except Exception as error:
+        code, line = settings.judge(error)
+        out: dict[str, Any] = {"code": code, "error": line, "report": None, "files": []}
+        if code == 1:
+            out["trace"] = traceback.format_exc()[-2000:]
+        return out
+
+
+def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[str, Any]:
+    from circparam.core.monitor import Monitor
+    from circparam.errors import GateError
+    from circparam.formats.io import read
+    from circparam.pipeline.summary import summarise
+    from circparam.pipeline.unwrap import unwrap_document
+
+    options = replace(settings.options, overwrite=True, format=None)
+    monitor = Monitor(None, options.timeout)
+    with monitor.stage("read"):
+        document = read(source, unshare=bool(options.unshare))
+    result = unwrap_document(document, target, options, monitor)
+    scratch = os.path.dirname(target)
+    more = _further(settings, result, scratch, name)
+    report = summarise(result)
+    files = [os.path.relpath(f, scratch) for f in result.files if f != target]
+    code, error = 0, None
+    if missed := settings.gates.missed(report):
+        code, error = settings.judge(GateError(f"--fail-if {'; '.join(missed)}"))
+    return {
+        "code": code,
+        "error": error,
+        "report": report,
+        "files": [*files, os.path.basename(target)],
+        "further": more,
+    }
+
+
+def _further(settings: Settings, result: Any, scratch: str, name: str) -> dict[str, str]:
+    """Seams, index map and picture where they were asked for: name under --out → file in the scratch folder."""
+    from circparam.pipeline import save
+
+    out = {}
+    for kind, pattern in settings.extras.items():
+        place = pattern.replace(PLACE, os.path.splitext(name)[0])
+        path = os.path.join(scratch, f"further.{kind}{os.path.splitext(place)[1]}")
+        if kind == "export-seams":
+            save.export_seams(result, path, True)
+        elif kind == "map":
+            save.write_map(result, path, True)
+        else:
+            _picture(result, path, os.path.basename(name))
+        out[place] = os.path.basename(path)
+    return out
+
+
+def _picture(result: Any, path: str, title: str) -> None:
+    from circparam.mesh.mesh import UVMap
+    from circparam.render.figures import PictureOptions
+    from circparam.render.picture import save_preview
+
+    o = result.options
+    look = PictureOptions(
+        title=title, note=f"{o.method}, cut {o.cut}", padding=o.padding_uv, repairs=tuple(result.repairs)
+    )  # fmt: skip
+    save_preview(path, result.mesh, UVMap(result.uv, result.uv_faces), result.measures, look)

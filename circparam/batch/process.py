@@ -1,0 +1,163 @@
+"""Warm servers inside a worker: one for each thread that asks, started when the first mesh comes."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import pickle
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import Future
+from typing import Any
+
+from circparam.batch.server import resident
+from circparam.core.messages import message, send
+from circparam.core.workers import environment
+
+START = 120.0  # seconds that a server may take to import everything
+MORE = 30.0  # seconds that a server has, after the hard stop of a mesh, to say so
+TICK = 0.1
+_FREE: list[WarmServer] = []
+_COMING: list[Future[WarmServer]] = []  # started before anybody asked
+_LOCK = threading.Lock()
+
+
+class GoneError(Exception):
+    """The server has ended, or does not answer: not the fault of the mesh, as far as is known."""
+
+
+class WarmServer:
+    """One warm server process."""
+
+    def __init__(self, forks: bool) -> None:
+        self.forks = forks
+        one = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "circparam.batch.server", "fork" if forks else "reuse"],
+            env={**environment(), **one},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is not for it
+        )
+        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        threading.Thread(target=self._listen, daemon=True).start()
+        self._answer(time.monotonic() + START, None)
+
+    @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it runs."""
+        return self._process.poll() is None
+
+    def ask(self, task: dict[str, Any], stop: float | None, limit: int | None) -> dict[str, Any]:
+        """What became of a mesh (see ``Server.answer``). stop: seconds, limit: bytes, where it is reused.
+
+        Raises GoneError.
+        """
+        start = time.monotonic()
+        if self._process.stdin is None:
+            raise GoneError
+        try:
+            send(self._process.stdin, pickle.dumps(task))
+        except OSError:
+            raise GoneError from None
+        deadline = None if stop is None else start + stop + (MORE if self.forks else 0.0)
+        end = self._answer(deadline, None if self.forks else limit)
+        if isinstance(end, dict):
+            return end
+        self.close()
+        if self.forks:
+            raise GoneError
+        return {"end": end, "answer": None, "peak": None, "seconds": time.monotonic() - start}
+
+    def _answer(self, deadline: float | None, limit: int | None) -> Any:
+        """The next answer; 'timeout' or 'memory' where a bound was crossed. Raises GoneError."""
+        while True:
+            try:
+                answer = self._answers.get(timeout=TICK if limit or deadline else None)
+            except queue.Empty:
+                if deadline is not None and time.monotonic() >= deadline:
+                    return "timeout"
+                if limit and resident(self.pid) > limit:
+                    return "memory"
+                continue
+            if answer is None:
+                raise GoneError
+            return answer
+
+    def _listen(self) -> None:
+        stream = self._process.stdout
+        with contextlib.suppress(EOFError, OSError, ValueError, pickle.PickleError):
+            while stream is not None:
+                self._answers.put(pickle.loads(message(stream)))
+        self._answers.put(None)
+
+    def close(self) -> None:
+        """End it, and the mesh that it is at with it."""
+        with contextlib.suppress(OSError):
+            if self._process.stdin is not None:
+                self._process.stdin.close()  # a server with a child ends that first
+        try:
+            self._process.wait(0.0 if not self.forks else 1.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+@contextlib.contextmanager
+def warm_server(forks: bool) -> Iterator[WarmServer]:
+    """A server that nobody else uses, started where none is free; one that has ended is not used again."""
+    with _LOCK:
+        free = [s for s in _FREE if s.forks == forks and s.alive]
+        server = free[0] if free else None
+        _FREE[:] = [s for s in _FREE if s is not server and s.alive]
+        coming = _COMING.pop() if server is None and _COMING else None
+    if coming is not None:
+        with contextlib.suppress(GoneError):
+            server = coming.result()
+    if server is None or server.forks != forks:
+        server = WarmServer(forks)
+    try:
+        yield server
+    finally:
+        if server.alive:
+            with _LOCK:
+                _FREE.append(server)
+
+
+def prepare(forks: bool) -> None:
+    """Begin to start a server: the first mesh finds it warm."""
+    future: Future[WarmServer] = Future()
+    with _LOCK:
+        _COMING.append(future)
+
+    def start() -> None:
+        try:
+            future.set_result(WarmServer(forks))
+        except BaseException as error:
+            future.set_exception(error)
+
+    threading.Thread(target=start, daemon=True).start()
+
+
+def close_servers() -> None:
+    """End all servers that are free."""
+    with _LOCK:
+        servers, _FREE[:] = list(_FREE), []
+    for server in servers:
+        server.close()
+
+
+atexit.register(close_servers)
+if hasattr(os, "register_at_fork"):  # a fork of the worker does not share its servers
+    os.register_at_fork(after_in_child=_FREE.clear)

@@ -1,0 +1,86 @@
+"""How far a batch is, as values: what the command line draws, and ``--status`` reads from the disk."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+BASE = 50_000  # bytes that a file weighs beside its size: what an unwrap costs at least
+RECENT = 300.0  # seconds that the rate is measured over
+KINDS = ("ok", "repaired", "degraded", "failed")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """total: files of the sources. skipped: done before. done: in this run, by status in ``counts``. missed: of
+    them, those with a gate missed. running: (name, seconds) of what is at work, the oldest first. rate: files a
+    second, lately. left: seconds, None where nobody can say. workers: tasks that can be at work. note: what
+    the batch waits for.
+    """
+
+    total: int
+    skipped: int
+    counts: dict[str, int]
+    missed: int = 0
+    running: tuple[tuple[str, float], ...] = ()
+    rate: float = 0.0
+    left: float | None = None
+    workers: int = 0
+    note: str = ""
+
+    @property
+    def done(self) -> int:
+        """Files that have a line of this run."""
+        return sum(self.counts.values())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return {**dataclasses.asdict(self), "done": self.done}
+
+
+@dataclass
+class Meter:
+    """Counts what is done and says how far it is. total, skipped: files. weight: bytes of those to do."""
+
+    total: int
+    skipped: int
+    weight: int
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
+    missed: int = 0
+
+    def __post_init__(self) -> None:
+        self.rest = self.weight + BASE * (self.total - self.skipped)
+        self._recent: deque[tuple[float, int, int]] = deque([(time.monotonic(), 0, 0)])
+        self._done = self._weight = 0
+
+    def count(self, line: dict[str, Any]) -> None:
+        """One file is done."""
+        self.counts[line["status"]] += 1
+        self.missed += line["status"] != "failed" and bool(line["exit"])
+        self._done += 1
+        self._weight += int(line["source_bytes"] or 0) + BASE
+
+    @property
+    def bad(self) -> int:
+        """Files that failed or missed a gate."""
+        return self.counts["failed"] + self.missed
+
+    def progress(self, running: dict[str, float], workers: int, note: str) -> Progress:
+        """How far it is now."""
+        now = time.monotonic()
+        if now - self._recent[-1][0] > 1.0:
+            self._recent.append((now, self._done, self._weight))
+        while len(self._recent) > 2 and now - self._recent[1][0] > RECENT:
+            self._recent.popleft()
+        then, done, weight = self._recent[0]
+        seconds = max(now - then, 1e-9)
+        speed = (self._weight - weight) / seconds
+        left = (self.rest - self._weight) / speed if speed > 0 else None
+        return Progress(
+            self.total, self.skipped, dict(self.counts), self.missed,
+            tuple(sorted(running.items(), key=lambda pair: -pair[1])),
+            (self._done - done) / seconds, left, workers, note,
+        )  # fmt: skip

@@ -1,0 +1,278 @@
+"""The report of a folder of results: a page that needs nothing else, and all figures as CSV beside it."""
+
+from __future__ import annotations
+
+import csv
+import html
+import json
+import os
+import tempfile
+from typing import Any
+
+import numpy as np
+
+from circparam._version import __version__
+from circparam.batch.index import FIGURES, Index
+from circparam.batch.pictures import thumbnails
+from circparam.batch.progress import KINDS
+from circparam.batch.store import Folder
+from circparam.core.arrays import FloatArray
+from circparam.errors import OutputError
+from circparam.render import colours as col
+from circparam.render.html import fill_in, page_style, viewer_file
+
+PAGE, TABLE = "report.html", "report.csv"
+ROWS = 10_000  # of the table in the page; report.csv has all
+BYTES = 3_500_000  # of those rows, so that the page stays below 5 MB
+SHOWN = 8  # slowest and worst files with a picture
+CAUSES = 25
+BINS = 28
+TITLES = {
+    "charts": "charts",
+    "seam_length": "seam / √area",
+    "distortion": "distortion",
+    "stretch_p99": "stretch, 99 %",
+    "pack": "covered %",
+    "seconds": "seconds",
+    "peak_memory": "memory, MB",
+}
+_SCALE = {"pack": 100.0, "peak_memory": 1e-6}
+_WORST = (
+    "status = 'degraded' DESC, coalesce(share_over_2, 0) > 0.001 DESC, coalesce(share_over_2, 0) DESC, "
+    "seam_length DESC"
+)
+_DRAWABLE = "output_bytes IS NOT NULL AND status != 'failed'"
+
+
+def save_report(folder: Folder, index: Index) -> str:
+    """Write report.html and report.csv; returns the address of the page. Raises OutputError."""
+    with tempfile.TemporaryDirectory(prefix="circparam-batch-report-") as scratch:
+        table = os.path.join(scratch, TABLE)
+        _write_csv(table, index)
+        with open(table, "rb") as stream:
+            data = stream.read()
+        page = report_page(folder, index).encode("utf-8", "backslashreplace")
+        try:
+            folder.put_bytes(TABLE, data)
+            folder.put_bytes(PAGE, page)
+        except Exception as error:
+            reason = getattr(error, "strerror", None) or error
+            raise OutputError(f"{folder.of(PAGE)}: it can't be written ({reason})") from None
+    return folder.of(PAGE)
+
+
+def _write_csv(path: str, index: Index) -> None:
+    names = ["name", "source", "status", "exit", "cause", "output_bytes", *FIGURES]
+    with open(path, "w", newline="", encoding="utf-8", errors="backslashreplace") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(names)
+        for row in index.data.execute(f"SELECT {', '.join(names)} FROM done ORDER BY name"):
+            writer.writerow([readable(v) if isinstance(v, bytes) else v for v in row])
+
+
+def report_page(folder: Folder, index: Index) -> str:
+    """The page as text."""
+    counts = dict(index.data.execute("SELECT status, count(*) FROM done GROUP BY 1"))
+    total = sum(counts.values())
+    sections = [
+        _counts(counts, index),
+        _causes(index),
+        _distributions(index),
+        _cards(folder, index),
+    ]
+    rows, cut = _rows(index)
+    note = (
+        f"The {len(rows):,} that failed, degraded or took longest; {TABLE} has all." if cut else ""
+    )
+    heads = ["name", "status", "exit", "faces", *TITLES.values(), "tries", "cause"]
+    text = {"name", "status", "cause"}
+    data = {
+        "heads": [{"name": n, "numeric": n not in text} for n in heads],
+        "kinds": KINDS,
+        "rows": rows,
+    }
+    kinds = dict(zip(("OK", "REPAIRED", "DEGRADED", "FAILED"), _colours(), strict=True))
+    style = page_style("compare.css") + fill_in(
+        viewer_file("batch.css"), {"WARN": col.CHARTS[5], **kinds}
+    )
+    where = html.escape(readable(folder.address.encode("utf-8", "surrogateescape")))
+    fields = {
+        "VERSION": __version__,
+        "TITLE": f"Batch: {total:,} meshes",
+        "NOTE": where,
+        "STYLE": style,
+        "SECTIONS": "\n".join(filter(None, sections)),
+        "ROWS_NOTE": note,
+        "DATA": json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        "SCRIPT": viewer_file("batch.js"),
+    }
+    return fill_in(viewer_file("batch.html"), fields)
+
+
+def _colours() -> tuple[str, ...]:
+    return (col.CHARTS[2], col.CHARTS[4], col.CHARTS[1], col.CHARTS[5])
+
+
+def _counts(counts: dict[str, int], index: Index) -> str:
+    (missed,) = index.data.execute(
+        "SELECT count(*) FROM done WHERE exit != 0 AND status != 'failed'"
+    ).fetchone()
+    tiles = "".join(
+        f'<li><strong>{counts.get(k, 0):,}</strong><span><i class="dot kind-{k}"></i>{k}</span></li>'
+        for k in KINDS
+    )
+    if missed:
+        tiles += f"<li><strong>{missed:,}</strong><span>missed a gate</span></li>"
+    bar = "".join(
+        f'<i class="kind-{k}" style="flex:{counts[k]}"></i>' for k in KINDS if counts.get(k)
+    )
+    return (
+        f'<section><h2>Status</h2><p></p><ul class="tiles">{tiles}</ul>'
+        f'<div class="share">{bar}</div></section>'
+    )
+
+
+def _causes(index: Index) -> str:
+    """What failed or missed a gate, by cause; the names of the files do not tell causes apart."""
+    found: dict[str, list[Any]] = {}
+    query = "SELECT name, source, exit, cause FROM done WHERE exit != 0 ORDER BY name"
+    for name, source, code, cause in index.data.execute(query):
+        text = readable(cause).replace(readable(source), "").replace(readable(name), "")
+        entry = found.setdefault(
+            f"{code} {text.lstrip(': ')[:200]}", [0, code, text.lstrip(": "), name]
+        )
+        entry[0] += 1
+    if not found:
+        return ""
+    rows = "".join(
+        f"<tr><td>{n:,}</td><td>{code}</td><td>{html.escape(text[:400])}</td>"
+        f"<td>{html.escape(readable(name))}</td></tr>"
+        for n, code, text, name in sorted(found.values(), key=lambda e: -e[0])[:CAUSES]
+    )
+    more = f"<p>and {len(found) - CAUSES} causes more</p>" if len(found) > CAUSES else ""
+    return (
+        "<section><h2>What went wrong</h2><p></p>"
+        '<div class="scroll"><table class="causes"><thead><tr><th>files</th><th>exit</th><th>cause</th>'
+        f"<th>for example</th></tr></thead><tbody>{rows}</tbody></table></div>{more}</section>"
+    )
+
+
+def _distributions(index: Index) -> str:
+    plots = "".join(filter(None, (_histogram(index, name) for name in TITLES)))
+    if not plots:
+        return ""
+    return f'<section><h2>Distributions</h2><p></p><div class="histograms">{plots}</div></section>'
+
+
+def _histogram(index: Index, name: str) -> str:
+    """Bars over equal steps, of the logarithm where values spread widely."""
+    found = index.data.execute(f"SELECT {name} FROM done WHERE {name} IS NOT NULL")
+    values = np.fromiter((row[0] for row in found), np.float64) * _SCALE.get(name, 1.0)
+    if not len(values):
+        return ""
+    low, middle, high = (float(v) for v in np.percentile(values, [0, 50, 100]))
+    log = low > 0 and high > 30 * low
+    edges = _edges(low, high, log)
+    counts, _ = np.histogram(values, edges)
+    tallest = max(int(counts.max()), 1)
+    step = 260 / len(counts)
+    bars = "".join(
+        f'<rect x="{k * step:.1f}" y="{92 - 84 * n / tallest:.1f}" width="{step - 1:.1f}" '
+        f'height="{84 * n / tallest:.1f}"><title>{a:.3g} to {b:.3g}: {n:,}</title></rect>'
+        for k, (n, a, b) in enumerate(zip(counts.tolist(), edges[:-1], edges[1:], strict=True))
+        if n
+    )
+    p95 = float(np.percentile(values, 95))
+    return (
+        f"<figure style='margin:0'><h3>{html.escape(TITLES[name])}</h3>"
+        f"<p>median {middle:.3g} · 95 % {p95:.3g} · largest {high:.3g}</p>"
+        f'<svg viewBox="0 0 260 112" role="img" aria-label="{html.escape(TITLES[name])}">{bars}'
+        '<line x1="0" y1="92.5" x2="260" y2="92.5"/>'
+        f'<text x="0" y="108">{edges[0]:.3g}</text>'
+        f'<text x="260" y="108" text-anchor="end">{edges[-1]:.3g}{" (log)" if log else ""}</text>'
+        "</svg></figure>"
+    )
+
+
+def _edges(low: float, high: float, log: bool) -> FloatArray:
+    if high <= low:
+        return np.array([low - 0.5, low + 0.5])
+    edges: FloatArray = (
+        np.geomspace(low, high, BINS + 1) if log else np.linspace(low, high, BINS + 1)
+    )
+    edges[0], edges[-1] = low, high
+    return edges
+
+
+def _cards(folder: Folder, index: Index) -> str:
+    """The slowest and the worst files with a picture and their cause."""
+    out = []
+    for title, order in (("Slowest", "seconds DESC"), ("Worst", _WORST)):
+        query = (
+            f"SELECT name, status, faces, charts, seconds, seam_length, share_over_2, distortion, stage, cause "
+            f"FROM done WHERE {_DRAWABLE} ORDER BY {order}, name LIMIT {SHOWN}"
+        )
+        cards = "".join(_card(folder, title, row) for row in index.data.execute(query).fetchall())
+        if cards:
+            out.append(
+                f'<section><h2>{title}</h2><p></p><div class="cards">{cards}</div></section>'
+            )
+    return "".join(out)
+
+
+def _card(folder: Folder, title: str, row: tuple[Any, ...]) -> str:
+    name, status, faces, charts, seconds, seam, over, distortion, stage, cause = row
+    text = name.decode("utf-8", "surrogateescape")
+    images = "".join(
+        f'<img alt="{what}" src="{url}">'
+        for what, url in zip(("surface", "layout"), thumbnails(folder, text), strict=False)
+    )
+    badge = "" if status == "ok" else f'<em class="{status}">{status}</em>'
+    if title == "Slowest":
+        why = f"{seconds:.3g} s for {faces:,.0f} faces; {stage}"
+    elif status == "degraded":
+        why = readable(cause)
+    else:
+        over = f", {100 * over:.2g} % stretched over 2" if over else ""
+        parts = f"{charts:.0f} chart{'s' * (charts != 1)}, seam {seam or 0:.3g}"
+        why = f"{parts}, distortion {distortion or 0:.4g}{over}"
+    picture = f'<div class="pair">{images}</div>' if images else '<p class="empty">no picture</p>'
+    return (
+        f"<article><h3>{html.escape(readable(name))}{badge}</h3>{picture}"
+        f"<p>{html.escape(why)}</p></article>"
+    )
+
+
+def _rows(index: Index) -> tuple[list[list[Any]], bool]:
+    """Rows of the table, those that need a look first; whether there are more."""
+    names = ", ".join(TITLES)
+    query = (
+        f"SELECT name, status, exit, faces, {names}, attempts, cause FROM done ORDER BY exit != 0 DESC, "
+        "status = 'degraded' DESC, seconds DESC, name"
+    )
+    rows: list[list[Any]] = []
+    size = 0
+    for row in index.data.execute(query):
+        name, status, code, faces, *rest = row
+        *figures, attempts, cause = rest
+        cells = [
+            None if v is None else float(f"{v * _SCALE.get(k, 1.0):.5g}")
+            for k, v in zip(TITLES, figures, strict=True)
+        ]
+        line = [readable(name), KINDS.index(status), code, None if faces is None else int(faces)]
+        line += [
+            *(int(c) if c is not None and c == int(c) else c for c in cells),
+            attempts,
+            readable(cause)[:300],
+        ]
+        size += len(json.dumps(line))
+        if len(rows) >= ROWS or size > BYTES:
+            return rows, True
+        rows.append(line)
+    return rows, False
+
+
+def readable(key: bytes) -> str:
+    """A name as text for people: what is no UTF-8, and control characters, as escapes."""
+    text = key.decode("utf-8", "backslashreplace")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

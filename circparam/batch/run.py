@@ -1,0 +1,231 @@
+"""The batch itself: a bounded window of tasks at Dask, lines into the manifest as they come, another try where
+that may help, and an end that can be continued from."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from circparam.batch.cluster import Cluster, LostError, refuse
+from circparam.batch.index import Item
+from circparam.batch.manifest import Manifest
+from circparam.batch.progress import Meter, Progress
+from circparam.batch.task import do_item
+from circparam.errors import OutputError
+
+WINDOW = 4  # tasks at Dask for each that can be at work
+ATTEMPTS = 5  # of a file whose worker, process or store failed
+PAUSE = 0.5  # seconds before a second attempt; twice as long before each further one
+FULL_WAIT = (
+    600.0  # seconds that a full disk may stay full with nothing done before files count as failed
+)
+LOOK = 1.0  # seconds between two looks at what runs
+POLL = 0.01
+
+Listener = Callable[[Progress], None]
+Task = Callable[[bytes, Item], dict[str, Any]]
+
+
+@dataclass
+class Batch:
+    """One run. items: to do, in this order. settings: packed. task: what a worker does with one, by
+    ``do_item``. listener: told how far it is, about once a second. on_line: told each line that is final.
+
+    ``ask_to_stop`` lets what runs finish; ``run`` then returns False.
+    """
+
+    cluster: Cluster
+    items: Iterator[Item]
+    settings: bytes
+    manifest: Manifest
+    meter: Meter
+    listener: Listener | None = None
+    on_line: Callable[[dict[str, Any]], None] | None = None
+    task: Task = do_item
+    stopping: bool = False
+    running: dict[str, tuple[Any, Item]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        from distributed import as_completed
+
+        client = self.cluster.client
+        self._ready = as_completed([], with_results=True, raise_errors=False, loop=client.loop)
+        self._later: list[tuple[float, int, Item]] = []  # heap of what is tried again
+        self._unwritten: list[dict[str, Any]] = []  # lines that the disk had no room for
+        self._number = itertools.count()
+        self._looked, self._threads = 0.0, 0
+        self._full_since: float | None = None
+        self._note = ""
+
+    def ask_to_stop(self) -> None:
+        """Let what runs finish, and no more (from a signal handler, or another thread)."""
+        self.stopping = True
+
+    def run(self) -> bool:
+        """Until all is done (True), or it was asked to stop.
+
+        Raises LostError where the scheduler is gone, OutputError where the manifest cannot be written,
+        OptionError for a worker of another version.
+        """
+        more, told = True, False
+        while True:
+            if self.stopping and not told:
+                told, more = True, False
+                self._later.clear()
+                self._cancel_waiting()
+            self._look()
+            if not self.stopping:
+                more = self._fill() or bool(self._later)
+            if not self.running and not self._unwritten and (self.stopping or not more):
+                return not self.stopping
+            self._write()
+            if self._ready.has_ready():
+                for future, result in self._ready.next_batch(block=False):
+                    self._take(future, result)
+            else:
+                time.sleep(POLL)
+
+    def _fill(self) -> bool:
+        """Submit up to the window; whether there may be more."""
+        now = time.monotonic()
+        room = 1 if self._full_since is not None else WINDOW * max(self._threads, 1)
+        while len(self.running) < room and not self._unwritten:
+            if self._later and self._later[0][0] <= now:
+                self._submit(heapq.heappop(self._later)[2])
+                continue
+            if self._full_since is not None and self._later:
+                return True
+            item = next(self.items, None)
+            if item is None:
+                return False
+            self._submit(item)
+        return True
+
+    def _submit(self, item: Item) -> None:
+        # digits alone: Dask keeps something for ever for each word that keys begin with, and "ab" is a word
+        key = f"unwrap-{item.number}-{next(self._number)}"
+        future = self.cluster.client.submit(
+            self.task, self.settings, item, key=key, pure=False, retries=0
+        )
+        self.running[key] = (future, item)
+        self._ready.add(future)
+
+    def _take(self, future: Any, line: Any) -> None:
+        """What came back of one task."""
+        entry = self.running.pop(future.key, None)
+        if entry is None:
+            return
+        item = entry[1]
+        if future.status != "finished" or not isinstance(line, dict):
+            self._no_answer(future, item, line)
+            return
+        if "refused" in line:
+            refuse(str(line.get("worker", "that took a file")), line["refused"])
+        again = line.pop("again", None)
+        if again == "space":
+            self._wait_for_space(item, line)
+            return
+        self._full_since, self._note = None, ""
+        if again is not None and self._try_again(item):
+            return
+        self._final(line)
+
+    def _no_answer(self, future: Any, item: Item, found: Any) -> None:
+        """The worker ended while it had the task, or could not read it."""
+        if future.status in ("cancelled", "lost"):
+            if not self.stopping and not self.cluster.alive:
+                raise LostError
+            if not self.stopping:
+                self._try_again(replace(item, attempt=item.attempt - 1))
+            return
+        if self._try_again(item):
+            return
+        cause = found[1] if isinstance(found, tuple) and len(found) > 1 else found
+        text = " ".join(f"{type(cause).__name__}: {cause}".split())[:500]
+        line = {
+            "name": item.target, "source": item.source, "source_bytes": item.size,
+            "source_mark": item.mark, "status": "failed", "exit": 1, "output": None,
+            "attempts": item.attempt, "error": f"its worker ended {item.attempt} times: {text}",
+        }  # fmt: skip
+        self._final(line)
+
+    def _try_again(self, item: Item) -> bool:
+        """Put a file back for a later attempt; False where it had all of them."""
+        if item.attempt >= ATTEMPTS or self.stopping:
+            return self.stopping  # no line now: the next run does it
+        ready = time.monotonic() + PAUSE * 2 ** (item.attempt - 1)
+        heapq.heappush(
+            self._later, (ready, next(self._number), replace(item, attempt=item.attempt + 1))
+        )
+        return True
+
+    def _wait_for_space(self, item: Item, line: dict[str, Any]) -> None:
+        """The disk is full: one file at a time until there is room, without counting the attempts."""
+        now = time.monotonic()
+        self._full_since = self._full_since or now
+        if now - self._full_since > FULL_WAIT:
+            self._final(line)
+        elif not self.stopping:
+            self._note = "the disk is full: waiting for room"
+            heapq.heappush(self._later, (now + 2 * PAUSE, next(self._number), item))
+
+    def _final(self, line: dict[str, Any]) -> None:
+        self._unwritten.append(line)
+        self._write()
+
+    def _write(self) -> None:
+        """Append the lines that wait; where the disk is full they wait on, and nothing new is begun."""
+        while self._unwritten:
+            try:
+                self.manifest.append(self._unwritten[0])
+            except OSError as error:
+                now = time.monotonic()
+                self._full_since = self._full_since or now
+                if self.stopping or now - self._full_since > FULL_WAIT:
+                    raise OutputError(
+                        f"{self.manifest.path}: it can't be written ({error.strerror}): "
+                        "the same command again does what has no line"
+                    ) from None
+                self._note = f"the manifest can't be written ({error.strerror}): waiting"
+                time.sleep(PAUSE)
+                return
+            line = self._unwritten.pop(0)
+            self.meter.count(line)
+            if self.on_line is not None:
+                self.on_line(line)
+
+    def _look(self) -> None:
+        """Once in a while: how many workers there are, what runs, whether the scheduler is there."""
+        now = time.monotonic()
+        if now - self._looked < LOOK:
+            return
+        self._looked = now
+        if not self.cluster.alive:
+            raise LostError
+        try:
+            self._threads = self.cluster.threads()
+            ages = self.cluster.running()
+        except Exception:
+            if not self.cluster.alive:
+                raise LostError from None
+            return
+        known = {k: seconds for k, seconds in ages.items() if k in self.running}
+        if self.listener is not None:
+            note = self._note or ("" if self._threads else "there are no workers yet: waiting")
+            names = {self.running[k][1].target: seconds for k, seconds in known.items()}
+            self.listener(self.meter.progress(names, self._threads, note))
+
+    def _cancel_waiting(self) -> None:
+        """Take back what no worker has begun."""
+        try:
+            begun = self.cluster.running()
+        except Exception:
+            begun = {}
+        waiting = [key for key in self.running if key not in begun]
+        futures = [self.running.pop(key)[0] for key in waiting]
+        if futures:
+            self.cluster.client.cancel(futures)

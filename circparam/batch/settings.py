@@ -1,0 +1,62 @@
+"""What is the same for all files of a batch, as it travels to the workers."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from circparam._version import __version__
+from circparam.batch.index import settings_hash
+from circparam.errors import OptionError
+from circparam.pipeline.gates import Gates
+from circparam.pipeline.options import Options
+
+PLACE = "{}"  # in the name of a further file: the name of the result without its suffix
+# how long, how much and whether at all: they change no byte of a result that is there
+_NO_BYTES = ("timeout", "overwrite", "format", "jobs")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """options, gates: of each unwrap. out: folder of the results. extras: what else is written of each, by
+    ``seams``, ``map`` or ``preview``: names with ``{}``. max_memory: bytes a mesh. judge: an exception as exit
+    code and line, a function at the top of a module. run: a name of this run. fork: whether a warm server
+    forks for each mesh, else it is used again; None where the system decides.
+    """
+
+    options: Options
+    gates: Gates
+    out: str
+    judge: Callable[[BaseException], tuple[int, str]]
+    extras: dict[str, str] = field(default_factory=dict)
+    max_memory: int | None = None
+    run: str = ""
+    fork: bool | None = None
+    version: str = __version__
+
+    def __post_init__(self) -> None:
+        for kind, name in self.extras.items():
+            if PLACE not in name or name.startswith(("/", "\\")) or ".." in name.split("/"):
+                raise OptionError(
+                    f"--{kind} {name!r}: for many files it is a name under --out with {{}} in it, "
+                    "which stands for the name of the result without its suffix, such as '{}.png'"
+                )
+
+    @property
+    def forks(self) -> bool:
+        """Whether each mesh gets a fork; macOS has system libraries that do not survive one."""
+        return sys.platform.startswith("linux") if self.fork is None else self.fork
+
+    @property
+    def hard_stop(self) -> float | None:
+        """Seconds after which a mesh is ended, whatever it is doing."""
+        return None if self.options.timeout is None else 1.5 * self.options.timeout
+
+    def key(self) -> str:
+        """A hash of what decides the bytes of the results: options and version."""
+        names = [f.name for f in dataclasses.fields(self.options) if f.name not in _NO_BYTES]
+        values: dict[str, Any] = {name: getattr(self.options, name) for name in names}
+        return settings_hash({**values, **self.extras, "version": self.version})

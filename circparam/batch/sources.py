@@ -1,0 +1,250 @@
+"""What is to be unwrapped: files, folders, globs, lists and remote addresses, listed one by one.
+
+Every file has a name relative to its source, with ``/``: the tree under the source, mirrored under --out. The
+name of a file given alone is its last part, of one found by a glob what follows the part without wildcards, of
+one out of a list the path as the list has it.
+"""
+
+from __future__ import annotations
+
+import functools
+import glob
+import itertools
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from circparam.batch.store import again, archive_of, etag, is_remote, local_path, open_store
+from circparam.errors import InputError, OptionError
+
+_WILD = re.compile(r"[*?\[]")
+OWN = re.compile(r"_uv\.[^./]+$")  # an output of ``unwrap`` beside its source
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file to unwrap.
+
+    address: absolute path or remote address. name: of the file relative to its source, with ``/``. size: bytes,
+    0 where nobody says. mark: changes when the file does (time of change, etag).
+    """
+
+    address: str
+    name: str
+    size: int = 0
+    mark: str = ""
+
+
+class Listing:
+    """An iterator over the files of sources; own results that were left out are counted in ``own``.
+
+    sources: as the command line has them. out: local folder of the results, which is no source where it lies in
+    one. Raises InputError where a source is missing, unreadable or has no file that it names.
+    """
+
+    def __init__(self, sources: Sequence[str], out: str | None = None) -> None:
+        self.sources, self.own = sources, 0
+        self.out = None if out is None else os.path.realpath(out)
+
+    def __iter__(self) -> Iterator[Source]:
+        for source in self.sources:
+            for found in self._one(source):
+                if OWN.search(found.name):
+                    self.own += 1
+                else:
+                    yield found
+
+    def _one(self, source: str) -> Iterator[Source]:
+        if source.startswith("@"):
+            for line in list_lines(source[1:]):
+                prefix = re.sub(r"^(?:[A-Za-z][A-Za-z0-9+.-]+://|[/\\]+|[A-Za-z]:[/\\]*)", "", line)
+                prefix = "/".join(p for p in re.split(r"[/\\]", prefix) if p not in ("", "."))
+                if ".." in prefix.split("/"):
+                    raise InputError(
+                        f"{source}: {line!r} leads out of the folder by '..': write the whole path"
+                    )
+                yield from self._plain(line, prefix)
+        else:
+            yield from self._plain(source, None)
+
+    def _plain(self, source: str, prefix: str | None) -> Iterator[Source]:
+        """prefix: the name that a list gives; None for a source of the command line."""
+        if is_remote(source):
+            yield from _remote(source, prefix)
+            return
+        path = local_path(source)
+        if os.path.isdir(path):
+            yield from self._folder(path, f"{prefix}/" if prefix else "")
+        elif os.path.lexists(path):
+            yield _local(path, prefix or os.path.basename(path))
+        elif _WILD.search(path):
+            yield from self._glob(path)
+        else:
+            raise InputError(f"{source}: no such file or folder")
+
+    def _folder(self, top: str, prefix: str) -> Iterator[Source]:
+        """All mesh files below a folder; hidden names and linked folders are left out."""
+        known, waiting = suffixes(), [(top, prefix)]
+        while waiting:
+            folder, before = waiting.pop()
+            try:
+                entries = os.scandir(folder)
+            except OSError as error:
+                raise InputError(f"{folder}: it can't be read ({error.strerror})") from None
+            with entries:
+                for entry in entries:
+                    if entry.name.startswith("."):
+                        continue
+                    if entry.is_dir(follow_symlinks=False):
+                        if os.path.realpath(entry.path) != self.out:
+                            waiting.append((entry.path, f"{before}{entry.name}/"))
+                    elif _suffix(entry.name) in known and entry.is_file():
+                        yield _local(entry.path, before + entry.name, entry.stat())
+
+    def _glob(self, pattern: str) -> Iterator[Source]:
+        start = _WILD.search(pattern)
+        base = os.path.dirname(pattern[: start.start()]) if start else ""
+        known, found = suffixes(), False
+        for path in glob.iglob(pattern, recursive=True):
+            real = os.path.realpath(path)
+            inside = self.out is not None and real.startswith(self.out + os.sep)
+            if _suffix(path) in known and os.path.isfile(path) and not inside:
+                found = True
+                yield _local(path, os.path.relpath(path, base or ".").replace(os.sep, "/"))
+        if not found:
+            raise InputError(f"{pattern}: no mesh file has a name of that form")
+
+
+def list_lines(path: str) -> Iterator[str]:
+    """The addresses of a list, one a line, or between NUL bytes where there are any; ``#`` begins a comment.
+
+    Raises InputError where it cannot be read.
+    """
+    try:
+        with open(path, "rb") as stream:
+            head = stream.read(1 << 16)
+            stream.seek(0)
+            mark = b"\0" if b"\0" in head else b"\n"
+            for piece in _pieces(iter(functools.partial(stream.read, 1 << 16), b""), mark):
+                line = os.fsdecode(piece if mark == b"\0" else piece.rstrip(b"\r"))
+                if line and (mark == b"\0" or (line.strip() and not line.startswith("#"))):
+                    yield line
+    except OSError as error:
+        raise InputError(f"@{path}: the list can't be read ({error.strerror})") from None
+
+
+def _pieces(blocks: Iterator[bytes], mark: bytes) -> Iterator[bytes]:
+    rest = b""
+    for block in blocks:
+        *whole, rest = (rest + block).split(mark)
+        yield from whole
+    yield rest
+
+
+def _local(path: str, name: str, known: os.stat_result | None = None) -> Source:
+    try:
+        stat = known or os.stat(path)
+    except OSError as error:
+        raise InputError(f"{path}: it can't be read ({error.strerror})") from None
+    address = os.path.join(_real_folder(os.path.dirname(path)), os.path.basename(path))
+    return Source(address, name, stat.st_size, str(stat.st_mtime_ns))
+
+
+@functools.lru_cache(maxsize=4096)
+def _real_folder(folder: str) -> str:
+    return os.path.realpath(folder or ".")
+
+
+def _remote(address: str, prefix: str | None) -> Iterator[Source]:
+    """The files of a remote address: one, those of a folder, or those of a glob."""
+    store, path = open_store(address)
+    tail = archive_of(address)
+    wild = _WILD.search(path)
+    try:
+        if wild is not None and not address.startswith("http"):
+            base = path[: wild.start()].rpartition("/")[0]
+            found: Iterable[tuple[str, dict[str, Any]]] = again(
+                store.glob, path, detail=True
+            ).items()
+        else:
+            info = again(store.info, path)
+            if info.get("type") == "directory":
+                base, found = path.rstrip("/"), _walk(store, path)
+            else:
+                base, found = path.rpartition("/")[0], [(path, info)]
+        yield from _named((store, address, tail), found, base, prefix)
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(f"{address}: there is no such file or folder") from None
+    except (InputError, OptionError):
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{address}: it can't be listed ({type(error).__name__}: {' '.join(str(error).split())})"
+        ) from None
+
+
+def _named(
+    place: tuple[Any, str, str],
+    found: Iterable[tuple[str, dict[str, Any]]],
+    base: str,
+    prefix: str | None,
+) -> Iterator[Source]:
+    """place: the store, the address as given, what follows ``::`` in it."""
+    store, address, tail = place
+    known, any_file = suffixes(), False
+    for path, info in found:
+        if info.get("type") == "directory" or _suffix(path) not in known:
+            continue
+        any_file = True
+        name = path[len(base) :].lstrip("/") or path.rpartition("/")[2]
+        if prefix is not None:
+            name = prefix if _suffix(prefix) in known else f"{prefix}/{name}"
+        inner = address.split("://")[0]
+        whole = f"{inner}://{path}{tail}" if tail else str(store.unstrip_protocol(path))
+        yield Source(whole, name, int(info.get("size") or 0), etag(info))
+    if not any_file:
+        raise InputError(f"{address}: no mesh file is there")
+
+
+def _walk(store: Any, path: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Folder by folder, so that no more than one of them is held."""
+    waiting = [path]
+    while waiting:
+        folder = waiting.pop()
+        for info in again(store.ls, folder, detail=True):
+            name = str(info["name"])
+            if name.rstrip("/") == folder.rstrip("/") or name.rpartition("/")[2].startswith("."):
+                continue
+            if info.get("type") == "directory":
+                waiting.append(name)
+            else:
+                yield name, info
+
+
+@functools.lru_cache(maxsize=1)
+def suffixes() -> frozenset[str]:
+    """How the names of mesh files end, in lower case."""
+    from circparam.formats.table import FORMATS
+
+    return frozenset(itertools.chain(*(row.function.suffixes for row in FORMATS)))
+
+
+def output_name(name: str) -> str:
+    """The name of the result of a file: its own; with another suffix where its format has no place for uv.
+
+    Raises OptionError where the suffix is none of a mesh format.
+    """
+    from circparam.formats.table import output_suffix
+
+    if _suffix(name) not in suffixes():
+        known = ", ".join(sorted(suffixes()))
+        raise OptionError(f"{name}: the suffix tells no mesh format; it is one of {known}")
+    head, _, last = name.rpartition("/")
+    stem, suffix = os.path.splitext(last)
+    return f"{head}{'/' if head else ''}{stem}{output_suffix(suffix)}"
+
+
+def _suffix(name: str) -> str:
+    return os.path.splitext(name)[1].lower()

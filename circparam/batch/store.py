@@ -1,0 +1,174 @@
+"""Where files lie: a folder of this machine, or an address of fsspec (``s3://``, ``gs://``, ``zip://`` ...).
+
+Local files are never handled by fsspec. A remote call is tried again some times, since stores refuse calls now
+and then; a file is put there whole or not at all.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from circparam.errors import InputError, OptionError, OutputError
+
+T = TypeVar("T")
+
+TRIES = 6  # calls of a remote store before it counts as failed
+PAUSE = 0.1  # seconds before the second call; twice as long before each further one
+EXTRA = "it needs the extra: pip install 'circparam[batch]'"
+# what another call does not change
+FINAL = (FileNotFoundError, PermissionError, IsADirectoryError, NotADirectoryError, ImportError)
+
+
+def is_remote(address: str) -> bool:
+    """Whether an address is one for fsspec. A drive letter is no scheme, and ``file://`` is local."""
+    scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]+)://", address)
+    return scheme is not None and scheme[1].lower() not in ("file", "local")
+
+
+def local_path(address: str) -> str:
+    """The path of a local address, without ``file://``."""
+    return re.sub(r"^(file|local)://", "", address)
+
+
+def chained(address: str) -> str:
+    """An address as fsspec chains them: what is inside an archive first, then the archive.
+
+    ``zip://a.zip::*.glb`` (the archive first) is taken as ``zip://*.glb::a.zip``.
+    """
+    match = re.fullmatch(r"(zip|tar)://(.+?\.(?:zip|tar|tgz|tar\.\w+))::([^:]+)", address, re.I)
+    if match is None or re.search(r"\.(zip|tar|tgz)$", match[3], re.I):
+        return address
+    return f"{match[1]}://{match[3]}::{match[2]}"
+
+
+def archive_of(address: str) -> str:
+    """What an address names behind ``::``, with it: the archive, a local one by its whole path; '' for none."""
+    _, mark, rest = chained(address).partition("::")
+    return mark + (rest if "://" in rest or not rest else os.path.abspath(rest))
+
+
+def open_store(address: str) -> tuple[Any, str]:
+    """(file system of fsspec, path in it). Raises OptionError where fsspec or a driver is missing."""
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError:
+        raise OptionError(f"{address}: {EXTRA}") from None
+    try:
+        store, path = url_to_fs(chained(address), use_listings_cache=False)
+    except ImportError as error:
+        raise OptionError(f"{address}: {' '.join(str(error).split())}") from None
+    except (ValueError, OSError) as error:
+        raise InputError(
+            f"{address}: it can't be opened ({' '.join(str(error).split())})"
+        ) from None
+    return store, str(path)
+
+
+@functools.lru_cache(maxsize=64)
+def root_store(address: str) -> tuple[Any, str]:
+    """``open_store``, kept: for addresses that are used again and again."""
+    return open_store(address)
+
+
+def again(call: Callable[..., T], *args: Any, **keywords: Any) -> T:
+    """A call of a remote store, repeated where it fails; the last error is raised."""
+    for k in range(TRIES):
+        try:
+            return call(*args, **keywords)
+        except FINAL:
+            raise
+        except Exception:
+            if k == TRIES - 1:
+                raise
+            time.sleep(PAUSE * 2**k)
+    raise AssertionError("unreachable")
+
+
+def etag(info: dict[str, Any]) -> str:
+    """What tells a change of a remote file, from what its store says of it; '' where it says nothing."""
+    for name in ("ETag", "etag", "md5Hash", "CRC", "checksum", "LastModified", "mtime", "created"):
+        if info.get(name):
+            return str(info[name]).strip('"')
+    return ""
+
+
+class Folder:
+    """The folder of the outputs, local or remote: names are relative, with ``/``."""
+
+    def __init__(self, address: str) -> None:
+        self.remote = is_remote(address)
+        self.address = address.rstrip("/") if self.remote else os.path.abspath(local_path(address))
+
+    def of(self, name: str) -> str:
+        """The address of a file in it."""
+        return f"{self.address}/{name}" if self.remote else os.path.join(self.address, name)
+
+    def make(self) -> None:
+        """Make the folder and try that it can be written. Raises OutputError."""
+        if self.remote:
+            return
+        try:
+            os.makedirs(self.address, exist_ok=True)
+            probe = os.path.join(self.address, f".probe.{os.getpid()}")
+            with open(probe, "wb"):
+                pass
+            os.unlink(probe)
+        except OSError as error:
+            raise OutputError(
+                f"{self.address}: it can't be written ({error.strerror}): give another --out"
+            ) from None
+
+    def put(self, name: str, path: str) -> None:
+        """Put a local file there, whole: moved where the folder is local. Raises what the store does."""
+        if not self.remote:
+            target = self.of(name)
+            os.makedirs(os.path.dirname(target), exist_ok=True)
+            os.replace(path, target)
+            return
+        store, root = root_store(self.address)
+        again(store.put_file, path, f"{root}/{name}")
+
+    def put_bytes(self, name: str, data: bytes) -> None:
+        """Put a small file there, whole. Raises OSError or what the store does."""
+        if self.remote:
+            store, root = root_store(self.address)
+            again(store.pipe_file, f"{root}/{name}", data)
+            return
+        temporary = self.of(f"{name}.tmp")
+        with open(temporary, "wb") as stream:
+            stream.write(data)
+        os.replace(temporary, self.of(name))
+
+    def get_bytes(self, name: str) -> bytes | None:
+        """The content of a file in it; None where there is none."""
+        try:
+            if not self.remote:
+                return Path(self.of(name)).read_bytes()
+            store, root = root_store(self.address)
+            data: bytes = again(store.cat_file, f"{root}/{name}")
+            return data
+        except FileNotFoundError:
+            return None
+
+    def sizes(self) -> dict[str, int]:
+        """Name → bytes of all files of a remote folder, in one listing."""
+        store, root = root_store(self.address)
+        try:
+            found = again(store.find, root, detail=True)
+        except FileNotFoundError:
+            return {}
+        start = len(root.rstrip("/")) + 1
+        return {path[start:]: int(info.get("size") or 0) for path, info in found.items()}
+
+
+def digest(path: str | os.PathLike[str]) -> str:
+    """``sha256:`` and the hash of a file's bytes."""
+    with open(path, "rb") as stream:
+        return f"sha256:{hashlib.file_digest(stream, 'sha256').hexdigest()}"

@@ -1,0 +1,284 @@
+"""What a worker does with one file: fetch it, have it unwrapped, put the results in their place, tell.
+
+Nothing is raised: whatever happens is a line of the manifest, with ``again`` in it where another attempt may
+end otherwise (a store that refuses, a full disk, a process that somebody ended).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import functools
+import os
+import pickle
+import shutil
+import socket
+import tempfile
+import time
+from typing import Any
+
+from circparam._version import __version__
+from circparam.batch.companions import fetch
+from circparam.batch.index import Item, size_of
+from circparam.batch.manifest import SCHEMA
+from circparam.batch.process import GoneError, warm_server
+from circparam.batch.settings import Settings
+from circparam.batch.store import Folder, digest, is_remote
+from circparam.errors import CircparamError, InputError, OutputError
+
+WORK = ".circparam-batch"  # folder under --out that exists while a batch runs
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_FULL_TEXT = tuple(os.strerror(number) for number in _FULL)
+SIGNALS = {
+    4: "SIGILL",
+    6: "SIGABRT",
+    7: "SIGBUS",
+    8: "SIGFPE",
+    9: "SIGKILL",
+    11: "SIGSEGV",
+    15: "SIGTERM",
+}
+_NOT_ITS_FAULT = (9, 15)  # signals that come from outside
+# what stands in a line under its own name, or nowhere
+_ELSEWHERE = {
+    *(
+        "schema",
+        "version",
+        "input",
+        "output",
+        "files",
+        "format",
+        "status",
+        "reasons",
+        "method",
+        "cut",
+    ),
+    *("options", "repairs", "repaired", "warnings", "notes", "seconds", "stages"),
+}
+
+
+def do_item(settings_data: bytes, item: Item) -> dict[str, Any]:
+    """The task that is submitted: a line for the manifest."""
+    if settings_version(settings_data) != __version__:
+        return {"refused": __version__, "name": item.target}
+    settings = settings_of(settings_data)
+    start = time.time()
+    scratch = None
+    line: dict[str, Any] = {
+        "schema": SCHEMA,
+        "name": item.target,
+        "source": item.source,
+        "source_bytes": item.size,
+        "source_mark": item.mark,
+        "source_hash": None,
+        "options": settings.key(),
+        "version": settings.version,
+        "worker": worker_name(),
+        "attempts": item.attempt,
+    }
+    try:
+        scratch = _scratch(settings, item)
+        line |= _unwrap(settings, settings_data, item, scratch)
+    except Exception as error:
+        line |= _failed(settings, error)
+    finally:
+        if scratch is not None:
+            shutil.rmtree(scratch, ignore_errors=True)
+    line.setdefault("output", None)
+    line["finished"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    line["turnaround"] = round(time.time() - start, 4)
+    return line
+
+
+def pack_settings(settings: Settings) -> bytes:
+    """Settings as they travel: the version can be read without the rest."""
+    return pickle.dumps((settings.version, pickle.dumps(settings)))
+
+
+def settings_version(data: bytes) -> str:
+    """The version of who asks."""
+    return str(_unpacked(data)[0])
+
+
+@functools.lru_cache(maxsize=8)
+def _unpacked(data: bytes) -> tuple[str, bytes]:
+    version, inner = pickle.loads(data)
+    return version, inner
+
+
+@functools.lru_cache(maxsize=8)
+def settings_of(data: bytes) -> Settings:
+    """The settings, kept for the next file."""
+    settings: Settings = pickle.loads(_unpacked(data)[1])
+    return settings
+
+
+def worker_name() -> str:
+    """Host and process of a worker."""
+    return f"{socket.gethostname()}:{os.getpid()}"
+
+
+def _scratch(settings: Settings, item: Item) -> str:
+    """A new folder for one file, on the disk of the results where that is local, so that a rename is enough."""
+    if is_remote(settings.out):
+        return tempfile.mkdtemp(prefix=f"circparam-batch-{settings.run}-")
+    folder = os.path.join(settings.out, WORK, settings.run)
+    os.makedirs(folder, exist_ok=True)
+    return tempfile.mkdtemp(prefix=f"{item.number}-", dir=folder)
+
+
+def _unwrap(settings: Settings, data: bytes, item: Item, scratch: str) -> dict[str, Any]:
+    folder = Folder(settings.out)
+    place, _, last = item.target.rpartition("/")
+    # notes name the folder of the result: its last part is that of the real one
+    inner = os.path.join(scratch, os.path.basename(place or folder.address) or "out")
+    os.mkdir(inner)
+    target = os.path.join(inner, last)
+    if is_remote(item.source):
+        source, mark = fetch(item.source, os.path.join(scratch, "source"), settings)
+    else:
+        source, mark = item.source, None
+        if os.path.isfile(source):
+            with contextlib.suppress(OSError):
+                mark = digest(source)
+    out = {"source_hash": f"etag:{item.mark}" if is_remote(item.source) and item.mark else mark}
+    task = {
+        "settings": _unpacked(data)[1],
+        "source": source,
+        "target": target,
+        "name": item.target,
+        "scratch": scratch,
+    }
+    with warm_server(settings.forks) as server:
+        end = server.ask(task, settings.hard_stop, settings.max_memory)
+    said = _told(settings, end)
+    real = {target: folder.of(item.target), inner: os.path.dirname(folder.of(item.target))}
+    out |= _renamed(said, {**real, source: item.source})
+    files = said.pop("files")
+    out["output"] = None
+    out.pop("files", None)
+    out.pop("further", None)
+    if files:
+        out |= _placed(folder, item, inner, files, said.pop("further"))
+    return out
+
+
+def _placed(
+    folder: Folder, item: Item, inner: str, files: list[str], further: dict[str, str]
+) -> dict[str, Any]:
+    """Put the files where they belong, the result last; returns what the line tells of them."""
+    target = os.path.join(inner, files[-1])
+    told = {"output_bytes": size_of(target), "output_hash": digest(target)}
+    base = item.target.rpartition("/")[0]
+    names = [(os.path.join(inner, f), name) for name, f in further.items()]
+    names += [
+        (os.path.join(inner, f), f"{base}/{f}".lstrip("/").replace(os.sep, "/")) for f in files
+    ]
+    for path, name in names:
+        try:
+            folder.put(name, path)
+        except Exception as error:
+            full = isinstance(error, OSError) and error.errno in _FULL
+            reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+            problem = OutputError(
+                f"{folder.of(name)}: it can't be written ({' '.join(reason.split())})"
+            )
+            problem.__cause__ = OSError(errno.ENOSPC, "") if full else error
+            raise problem from problem.__cause__
+    more = [name for _, name in names[:-1]]
+    return {"output": folder.of(item.target), **told, **({"files": more} if more else {})}
+
+
+def _told(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
+    """What a warm server says of a mesh, as part of a line; its files under 'files' and 'further'."""
+    out: dict[str, Any] = {
+        "status": "failed",
+        "exit": 1,
+        "error": None,
+        "seconds": round(end["seconds"], 4),
+        "peak_memory": end["peak"],
+        "files": [],
+        "further": {},
+    }
+    answer = end["answer"]
+    if answer is None:
+        return out | _cut_short(settings, end)
+    out |= {"exit": answer["code"], "error": answer["error"]}
+    if "trace" in answer:
+        out["trace"] = answer["trace"]
+    report = answer["report"]
+    if report is None:
+        full = answer["code"] == 8 and any(text in (answer["error"] or "") for text in _FULL_TEXT)
+        return {**out, **({"again": "space"} if full else {})}
+    measures = {k: v for k, v in report.items() if k not in _ELSEWHERE}
+    return {
+        **out,
+        "status": report["status"],
+        "reasons": report["reasons"],
+        "warnings": report["warnings"],
+        "repairs": report["repairs"],
+        "notes": report["notes"],
+        "measures": measures,
+        "stages": report["stages"],
+        "files": answer["files"],
+        "further": answer["further"],
+    }
+
+
+def _cut_short(settings: Settings, end: dict[str, Any]) -> dict[str, Any]:
+    """A mesh whose process did not answer: exit code, line, and whether it may be tried again."""
+    if end["end"] == "timeout":
+        stop = settings.hard_stop or 0.0
+        text = f"ended after {stop:g} s, 1.5 x --timeout, while it did not answer: give a longer --timeout"
+        return {"exit": 7, "error": text}
+    if end["end"] == "memory":
+        size = (settings.max_memory or 0) / 2**20
+        return {"exit": 5, "error": f"ended at {size:.0f} MB of memory: give a larger --max-memory"}
+    number = int(end.get("signal", 0))
+    said = f": {end['said']}" if end.get("said") else ""
+    if number in _NOT_ITS_FAULT:
+        name = SIGNALS[number]
+        text = (
+            f"its process was ended by {name}, perhaps because memory was short: give --max-memory"
+        )
+        return {"exit": 5, "error": text + said, "again": "ended"}
+    name = SIGNALS.get(number, f"signal {number}") if number else "no word"
+    return {
+        "exit": 1,
+        "error": f"its process crashed ({name}){said}: please report it with the file",
+    }
+
+
+def _failed(settings: Settings, error: Exception) -> dict[str, Any]:
+    """An error round the unwrap: of a store, a disk, a warm server."""
+    out = {"status": "failed", "seconds": None, "peak_memory": None}
+    cause = error.__cause__ or error
+    if isinstance(error, GoneError):
+        line = "the process that unwraps was ended from outside"
+        return {**out, "exit": 5, "error": line, "again": "ended"}
+    code, line = settings.judge(error)
+    if isinstance(cause, OSError) and cause.errno in _FULL:
+        return {**out, "exit": 8, "error": line, "again": "space"}
+    if isinstance(error, OutputError) or (isinstance(error, InputError) and error.__cause__):
+        return {**out, "exit": code, "error": line, "again": "store"}
+    if isinstance(error, CircparamError):
+        return {**out, "exit": code, "error": line}
+    return {
+        **out,
+        "exit": code,
+        "error": line,
+        **({"again": "store"} if isinstance(error, OSError) else {}),
+    }
+
+
+def _renamed(values: Any, names: dict[str, str]) -> Any:
+    """The same values with the paths of the scratch folder as those that the user knows."""
+    if isinstance(values, str):
+        for old, new in names.items():
+            values = values.replace(old, new)
+        return values
+    if isinstance(values, dict):
+        return {k: _renamed(v, names) for k, v in values.items()}
+    if isinstance(values, list):
+        return [_renamed(v, names) for v in values]
+    return values

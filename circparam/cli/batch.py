@@ -1,0 +1,190 @@
+"""``circparam batch``: many files, on all cores or on a cluster, with a manifest to continue from."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from circparam.cli import common, exits, progress
+from circparam.cli.unwrap import UnwrapCommand, library_options_of, memory_size
+from circparam.cli.unwrap import command as unwrap_command
+from circparam.errors import GateError, InputError, OptionError
+
+if TYPE_CHECKING:
+    from circparam.batch.batch import Plan, Summary
+
+_EPILOG = """\b
+Examples:
+  circparam batch meshes --out unwrapped
+  circparam batch 'scans/**/*.ply' @more.txt --out unwrapped --timeout 120 --max-memory 4G
+  circparam batch s3://bucket/meshes --out s3://bucket/unwrapped --scheduler tcp://head:8786
+  circparam batch meshes --out unwrapped --retry failed --fail-rate 0.02
+  circparam batch --status unwrapped
+"""
+# of unwrap, but not of a batch: it has --out, reads no stream, and gives each mesh one process
+_NOT_HERE = {"meshes", "output", "out_dir", "format", "jobs"}
+_EXTRAS = {"export_seams": "export-seams", "index_map": "map", "preview": "preview"}
+_EXTRA_HELP = {
+    "export_seams": "Write the seams of each, such as '{}.seams.txt' ({}: the name of the result).",
+    "index_map": "Write the index map of each, such as '{}.npz'.",
+    "preview": "Draw each result, such as '{}.png'.",
+}
+_HELP = {
+    "overwrite": "Replace results that no batch has written.",
+    "timeout": "Best valid result within this time; each mesh is ended at 1.5 times it.",
+    "max_memory": "For example 4G: what one mesh may take.",
+    "json": "Print a summary as JSON on stdout.",
+    "verbose": "Tell each file that is done.",
+}
+
+
+def _unwrap_options() -> list[click.Parameter]:
+    """The options of ``unwrap``, with the help that they have here."""
+    out = []
+    for param in unwrap_command.params:
+        if param.name in _NOT_HERE or param.name == "debug":
+            continue
+        param = copy.copy(param)
+        text = _EXTRA_HELP.get(str(param.name)) or _HELP.get(str(param.name).removeprefix("as_"))
+        if text and isinstance(param, click.Option):
+            param.help = text
+            param.metavar = "PATTERN" if param.name in _EXTRAS else param.metavar
+        out.append(param)
+    return out
+
+
+@click.command(cls=UnwrapCommand, epilog=_EPILOG)
+@click.argument("sources", metavar="SOURCE...", nargs=-1)
+@click.option("--out", metavar="DIR", help="Folder for the results: local, or an fsspec address.")
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    help="Meshes at work on this machine at one time.  [default: cores]",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster of this scheduler.")
+@click.option(
+    "--scheduler-file", type=common.FILE, metavar="FILE", help="The same, out of Dask's file."
+)
+@click.option(
+    "--retry",
+    multiple=True,
+    type=click.Choice(["failed", "degraded", "all"]),
+    help="Do these again, which are done otherwise.",
+)
+@click.option(
+    "--fail-rate",
+    type=click.FloatRange(0.0, 1.0),
+    metavar="SHARE",
+    default=0.0,
+    help="Exit 6 where more than this share failed or missed a gate.  [default: 0]",
+)
+@click.option(
+    "--status", "status_of", type=common.FILE, metavar="DIR", help="Tell how far a batch is."
+)
+def command(sources: tuple[str, ...], **given: Any) -> int:
+    """Unwrap many files: each in a process of its own, one line each in DIR/manifest.jsonl.
+
+    SOURCE: files, folders, globs, @list.txt, addresses of fsspec. Their tree is mirrored under DIR. The same
+    command again continues: what is done and unchanged is skipped. DIR/report.html tells how it went. Needs
+    circparam[batch].
+    """
+    if given["status_of"] is not None:
+        return _status(sources, given)
+    plan = _plan(sources, given)
+    from circparam.batch.batch import Hooks, run_batch
+    from circparam.cli.batch_progress import Screen
+
+    screen = Screen(given["quiet"] or given["as_json"], given["verbose"], given["quiet"])
+    hooks = Hooks(
+        screen.show, screen.line, lambda text: progress.warn(text, given["quiet"]), screen.started
+    )
+    try:
+        summary = run_batch(plan, hooks)
+    finally:
+        screen.close()
+    return _end(summary, plan, given)
+
+
+command.params += _unwrap_options()
+
+
+def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> Plan:
+    """What the command line asks for. Raises OptionError before anything is listed."""
+    if not sources:
+        raise OptionError("SOURCE is missing: name files, folders, globs or @list.txt")
+    if given["out"] is None:
+        raise OptionError("--out DIR is missing: the folder for the results")
+    engines = [n for n in ("workers", "scheduler", "scheduler_file") if given[n] is not None]
+    if len(engines) > 1:
+        flags = " and ".join("--" + n.replace("_", "-") for n in engines)
+        raise OptionError(
+            f"{flags} exclude each other: a cluster of this machine, or one that runs"
+        )
+    if "-" in sources:
+        raise OptionError("a batch reads no standard input: give '-' to circparam unwrap")
+    from circparam.batch.batch import Plan
+    from circparam.batch.settings import Settings
+    from circparam.pipeline.gates import parse_gates
+    from circparam.pipeline.options import Options
+
+    size = given["max_memory"]
+    settings = Settings(
+        options=Options(**library_options_of(given)),
+        gates=parse_gates(given["fail_if"]),
+        out=given["out"],
+        judge=exits.judge,
+        extras={flag: given[name] for name, flag in _EXTRAS.items() if given[name]},
+        max_memory=None if size is None else memory_size(size),
+    )
+    return Plan(
+        sources, settings, frozenset(given["retry"]),
+        given["workers"], given["scheduler"], given["scheduler_file"],
+    )  # fmt: skip
+
+
+def _end(summary: Summary, plan: Plan, given: dict[str, Any]) -> int:
+    """Tell how it ended; the exit code. Raises GateError where too many failed."""
+    from circparam.cli.batch_progress import print_summary
+
+    if given["as_json"]:
+        known = {"schema": "circparam/batch-summary/1", **dataclasses.asdict(summary)}
+        click.echo(json.dumps(known, ensure_ascii=True, allow_nan=False))
+    elif not given["quiet"]:
+        print_summary(summary)
+    if not summary.finished:
+        left = summary.total - sum(summary.counts.values())
+        click.echo(
+            f"circparam: error: interrupted: {left} of {summary.total} files are not done; "
+            "the same command continues",
+            err=True,
+        )
+        return exits.INTERRUPTED
+    if summary.fail_rate > given["fail_rate"]:
+        bad = summary.counts.get("failed", 0) + summary.missed
+        raise GateError(
+            f"{bad} of {summary.total} files failed or missed a gate ({100 * summary.fail_rate:.3g} %), more "
+            f"than --fail-rate {given['fail_rate']:g}: see {summary.report}, or give --retry failed"
+        )
+    return exits.OK
+
+
+def _status(sources: tuple[str, ...], given: dict[str, Any]) -> int:
+    if sources or given["out"] is not None:
+        raise OptionError("--status DIR stands alone: it runs nothing")
+    from circparam.batch.batch import status
+    from circparam.cli.batch_progress import print_status
+
+    try:
+        found = status(given["status_of"])
+    except OSError as error:
+        raise InputError(f"{given['status_of']}: {error.strerror or error}") from None
+    if given["as_json"]:
+        click.echo(json.dumps(found, ensure_ascii=True, allow_nan=False))
+    else:
+        print_status(found)
+    return exits.OK

@@ -1,0 +1,174 @@
+"""What a batch shows while it runs, and at its end: a few lines that renew themselves, or one line a minute."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from circparam.cli import signals
+from circparam.cli.tables import console, facts, plain
+
+if TYPE_CHECKING:
+    from circparam.batch.batch import Summary
+    from circparam.batch.progress import Progress
+
+NAMED = 8  # of the files that run, the oldest
+BAR = 60  # characters of the bar
+ERRORS = 50  # lines about files that failed; more of them are only counted
+MINUTE = 60.0
+
+
+class Screen:
+    """Draws progress on stderr. silent: nothing; quiet: no word about single files either."""
+
+    def __init__(self, silent: bool, verbose: int, quiet: bool) -> None:
+        self.silent, self.verbose, self.quiet = silent, verbose, quiet
+        self.terminal = sys.stderr.isatty()
+        self._live: Any = None
+        self._told = time.monotonic()
+        self._errors = 0
+        self._stopping = False
+
+    @contextlib.contextmanager
+    def started(self, stop: Callable[[], None]) -> Iterator[None]:
+        """While the work runs: Ctrl-C once lets what runs finish."""
+
+        def ask() -> None:
+            stop()
+            self._stopping = True
+            self._say("stopping: what runs is finished (Ctrl-C again: at once)")
+
+        with signals.asked_first(ask):
+            yield
+
+    def show(self, progress: Progress) -> None:
+        """How far it is: at once on a terminal, once a minute elsewhere."""
+        if self.silent:
+            return
+        if self.terminal:
+            self._draw(progress)
+        elif time.monotonic() - self._told >= MINUTE:
+            self._told = time.monotonic()
+            click.echo(f"circparam: {headline(progress)}", err=True)
+
+    def line(self, line: dict[str, Any]) -> None:
+        """One file is done: its error, or with -v that it is."""
+        text = line.get("error")
+        if text is not None and not self.quiet:
+            self._errors += 1
+            if self._errors <= ERRORS:
+                name = escaped(line["name"])
+                said = escaped(text)
+                self._say(f"error: {said}" if name in said else f"error: {name}: {said}")
+                if self._errors == ERRORS:
+                    self._say("further errors are only counted; the report has them all")
+        elif self.verbose and not self.silent:
+            measures = line.get("measures") or {}
+            told = f"{measures.get('charts')} charts, {line['seconds']} s"
+            self._say(f"{line['status']}: {escaped(line['name'])}: {told}")
+
+    def _say(self, text: str) -> None:
+        if self._live is not None:
+            self._live.console.print(f"circparam: {text}", markup=False, soft_wrap=True)
+        else:
+            click.echo(f"circparam: {text}", err=True)
+
+    def _draw(self, progress: Progress) -> None:
+        from rich.console import Console, Group
+        from rich.text import Text
+
+        if self._live is None:
+            from rich.live import Live
+
+            self._live = Live(console=Console(stderr=True), transient=True, auto_refresh=False)
+            self._live.start()
+        filled = BAR * progress.done // max(progress.total - progress.skipped, 1)
+        rows: list[Any] = [
+            Text(headline(progress) + (" · stopping" if self._stopping else "")),
+            Text.assemble(("━" * filled, "green"), ("━" * (BAR - filled), "bright_black")),
+        ]
+        for name, seconds in progress.running[:NAMED]:
+            rows.append(
+                Text(f"  {clock(seconds):>7}  {escaped(name)}", overflow="ellipsis", no_wrap=True)
+            )
+        if len(progress.running) > NAMED:
+            rows.append(Text(f"  and {len(progress.running) - NAMED} more"))
+        self._live.update(Group(*rows), refresh=True)
+
+    def close(self) -> None:
+        """Take it away."""
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+
+def headline(progress: Progress) -> str:
+    """All of it in one line."""
+    parts = [f"{progress.skipped + progress.done} of {progress.total} done"]
+    if progress.skipped:
+        parts[0] += f" ({progress.skipped} before)"
+    bad = progress.counts["failed"] + progress.missed
+    parts.append(f"{bad} failed")
+    parts.append(f"{len(progress.running)} running on {progress.workers} workers")
+    if progress.rate > 0:
+        parts.append(f"{progress.rate:.3g} files/s")
+    if progress.left is not None and progress.rate > 0:
+        parts.append(f"{clock(progress.left)} left")
+    if progress.note:
+        parts.append(progress.note)
+    return ", ".join(parts)
+
+
+def clock(seconds: float) -> str:
+    """A time as people say it: 12 s, 3:20, 2:05:00, 3 d."""
+    whole = int(seconds)
+    if whole < 100:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60}:{whole % 60:02d}"
+    if whole < 172_800:
+        return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+    return f"{whole / 86_400:.1f} d"
+
+
+def escaped(name: str) -> str:
+    """A name for a terminal: no control characters, nothing that is no UTF-8."""
+    text = name.encode("utf-8", "backslashreplace").decode("utf-8")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def print_summary(summary: Summary) -> None:
+    """The end of a batch as a table."""
+    counts = [f"{n} {kind}" for kind, n in sorted(summary.counts.items())]
+    table = facts([("files", summary.total), ("status", ", ".join(counts) or "none done")])
+    table.add_row(
+        "this run", f"{summary.done} done, {summary.skipped} skipped in {summary.seconds:.1f} s"
+    )
+    if summary.missed:
+        table.add_row("gates", f"{summary.missed} missed")
+    if summary.report:
+        table.add_row("report", plain(escaped(summary.report)))
+    console().print(table)
+
+
+def print_status(found: dict[str, Any]) -> None:
+    """What ``--status`` tells, as a table."""
+    counts = [f"{n} {kind}" for kind, n in sorted(found["counts"].items())]
+    table = facts([("results", escaped(found["out"])), ("done", ", ".join(counts) or "none yet")])
+    if found["missed"]:
+        table.add_row("gates", f"{found['missed']} missed")
+    run = found["run"]
+    if run is None:
+        table.add_row("running", "no")
+    else:
+        todo = run["total"] - run["skipped"]
+        left = "" if run["left"] is None else f", {clock(run['left'])} left"
+        table.add_row("running", f"{run['done']} of {todo}, {run['rate']:.3g} files/s{left}")
+        for name, seconds in run["running"][:NAMED]:
+            table.add_row("", plain(f"{clock(seconds):>7}  {escaped(name)}"))
+    console().print(table)

@@ -1,0 +1,25 @@
+"""Messages over a pipe: bytes with their length before them."""
+
+from __future__ import annotations
+
+from typing import IO
+
+LENGTH = 8  # bytes that say how long what follows is
+
+
+def send(stream: IO[bytes], data: bytes) -> None:
+    """Write one message."""
+    stream.write(len(data).to_bytes(LENGTH, "little") + data)
+    stream.flush()
+
+
+def message(stream: IO[bytes]) -> bytes:
+    """The next message of a stream; raises EOFError where it has ended."""
+    return _exactly(stream, int.from_bytes(_exactly(stream, LENGTH), "little"))
+
+
+def _exactly(stream: IO[bytes], size: int) -> bytes:
+    data = stream.read(size)
+    if len(data) < size:
+        raise EOFError
+    return data

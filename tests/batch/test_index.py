@@ -1,0 +1,142 @@
+"""What is due, in which order, and which results collide."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circparam.batch.index import Index, settings_hash
+from circparam.batch.sources import Source
+from circparam.batch.store import Folder, digest
+from circparam.errors import OptionError
+
+
+def there(name: str, size: int) -> bool:
+    return True
+
+
+def due(index: Index, *retry: str, options: str = "o", exists: Any = there) -> list[str]:
+    index.data.execute("UPDATE file SET due = 0")
+    index.mark_due(options, frozenset(retry), exists)
+    return [item.target for item in index.items()]
+
+
+def line(name: str, **more: Any) -> dict[str, Any]:
+    known = {
+        "name": name,
+        "source": f"/s/{name}",
+        "source_bytes": 5,
+        "source_mark": "1",
+        "options": "o",
+    }
+    return {**known, "status": "ok", "exit": 0, "output_bytes": 9, **more}
+
+
+@pytest.fixture
+def index() -> Any:
+    with Index() as made:
+        yield made
+
+
+def test_the_largest_come_first(index: Index, tmp_path: Path) -> None:
+    sizes = {"a.obj": 3, "b.obj": 30, "c.obj": 7, "d.obj": 7}
+    index.add_sources(
+        [Source(f"/s/{n}", n, size) for n, size in sizes.items()], Folder(str(tmp_path))
+    )
+    assert due(index) == ["b.obj", "c.obj", "d.obj", "a.obj"]
+    assert index.weight() == 47
+
+
+@given(st.sets(st.text("ab/\udcff\n'", min_size=1, max_size=6), max_size=12))
+def test_any_name_goes_through(found: set[str]) -> None:
+    with Index() as index:
+        index.add_sources([Source(f"/s/{n}", f"x{n}x.obj") for n in found], Folder("/nowhere"))
+        index.add_lines([line(f"x{n}x.obj") for n in found])
+        assert sorted(due(index, "all")) == sorted(f"x{n}x.obj" for n in found)
+        assert index.count("1") == len(found)
+
+
+@pytest.mark.parametrize(
+    ("last", "retry", "expected"),
+    [
+        ({}, (), False),
+        ({"options": "other"}, (), True),
+        ({"source_mark": "2"}, (), True),
+        ({"source_bytes": 6}, (), True),
+        ({"status": "failed", "exit": 3}, (), False),
+        ({"status": "failed", "exit": 3}, ("failed",), True),
+        ({"status": "degraded"}, ("failed",), False),
+        ({"status": "degraded"}, ("degraded",), True),
+        ({"exit": 6}, ("failed",), True),  # a gate was missed
+        ({}, ("failed", "degraded"), False),
+        ({}, ("all",), True),
+    ],
+)
+def test_what_is_done_again(
+    index: Index, last: dict[str, Any], retry: tuple[str, ...], expected: bool
+) -> None:
+    index.add_sources([Source("/s/a.obj", "a.obj", 5, "1")], Folder("/nowhere"))
+    index.add_lines([line("a.obj", status="failed", options="older"), line("a.obj", **last)])
+    assert bool(due(index, *retry)) is expected
+
+
+def test_a_result_that_is_gone_is_made_again(index: Index) -> None:
+    index.add_sources([Source("/s/a.obj", "a.obj", 5, "1")], Folder("/nowhere"))
+    index.add_lines([line("a.obj")])
+    asked: list[tuple[str, int]] = []
+
+    def gone(name: str, size: int) -> bool:
+        asked.append((name, size))
+        return False
+
+    assert due(index, exists=gone) == ["a.obj"]
+    assert asked == [("a.obj", 9)]
+
+
+def test_a_file_that_was_only_touched_is_not_done_again(index: Index, tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text("12345")
+    index.add_sources([Source(str(path), "a.obj", 5, "new")], Folder("/nowhere"))
+    index.add_lines([line("a.obj", source_hash=digest(path))])
+    assert due(index) == []
+    path.write_text("54321")
+    assert due(index) == ["a.obj"]
+
+
+def test_results_that_collide(index: Index, tmp_path: Path) -> None:
+    with pytest.raises(OptionError, match=r"/s/a.off and /s/a.stl would both be written to a.glb"):
+        index.add_sources(
+            [Source(f"/s/a.{k}", f"a.{k}") for k in ("off", "stl")], Folder(str(tmp_path))
+        )
+
+
+def test_a_file_named_twice_counts_once(index: Index, tmp_path: Path) -> None:
+    twice = [Source("/s/a.obj", "a.obj")] * 2
+    assert index.add_sources(twice, Folder(str(tmp_path))) == 1
+
+
+def test_no_source_is_overwritten(index: Index, tmp_path: Path) -> None:
+    real = os.path.realpath(tmp_path)
+    with pytest.raises(OptionError, match="would overwrite itself"):
+        index.add_sources([Source(f"{real}/a.obj", "a.obj")], Folder(str(tmp_path)))
+
+
+def test_no_other_source_is_overwritten(index: Index, tmp_path: Path) -> None:
+    real = os.path.realpath(tmp_path)
+    found = [Source(f"{real}/a.obj", "x/a.obj"), Source("/s/a.obj", "a.obj")]
+    with pytest.raises(OptionError, match=r"/s/a.obj would overwrite the source .*/a.obj"):
+        index.add_sources(found, Folder(str(tmp_path)))
+
+
+def test_the_hash_tells_options_apart() -> None:
+    import numpy as np
+
+    a = settings_hash({"x": 1, "pins": np.zeros((2, 3))})
+    assert a == settings_hash({"pins": np.zeros((2, 3)), "x": 1})
+    assert a != settings_hash({"x": 1, "pins": np.ones((2, 3))})
+    assert a != settings_hash({"x": 2, "pins": np.zeros((2, 3))})

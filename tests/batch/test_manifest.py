@@ -1,0 +1,103 @@
+"""The manifest: torn lines, a full disk, two batches at once."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circparam.batch.manifest import Manifest, encode, lines, mend
+from circparam.batch.store import Folder
+from circparam.errors import OptionError, OutputError
+
+NAMES = st.text(st.characters(exclude_categories=()), min_size=1, max_size=20)
+
+
+@given(NAMES)
+def test_any_name_is_one_line_of_ascii_and_comes_back(name: str) -> None:
+    data = encode({"name": name})
+    assert data.count(b"\n") == 1
+    assert data.isascii()
+    assert json.loads(data)["name"] == name
+
+
+@given(st.lists(NAMES, max_size=6), st.integers(0, 400))
+def test_wherever_it_was_torn_the_whole_lines_stay(
+    tmp_path_factory: pytest.TempPathFactory, found: list[str], cut: int
+) -> None:
+    path = tmp_path_factory.mktemp("m") / "m.jsonl"
+    data = b"".join(encode({"name": n}) for n in found)
+    path.write_bytes(data[:cut])
+    whole = data[:cut].count(b"\n")
+    assert [line["name"] for line in lines(path)] == found[:whole]
+    lost = mend(path)
+    assert lost == len(data[:cut]) - (data[:cut].rfind(b"\n") + 1)
+    with path.open("ab") as stream:
+        stream.write(encode({"name": "next"}))
+    assert [line["name"] for line in lines(path)] == [*found[:whole], "next"]
+
+
+def test_a_long_torn_line_is_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "m.jsonl"
+    path.write_bytes(encode({"name": "a"}) + b"x" * 200_000)
+    assert mend(path) == 200_000
+    assert [line["name"] for line in lines(path)] == ["a"]
+
+
+def test_damage_inside_is_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "m.jsonl"
+    path.write_bytes(encode({"name": "a"}) + b"{rubbish\n[1]\n\xff\n" + encode({"name": "b"}))
+    assert [line["name"] for line in lines(path)] == ["a", "b"]
+
+
+class Full:
+    """A stream on a disk that takes so many bytes more."""
+
+    def __init__(self, stream: Any, room: int) -> None:
+        self.stream, self.room = stream, room
+
+    def write(self, data: bytes) -> int:
+        if self.room <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        part = data[: self.room]
+        self.room -= len(part)
+        return int(self.stream.write(part))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
+def test_a_full_disk_tears_no_line(tmp_path: Path) -> None:
+    manifest = Manifest(Folder(str(tmp_path)))
+    manifest.append({"name": "a"})
+    real = manifest._stream
+    manifest._stream = Full(real, 5)  # type: ignore[assignment]
+    with pytest.raises(OSError, match="No space"):
+        manifest.append({"name": "b"})
+    manifest._stream = real
+    assert [line["name"] for line in lines(manifest.path)] == ["a"]
+    manifest.append({"name": "c"})
+    manifest.close()
+    assert manifest.path.read_bytes() == encode({"name": "a"}) + encode({"name": "c"})
+
+
+def test_two_batches_do_not_share_a_folder(tmp_path: Path) -> None:
+    first = Manifest(Folder(str(tmp_path)))
+    with pytest.raises(OptionError, match="another batch is at work"):
+        Manifest(Folder(str(tmp_path)))
+    first.close()
+    second = Manifest(Folder(str(tmp_path)))
+    assert (first.fresh, second.fresh) == (True, False)
+    second.close()
+
+
+def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
+    (tmp_path / "f").write_text("")
+    with pytest.raises(OutputError, match="can't be written"):
+        Folder(str(tmp_path / "f")).make()

@@ -1,0 +1,202 @@
+"""One mesh in a process of its own: the bytes of ``unwrap``, and whatever harm it does stays there."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import pickle
+import re
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import circparam
+from circparam.batch import task
+from circparam.batch.index import Item
+from circparam.batch.process import GoneError, WarmServer, close_servers, warm_server
+from circparam.batch.settings import Settings
+from circparam.batch.task import do_item, pack_settings, settings_of
+from circparam.core.messages import send
+from circparam.errors import OptionError
+from circparam.pipeline.gates import parse_gates
+from tests.support.batch_faults import QUICK, Poison, files, settings, write_disk
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _end_servers() -> Iterator[None]:
+    yield
+    close_servers()
+
+
+def do(path: Path, given: Settings, name: str | None = None) -> dict[str, Any]:
+    item = Item(1, str(path), name or path.name, path.stat().st_size, "mark")
+    return do_item(pack_settings(replace(given, run="r")), item)
+
+
+def test_the_bytes_are_those_of_unwrap(tmp_path: Path) -> None:
+    mesh = write_disk(tmp_path / "m.obj")
+    out = tmp_path / "out"
+    extras = {"map": "{}.npz", "export-seams": "seams/{}.txt", "preview": "{}.png"}
+    line = do(mesh, settings(out, extras=extras), "x/m.obj")
+    circparam.unwrap(str(mesh), str(tmp_path / "one.obj"), **QUICK)
+    assert (out / "x" / "m.obj").read_bytes() == (tmp_path / "one.obj").read_bytes()
+    assert (line["status"], line["exit"], line["error"]) == ("ok", 0, None)
+    assert line["output"] == str(out / "x" / "m.obj")
+    assert line["output_bytes"] == (out / "x" / "m.obj").stat().st_size
+    assert line["source_hash"].startswith("sha256:")
+    assert line["measures"]["faces"] == 18
+    assert line["peak_memory"] > 1 << 20
+    assert sorted(line["files"]) == ["seams/x/m.txt", "x/m.npz", "x/m.png"]
+    written = {"x/m.obj", *line["files"]}
+    assert {f for f in files(out) if f.startswith(".")} == set()
+    assert files(out) == written
+
+
+def test_a_server_is_used_again_and_its_child_knows_nothing_of_the_last_mesh(
+    tmp_path: Path,
+) -> None:
+    pids = set()
+    for k in range(3):
+        with warm_server(True) as server:
+            pids.add(server.pid)
+        assert do(write_disk(tmp_path / f"m{k}.obj", 2 + k), settings(tmp_path / "o"))["exit"] == 0
+    assert len(pids) == 1
+
+
+HARM = {
+    "crash.obj": (1, "crashed \\(SIGSEGV\\)", None),
+    "killed.obj": (5, "ended by SIGKILL", "ended"),
+    "hang.obj": (7, "ended after 3 s, 1.5 x --timeout", None),
+    "hungry.obj": (5, "out of memory|of memory: give a larger", None),
+    "fault.obj": (1, "internal error: RuntimeError: a fault of the program", None),
+}
+
+
+@pytest.mark.parametrize("name", HARM)
+def test_harm_stays_where_it_is(name: str, tmp_path: Path) -> None:
+    given = settings(tmp_path / "o", Poison(), timeout=2.0, max_memory=3 << 30)
+    code, text, again = HARM[name]
+    line = do(write_disk(tmp_path / name), given)
+    assert (line["status"], line["exit"], line.get("again")) == ("failed", code, again)
+    with contextlib.suppress(KeyError):
+        assert "fault of the program" in line["trace"]
+    assert re.search(text, line["error"])
+    assert files(tmp_path / "o") == set()
+    assert do(write_disk(tmp_path / "good.obj"), given)["status"] == "ok"
+
+
+def test_broken_input_has_the_code_and_line_of_unwrap(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.obj"
+    bad.write_text("nothing\n")
+    line = do(bad, settings(tmp_path / "o"))
+    assert (line["exit"], line["output"]) == (3, None)
+    assert line["error"] == f"{bad}: it has no v and f lines: this is no OBJ mesh"
+
+
+def test_a_missed_gate_keeps_its_file(tmp_path: Path) -> None:
+    line = do(write_disk(tmp_path / "m.obj"), settings(tmp_path / "o", parse_gates("faces>1")))
+    assert (line["status"], line["exit"]) == ("ok", 6)
+    assert "faces>1: it is 18" in line["error"]
+    assert (tmp_path / "o" / "m.obj").is_file()
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
+def test_a_server_that_is_reused_is_ended_from_outside(tmp_path: Path) -> None:
+    """What stands in for forks on Windows and macOS."""
+    given = settings(tmp_path / "o", Poison(), fork=False, timeout=2.0)
+    assert do(write_disk(tmp_path / "m.obj"), given)["status"] == "ok"
+    with warm_server(False) as server:
+        first = server.pid
+    line = do(write_disk(tmp_path / "hang.obj"), given)
+    assert (line["exit"], line["status"]) == (7, "failed")
+    line = do(write_disk(tmp_path / "crash.obj"), given)
+    assert line["again"] == "ended"
+    assert do(write_disk(tmp_path / "n.obj"), given)["status"] == "ok"
+    with warm_server(False) as server:
+        assert server.pid != first
+
+
+def test_a_server_that_is_killed_takes_its_child_along(tmp_path: Path) -> None:
+    given = settings(tmp_path / "o", Poison())
+    (tmp_path / "s").mkdir()
+    asked = {
+        "settings": pickle.dumps(given), "source": str(write_disk(tmp_path / "hang.obj")),
+        "target": str(tmp_path / "s" / "hang.obj"), "name": "hang.obj", "scratch": str(tmp_path / "s"),
+    }  # fmt: skip
+    server = WarmServer(True)
+    children = Path(f"/proc/{server.pid}/task/{server.pid}/children")
+    failed: list[BaseException] = []
+
+    def ask() -> None:
+        try:
+            server.ask(asked, None, None)
+        except GoneError as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    while not (child := children.read_text().split()):  # it has been forked
+        thread.join(0.05)
+    os.kill(server.pid, signal.SIGKILL)
+    thread.join(20)
+    assert failed
+    server._process.wait()
+    pause = threading.Event()
+    assert any(not Path(f"/proc/{child[0]}").exists() or pause.wait(0.05) for _ in range(400))
+    server.close()
+
+
+def test_a_server_whose_worker_has_gone_cleans_up(tmp_path: Path) -> None:
+    given = settings(tmp_path / "o", Poison())
+    scratch = tmp_path / "s"
+    scratch.mkdir()
+    asked = {
+        "settings": pickle.dumps(given), "source": str(write_disk(tmp_path / "hang.obj")),
+        "target": str(scratch / "hang.obj"), "name": "hang.obj", "scratch": str(scratch),
+    }  # fmt: skip
+    server = WarmServer(True)
+    assert server._process.stdin is not None
+    send(server._process.stdin, pickle.dumps(asked))
+    while not (scratch / "hang.obj").exists():
+        server._answers.empty()
+    server._process.stdin.close()
+    assert server._process.wait(20) == 1
+    assert not scratch.exists()
+
+
+def test_a_full_disk_is_told_from_other_trouble_of_the_output(tmp_path: Path) -> None:
+    full = f"/o/m.obj: it can't be written ({os.strerror(errno.ENOSPC)})"
+    for error, again in (
+        (full, "space"),
+        ("/o/m.obj: it can't be written (Input/output error)", None),
+    ):
+        answer = {"code": 8, "error": error, "report": None, "files": []}
+        end = {"end": "done", "answer": answer, "seconds": 1.0, "peak": 1}
+        assert task._told(settings(tmp_path), end).get("again") == again
+
+
+def test_another_version_is_refused(tmp_path: Path) -> None:
+    given = settings(tmp_path / "o")
+    line = do(write_disk(tmp_path / "m.obj"), replace(given, version="9.9"))
+    assert line == {"refused": circparam.__version__, "name": "m.obj"}
+    assert settings_of(pack_settings(given)).version == circparam.__version__
+
+
+def test_patterns_of_further_files() -> None:
+    for name in ("all.png", "/tmp/{}.png", "../{}.png"):
+        with pytest.raises(OptionError, match="stands for the name of the result"):
+            settings("o", extras={"preview": name})
+
+
+def test_the_key_is_that_of_the_bytes() -> None:
+    base = settings("o")
+    assert base.key() == settings("p", timeout=3.0, overwrite=True).key()
+    assert base.key() != settings("o", padding=2).key()
+    assert base.key() != settings("o", extras={"map": "{}.npz"}).key()
+    assert base.key() != replace(base, version="9").key()

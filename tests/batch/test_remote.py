@@ -1,0 +1,144 @@
+"""Sources and results in an S3 store that fails now and then; archives."""
+
+from __future__ import annotations
+
+import json
+import logging
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("distributed")
+pytest.importorskip("s3fs")
+pytest.importorskip("moto.server")
+
+import circparam
+from circparam.batch import store
+from circparam.batch.batch import Plan, run_batch, status
+from circparam.batch.companions import fetch
+from circparam.batch.manifest import journal, lines
+from circparam.batch.sources import Listing
+from circparam.batch.store import Folder
+from circparam.errors import InputError, OutputError
+from tests.support.batch_faults import QUICK, settings, write_set
+from tests.support.s3_server import Failing, s3_server
+
+
+@pytest.fixture
+def s3(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[tuple[Any, Failing]]:
+    import s3fs
+
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    store.root_store.cache_clear()
+    s3fs.S3FileSystem.clear_instance_cache()
+    with s3_server(monkeypatch, every=10) as server:
+        system = s3fs.S3FileSystem(use_listings_cache=False)
+        store.again(system.mkdir, "bucket")
+        yield system, server
+    store.root_store.cache_clear()
+    s3fs.S3FileSystem.clear_instance_cache()
+
+
+def test_a_batch_from_s3_to_s3(s3: tuple[Any, Failing], tmp_path: Path) -> None:
+    system, server = s3
+    source = write_set(tmp_path / "src", 6)
+    store.again(system.put, str(source) + "/", "bucket/in/", recursive=True)
+    given = settings("s3://bucket/out")
+    summary = run_batch(Plan(["s3://bucket/in"], given, workers=1))
+    assert summary.counts == {"ok": 6}
+    assert server.failed >= 5
+    found = sorted(store.again(system.find, "bucket/out"))
+    names = sorted(str(p.relative_to(source)) for p in source.rglob("*.obj"))
+    expected = [f"bucket/out/{n}" for n in (*names, "manifest.jsonl", "report.csv", "report.html")]
+    assert found == sorted(expected)
+    for name in names:
+        circparam.unwrap(str(source / name), str(tmp_path / "one.obj"), overwrite=True, **QUICK)
+        assert (
+            store.again(system.cat_file, f"bucket/out/{name}")
+            == (tmp_path / "one.obj").read_bytes()
+        )
+    told = list(lines(journal(Folder("s3://bucket/out"))))
+    assert sorted(line["name"] for line in told) == names
+    assert all(line["source_hash"].startswith("etag:") for line in told)
+    assert all(line["source"].startswith("s3://bucket/in/") for line in told)
+    assert status("s3://bucket/out")["counts"] == {"ok": 6}
+
+    # continued, from another machine as well: nothing to do until a source has changed
+    journal(Folder("s3://bucket/out")).unlink()
+    again = run_batch(Plan(["s3://bucket/in"], given, workers=1))
+    assert (again.done, again.skipped) == (0, 6)
+    store.again(system.pipe_file, f"bucket/in/{names[0]}", (source / names[1]).read_bytes())
+    changed = run_batch(Plan(["s3://bucket/in/**/*.obj"], given, workers=1))
+    assert (changed.done, changed.skipped) == (1, 5)
+
+
+def test_a_glob_of_a_store_and_what_is_missing(s3: tuple[Any, Failing], tmp_path: Path) -> None:
+    system, _ = s3
+    store.again(system.put, str(write_set(tmp_path / "src", 4)) + "/", "bucket/in/", recursive=True)
+    found = {s.name for s in Listing(["s3://bucket/in/a/*.obj"])}
+    assert found == {"m001.obj", "m003.obj"}
+    assert [s.name for s in Listing(["s3://bucket/in/a/m001.obj"])] == ["m001.obj"]
+    (tmp_path / "l").write_text("s3://bucket/in/a/m001.obj\n")
+    assert [s.name for s in Listing([f"@{tmp_path / 'l'}"])] == ["bucket/in/a/m001.obj"]
+    for address in ("s3://bucket/none", "s3://nobucket/x.obj", "s3://bucket/in/*.glb"):
+        with pytest.raises(InputError, match=r"no such file|can't be listed|no mesh file"):
+            list(Listing([address]))
+
+
+def test_the_buffers_of_a_gltf_come_along(s3: tuple[Any, Failing], tmp_path: Path) -> None:
+    system, _ = s3
+    tree = {"buffers": [{"uri": "sub/b.bin"}, {"uri": "data:,x"}], "images": [{"uri": "i.png"}]}
+    for name, data in {
+        "m.gltf": json.dumps(tree).encode(),
+        "sub/b.bin": b"b",
+        "i.png": b"i",
+    }.items():
+        store.again(system.pipe_file, f"bucket/{name}", data)
+    path, digest = fetch("s3://bucket/m.gltf", str(tmp_path / "one"), settings("o"))
+    assert digest is not None
+    assert sorted(p.name for p in (tmp_path / "one").rglob("*") if p.is_file()) == [
+        "b.bin",
+        "m.gltf",
+    ]
+    fetch("s3://bucket/m.gltf", str(tmp_path / "two"), settings("o", copy_assets=True))
+    assert sorted(p.name for p in Path(tmp_path / "two").rglob("*.png")) == ["i.png"]
+    assert Path(path).name == "m.gltf"
+
+
+def test_an_upload_that_never_succeeds_is_told(
+    s3: tuple[Any, Failing], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from circparam.batch.manifest import Manifest
+
+    manifest = Manifest(Folder("s3://bucket/out"))
+    manifest.append({"name": "a"})
+    monkeypatch.setattr(store, "TRIES", 2)
+    monkeypatch.setattr(store, "PAUSE", 0.0)
+    s3[1].every = 1
+    with pytest.raises(
+        OutputError, match=r"s3://bucket/out/manifest.jsonl: .* its lines are kept in"
+    ):
+        manifest.close()
+    s3[1].every = 0
+    kept = Manifest(Folder("s3://bucket/out"))
+    assert [line["name"] for line in lines(kept.path)] == ["a"]
+    kept.close()
+    assert b'"a"' in s3[0].cat_file("bucket/out/manifest.jsonl")
+
+
+def test_meshes_in_an_archive(tmp_path: Path) -> None:
+    source = write_set(tmp_path / "src", 2)
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for path in source.rglob("*.obj"):
+            archive.write(path, path.relative_to(source))
+    out = tmp_path / "out"
+    given = settings(out)
+    address = f"zip://{tmp_path / 'a.zip'}::**/*.obj"
+    assert run_batch(Plan([address], given, workers=1)).counts == {"ok": 2}
+    for path in source.rglob("*.obj"):
+        circparam.unwrap(str(path), str(tmp_path / "one.obj"), overwrite=True, **QUICK)
+        assert (out / path.relative_to(source)).read_bytes() == (tmp_path / "one.obj").read_bytes()

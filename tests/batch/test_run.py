@@ -1,0 +1,397 @@
+"""Whole batches on a real cluster: continued, poisoned, workers, clients and schedulers killed, disks full."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("distributed")
+
+import circparam
+from circparam.batch.batch import Hooks, Plan, Summary, run_batch, status
+from circparam.batch.manifest import encode
+from circparam.batch.run import ATTEMPTS
+from circparam.core.workers import environment
+from circparam.errors import InputError, NoResultError, OptionError, OutputError
+from tests.support.batch_faults import (
+    QUICK,
+    Poison,
+    files,
+    full_disk_item,
+    settings,
+    told,
+    write_disk,
+    write_set,
+)
+
+ROOT = Path(__file__).parents[2]
+ARGS = [
+    part for k, v in QUICK.items() for part in (f"--{k}", str(v))
+]  # the same options for the command line
+
+
+def batch(source: Path, out: Path, **keywords: Any) -> Summary:
+    """Run a batch of quick unwraps on two workers."""
+    hooks = keywords.pop("hooks", None)
+    given = keywords.pop("settings", None) or settings(out)
+    plan = Plan([str(source)], given, **{"workers": 2, **keywords})
+    if {"scheduler", "scheduler_file"} & set(keywords):
+        plan = replace(plan, workers=None)
+    return run_batch(plan, hooks)
+
+
+def expect_quiet(source: Path, out: Path, count: int) -> None:
+    """Every file has one line, and the bytes of an unwrap on its own; nothing else is there."""
+    found = told(out)
+    assert len(found) == count
+    assert files(out) == set(found)
+    for name, line in found.items():
+        assert (line["status"], line["exit"]) == ("ok", 0), line
+        one = circparam.unwrap(
+            str(source / name), str(source.parent / "one.obj"), overwrite=True, **QUICK
+        )
+        assert one.path is not None
+        assert (out / name).read_bytes() == Path(one.path).read_bytes()
+
+
+def test_a_batch_and_its_continuation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source, out = write_set(tmp_path / "src", 5), tmp_path / "out"
+    states: list[Any] = []
+    summary = batch(source, out, hooks=Hooks(listener=states.append))
+    assert (summary.done, summary.skipped, summary.finished) == (5, 0, True)
+    assert states[-1].total == 5
+    expect_quiet(source, out, 5)
+    assert {p.name for p in out.iterdir()} == {
+        "a",
+        "b",
+        "manifest.jsonl",
+        "report.csv",
+        "report.html",
+    }
+    assert status(str(out))["counts"] == {"ok": 5}
+    before = (out / "manifest.jsonl").read_bytes()
+
+    # continued: nothing to do, and no cluster for it
+    monkeypatch.setattr("circparam.batch.batch.Cluster", None)
+    again = batch(source, out)
+    assert (again.done, again.skipped, again.counts) == (0, 5, {"ok": 5})
+    assert (out / "manifest.jsonl").read_bytes() == before
+
+
+def test_what_changed_is_done_and_a_torn_line_is_mended(tmp_path: Path) -> None:
+    source, out = write_set(tmp_path / "src", 4), tmp_path / "out"
+    batch(source, out)
+    first = (out / "manifest.jsonl").read_bytes()
+    (out / "manifest.jsonl").write_bytes(first[:-20])  # the last line is torn
+    write_disk(source / "b" / "new.obj")
+    notes: list[str] = []
+    lines: list[dict[str, Any]] = []
+    summary = batch(source, out, hooks=Hooks(on_line=lines.append, note=notes.append))
+    torn = json.loads(first.splitlines()[-1])["name"]
+    assert sorted(line["name"] for line in lines) == sorted(["b/new.obj", torn])
+    assert "torn" in notes[0]
+    assert (summary.done, summary.skipped) == (2, 3)
+    expect_quiet(source, out, 5)
+
+
+def write_poison(folder: Path, good: int, each: dict[str, int]) -> Path:
+    write_set(folder, good)
+    for kind, count in each.items():
+        for k in range(count):
+            write_disk(folder / kind / f"{kind}{k}.obj")
+    return folder
+
+
+def test_a_poisoned_set(tmp_path: Path) -> None:
+    each = {"crash": 1, "hang": 1, "hungry": 1}
+    source, out = write_poison(tmp_path / "src", 4, each), tmp_path / "out"
+    (source / "broken.obj").write_text("v 0 0 0\nf 1 2 3\n")
+    given = settings(out, Poison(), timeout=1.0, max_memory=3 << 30)
+    summary = batch(source, out, settings=given)
+    found = told(out)
+    assert summary.counts == {"ok": 4, "failed": 4}
+    causes = {name: line["error"] for name, line in found.items() if line["status"] == "failed"}
+    assert set(causes) == {"broken.obj", "crash/crash0.obj", "hang/hang0.obj", "hungry/hungry0.obj"}
+    assert "SIGSEGV" in causes["crash/crash0.obj"]
+    assert "--timeout" in causes["hang/hang0.obj"]
+    assert "memory" in causes["hungry/hungry0.obj"]
+    assert found["broken.obj"]["exit"] == 3
+    page = (out / "report.html").read_text()
+    assert all(name in page for name in causes)
+    assert files(out) == {n for n in found if n not in causes}
+
+
+@pytest.mark.slow
+def test_a_large_poisoned_set(tmp_path: Path, corpus: Path) -> None:
+    """100 good files, 20 broken ones, 3 that crash, 2 that hang, 2 that want too much memory."""
+    each = {"crash": 3, "hang": 2, "hungry": 2}
+    source, out = write_poison(tmp_path / "src", 100, each), tmp_path / "out"
+    (source / "broken").mkdir()
+    rng = random.Random(7)
+    kinds = sorted(p for p in corpus.iterdir() if p.suffix in (".obj", ".ply", ".off", ".glb"))[:20]
+    for k, path in enumerate(kinds):
+        data = path.read_bytes()[:3000]
+        junk = [
+            b"",
+            data[:40],
+            bytes(rng.randbytes(500)),
+            data.replace(b"1", b"x")[:200] + b"\0\xff",
+        ][k % 4]
+        (source / "broken" / f"{k}{path.suffix}").write_bytes(junk)
+    given = settings(out, Poison(), timeout=2.0, max_memory=3 << 30)
+    summary = batch(source, out, settings=given)
+    assert summary.counts == {"ok": 100, "failed": 27}
+    causes = {n: line["error"] for n, line in told(out).items() if line["status"] == "failed"}
+    assert len(causes) == 27
+    assert all(len(text) > 10 for text in causes.values())
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process has started, in any of its threads."""
+    try:
+        tasks = list(Path(f"/proc/{pid}/task").iterdir())
+        return [int(c) for task in tasks for c in (task / "children").read_text().split()]
+    except OSError:
+        return []
+
+
+def command_line(pid: int) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""
+
+
+def clusters_of(pid: int) -> list[int]:
+    """Clusters that a process has started."""
+    return [c for c in children(pid) if b"batch.local" in command_line(c)]
+
+
+def workers_of(cluster: int) -> list[int]:
+    """Processes of a cluster that are Dask's workers."""
+    return [c for c in children(cluster) if b"spawn_main" in command_line(c)]
+
+
+@pytest.mark.slow
+def test_a_mesh_that_is_ended_again_and_again_is_given_up(tmp_path: Path) -> None:
+    source, out = write_poison(tmp_path / "src", 2, {"killed": 1}), tmp_path / "out"
+    summary = batch(source, out, settings=settings(out, Poison()))
+    found = told(out)
+    assert summary.counts == {"ok": 2, "failed": 1}
+    assert [line["attempts"] for line in found.values() if line["exit"]] == [ATTEMPTS]
+    assert "SIGKILL" in str(found["killed/killed0.obj"]["error"])
+
+
+class Killer:
+    """Kills one worker after each of so many lines."""
+
+    def __init__(self, after: set[int]) -> None:
+        self.after, self.lines, self.killed = after, 0, 0
+        self.random = random.Random(3)
+
+    def __call__(self, line: dict[str, Any]) -> None:
+        self.lines += 1
+        if self.lines in self.after:
+            workers = [w for c in clusters_of(os.getpid()) for w in workers_of(c)]
+            if workers:
+                os.kill(self.random.choice(workers), signal.SIGKILL)
+                self.killed += 1
+
+
+@pytest.mark.parametrize(
+    ("count", "after"),
+    [(8, {1, 3}), pytest.param(60, {5, 11, 17, 30, 44}, marks=pytest.mark.slow)],
+)
+def test_workers_are_killed(count: int, after: set[int], tmp_path: Path) -> None:
+    source, out = write_set(tmp_path / "src", count), tmp_path / "out"
+    killer = Killer(after)
+    summary = batch(source, out, hooks=Hooks(on_line=killer))
+    assert killer.killed == len(after)
+    assert summary.counts == {"ok": count}
+    expect_quiet(source, out, count)
+
+
+def start_batch(source: Path, out: Path, *more: str) -> subprocess.Popen[bytes]:
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "circparam",
+        "batch",
+        str(source),
+        "--out",
+        str(out),
+        *ARGS,
+    ]
+    return subprocess.Popen(
+        [*command, "--workers", "1", *more], env=environment(), stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE, cwd=out.parent,
+    )  # fmt: skip
+
+
+def wait_for(reached: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    """Until something is so; a process that ends before is a failure."""
+    pause = threading.Event()
+    for _ in range(4000):
+        if reached():
+            return
+        assert process.poll() is None, process.communicate()
+        pause.wait(0.02)
+    raise AssertionError("nothing happened for more than a minute")
+
+
+def has_lines(out: Path, count: int) -> bool:
+    """Whether the manifest is there with so many lines."""
+    return (out / "manifest.jsonl").exists() and count_lines(out) >= count
+
+
+def count_lines(out: Path) -> int:
+    path = out / "manifest.jsonl"
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+@pytest.mark.parametrize(
+    "moments", [[2], pytest.param([0, 1, 7, 20, 33], marks=pytest.mark.slow)], ids=["once", "five"]
+)
+def test_the_client_is_killed_and_continued(moments: list[int], tmp_path: Path) -> None:
+    count = 5 if len(moments) == 1 else 40
+    source, out = write_set(tmp_path / "src", count), tmp_path / "out"
+    for moment in moments:
+        with start_batch(source, out) as process:
+            wait_for(functools.partial(has_lines, out, moment), process)
+            (cluster,) = clusters_of(process.pid) or [0]
+            process.kill()
+            process.communicate()
+        if cluster:  # it ends with its client
+            gone = threading.Event()
+            assert any(not Path(f"/proc/{cluster}").exists() or gone.wait(0.05) for _ in range(600))
+    summary = batch(source, out)
+    assert summary.counts == {"ok": count}
+    expect_quiet(source, out, count)
+
+
+def test_ctrl_c_once_and_twice(tmp_path: Path) -> None:
+    source, out = write_set(tmp_path / "src", 30), tmp_path / "out"
+    with start_batch(source, out) as process:
+        wait_for(lambda: count_lines(out) >= 2, process)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+    assert process.returncode == 130, error
+    assert b"stopping" in error
+    assert b"the same command continues" in error
+    once = count_lines(out)
+    assert 2 <= once < 30
+    assert files(out) == set(told(out))  # what ran was finished
+    with start_batch(source, out) as process:
+        wait_for(lambda: count_lines(out) >= once + 1, process)
+        process.send_signal(signal.SIGINT)
+        assert process.stderr is not None
+        assert b"stopping" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=20)
+    assert process.returncode == 130, error
+    assert batch(source, out).counts == {"ok": 30}
+    expect_quiet(source, out, 30)
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
+    """A scheduler process and a worker process of their own on the loopback: (scheduler, its file)."""
+    where = tmp_path / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment()}
+    dask = [sys.executable, "-m", "distributed.cli"]
+    server = subprocess.Popen(
+        [*dask[:2], "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
+         "--no-dashboard", "--scheduler-file", str(where)], **quiet,
+    )  # fmt: skip
+    worker = subprocess.Popen(
+        [*dask[:2], "distributed.cli.dask_worker", "--scheduler-file", str(where), "--nthreads", "2",
+         "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path / "w")], **quiet,
+    )  # fmt: skip
+    try:
+        wait_for(where.exists, server)
+        yield server, where
+    finally:
+        for process in (worker, server):
+            process.kill()
+            process.wait()
+
+
+def test_a_scheduler_that_runs_and_then_ends(
+    scheduler: tuple[subprocess.Popen[bytes], Path], tmp_path: Path
+) -> None:
+    server, where = scheduler
+    source, out = write_set(tmp_path / "src", 12), tmp_path / "out"
+
+    def end(line: dict[str, Any]) -> None:
+        server.kill()
+
+    with pytest.raises(
+        NoResultError, match=r"has ended, .* are not done: the same command continues"
+    ):
+        batch(source, out, scheduler_file=str(where), hooks=Hooks(on_line=end))
+    assert count_lines(out) >= 1
+    assert batch(source, out).counts == {"ok": 12}
+    expect_quiet(source, out, 12)
+
+
+def test_no_scheduler_and_another_version(
+    scheduler: tuple[subprocess.Popen[bytes], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, out = write_set(tmp_path / "src", 1), tmp_path / "out"
+    monkeypatch.setattr("circparam.batch.cluster.ANSWER", 1.0)
+    with pytest.raises(OptionError, match=r"--scheduler tcp://127.0.0.1:9: no answer within 1 s"):
+        batch(source, out, scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(OptionError, match=r"--scheduler-file .*nowhere: it can't be read"):
+        batch(source, out, scheduler_file=str(tmp_path / "nowhere"))
+    monkeypatch.setattr("circparam.batch.cluster.ANSWER", 10.0)
+    where = str(scheduler[1])
+    assert batch(source, out, scheduler_file=where).counts == {"ok": 1}
+    monkeypatch.setattr("circparam.batch.cluster.__version__", "9.9")
+    with pytest.raises(OptionError, match=rf"has circparam {circparam.__version__}, this is 9.9"):
+        batch(source, out, scheduler_file=where, retry=frozenset({"all"}))
+
+
+def test_the_disk_is_full_for_a_while(tmp_path: Path) -> None:
+    source, out = write_set(tmp_path / "src", 4), tmp_path / "out"
+    (source / "FULL").touch()
+    notes: list[str] = []
+
+    def listen(progress: Any) -> None:
+        notes.append(progress.note)
+        if notes.count("the disk is full: waiting for room") >= 2:
+            (source / "FULL").unlink(missing_ok=True)
+
+    summary = batch(source, out, task=full_disk_item, hooks=Hooks(listener=listen))
+    assert not (source / "FULL").exists()
+    assert summary.counts == {"ok": 4}
+    expect_quiet(source, out, 4)
+
+
+def test_refused_before_any_work(tmp_path: Path) -> None:
+    source, out = write_set(tmp_path / "src", 2), tmp_path / "out"
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="no mesh files are there"):
+        batch(tmp_path / "empty", out)
+    with pytest.raises(OptionError, match="would overwrite itself"):
+        batch(source, source)
+    write_disk(out / "a" / "m001.obj")
+    with pytest.raises(OptionError, match="exists and no batch has written there"):
+        batch(source, out)
+    assert not (out / "manifest.jsonl").exists()
+    (out / "manifest.jsonl").write_bytes(encode({"name": "x", "status": "ok"}))  # a batch's folder
+    (out / "f").write_text("")
+    with pytest.raises(OutputError, match="can't be written"):
+        batch(source, out / "f")

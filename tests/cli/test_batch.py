@@ -1,0 +1,190 @@
+"""``circparam batch``: options, refusals, codes, what is printed."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from circparam.batch.manifest import encode
+from circparam.batch.progress import Meter, Progress
+from circparam.cli import cli
+from circparam.cli.batch import command
+from circparam.cli.batch_progress import Screen, clock, escaped, headline
+from circparam.cli.unwrap import command as unwrap_command
+from tests.cli.test_unwrap import one_line_error
+from tests.support.batch_faults import QUICK, told, write_set
+
+ARGS = [part for k, v in QUICK.items() for part in (f"--{k}", str(v))]
+
+
+def batch(*args: object) -> Result:
+    return CliRunner().invoke(cli, ["batch", *map(str, args)])
+
+
+def names(of: click.Command) -> set[str]:
+    return {flag for p in of.params if isinstance(p, click.Option) for flag in p.opts}
+
+
+def test_every_option_of_unwrap_is_there() -> None:
+    streams = {"-o", "--output", "--out-dir", "--format", "-j", "--jobs", "--debug"}
+    assert names(unwrap_command) - streams <= names(command)
+    assert {"--out", "--workers", "--scheduler", "--retry", "--fail-rate", "--status"} <= names(
+        command
+    )
+
+
+def test_bad_input_is_refused_in_one_line(tmp_path: Path) -> None:
+    source, out = write_set(tmp_path / "src", 2), tmp_path / "out"
+    one_line_error(batch(), 2, "SOURCE is missing")
+    one_line_error(batch(source), 2, "--out DIR is missing")
+    one_line_error(batch("-", "--out", out), 2, "no standard input")
+    one_line_error(batch(tmp_path / "none", "--out", out), 3, "no such file or folder")
+    one_line_error(batch(source, "--out", source), 2, "would overwrite itself")
+    one_line_error(
+        batch(source, "--out", out, "--workers", 2, "--scheduler", "tcp://x:1"), 2, "exclude"
+    )
+    one_line_error(
+        batch(source, "--out", out, "--method", "abf", "--boundary", "circle"), 2, "--boundary"
+    )
+    one_line_error(batch(source, "--out", out, "--max-memory", "much"), 2, "no size")
+    one_line_error(batch(source, "--out", out, "--preview", "all.png"), 2, "{}")
+    one_line_error(batch(source, "--out", out, "--fail-if", "flops>0"), 2, "flops")
+    one_line_error(batch(source, "--out", out, "--fail-rate", 2), 2, "--fail-rate")
+    one_line_error(batch("--status", tmp_path / "none"), 2, "no manifest.jsonl")
+    one_line_error(batch(source, "--status", out), 2, "stands alone")
+    (tmp_path / "file").write_text("")
+    one_line_error(batch(source, "--out", tmp_path / "file" / "x", *ARGS), 8, "can't be written")
+    assert not out.exists()
+    for name in ("m.stl", "m.off"):
+        (source / name).write_text("x")
+    one_line_error(
+        batch(source, "--out", out), 2, "m.off", "m.stl", "would both be written to m.glb"
+    )
+
+
+def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    source = write_set(tmp_path / "src", 1)
+    one_line_error(
+        batch(source, "--out", tmp_path / "o", *ARGS), 2, "pip install 'circparam[batch]'"
+    )
+    monkeypatch.setitem(sys.modules, "fsspec.core", None)
+    one_line_error(batch("s3://b/k", "--out", tmp_path / "o"), 2, "pip install 'circparam[batch]'")
+
+
+def test_help_loads_neither_dask_nor_numpy() -> None:
+    assert batch("--help").exit_code == 0
+    assert "SOURCE..." in batch("--help").stdout
+
+
+def test_a_run_its_status_and_gates(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    source, out = write_set(tmp_path / "src", 3), tmp_path / "out"
+    (source / "bad\n.obj").write_text("nothing")
+    first = batch(source, "--out", out, "--workers", 1, "--fail-if", "faces>20", *ARGS)
+    assert first.exit_code == 6, first.output
+    error = first.stderr.splitlines()
+    assert (
+        r"circparam: error: bad\n.obj: " in first.stderr.replace(str(source) + "/", "bad\\n.obj: ")
+        or error
+    )
+    assert "2 of 4 files failed or missed a gate (50 %), more than --fail-rate 0" in error[-1]
+    codes = {name: line["exit"] for name, line in told(out).items()}
+    assert sorted(codes.values()) == [0, 0, 3, 6]
+    assert codes["bad\n.obj"] == 3
+    shown = batch("--status", out)
+    assert shown.exit_code == 0
+    assert "1 failed, 3 ok" in shown.stdout
+    state = json.loads(batch("--status", out, "--json").stdout)
+    assert (state["counts"], state["missed"], state["running"]) == (
+        {"failed": 1, "ok": 3},
+        1,
+        False,
+    )
+    again = batch(source, "--out", out, "--fail-rate", 0.5, "--json", *ARGS)
+    assert again.exit_code == 0, again.output
+    summary = json.loads(again.stdout)
+    assert (summary["done"], summary["skipped"], summary["codes"]) == (
+        0,
+        4,
+        {"0": 2, "3": 1, "6": 1},
+    )
+    for name in ("report.html", "report.csv"):
+        assert "bad\\n.obj" in (out / name).read_text()
+
+
+def test_what_is_running_is_told(tmp_path: Path) -> None:
+    (tmp_path / "manifest.jsonl").write_bytes(encode({"name": "a", "status": "ok", "exit": 0}))
+    meter = Meter(total=10, skipped=2, weight=1000)
+    line: dict[str, Any] = {"status": "ok", "exit": 0, "source_bytes": 100}
+    meter.count(line)
+    progress = meter.progress({"slow.obj": 61.0, "new.obj": 1.0}, 2, "")
+    from circparam.batch.batch import _Told
+    from circparam.batch.store import Folder
+
+    heard: list[Progress] = []
+    _Told(Folder(str(tmp_path)), heard.append)(progress)
+    assert heard == [progress]
+    state = json.loads(batch("--status", tmp_path, "--json").stdout)
+    assert state["running"]
+    assert state["run"]["running"][0] == ["slow.obj", 61.0]
+    assert state["run"]["pid"] == os.getpid()
+    text = batch("--status", tmp_path).stdout
+    assert "1 of 8" in text
+    assert "slow.obj" in text
+    assert "3 of 10 done (2 before), 0 failed, 2 running on 2 workers" in headline(progress)
+
+
+def test_a_line_a_minute_without_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("circparam.cli.batch_progress.time.monotonic", lambda: now[0])
+    screen = Screen(False, 0, False)
+    progress = Progress(10, 0, {"ok": 1, "repaired": 0, "degraded": 0, "failed": 0})
+    for second in range(0, 200, 10):
+        now[0] = float(second)
+        screen.show(progress)
+    assert capsys.readouterr().err.count("1 of 10 done") == 3
+    screen.line({"name": "a.obj", "error": "broken"})
+    assert capsys.readouterr().err == "circparam: error: a.obj: broken\n"
+
+
+def test_on_a_terminal_names_and_ages_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = io.StringIO()
+    monkeypatch.setattr("sys.stderr", out)
+    monkeypatch.setattr(out, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    screen = Screen(False, 0, False)
+    running = tuple((f"m{k}\x1b.obj", 100.0 - k) for k in range(12))
+    counts = {"ok": 4, "repaired": 0, "degraded": 0, "failed": 1}
+    screen.show(Progress(30, 0, counts, 0, running, 1.5, 3700.0, 12, ""))
+    screen.close()
+    text = out.getvalue()
+    assert "5 of 30 done, 1 failed, 12 running on 12 workers, 1.5 files/s, 1:01:40 left" in text
+    assert "1:40" in text
+    assert "m0\\x1b.obj" in text
+    assert "and 4 more" in text
+
+
+def test_times_and_names_for_people() -> None:
+    assert [clock(s) for s in (5.9, 125, 7265, 400_000)] == ["5 s", "2:05", "2:01:05", "4.6 d"]
+    assert escaped("a\nb\udcff") == "a\\nb\\udcff"
+
+
+def test_lines_that_failed_are_shown_up_to_a_number(capsys: pytest.CaptureFixture[str]) -> None:
+    screen = Screen(True, 0, False)
+    for k in range(200):
+        screen.line({"name": f"{k}.obj", "error": "x"})
+    assert capsys.readouterr().err.count("\n") == 51
+    quiet = Screen(True, 0, True)
+    quiet.line({"name": "a", "error": "x"})
+    assert capsys.readouterr().err == ""
