@@ -37,7 +37,7 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
     options = replace(settings.options, overwrite=True, format=None)
     monitor = Monitor(None, options.timeout)
     with monitor.stage("read"):
-        document = read(source, unshare=bool(options.unshare))
+        document = read(source, unshare=bool(options.unshare), reader=options.reader)
     result = unwrap_document(document, target, options, monitor)
     scratch = os.path.dirname(target)
     more = _further(settings, result, scratch, name)

@@ -59,6 +59,7 @@ Examples:
     required=True,
     help="An image (.png), or the mesh with the image inside (.glb).",
 )
+@common.library_option("reader")
 @common.overwrite
 @common.json_option
 @common.quiet
@@ -76,15 +77,15 @@ def command(mesh: str, **given: Any) -> None:
     path = Path(given["output"])
     check_target(path)
     check_place(str(path), given["overwrite"])
-    document = read(mesh)
+    document = read(mesh, reader=given["reader"])
     kind, uv_set, size = given["kind"], given["uv_set"], given["size"]
-    other = read(given["source"]) if given["source"] is not None else None
+    other = read(given["source"], reader=given["reader"]) if given["source"] is not None else None
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         baked = bake_document(
             document, kind, uv_set=uv_set, source=other, size=size, monitor=Monitor(listener)
         )
     files, notes = write_baked(path, baked, document, uv_set, kind)
-    for line in [*document.notes, *baked.notes, *notes]:
+    for line in [*document.warnings, *document.notes, *baked.notes, *notes]:
         progress.warn(f"{mesh}: {line}", given["quiet"])
     report: dict[str, Any] = {
         "schema": "circparam/bake/1",

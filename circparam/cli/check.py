@@ -32,6 +32,7 @@ Examples:
     common.library_option("weld"),
     common.gates,
     common.format_option,
+    common.library_option("reader"),
     common.json_option,
     common.quiet,
 )
@@ -79,7 +80,7 @@ def _check(
 
     with progress.listener(mesh, given["quiet"]):
         format = given["format"] if table or mesh == "-" else None
-        found = inspect(read(mesh, format=format), **keywords)
+        found = inspect(read(mesh, format=format, reader=given["reader"]), **keywords)
     report = summarise_check(found)
     if given["as_json"]:
         common.echo_json(report)

@@ -24,6 +24,7 @@ Examples:
     common.output,
     common.overwrite,
     common.format_option,
+    common.library_option("reader"),
     common.library_options("packing"),
     common.library_option("uv_set"),
     common.library_option("ply_uv"),

@@ -56,6 +56,7 @@ class UnwrapCommand(common.SectionedCommand):
     common.out_dir,
     common.overwrite,
     common.format_option,
+    common.library_option("reader"),
     common.library_option("method"),
     common.library_options("flattening"),
     common.library_options("seams"),
@@ -169,6 +170,7 @@ class _Run:
                     mesh,
                     format=self.given["format"] if mesh == "-" else None,
                     unshare=self.given["unshare"],
+                    reader=self.given["reader"],
                 )
             options = replace(self.options, format=self.given["format"] if out == "-" else None)
             result = unwrap_document(document, out, options, monitor)

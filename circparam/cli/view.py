@@ -58,6 +58,7 @@ Examples:
     help="The axis that points up.",
 )
 @common.format_option
+@common.library_option("reader")
 @common.overwrite
 @common.quiet
 def command(mesh: str, **given: Any) -> None:
@@ -74,10 +75,10 @@ def command(mesh: str, **given: Any) -> None:
     path = Path(given["output"] or beside(Path(mesh), "_view", ".png"))
     check_kind(path)
     check_place(str(path), given["overwrite"])
-    document = read(mesh, format=given["format"])
+    document = read(mesh, format=given["format"], reader=given["reader"])
     look = {name: given[name] for name in ("uv_set", "padding", "up")}
     view_document(document, path, **look, scale_end=given["scale"])
-    for line in document.notes:
+    for line in [*document.warnings, *document.notes]:
         progress.warn(f"{mesh}: {line}", given["quiet"])
     if not given["quiet"]:
         click.echo(str(path))

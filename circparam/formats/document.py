@@ -64,8 +64,8 @@ class Document:
     """A file as read, able to write itself back with uv added and everything else kept.
 
     mesh: the triangles in world space (points bit-exact, polygons and groups as labels). uv_sets: numbers of
-    the uv sets in the file. notes: what reading found worth telling. features: what the file carries beyond
-    triangles, as short nouns, for the list of what another format cannot hold.
+    the uv sets in the file. notes: what reading found worth telling. warnings: what reading lost. features:
+    what the file carries beyond triangles, as short nouns, for the list of what another format cannot hold.
     group_names: name of each label in ``mesh.groups``.
     """
 
@@ -76,6 +76,7 @@ class Document:
     notes: list[str] = field(default_factory=list)
     features: tuple[str, ...] = ()
     group_names: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def path(self) -> Path | None:

@@ -124,8 +124,8 @@ def _document(scene: Any, source: Source, kind: str) -> ForeignDocument:
         kind,
         Mesh(np.concatenate(points), whole, groups=group if len(faces) > 1 else None),
         (0,) if layout is not None else (),
-        [f"read through trimesh: {', '.join(LOST)} are not kept"],
         group_names=tuple(names),
+        warnings=(f"read through trimesh: {', '.join(LOST)} are not kept",),
         layout=layout,
     )
 

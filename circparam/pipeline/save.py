@@ -84,7 +84,7 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
         verification=verification,
         status=said.status,
         reasons=said.reasons,
-        warnings=[*said.warnings, *written.warnings],
+        warnings=[*result.document.warnings, *said.warnings, *written.warnings],
     )
 
 

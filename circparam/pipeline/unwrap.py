@@ -187,7 +187,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         verification=verification,
         status=said.status,
         reasons=said.reasons,
-        warnings=said.warnings,
+        warnings=[*job.document.warnings, *said.warnings],
         notes=[*job.document.notes, *left_out, *cascade.notes],
         repairs=repairs,
         seconds=dict(monitor.seconds),

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 import circparam
 from circparam.cli import cli
@@ -168,7 +168,7 @@ def test_a_3mf_has_the_geometry_of_its_scene() -> None:
     )
     assert document.mesh.groups is not None
     assert np.bincount(document.mesh.groups).tolist() == [48, 80]
-    assert "materials" in document.notes[0]
+    assert "materials" in document.warnings[0]
 
 
 def test_node_transforms_of_collada_apply() -> None:
@@ -288,3 +288,23 @@ def test_both_readers_find_the_same_triangles(path: Path) -> None:
     along = np.random.default_rng(0).normal(size=(3, 5))
     a, b = (np.sort(c @ along, 0) for c in centres)
     np.testing.assert_allclose(a, b, atol=1e-5 * np.abs(a).max())
+
+
+def test_every_command_that_reads_takes_the_reader(tmp_path: Path) -> None:
+    """A file that only trimesh takes: refused with the cure, then read, and what is lost is told."""
+    mesh, out = tmp_path / "ball.glb", tmp_path / "out.glb"
+    mesh.write_bytes(draco_glb())
+
+    def run(*words: object) -> Result:
+        return CliRunner().invoke(cli, [str(word) for word in words])
+
+    refused = run("unwrap", mesh, "-o", out)
+    assert (refused.exit_code, "--reader trimesh" in refused.stderr) == (3, True)
+    made = run("unwrap", mesh, "-o", out, "--reader", "trimesh", "--effort", "0.01")
+    assert made.exit_code == 0, made.stderr
+    assert "read through trimesh" in made.stderr
+    assert run("check", mesh).exit_code == 3
+    assert run("check", mesh, "--reader", "trimesh").exit_code == 0
+    assert run("pack", out, "-o", tmp_path / "p.obj", "--reader", "trimesh").exit_code == 0
+    assert run("view", out, "-o", tmp_path / "v.png", "--reader", "trimesh").exit_code == 0
+    assert run("unwrap", mesh, "--reader", "trimes").exit_code == 2

@@ -13,7 +13,7 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set
 from circparam.formats.materials import Textures
 from circparam.formats.ply import editing, materials
-from circparam.formats.ply.model import INDICES, POLYGON_UV, UV_NAMES, FaceLists, vertex_uv
+from circparam.formats.ply.model import FACE_UV, INDICES, UV_NAMES, FaceLists, vertex_uv
 from circparam.formats.ply.reading import Layout
 from circparam.formats.polygons import Polygons, list_start, strips, triangulate
 from circparam.formats.source import Source
@@ -103,8 +103,8 @@ class PlyDocument(Document):
             )
         m = len(self.mesh.faces)
         if mode == "face":
-            if polys.labels is not None and options.ply_uv is None:
-                notes.append(POLYGON_UV)
+            if options.ply_uv is None:
+                warnings = [*warnings, FACE_UV]
             data = editing.with_face_uv(
                 self.layout, self.lists, uv, corner_uv[: self.lists.n_corners], kind
             )

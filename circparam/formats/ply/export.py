@@ -16,7 +16,7 @@ from circparam.formats.document import (
     not_carried,
 )
 from circparam.formats.ply.editing import check_place
-from circparam.formats.ply.model import POLYGON_UV
+from circparam.formats.ply.model import FACE_UV
 from circparam.formats.tokens import ByteArray, interleave
 from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
@@ -72,8 +72,8 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     lines += [f"property list {count_name} {uv_name} texcoord"] if at_faces else []
     head = "\n".join([*lines, "end_header", ""]).encode()
     notes, warnings = not_carried(document, "ply", "polygons")
-    if at_faces and polys.labels is not None and options.ply_uv is None:
-        notes.append(POLYGON_UV)
+    if at_faces and options.ply_uv is None:
+        warnings.append(FACE_UV)
     if not at_faces and split.added:
         notes.append(duplicated(split.added))
     data = head + vertex.tobytes() + body.tobytes()

@@ -15,8 +15,10 @@ TYPES = {
     "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
-# What a note says where uv go to faces with more than three corners.
-POLYGON_UV = "some readers refuse face texcoord of polygons: --ply-uv vertex is read everywhere"
+# Said where uv go to faces although nobody asked for that.
+FACE_UV = (
+    "uv stand at faces (texcoord), where Blender does not look: --ply-uv vertex is read everywhere"
+)
 INDICES = ("vertex_indices", "vertex_index")
 
 

@@ -12,7 +12,7 @@ from circparam.formats import Polygons
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
 from circparam.formats.memory import PlainDocument, from_arrays
-from circparam.formats.ply.model import POLYGON_UV
+from circparam.formats.ply.model import FACE_UV
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.formats_tools import assert_round_trip, grid, layout_with_seams, smooth_layout
@@ -68,9 +68,9 @@ def test_another_place_is_refused() -> None:
         encode(again, smooth_layout(doc), "ply", options=WriteOptions(ply_uv="edge"))
 
 
-def test_uv_at_faces_of_polygons_come_with_a_note() -> None:
+def test_uv_at_faces_come_with_a_warning() -> None:
     doc = fan(4)
-    for options, notes in ((WriteOptions(), [POLYGON_UV]), (WriteOptions(ply_uv="face"), [])):
+    for options, notes in ((WriteOptions(), [FACE_UV]), (WriteOptions(ply_uv="face"), [])):
         uv = np.random.default_rng(0).random((5, 2))
         faces = np.array([[0, 1, 2], [0, 2, 3]])
         # a second uv for vertex 0 cannot come from one polygon: two quads that share it
@@ -82,7 +82,7 @@ def test_uv_at_faces_of_polygons_come_with_a_note() -> None:
             Source("x"), "off", Mesh(points, corners[triangles], polygons=polys.labels), polys=polys
         )
         layout = UVMap(uv, np.concatenate([faces, np.where(faces == 0, 4, faces)]))
-        assert encode(two, layout, "ply", options=options).notes == notes
+        assert encode(two, layout, "ply", options=options).warnings == notes
 
 
 @pytest.mark.parametrize(("place", "last"), [("vertex", 255), ("face", 127)])
