@@ -292,7 +292,7 @@ def test_both_readers_find_the_same_triangles(path: Path) -> None:
 
 def test_every_command_that_reads_takes_the_reader(tmp_path: Path) -> None:
     """A file that only trimesh takes: refused with the cure, then read, and what is lost is told."""
-    mesh, out = tmp_path / "ball.glb", tmp_path / "out.glb"
+    mesh, out = tmp_path / "ball.glb", tmp_path / "out.obj"
     mesh.write_bytes(draco_glb())
 
     def run(*words: object) -> Result:
