@@ -166,7 +166,7 @@ def test_the_file_itself_is_named_first_and_written_last(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("name", "cure"),
     [("a.fbx", "export a .glb"), ("a.USDZ", "export a .glb"), ("a.blend", "export a .glb"),
-     ("a.step", "export an .stl or .obj"), ("a.mtl", "give the .obj"), ("a.zip", "unpack")],
+     ("a.iges", "export an .stl or .obj"), ("a.mtl", "give the .obj"), ("a.zip", "unpack")],
 )  # fmt: skip
 def test_formats_of_other_programs_are_told_what_to_export(
     tmp_path: Path, name: str, cure: str

@@ -49,7 +49,7 @@ def test_parts_keep_the_prices_of_their_edges_and_so_do_surfaces_that_are_cut_op
     price = np.random.default_rng(1).uniform(0.1, 1, len(surface.edges))
     priced = Surface(
         surface.points, surface.faces, surface.source, surface.reversed_faces, surface.edges,
-        surface.locked, price,
+        surface.locked, price=price,
     )  # fmt: skip
     assert priced.priced_lengths == pytest.approx(price * surface.edge_lengths)
     faces = surface.points[surface.faces].mean(1)[:, 2] > 0.1

@@ -112,7 +112,7 @@ def test_a_mesh_without_a_mirror_plane_is_refused(tmp_path: Path) -> None:
     p, f = shapes.bumped_disk(400)
     p = p @ shapes.rotation(2).T
     for axis in ("x", "auto"):
-        with pytest.raises(OptionError, match=f"--symmetry {axis}.*counterpart"):
+        with pytest.raises(OptionError, match=f"symmetry='{axis}'.*counterpart"):
             circparam.unwrap((p, f), tmp_path / "o.obj", symmetry=axis)
     with pytest.raises(OptionError, match="no mirror image"):
         circparam.unwrap(bumpy(6), symmetry="y")
