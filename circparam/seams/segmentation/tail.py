@@ -30,6 +30,7 @@ FACES_A_RING = (
     40  # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
 )
 HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
+LOST = 3.0  # times the share that is allowed, from which on some places are given up at once
 TURNS = 8  # of slits and splits
 PIECES = (2, 4)  # that charts are split in, one after the other where that is no use
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
@@ -79,14 +80,15 @@ def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
     which[order[kept]] = False
     sub, vid, _ = cut_mesh.subset(which)
     rest = limits.without(over[~which].sum(), cut_mesh, sub)
-    part, _ = even_out(sub, uv[vid], replace(rest, spared=0.0), monitor)
-    left = share_over(sub, face_stretch(sub, part), limits.most)
-    if (
-        left.sum() > rest.allowed
-    ):  # some places are hopeless: without them the others may fare better
-        other, _ = even_out(sub, uv[vid], rest, monitor)
-        better = share_over(sub, face_stretch(sub, other), limits.most) < left
-        part = np.where(better[sub.vertex_chart][:, None], other, part)
+    # with so much to hold some places are hopeless: without them the others fare better
+    part, left = uv[vid], np.full(sub.n_charts, np.inf)
+    for aim in (rest,) if over.sum() > LOST * limits.allowed else (replace(rest, spared=0.0), rest):
+        other, _ = even_out(sub, uv[vid], aim, monitor)
+        share = share_over(sub, face_stretch(sub, other), limits.most)
+        part = np.where((share < left)[sub.vertex_chart][:, None], other, part)
+        left = np.minimum(left, share)
+        if left.sum() <= rest.allowed:
+            break
     out = uv.copy()
     out[vid] = part
     return out
