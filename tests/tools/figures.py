@@ -1,7 +1,8 @@
 """The pictures of README and docs, made from the samples: ``python -m tests.tools.figures`` (make figures).
 
 docs/pictures/creature.png: a closed creature, its layout, a checker, its distortion. methods.png: the methods
-on one disk. xatlas.png: the creature by circparam and by xatlas. methods/NAME.png: one picture a method. Every
+on one disk. xatlas.png: the creature by circparam and by xatlas. methods/NAME.png: one picture a method. parts-1.png,
+parts-2.png: six machine parts. Every
 file stays below 200 kB; no time is printed in them, so the same code makes the same pictures.
 """
 
@@ -26,10 +27,13 @@ from circparam.render.figures import PictureOptions, as_figures
 from circparam.render.picture import draw_figure, png_bytes, to_image
 from circparam.render.scene import make_scene
 from circparam.render.side_by_side import MethodLayout, SideBySide
+from tests.support.machined import MACHINED
+from tests.support.parts import PARTS
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures"
 LIMIT = 200_000  # bytes
 DISK = "bumped-disk"
+DRAWN = ("plate", "gear", "flanged pipe", "housing", "nozzle", "shaft")
 SHOWN = ("circle", "floater", "mean-value", "lscm", "isometric")
 
 
@@ -100,8 +104,23 @@ def xatlas(own: MethodLayout) -> None:
     save("xatlas.png", compare_plot([SideBySide("creature.ply", mesh, rows)]))
 
 
+def parts() -> None:
+    """Machine parts, whose flats and tubes stay whole."""
+    every = {**PARTS, **MACHINED}
+    shown = []
+    for name in DRAWN:
+        part = every[name]()
+        result = unwrap((part.points, part.faces))
+        row = MethodLayout("circparam", UVMap(result.uv, result.uv_faces), "ok", result.measures)
+        shown.append(SideBySide(name, result.mesh, [row]))
+    half = len(shown) // 2
+    save("parts-1.png", compare_plot(shown[:half]))
+    save("parts-2.png", compare_plot(shown[half:]))
+
+
 def main() -> int:
     """Make all of them."""
+    parts()
     own = creature()
     xatlas(own)
     methods()
