@@ -9,7 +9,7 @@ from circparam.geometry.visibility import edge_shares
 from circparam.mesh.surface import Surface
 
 DIRECTIONS = 64
-FEWER, LARGE = 24, 150_000  # directions for surfaces of more faces than that
+FEWER, LARGE = 24, 20_000  # directions for surfaces of more faces than that
 PIXELS = 128
 TYPICAL = 0.5  # of the directions see an edge of a convex shape
 LEAST = 0.2  # of that: what is seen from fewer is as good as hidden

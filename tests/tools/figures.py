@@ -1,9 +1,9 @@
 """The pictures of README and docs, made from the samples: ``python -m tests.tools.figures`` (make figures).
 
 docs/pictures/creature.png: a closed creature, its layout, a checker, its distortion. methods.png: the methods
-on one disk. xatlas.png: the creature by circparam and by xatlas. methods/NAME.png: one picture a method. parts-1.png,
-parts-2.png: six machine parts. Every
-file stays below 200 kB; no time is printed in them, so the same code makes the same pictures.
+on one disk. xatlas.png: the creature by circparam and by xatlas. methods/NAME.png: one picture a method.
+parts-1.png, parts-2.png: six machine parts. Every file stays below 200 kB; no time is printed in them, so the
+same code makes the same pictures.
 """
 
 from __future__ import annotations
