@@ -61,6 +61,7 @@ DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
+SOUP = 1_000  # charts, from which on nobody sees which way a seam runs
 STRICT = 1.05  # bound up to which seams are added for that
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 
@@ -114,6 +115,8 @@ def _seams(atlas: Atlas, forced: BoolArray, notes: list[str]) -> Seams:
 
 def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     """Move seams to cheaper paths: on hard components all of them, on others where they have flats."""
+    if atlas.charts()[0] > SOUP:
+        return
     hard = hardness(atlas.surface) == HARD
     for which, priced in ((hard, seam_prices), (with_flats(atlas.surface) & ~hard, flat_prices)):
         if not which.any() or not atlas.cut.any():
