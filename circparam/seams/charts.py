@@ -15,7 +15,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
-from circparam.seams.hard.flats import flat_prices, with_flats
+from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import hiding_prices
@@ -117,7 +117,7 @@ def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     """Move seams to cheaper paths: on hard components all of them, on others where they have flats."""
     if atlas.charts()[0] > SOUP:
         return
-    hard = hardness(atlas.surface) == HARD
+    hard = with_hard_prices(atlas)
     for which, priced in ((hard, seam_prices), (with_flats(atlas.surface) & ~hard, flat_prices)):
         if not which.any() or not atlas.cut.any():
             continue
@@ -179,7 +179,9 @@ def bounded_atlas(
         with monitor.stage("charts"):
             reach_count(merged, bound, most, monitor)
         tried.append(merged)
-    return min(tried, key=lambda one: worth(one, most, bound))
+    best = min(tried, key=lambda one: worth(one, most, bound))
+    best.prices = atlas.prices
+    return best
 
 
 def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, float, float]:
@@ -207,9 +209,9 @@ def free_atlas(
         atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
     if doubtful.any() and not monitor.expired:
         other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-        take_better(atlas, doubtful, other, CHART_COST)
+        hard |= take_better(atlas, doubtful, other, CHART_COST)
     if hard.any():
-        atlas.prices = seam_prices(surface)
+        atlas.prices = hard_prices(surface, hard)
     return atlas
 
 

@@ -96,11 +96,11 @@ def _decided(
     return atlas
 
 
-def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float) -> None:
+def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float) -> BoolArray:
     """Take components of ``other``, an atlas of some faces ((m,) bool), where it is the better one.
 
     What counts is the length of the seams, more for those in flats (EYESORE), and so much for every chart, in
-    units of the root of the area of all.
+    units of the root of the area of all. Returns (all faces of ``atlas``,) bool: what was taken.
     """
     surface = other.surface
     mine = atlas.part(faces)
@@ -119,6 +119,9 @@ def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float)
     if better.any():
         mine.put(better, other.part(better))
         atlas.put(faces, mine)
+    taken = faces.copy()
+    taken[faces] = better
+    return taken
 
 
 def first_regions(

@@ -8,8 +8,8 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.graph import components
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
-from circparam.seams.hard.regions import FLAT, flats, turns
-from circparam.seams.segmentation.shorten import edge_costs
+from circparam.seams.hard.regions import FLAT, flats, seam_prices, turns
+from circparam.seams.segmentation.shorten import sharp_prices
 
 BENDS = 4 * FLAT  # mean turn of the edges round a flat, from which on it stands out
 EXACT = np.radians(0.1)  # where faces of a flat are coplanar but for rounding, edges turn less
@@ -59,11 +59,32 @@ def with_flats(surface: Surface) -> BoolArray:
 def flat_prices(surface: Surface) -> SeamPrices:
     """Prices that lead seams round the flats of an organic surface."""
     flat, size = real_flats(surface)
-    bare = Atlas(surface, np.zeros(len(flat), bool))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        price = np.where(bare.lengths > 0, edge_costs(bare) / bare.lengths, 1.0)
-    price = np.where(np.isfinite(price), price, 1.0) * np.where(
-        flat, np.where(size > 2, DEAR, PAIR), 1.0
-    )
+    dear = np.where(size > 2, DEAR, PAIR)
+    if surface.price is not None:
+        # the rim of a flat is seen from more sides than the flat is: that must not bring seams into it
+        dear = dear * np.maximum(surface.price.max(initial=1.0), 1.0)
+    price: FloatArray = sharp_prices(surface) * np.where(flat, dear, 1.0)
     none = np.zeros(len(flat), bool)
     return SeamPrices(price, flat, none, none)
+
+
+def hard_prices(surface: Surface, hard: BoolArray) -> SeamPrices:
+    """The prices of hard surfaces on components that were laid out as such ((m,) bool), none on others."""
+    prices = seam_prices(surface)
+    here = hard[surface.edges[:, 0] // 3]
+    return SeamPrices(
+        np.where(here, prices.price, sharp_prices(surface)),
+        prices.flat & here,
+        prices.sharp & here,
+        prices.crease & here,
+    )
+
+
+def with_hard_prices(atlas: Atlas) -> BoolArray:
+    """(m,) bool: faces of components that have the prices of hard surfaces (``hard_prices``)."""
+    surface, prices = atlas.surface, atlas.prices
+    if prices is None:
+        return np.zeros(len(surface.faces), bool)
+    fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
+    _, component = components(len(surface.faces), fi, fj)
+    return np.isin(component, component[fi[prices.flat | prices.crease]])

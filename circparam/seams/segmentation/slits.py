@@ -65,6 +65,8 @@ def slit_to(
     shut[peak] = False
     cost = edge_costs(atlas)
     inner = ~atlas.cut & np.isfinite(cost) & which[cut_mesh.chart[atlas.surface.edges[:, 0] // 3]]
+    if atlas.flat is not None:  # they are as developable as can be: a slit there is of no use
+        inner &= ~atlas.flat
     h = atlas.surface.edges[:, 0]
     inner &= ~shut[flat[h]] & ~shut[flat[next_half_edge(h)]]
     h = h[inner]

@@ -17,6 +17,7 @@ from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.hard.unroll import slits
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import judge
@@ -32,7 +33,9 @@ FACES_A_RING = (
 HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
 LOST = 3.0  # times the share that is allowed, from which on some places are given up at once
 TURNS = 8  # of slits and splits
-PIECES = (2, 4)  # that charts are split in, one after the other where that is no use
+CUT_OFF = 0  # pieces: regions that are stretched are cut off along sharp edges
+PIECES = (CUT_OFF, 2, 4)  # that charts are split in, one after the other where that is no use
+STRETCHED = 0.1  # share of a smooth region, from which on it is cut off as a whole
 REACH = 0.5  # share of the way to the curvature that a slit takes in one turn
 
 
@@ -179,6 +182,22 @@ def _slit(
     return back
 
 
+def _cut_off(atlas: Atlas, far: BoolArray) -> bool:
+    """Cut smooth regions of a hard surface off that are stretched ((m,) bool: faces); whether there are any."""
+    if atlas.prices is None:
+        return False
+    surface, sharp = atlas.surface, atlas.prices.sharp & ~atlas.surface.locked
+    n, region = surface.charts(atlas.cut | sharp)
+    over = group_sum(surface.areas * far, region, n) > STRETCHED * group_sum(
+        surface.areas, region, n
+    )
+    sides = over[region[surface.edges // 3]]
+    new = sharp & ~atlas.cut & (sides[:, 0] != sides[:, 1])
+    atlas.cut |= new
+    atlas.cut |= slits(atlas)
+    return bool(new.any())
+
+
 def _split(
     atlas: Atlas,
     cut_mesh: CutMesh,
@@ -195,11 +214,16 @@ def _split(
     share = cut_mesh.chart_areas / cut_mesh.areas.sum()
     long = over > np.minimum(limits.allowed * share, over.max() / 2)
     part = atlas.part(long[cut_mesh.chart])
+    if pieces == CUT_OFF and part.prices is None:
+        return False
     graph = dual_graph(part.surface, part.flat)
     inner, uv = part.open()
     layouts = judge(inner, relax(inner, uv, SETTLED, monitor).uv)
     if not layouts.bad(limits.bound).any():
-        split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool), pieces)
+        if pieces != CUT_OFF:
+            split_charts(part, graph, inner.chart, np.ones(inner.n_charts, bool), pieces)
+        elif not _cut_off(part, face_stretch(inner, uv) > limits.most):
+            return False
         make_disks(part, graph)
         inner, uv = part.open()
         layouts = judge(inner, lay_out_sound(inner, uv, SETTLED, monitor))

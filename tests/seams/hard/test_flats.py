@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from circparam.mesh.atlas import Atlas
 from circparam.seams.hard.flats import DEAR, PAIR, flat_prices, real_flats, with_flats
+from circparam.seams.hidden import hiding_prices
 from circparam.seams.segmentation.shorten import edge_costs
 from tests.support import shapes
 from tests.support.atlases import surface_of, uncut
+from tests.support.parts import PARTS
 
 RING = shapes.torus(24, 12)  # plane quads, each cut in two
 TUBE = shapes.cylinder(around=12, along=6)  # its quads form flats from end to end
@@ -53,3 +58,20 @@ def test_flats_are_dear_and_all_else_costs_what_it_did(shape: shapes.Shape, fact
     assert prices is not None
     paid = prices.price * atlas.surface.edge_lengths / edge_costs(atlas)
     assert paid == pytest.approx(np.where(real_flats(atlas.surface)[0], factor, 1.0))
+
+
+def test_a_flat_is_dearer_than_its_rim_however_many_see_the_rim() -> None:
+    """Prices of visibility make the rim of a flat up to four times as dear as the flat is."""
+    part = PARTS["cube"]()
+    surface = surface_of(part.points, part.faces)
+    flat, _ = real_flats(surface)
+    seen = replace(surface, price=hiding_prices(surface, 0.5))
+    assert flat.any()
+    assert seen.price[~flat].max() > 2
+    costs = []
+    for one in (surface, seen):
+        atlas = Atlas(one, np.zeros(len(flat), bool), prices=flat_prices(one))
+        costs.append(atlas.costs / one.edge_lengths)
+    assert costs[1][flat].min() > costs[1][~flat].max()
+    # visibility counts once
+    assert (costs[1] / costs[0])[~flat] == pytest.approx(seen.price[~flat])
