@@ -55,7 +55,7 @@ def straighten(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     count, of_node = components(int(node.max()) + 1, node[0], node[1])
     unit = np.full(len(cut), -1)
     unit[changed] = of_node[node[0]]
-    gain = np.where(cut[changed], -1, 1) * atlas.costs[changed]
+    gain = np.where(cut[changed], -1, 1) * atlas.lengths[changed]
     _adopt(atlas, cut, unit, group_sum(gain, unit[changed], count), limits, monitor)
 
 
@@ -64,7 +64,7 @@ def _gains(atlas: Atlas, proposal: Proposal) -> FloatArray:
     total = np.zeros(proposal.n)
     for chain, sign in ((proposal.old, 1), (proposal.new, -1)):
         on = np.flatnonzero(chain >= 0)
-        total += sign * group_sum(atlas.costs[on], chain[on], proposal.n)
+        total += sign * group_sum(atlas.lengths[on], chain[on], proposal.n)
     return total
 
 
