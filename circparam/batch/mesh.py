@@ -34,8 +34,9 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
     from circparam.pipeline.summary import summarise
     from circparam.pipeline.unwrap import unwrap_document
 
-    options = replace(settings.options, overwrite=True, format=None)
-    monitor = Monitor(None, options.timeout)
+    # as many meshes are at work as there are cores, and a fork has no processes that others have opened
+    options = replace(settings.options, overwrite=True, format=None, jobs=1)
+    monitor = Monitor(None, options.timeout, options.processes)
     with monitor.stage("read"):
         document = read(source, unshare=bool(options.unshare), reader=options.reader)
     result = unwrap_document(document, target, options, monitor)

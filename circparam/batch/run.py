@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ from circparam.batch.cluster import Cluster, LostError, refuse
 from circparam.batch.index import Item
 from circparam.batch.manifest import Manifest
 from circparam.batch.progress import Meter, Progress
-from circparam.batch.task import do_item
+from circparam.batch.task import do_item, leave, settings_of
 from circparam.errors import OutputError
 
 WINDOW = 4  # tasks at Dask for each that can be at work
@@ -71,16 +72,15 @@ class Batch:
         Raises LostError where the scheduler is gone, OutputError where the manifest cannot be written,
         OptionError for a worker of another version.
         """
-        more, told = True, False
+        told = False
         while True:
             if self.stopping and not told:
-                told, more = True, False
+                told = True
                 self._later.clear()
-                self._cancel_waiting()
+                self._looked = -math.inf  # look now
             self._look()
-            if not self.stopping:
-                more = self._fill() or bool(self._later)
-            if not self.running and not self._unwritten and (self.stopping or not more):
+            more = not self.stopping and (self._fill() or bool(self._later))
+            if not self.running and not self._unwritten and not more:
                 return not self.stopping
             self._write()
             if self._ready.has_ready():
@@ -125,6 +125,8 @@ class Batch:
             return
         if "refused" in line:
             refuse(str(line.get("worker", "that took a file")), line["refused"])
+        if "left" in line:
+            return
         again = line.pop("again", None)
         if again == "space":
             self._wait_for_space(item, line)
@@ -199,7 +201,8 @@ class Batch:
                 self.on_line(line)
 
     def _look(self) -> None:
-        """Once in a while: how many workers there are, what runs, whether the scheduler is there."""
+        """Once in a while: how many workers there are, what runs, whether the scheduler is there; after
+        ``ask_to_stop`` each worker is told so, those that came later, too."""
         now = time.monotonic()
         if now - self._looked < LOOK:
             return
@@ -208,6 +211,8 @@ class Batch:
             raise LostError
         try:
             self._threads = self.cluster.threads()
+            if self.stopping:
+                self._leave_waiting()
             ages = self.cluster.running()
         except Exception:
             if not self.cluster.alive:
@@ -219,13 +224,13 @@ class Batch:
             names = {self.running[k][1].target: seconds for k, seconds in known.items()}
             self.listener(self.meter.progress(names, self._threads, note))
 
-    def _cancel_waiting(self) -> None:
-        """Take back what no worker has begun."""
-        try:
-            begun = self.cluster.running()
-        except Exception:
-            begun = {}
-        waiting = [key for key in self.running if key not in begun]
-        futures = [self.running.pop(key)[0] for key in waiting]
-        if futures:
-            self.cluster.client.cancel(futures)
+    def _leave_waiting(self) -> None:
+        """Have the workers begin nothing more.
+
+        Each task answers all the same, with a line or that it was left: a worker alone knows what it has begun,
+        the scheduler hears of it later, and a cancelled task would go on without anybody waiting for its line.
+        """
+        self.cluster.client.run(leave, settings_of(self.settings).run, on_error="ignore")
+        if not self._threads:  # nobody there to answer, and so nothing that is at work
+            self.cluster.client.cancel([future for future, _ in self.running.values()])
+            self.running.clear()

@@ -53,8 +53,8 @@ def warm_up() -> None:
     sides = np.array(
         [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     )
-    unwrap((hill, faces))
-    unwrap((box, np.concatenate([sides[:, [0, 1, 2]], sides[:, [0, 2, 3]]])))
+    unwrap((hill, faces), jobs=1)
+    unwrap((box, np.concatenate([sides[:, [0, 1, 2]], sides[:, [0, 2, 3]]])), jobs=1)
 
 
 class Server:

@@ -57,11 +57,21 @@ _ELSEWHERE = {
 }
 
 
+_LEFT: set[str] = set()  # runs that begin nothing more in this process
+
+
+def leave(run: str) -> None:
+    """Called in every worker when a run is asked to stop: what is begun from now on is left as it is."""
+    _LEFT.add(run)
+
+
 def do_item(settings_data: bytes, item: Item) -> dict[str, Any]:
-    """The task that is submitted: a line for the manifest."""
+    """The task that is submitted: a line for the manifest, or that the file was left (see ``leave``)."""
     if settings_version(settings_data) != __version__:
         return {"refused": __version__, "name": item.target}
     settings = settings_of(settings_data)
+    if settings.run in _LEFT:
+        return {"left": settings.run, "name": item.target}
     start = time.time()
     scratch = None
     line: dict[str, Any] = {

@@ -19,6 +19,7 @@ import pytest
 import circparam
 from circparam.batch import task
 from circparam.batch.index import Item
+from circparam.batch.mesh import unwrap_one
 from circparam.batch.process import GoneError, WarmServer, close_servers, warm_server
 from circparam.batch.settings import Settings
 from circparam.batch.task import do_item, pack_settings, settings_of
@@ -67,6 +68,22 @@ def test_a_server_is_used_again_and_its_child_knows_nothing_of_the_last_mesh(
             pids.add(server.pid)
         assert do(write_disk(tmp_path / f"m{k}.obj", 2 + k), settings(tmp_path / "o"))["exit"] == 0
     assert len(pids) == 1
+
+
+def test_a_mesh_opens_no_processes_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A batch has a mesh at work on each core already, and --jobs is no option of it."""
+    asked: list[int] = []
+    monkeypatch.setattr("circparam.core.workers.start", lambda jobs, _: asked.append(jobs))
+    monkeypatch.setattr("circparam.pipeline.options.cores", lambda: 4)
+    mesh = str(write_disk(tmp_path / "m.obj", 30))
+    (tmp_path / "o").mkdir()
+    for jobs in (None, 4):
+        given = settings(tmp_path, method="isometric", cut="charts", jobs=jobs)
+        out = unwrap_one(given, mesh, str(tmp_path / "o" / "m.obj"), "m.obj")
+        assert (out["code"], out["error"]) == (0, None)
+    assert set(asked) == {1}  # which opens none
 
 
 HARM = {

@@ -18,6 +18,7 @@ pytest.importorskip("moto.server")
 import circparam
 from circparam.batch import store
 from circparam.batch.batch import Plan, run_batch, status
+from circparam.batch.cluster import Cluster
 from circparam.batch.companions import fetch
 from circparam.batch.manifest import journal, lines
 from circparam.batch.sources import Listing
@@ -43,12 +44,17 @@ def s3(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[tuple[Any, F
     s3fs.S3FileSystem.clear_instance_cache()
 
 
-def test_a_batch_from_s3_to_s3(s3: tuple[Any, Failing], tmp_path: Path) -> None:
+def test_a_batch_from_s3_to_s3(
+    s3: tuple[Any, Failing], tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     system, server = s3
     source = write_set(tmp_path / "src", 6)
     store.again(system.put, str(source) + "/", "bucket/in/", recursive=True)
     given = settings("s3://bucket/out")
-    summary = run_batch(Plan(["s3://bucket/in"], given, workers=1))
+    cluster = Cluster(workers=1)  # not the shared one: it must know the environment of the store
+    request.addfinalizer(cluster.kill)
+    address = cluster.client.scheduler.address
+    summary = run_batch(Plan(["s3://bucket/in"], given, scheduler=address))
     assert summary.counts == {"ok": 6}
     assert server.failed >= 5
     found = sorted(store.again(system.find, "bucket/out"))
@@ -72,7 +78,7 @@ def test_a_batch_from_s3_to_s3(s3: tuple[Any, Failing], tmp_path: Path) -> None:
     again = run_batch(Plan(["s3://bucket/in"], given, workers=1))
     assert (again.done, again.skipped) == (0, 6)
     store.again(system.pipe_file, f"bucket/in/{names[0]}", (source / names[1]).read_bytes())
-    changed = run_batch(Plan(["s3://bucket/in/**/*.obj"], given, workers=1))
+    changed = run_batch(Plan(["s3://bucket/in/**/*.obj"], given, scheduler=address))
     assert (changed.done, changed.skipped) == (1, 5)
 
 
@@ -130,7 +136,7 @@ def test_an_upload_that_never_succeeds_is_told(
     assert b'"a"' in s3[0].cat_file("bucket/out/manifest.jsonl")
 
 
-def test_meshes_in_an_archive(tmp_path: Path) -> None:
+def test_meshes_in_an_archive(shared: str, tmp_path: Path) -> None:
     source = write_set(tmp_path / "src", 2)
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         for path in source.rglob("*.obj"):
@@ -138,7 +144,7 @@ def test_meshes_in_an_archive(tmp_path: Path) -> None:
     out = tmp_path / "out"
     given = settings(out)
     address = f"zip://{tmp_path / 'a.zip'}::**/*.obj"
-    assert run_batch(Plan([address], given, workers=1)).counts == {"ok": 2}
+    assert run_batch(Plan([address], given, scheduler=shared)).counts == {"ok": 2}
     for path in source.rglob("*.obj"):
         circparam.unwrap(str(path), str(tmp_path / "one.obj"), overwrite=True, **QUICK)
         assert (out / path.relative_to(source)).read_bytes() == (tmp_path / "one.obj").read_bytes()

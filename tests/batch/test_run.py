@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import os
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from circparam.batch.manifest import encode
 from circparam.batch.run import ATTEMPTS
 from circparam.core.workers import environment
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
+from circparam.pipeline.gates import Gates
 from tests.support.batch_faults import (
     QUICK,
     Poison,
@@ -90,15 +92,17 @@ def test_a_batch_and_its_continuation(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (out / "manifest.jsonl").read_bytes() == before
 
 
-def test_what_changed_is_done_and_a_torn_line_is_mended(tmp_path: Path) -> None:
+def test_what_changed_is_done_and_a_torn_line_is_mended(shared: str, tmp_path: Path) -> None:
     source, out = write_set(tmp_path / "src", 4), tmp_path / "out"
-    batch(source, out)
+    batch(source, out, scheduler=shared)
     first = (out / "manifest.jsonl").read_bytes()
     (out / "manifest.jsonl").write_bytes(first[:-20])  # the last line is torn
     write_disk(source / "b" / "new.obj")
     notes: list[str] = []
     lines: list[dict[str, Any]] = []
-    summary = batch(source, out, hooks=Hooks(on_line=lines.append, note=notes.append))
+    summary = batch(
+        source, out, scheduler=shared, hooks=Hooks(on_line=lines.append, note=notes.append)
+    )
     torn = json.loads(first.splitlines()[-1])["name"]
     assert sorted(line["name"] for line in lines) == sorted(["b/new.obj", torn])
     assert "torn" in notes[0]
@@ -114,12 +118,12 @@ def write_poison(folder: Path, good: int, each: dict[str, int]) -> Path:
     return folder
 
 
-def test_a_poisoned_set(tmp_path: Path) -> None:
+def test_a_poisoned_set(shared: str, tmp_path: Path) -> None:
     each = {"crash": 1, "hang": 1, "hungry": 1}
     source, out = write_poison(tmp_path / "src", 4, each), tmp_path / "out"
     (source / "broken.obj").write_text("v 0 0 0\nf 1 2 3\n")
     given = settings(out, Poison(), timeout=1.0, max_memory=3 << 30)
-    summary = batch(source, out, settings=given)
+    summary = batch(source, out, scheduler=shared, settings=given)
     found = told(out)
     assert summary.counts == {"ok": 4, "failed": 4}
     causes = {name: line["error"] for name, line in found.items() if line["status"] == "failed"}
@@ -200,11 +204,13 @@ class Killer:
     def __init__(self, after: set[int]) -> None:
         self.after, self.lines, self.killed = after, 0, 0
         self.random = random.Random(3)
+        self.others = clusters_of(os.getpid())
 
     def __call__(self, line: dict[str, Any]) -> None:
         self.lines += 1
         if self.lines in self.after:
-            workers = [w for c in clusters_of(os.getpid()) for w in workers_of(c)]
+            mine = set(clusters_of(os.getpid())) - set(self.others)
+            workers = [w for c in mine for w in workers_of(c)]
             if workers:
                 os.kill(self.random.choice(workers), signal.SIGKILL)
                 self.killed += 1
@@ -265,7 +271,9 @@ def count_lines(out: Path) -> int:
 @pytest.mark.parametrize(
     "moments", [[2], pytest.param([0, 1, 7, 20, 33], marks=pytest.mark.slow)], ids=["once", "five"]
 )
-def test_the_client_is_killed_and_continued(moments: list[int], tmp_path: Path) -> None:
+def test_the_client_is_killed_and_continued(
+    moments: list[int], shared: str, tmp_path: Path
+) -> None:
     count = 5 if len(moments) == 1 else 40
     source, out = write_set(tmp_path / "src", count), tmp_path / "out"
     for moment in moments:
@@ -277,60 +285,156 @@ def test_the_client_is_killed_and_continued(moments: list[int], tmp_path: Path) 
         if cluster:  # it ends with its client
             gone = threading.Event()
             assert any(not Path(f"/proc/{cluster}").exists() or gone.wait(0.05) for _ in range(600))
-    summary = batch(source, out)
+    summary = batch(source, out, scheduler=shared)
     assert summary.counts == {"ok": count}
     expect_quiet(source, out, count)
 
 
-def test_ctrl_c_once_and_twice(tmp_path: Path) -> None:
-    source, out = write_set(tmp_path / "src", 30), tmp_path / "out"
-    with start_batch(source, out) as process:
-        wait_for(lambda: count_lines(out) >= 2, process)
-        process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=60)
-    assert process.returncode == 130, error
-    assert b"stopping" in error
-    assert b"the same command continues" in error
-    once = count_lines(out)
-    assert 2 <= once < 30
-    assert files(out) == set(told(out))  # what ran was finished
-    with start_batch(source, out) as process:
-        wait_for(lambda: count_lines(out) >= once + 1, process)
-        process.send_signal(signal.SIGINT)
-        assert process.stderr is not None
-        assert b"stopping" in process.stderr.readline()
-        process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=20)
-    assert process.returncode == 130, error
-    assert batch(source, out).counts == {"ok": 30}
-    expect_quiet(source, out, 30)
+# the command line, with Ctrl-C so many times as soon as the second file of this run is done
+CTRL_C = """
+import os, signal, sys
+from circparam.cli import batch_progress, main
+
+times = int(sys.argv.pop(1))
+
+class Screen(batch_progress.Screen):
+    def line(self, line):
+        super().line(line)
+        self.lines = getattr(self, "lines", 0) + 1
+        if self.lines == 2:
+            for _ in range(times):
+                os.kill(os.getpid(), signal.SIGINT)
+
+batch_progress.Screen = Screen
+main()
+"""
+
+
+def test_ctrl_c_once_and_twice(shared: str, tmp_path: Path) -> None:
+    source, out = write_set(tmp_path / "src", 24), tmp_path / "out"
+    seen = 0
+    for times, where in ((1, ["--scheduler", shared]), (2, ["--workers", "1"])):
+        command = ["-c", CTRL_C, str(times), "batch", str(source), "--out", str(out), *ARGS]
+        ended = subprocess.run(
+            [sys.executable, "-P", *command, *where], env=environment(), check=False,
+            capture_output=True, cwd=tmp_path,
+        )  # fmt: skip
+        assert ended.returncode == 130, ended.stderr
+        assert b"stopping" in ended.stderr
+        lines = count_lines(out)
+        assert seen + 2 <= lines < 24
+        seen = lines
+        if times == 1:
+            assert b"the same command continues" in ended.stderr
+            assert files(out) == set(told(out))  # what ran was finished
+    assert batch(source, out, scheduler=shared).counts == {"ok": 24}
+    expect_quiet(source, out, 24)
+
+
+@dataclass(frozen=True)
+class Begun(Gates):
+    """Gates that note in a folder that a mesh has been begun, and wait there for a word through a pipe."""
+
+    folder: str = ""
+
+    def missed(self, report: dict[str, Any]) -> list[str]:
+        (Path(self.folder) / os.path.basename(report["input"])).touch()
+        with open(Path(self.folder).parent / "go", "rb"):
+            return []
+
+
+def test_what_has_begun_gets_its_line_whatever_the_scheduler_knows(
+    shared: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Workers tell the scheduler what they are at twice a second: a batch must not rely on it."""
+    monkeypatch.setattr("circparam.batch.cluster.Cluster.running", lambda self: {})
+    source, out, begun = write_set(tmp_path / "src", 12), tmp_path / "out", tmp_path / "begun"
+    begun.mkdir()
+    os.mkfifo(tmp_path / "go")
+    stop: list[Callable[[], None]] = []
+    pipes: list[int] = []
+
+    def started(ask: Callable[[], None]) -> contextlib.AbstractContextManager[None]:
+        stop.append(ask)
+        return contextlib.nullcontext()
+
+    def listen(progress: Any) -> None:
+        if not pipes and len(list(begun.iterdir())) == 2:  # both workers are at work
+            stop[0]()
+            pipes.append(os.open(tmp_path / "go", os.O_RDWR))
+
+    given = settings(out, Begun(folder=str(begun)))
+    hooks = Hooks(listener=listen, started=started)
+    summary = batch(source, out, scheduler=shared, settings=given, hooks=hooks)
+    os.close(pipes[0])
+    assert not summary.finished
+    known = {p.name for p in begun.iterdir()}
+    assert {os.path.basename(name) for name in told(out)} == known
+    assert {os.path.basename(name) for name in files(out)} == known
+    assert 2 <= len(known) < 12
+
+
+def test_a_stop_while_there_are_no_workers(
+    lone_scheduler: tuple[subprocess.Popen[bytes], Path], tmp_path: Path
+) -> None:
+    source, out = write_set(tmp_path / "src", 3), tmp_path / "out"
+    stop: list[Callable[[], None]] = []
+    notes: list[str] = []
+
+    def started(ask: Callable[[], None]) -> contextlib.AbstractContextManager[None]:
+        stop.append(ask)
+        return contextlib.nullcontext()
+
+    def listen(progress: Any) -> None:
+        notes.append(progress.note)
+        if len(notes) == 2:  # all files have been submitted
+            stop[0]()
+
+    hooks = Hooks(listener=listen, started=started)
+    summary = batch(source, out, scheduler_file=str(lone_scheduler[1]), hooks=hooks)
+    assert (summary.finished, summary.done) == (False, 0)
+    assert "no workers" in notes[-1]
+
+
+QUIET: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+
+
+@contextlib.contextmanager
+def ended(*command: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A process of Dask's command line that is ended with the block."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", f"distributed.cli.{command[0]}", *command[1:], "--no-dashboard"],
+        env=environment(), **QUIET,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
 @pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
-    """A scheduler process and a worker process of their own on the loopback: (scheduler, its file)."""
+def lone_scheduler(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
+    """A scheduler process of its own on the loopback, without workers: (scheduler, its file)."""
     where = tmp_path / "scheduler.json"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment()}
-    dask = [sys.executable, "-m", "distributed.cli"]
-    server = subprocess.Popen(
-        [*dask[:2], "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
-         "--no-dashboard", "--scheduler-file", str(where)], **quiet,
-    )  # fmt: skip
-    worker = subprocess.Popen(
-        [*dask[:2], "distributed.cli.dask_worker", "--scheduler-file", str(where), "--nthreads", "2",
-         "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path / "w")], **quiet,
-    )  # fmt: skip
-    try:
+    place = ("--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(where))
+    with ended("dask_scheduler", *place) as server:
         wait_for(where.exists, server)
         yield server, where
-    finally:
-        for process in (worker, server):
-            process.kill()
-            process.wait()
+
+
+@pytest.fixture
+def scheduler(
+    lone_scheduler: tuple[subprocess.Popen[bytes], Path], tmp_path: Path
+) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
+    """The same with a worker process."""
+    place = ("--scheduler-file", str(lone_scheduler[1]), "--local-directory", str(tmp_path / "w"))
+    with ended("dask_worker", *place, "--nthreads", "2", "--no-nanny"):
+        yield lone_scheduler
 
 
 def test_a_scheduler_that_runs_and_then_ends(
-    scheduler: tuple[subprocess.Popen[bytes], Path], tmp_path: Path
+    scheduler: tuple[subprocess.Popen[bytes], Path], shared: str, tmp_path: Path
 ) -> None:
     server, where = scheduler
     source, out = write_set(tmp_path / "src", 12), tmp_path / "out"
@@ -343,7 +447,7 @@ def test_a_scheduler_that_runs_and_then_ends(
     ):
         batch(source, out, scheduler_file=str(where), hooks=Hooks(on_line=end))
     assert count_lines(out) >= 1
-    assert batch(source, out).counts == {"ok": 12}
+    assert batch(source, out, scheduler=shared).counts == {"ok": 12}
     expect_quiet(source, out, 12)
 
 
@@ -364,7 +468,11 @@ def test_no_scheduler_and_another_version(
         batch(source, out, scheduler_file=where, retry=frozenset({"all"}))
 
 
-def test_the_disk_is_full_for_a_while(tmp_path: Path) -> None:
+def test_the_disk_is_full_for_a_while(
+    shared: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("circparam.batch.run.LOOK", 0.1)
+    monkeypatch.setattr("circparam.batch.run.PAUSE", 0.1)
     source, out = write_set(tmp_path / "src", 4), tmp_path / "out"
     (source / "FULL").touch()
     notes: list[str] = []
@@ -374,7 +482,9 @@ def test_the_disk_is_full_for_a_while(tmp_path: Path) -> None:
         if notes.count("the disk is full: waiting for room") >= 2:
             (source / "FULL").unlink(missing_ok=True)
 
-    summary = batch(source, out, task=full_disk_item, hooks=Hooks(listener=listen))
+    summary = batch(
+        source, out, scheduler=shared, task=full_disk_item, hooks=Hooks(listener=listen)
+    )
     assert not (source / "FULL").exists()
     assert summary.counts == {"ok": 4}
     expect_quiet(source, out, 4)

@@ -1,6 +1,6 @@
 """``make bench-batch``: rates, memory and overhead of a batch; writes docs/benchmarks/batch.md.
 
-    python -m tests.bench batch [rate] [empty] [--meshes N] [--tasks N] [--no-report]
+    python -m tests.bench batch [rate] [empty] [--meshes N] [--tasks N] [--note TEXT] [--no-report]
 
 rate: generated meshes of 300 to 3,000 faces on two workers, beside one warm process and beside
 ``xargs -P2 circparam unwrap``, both on every so many-th of them. Seconds of the clock say something on a quiet
@@ -213,6 +213,7 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", choices=["rate", "empty", []])
     parser.add_argument("--meshes", type=int, default=1000)
     parser.add_argument("--tasks", type=int, default=100_000)
+    parser.add_argument("--note", default="", help="a sentence on the machine, for the report")
     parser.add_argument("--no-report", action="store_true")
     given = parser.parse_args()
     lines: list[Line] = []
@@ -224,7 +225,7 @@ def main() -> None:
     if not given.no_report:
         intro = (
             f"{given.meshes} generated meshes of 300 to 3,000 faces, {given.tasks} tasks that do nothing. "
-            "Made by `make bench-batch`."
+            f"Made by `make bench-batch`. {given.note}"
         )
         common.write("batch.md", "Batch", intro, [common.figures(lines)])
     print("circparam", circparam.__version__)
