@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import functools
 import html
 import json
 import os
 import tempfile
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -171,27 +173,32 @@ def _histogram(index: Index, name: str) -> str:
     if not len(values):
         return ""
     low, middle, high = (float(v) for v in np.percentile(values, [0, 50, 100]))
-    log = low > 0 and high > 30 * low
+    log = low > 0 and high > 30 * low and name != "pack"  # a share is read as it is
     edges = _edges(low, high, log)
     counts, _ = np.histogram(values, edges)
     tallest = max(int(counts.max()), 1)
     step = 260 / len(counts)
     bars = "".join(
         f'<rect x="{k * step:.1f}" y="{92 - 84 * n / tallest:.1f}" width="{step - 1:.1f}" '
-        f'height="{84 * n / tallest:.1f}"><title>{a:.3g} to {b:.3g}: {n:,}</title></rect>'
+        f'height="{84 * n / tallest:.1f}"><title>{figure(a)} to {figure(b)}: {n:,}</title></rect>'
         for k, (n, a, b) in enumerate(zip(counts.tolist(), edges[:-1], edges[1:], strict=True))
         if n
     )
     p95 = float(np.percentile(values, 95))
     return (
         f"<figure style='margin:0'><h3>{html.escape(TITLES[name])}</h3>"
-        f"<p>median {middle:.3g} · 95 % {p95:.3g} · largest {high:.3g}</p>"
+        f"<p>median {figure(middle)} · 95 % {figure(p95)} · largest {figure(high)}</p>"
         f'<svg viewBox="0 0 260 112" role="img" aria-label="{html.escape(TITLES[name])}">{bars}'
         '<line x1="0" y1="92.5" x2="260" y2="92.5"/>'
-        f'<text x="0" y="108">{edges[0]:.3g}</text>'
-        f'<text x="260" y="108" text-anchor="end">{edges[-1]:.3g}{" (log)" if log else ""}</text>'
+        f'<text x="0" y="108">{figure(edges[0])}</text>'
+        f'<text x="260" y="108" text-anchor="end">{figure(edges[-1])}{" (log)" if log else ""}</text>'
         "</svg></figure>"
     )
+
+
+def figure(value: float) -> str:
+    """Three digits of a number, or all before the point."""
+    return f"{value:.3g}" if abs(value) < 999.5 else f"{value:,.0f}"
 
 
 def _edges(low: float, high: float, log: bool) -> FloatArray:
@@ -207,12 +214,14 @@ def _edges(low: float, high: float, log: bool) -> FloatArray:
 def _cards(folder: Folder, index: Index) -> str:
     """The slowest and the worst files with a picture and their cause."""
     out = []
+    # the slowest are often among the worst
+    pictures = functools.cache(functools.partial(thumbnails, folder))
     for title, order in (("Slowest", "seconds DESC"), ("Worst", _WORST)):
         query = (
             f"SELECT name, status, faces, charts, seconds, seam_length, share_over_2, distortion, stage, cause "
             f"FROM done WHERE {_DRAWABLE} ORDER BY {order}, name LIMIT {SHOWN}"
         )
-        cards = "".join(_card(folder, title, row) for row in index.data.execute(query).fetchall())
+        cards = "".join(_card(pictures, title, row) for row in index.data.execute(query).fetchall())
         if cards:
             out.append(
                 f'<section><h2>{title}</h2><p></p><div class="cards">{cards}</div></section>'
@@ -220,16 +229,16 @@ def _cards(folder: Folder, index: Index) -> str:
     return "".join(out)
 
 
-def _card(folder: Folder, title: str, row: tuple[Any, ...]) -> str:
+def _card(pictures: Callable[[str], list[str]], title: str, row: tuple[Any, ...]) -> str:
     name, status, faces, charts, seconds, seam, over, distortion, stage, cause = row
     text = name.decode("utf-8", "surrogateescape")
     images = "".join(
         f'<img alt="{what}" src="{url}">'
-        for what, url in zip(("surface", "layout"), thumbnails(folder, text), strict=False)
+        for what, url in zip(("surface", "layout"), pictures(text), strict=False)
     )
     badge = "" if status == "ok" else f'<em class="{status}">{status}</em>'
     if title == "Slowest":
-        why = f"{seconds:.3g} s for {faces:,.0f} faces; {stage}"
+        why = f"{seconds:.3g} s for {faces:,.0f} faces; {stage}".replace(" s", "\u00a0s")
     elif status == "degraded":
         why = readable(cause)
     else:

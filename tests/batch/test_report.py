@@ -102,8 +102,12 @@ def test_the_bars_hold_all_values(index: Index) -> None:
     assert figure is not None
     bars = re.findall(r"<title>(\S+) to (\S+): (\d+)</title>", figure[1])
     assert sum(int(n) for *_, n in bars) == len(values)
-    assert (float(bars[0][0]), int(bars[0][2]), float(bars[-1][1])) == (1.0, 2, 1000.0)
+    assert (bars[0][0], bars[0][2], bars[-1][1]) == ("1", "2", "1,000")
+    assert "largest 1,000<" in figure[1]
     assert "(log)" in figure[1]
+    index.add_lines([line("a.obj", measures={"pack": 0.01}), line("b.obj", measures={"pack": 0.9})])
+    covered = report_page(Folder("/nowhere"), index).partition("<h3>covered %</h3>")[2]
+    assert "(log)" not in covered.partition("</figure>")[0]
     assert len(bars) <= BINS
 
 

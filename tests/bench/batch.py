@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import pickle
 import subprocess
 import sys
 import tempfile
@@ -24,6 +25,7 @@ import psutil
 
 import circparam
 from circparam.batch.batch import Hooks, Plan, run_batch
+from circparam.batch.process import WarmServer
 from circparam.batch.progress import Progress
 from circparam.batch.settings import Settings
 from circparam.cli import exits
@@ -37,6 +39,7 @@ from tests.support.batch_faults import empty_item
 from tests.support.shapes import Shape
 
 WORKERS = 2
+TURNS = 14  # meshes that are done both ways in turns
 
 
 def generated(number: int) -> Shape:
@@ -108,6 +111,26 @@ print(time.perf_counter() - start, time.process_time() - cpu)
 """
 
 
+def in_turns(meshes: list[Path], folder: Path) -> Line:
+    """Processor seconds of a warm process and of forks, mesh by mesh in turns: load is the same for both."""
+    given = pickle.dumps(settings(folder))
+    (folder / "turns").mkdir()
+    own = forked = 0.0
+    target = str(folder / "turns" / "m.obj")
+    task = {"settings": given, "target": target, "name": "m.obj", "scratch": str(folder / "turns")}
+    server = WarmServer(True)
+    circparam.unwrap(str(meshes[0]), target, overwrite=True, jobs=1)
+    for mesh in meshes:
+        start = time.process_time()
+        circparam.unwrap(str(mesh), target, overwrite=True, jobs=1)
+        own += time.process_time() - start
+        forked += server.ask({**task, "source": str(mesh)}, None, None)["cpu"]
+    server.close()
+    n = len(meshes)
+    told = f"in turns, {n} meshes: {own / n:.3f} and {forked / n:.3f} s"
+    return Line("CPU a mesh, warm / forked", own / forked, "", None, told)
+
+
 def rate(count: int) -> list[Line]:
     """Meshes a second of a batch, of one warm process, and of xargs."""
     with tempfile.TemporaryDirectory() as name:
@@ -156,7 +179,8 @@ def rate(count: int) -> list[Line]:
             Line("one warm process", warm_rate, "meshes/s", None, f"{warm_cpu:.3f} s CPU a mesh"),
             Line("batch, 2 workers", batch_rate, "meshes/s", None, f"{batch_cpu:.3f} s CPU a mesh; {told}"),
             Line("batch / (2 x warm)", batch_rate / (WORKERS * warm_rate), "", ">= 0.9"),
-            Line("CPU a mesh, warm / batch", warm_cpu / batch_cpu, "", None, "the same, whatever else runs"),
+            Line("CPU a mesh, warm / batch", warm_cpu / batch_cpu, "", None, "one by one: load counts"),
+            in_turns(meshes[:TURNS], folder),
             Line("CPU a mesh, xargs / batch", xargs_cpu / batch_cpu, "", None, f"{xargs_cpu:.3f} s"),
             Line("batch / xargs -P2", batch_rate / xargs_rate, "", ">= 2.5", f"{xargs_rate:.3g} meshes/s"),
         ]  # fmt: skip
