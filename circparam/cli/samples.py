@@ -22,8 +22,15 @@ Examples:
 """
 
 
+def _completed(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
+    """Names of samples that begin so."""
+    from circparam import samples
+
+    return [name for name in samples.names() if name.startswith(incomplete)]
+
+
 @click.command(epilog=_EPILOG)
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=_completed)
 @common.output
 @common.overwrite
 @common.json_option

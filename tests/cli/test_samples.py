@@ -70,3 +70,11 @@ def test_refusals_are_one_line(
     assert result.exit_code == code
     assert text in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_names_are_completed_in_the_shell() -> None:
+    words = {"COMP_WORDS": "circparam samples cre", "COMP_CWORD": "2"}
+    env = {"_CIRCPARAM_COMPLETE": "bash_complete", **words}
+    out = CliRunner().invoke(cli, [], env=env, prog_name="circparam").output
+    assert "creature" in out
+    assert "knot" not in out
