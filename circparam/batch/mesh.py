@@ -69,18 +69,8 @@ def _further(settings: Settings, result: Any, scratch: str, name: str) -> dict[s
         elif kind == "map":
             save.write_map(result, path, True)
         else:
-            _picture(result, path, os.path.basename(name))
+            from circparam.render.picture import save_result
+
+            save_result(path, result, os.path.basename(name))
         out[place] = os.path.basename(path)
     return out
-
-
-def _picture(result: Any, path: str, title: str) -> None:
-    from circparam.mesh.mesh import UVMap
-    from circparam.render.figures import PictureOptions
-    from circparam.render.picture import save_preview
-
-    o = result.options
-    look = PictureOptions(
-        title=title, note=f"{o.method}, cut {o.cut}", padding=o.padding_uv, repairs=tuple(result.repairs)
-    )  # fmt: skip
-    save_preview(path, result.mesh, UVMap(result.uv, result.uv_faces), result.measures, look)

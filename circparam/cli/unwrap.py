@@ -198,19 +198,9 @@ class _Run:
         if self.given["index_map"]:
             save.write_map(result, self.given["index_map"], self.given["overwrite"])
         if self.given["preview"]:
-            from circparam.mesh.mesh import UVMap
-            from circparam.render.figures import PictureOptions
-            from circparam.render.picture import save_preview
+            from circparam.render.picture import save_result
 
-            o = result.options
-            look = PictureOptions(
-                title=os.path.basename(result.path or ""),
-                note=f"{o.method}, cut {o.cut}",
-                padding=o.padding_uv,
-                repairs=tuple(result.repairs),
-            )
-            layout = UVMap(result.uv, result.uv_faces)
-            save_preview(self.given["preview"], result.mesh, layout, result.measures, look)
+            save_result(self.given["preview"], result, os.path.basename(result.path or ""))
 
     def _print_json(self, report: dict[str, Any]) -> None:
         common.echo_json(report)

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge, ranges
-from circparam.core.graph import components
 from circparam.geometry.raster import extremes, fragments
 from circparam.mesh.surface import Surface
 
@@ -215,8 +214,7 @@ def visible_share(surface: Surface, cut: BoolArray) -> float | None:
 
 def _sides(surface: Surface) -> tuple[FloatArray, BoolArray]:
     """((m,) 1, or −1 for faces of closed components that are wound inside out, (m,) bool: it is on a sheet)."""
-    e = surface.edges // 3
-    n, component = components(len(surface.faces), e[:, 0], e[:, 1])
+    n, component = surface.components
     sheet = np.zeros(n, bool)
     sheet[component[surface.boundary // 3]] = True
     p = surface.points[surface.faces]

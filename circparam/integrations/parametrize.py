@@ -11,9 +11,9 @@ from circparam.core.fields import specs
 from circparam.core.monitor import Listener
 from circparam.errors import InputError, OptionError
 from circparam.formats.memory import from_arrays
-from circparam.integrations.keywords import Keywords
 from circparam.integrations.python import with_options
 from circparam.integrations.words import python_words
+from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.options import Options
 from circparam.pipeline.unwrap import unwrap
 

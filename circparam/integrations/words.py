@@ -27,14 +27,15 @@ FLAG = re.compile(
 @functools.cache
 def _flags() -> dict[str, tuple[str, Spec]]:
     """Every spelling of an option on the command line → (name of the keyword, what is known of it)."""
-    out = {}
-    for name, spec in specs(Options).items():
-        for spelling in {"--" + name.replace("_", "-"), flag(name, spec), *spec.flag.split("/")}:
-            out[spelling.split(" ")[0] or "--" + name] = (name, spec)
-    for old, name in ALIASES.items():
-        out["--" + old.replace("_", "-")] = (name, specs(Options)[name])
-    out["--boundary"] = ("boundary", specs(Options)["boundary"])
-    return out
+    known = specs(Options)
+    out: dict[str, tuple[str, Spec]] = {}
+    for name, spec in known.items():
+        # --boundary polygon is a value of --boundary, and the corners have no flag of their own
+        spellings = [flag(name, spec), *spec.flag.split("/"), "--" + name.replace("_", "-")]
+        out |= {spelling: (name, spec) for spelling in spellings if " " not in spelling}
+    return out | {
+        "--" + old.replace("_", "-"): (name, known[name]) for old, name in ALIASES.items()
+    }
 
 
 def in_python(message: str) -> str:

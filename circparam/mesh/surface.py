@@ -100,6 +100,16 @@ class Surface:
         """Half-edges on a boundary of the surface itself, ascending."""
         return boundary_half_edges(len(self.faces), self.edges)
 
+    @cached_property
+    def components(self) -> tuple[int, IntArray]:
+        """Number of components, and (m,) int64 the component of each face."""
+        return self.charts(np.zeros(len(self.edges), bool))
+
+    def whole_components(self, faces: BoolArray) -> BoolArray:
+        """(m,) bool: every face of the components that hold some of ``faces`` ((m,) bool)."""
+        _, component = self.components
+        return np.isin(component, component[faces])
+
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""
         e = self.edges[~cut]

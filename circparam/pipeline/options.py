@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -309,8 +310,8 @@ class Options:
         return out | {old: out[name] for old, name in ALIASES.items() if name in out}
 
 
-def from_keywords(keywords: dict[str, Any]) -> Options:
-    """Options from keyword arguments; raises OptionError with the nearest name for an unknown one."""
+def from_keywords(keywords: Mapping[str, Any], options: Options | None = None) -> Options:
+    """Options from keywords, as changes to given ones; the error names what is nearest to an unknown one."""
     names = list(specs(Options))
     keywords = {ALIASES.get(name, name): value for name, value in keywords.items()}
     for name in keywords:
@@ -318,4 +319,4 @@ def from_keywords(keywords: dict[str, Any]) -> Options:
             near = difflib.get_close_matches(name, names, n=2, cutoff=0.5)
             cure = f"did you mean {' or '.join(near)}?" if near else "see circparam.Options"
             raise OptionError(f"unknown option {name!r}: {cure}")
-    return Options(**keywords)
+    return dataclasses.replace(options or Options(), **keywords)

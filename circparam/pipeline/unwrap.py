@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
+from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.options import Options, from_keywords
 from circparam.pipeline.pack_splits import split_for_packing
 from circparam.pipeline.result import Result, verdict, verify_layout
@@ -49,21 +50,19 @@ def unwrap(
     *,
     listener: Listener | None = None,
     options: Options | None = None,
-    **keywords: Any,
+    **keywords: Unpack[Keywords],
 ) -> Result:
     """Give a mesh a uv layout.
 
     source: a path, a ``Document``, a ``Mesh``, a pair (points (n, 3), faces (m, 3)) of arrays, or a
-    trimesh.Trimesh; never changed. output: file to write (read back and verified); None keeps the layout in
-    memory. listener: called with (stage, fraction, note). keywords: the fields of ``Options``.
+    trimesh.Trimesh or Scene; never changed. output: file to write (read back and verified); None keeps the
+    layout in memory. listener: called with (stage, fraction, note). keywords: the fields of ``Options``, or
+    changes to ``options``.
 
     Returns a Result. Raises OptionError, InputError, TopologyError, NoResultError, OutOfTimeError, OutputError:
     see ``circparam.errors``.
     """
-    if options is None:
-        options = from_keywords(keywords)
-    elif keywords:
-        options = replace(options, **keywords)
+    options = from_keywords(keywords, options)
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
@@ -115,7 +114,7 @@ def repack(
     output: str | os.PathLike[str] | None = None,
     *,
     listener: Listener | None = None,
-    **keywords: Any,
+    **keywords: Unpack[Keywords],
 ) -> Result:
     """Pack the charts that a file's uv has already; their shapes and relative sizes stay as they are.
 

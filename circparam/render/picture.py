@@ -13,6 +13,7 @@ from circparam.core.arrays import FloatArray
 from circparam.core.files import write_files
 from circparam.errors import OutputError
 from circparam.mesh.mesh import Mesh, UVMap
+from circparam.pipeline.result import Result
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, look_from
 from circparam.render.figures import Figures, PictureOptions, as_figures, counts, scene_figures
@@ -171,6 +172,18 @@ def save_preview(
     options = options or PictureOptions(title=path.stem)
     figures = as_figures(measures) if measures is not None else None
     save_scene(path, scene, options, figures)
+
+
+def save_result(path: str | Path, result: Result, title: str) -> None:
+    """Write the picture of a result, with its figures and repairs; see ``save_preview``."""
+    o = result.options
+    look = PictureOptions(
+        title=title,
+        note=f"{o.method}, cut {o.cut}",
+        padding=o.padding_uv,
+        repairs=tuple(result.repairs),
+    )
+    save_preview(path, result.mesh, UVMap(result.uv, result.uv_faces), result.measures, look)
 
 
 def save_scene(

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 
 from circparam.core.arrays import BoolArray
-from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Worker, in_parts
 from circparam.mesh.atlas import Atlas
@@ -170,7 +169,7 @@ def bounded_atlas(
     free = dataclasses.replace(options, max_charts=None)
     atlas = free_atlas(surface, bound, free, monitor, notes)
     count = atlas.charts()[0]
-    pieces, _ = components(len(surface.faces), *(surface.edges // 3).T)
+    pieces, _ = surface.components
     if count <= max(most, pieces) or monitor.expired:
         return atlas
     tried = [atlas, grown_atlas(surface, bound, options, monitor, notes)]

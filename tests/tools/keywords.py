@@ -1,4 +1,4 @@
-"""circparam/integrations/keywords.py, the options as typed keywords, made from the fields of ``Options``.
+"""circparam/pipeline/keywords.py, the options as typed keywords, made from the fields of ``Options``.
 
 usage: ``python -m tests.tools.keywords [--check]``
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 from circparam.core.fields import KEY, Spec
 from circparam.pipeline.options import Options
 
-PAGE = Path(__file__).parents[2] / "circparam" / "integrations" / "keywords.py"
+PAGE = Path(__file__).parents[2] / "circparam" / "pipeline" / "keywords.py"
 HEAD = '''"""The options as typed keywords, for completion and type checks; made by ``make docs``."""
 
 from __future__ import annotations

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 
 from circparam.core.arrays import BoolArray, group_sum
-from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
@@ -56,9 +55,7 @@ def hard_atlas(
     bad = judge(cut_mesh, atlas.gather(cut_mesh)).bad(bound)[cut_mesh.chart]
     bad &= ~copies.first
     if bad.any():  # copies are not exact: these need charts of their own
-        whole = np.zeros(len(bad), bool)
-        _, component = components(len(bad), *(surface.edges // 3).T)
-        whole[np.isin(component, component[bad])] = True
+        whole = surface.whole_components(bad)
         own = _decided(surface.part(whole), bound, options, worker, monitor, notes)
         atlas.put(whole, own)
     atlas.prices = seam_prices(surface)
@@ -104,9 +101,8 @@ def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float)
     """
     surface = other.surface
     mine = atlas.part(faces)
-    m = len(surface.faces)
     fi = surface.edges[:, 0] // 3
-    n, component = components(m, fi, surface.edges[:, 1] // 3)
+    n, component = surface.components
     flat = np.zeros(len(fi)) if other.flat is None else other.flat
     length = surface.edge_lengths * (1 + EYESORE * flat) / np.sqrt(surface.areas.sum())
     costs = []

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import BoolArray, IntArray, group_max, ranges
-from circparam.core.graph import components
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import NOISE, extent, turns
@@ -40,7 +39,7 @@ def find_copies(surface: Surface) -> Copies:
     Each is a copy of the first of those with equal hashes, where its corners and angles agree with that one's.
     """
     m, e = len(surface.faces), surface.edges
-    n, component = components(m, e[:, 0] // 3, e[:, 1] // 3)
+    n, component = surface.components
     order = np.argsort(component, kind="stable")
     size = np.bincount(component, minlength=n)
     rank = np.empty(m, np.int64)

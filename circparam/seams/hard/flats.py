@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
-from circparam.core.graph import components
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.regions import FLAT, flats, seam_prices, turns
@@ -38,7 +37,7 @@ def real_flats(surface: Surface) -> tuple[BoolArray, IntArray]:
     bend = group_sum(weight * np.r_[angle[rim], angle[rim]], of, n)
     stands_out = bend > BENDS * group_sum(weight, of, n)
     meant = inside & stands_out[flat[fi]]
-    count, component = components(len(surface.faces), fi, fj)
+    count, component = surface.components
 
     def total(which: BoolArray) -> FloatArray:
         return group_sum(np.where(which, length, 0.0), component[fi], count)
@@ -51,9 +50,7 @@ def real_flats(surface: Surface) -> tuple[BoolArray, IntArray]:
 def with_flats(surface: Surface) -> BoolArray:
     """(m,) bool: faces of components that have flats that are meant."""
     flat, _ = real_flats(surface)
-    fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
-    _, component = components(len(surface.faces), fi, fj)
-    return np.isin(component, component[fi[flat]])
+    return surface.whole_components(_beside(surface, flat))
 
 
 def flat_prices(surface: Surface) -> SeamPrices:
@@ -85,6 +82,11 @@ def with_hard_prices(atlas: Atlas) -> BoolArray:
     surface, prices = atlas.surface, atlas.prices
     if prices is None:
         return np.zeros(len(surface.faces), bool)
-    fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
-    _, component = components(len(surface.faces), fi, fj)
-    return np.isin(component, component[fi[prices.flat | prices.crease]])
+    return surface.whole_components(_beside(surface, prices.flat | prices.crease))
+
+
+def _beside(surface: Surface, edges: BoolArray) -> BoolArray:
+    """(m,) bool: faces on the first side of some edges ((e,) bool)."""
+    out = np.zeros(len(surface.faces), bool)
+    out[surface.edges[edges, 0] // 3] = True
+    return out

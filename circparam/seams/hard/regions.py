@@ -137,7 +137,7 @@ def hardness(surface: Surface) -> IntArray:
     """
     m = len(surface.faces)
     fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
-    n, component = components(m, fi, fj)
+    n, component = surface.components
     angle, _ = turns(surface)
     area = surface.areas
     total = np.maximum(group_sum(area, component, n), 1e-300)

@@ -21,7 +21,7 @@ from circparam.geometry.gradient_transfer import space_gradients, spread, target
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.segmentation.layout import judge
-from circparam.seams.segmentation.shorten import Proposal, propose
+from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.weigh import Limits, share_over
 from circparam.solvers.poisson import from_jacobians
 
@@ -44,7 +44,8 @@ def straighten(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     if not atlas.cut.any() or monitor.expired:
         return
     proposal = propose(atlas, RINGS)
-    gain = _gains(atlas, proposal)
+    old, new = proposal.costs(atlas.lengths)
+    gain = old - new
     chain = np.maximum(proposal.old, proposal.new)
     _adopt(atlas, proposal.cut(gain > 0), chain, gain, limits, monitor)
     cut = _handed_over(atlas)
@@ -57,15 +58,6 @@ def straighten(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     unit[changed] = of_node[node[0]]
     gain = np.where(cut[changed], -1, 1) * atlas.lengths[changed]
     _adopt(atlas, cut, unit, group_sum(gain, unit[changed], count), limits, monitor)
-
-
-def _gains(atlas: Atlas, proposal: Proposal) -> FloatArray:
-    """(n,) how much cheaper the new path of every chain is."""
-    total = np.zeros(proposal.n)
-    for chain, sign in ((proposal.old, 1), (proposal.new, -1)):
-        on = np.flatnonzero(chain >= 0)
-        total += sign * group_sum(atlas.lengths[on], chain[on], proposal.n)
-    return total
 
 
 def _adopt(

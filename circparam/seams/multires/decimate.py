@@ -74,8 +74,8 @@ def decimate(surface: Surface, target: int) -> Proxy:
     import fast_simplification
 
     points, faces = surface.vertex_points, surface.corner_vertex
-    n, m = len(points), len(faces)
-    _, component = components(m, surface.edges[:, 0] // 3, surface.edges[:, 1] // 3)
+    n = len(points)
+    _, component = surface.components
     large = np.bincount(component)[component] > SMALL_COMPONENT
     root = np.arange(n)
     position = points.copy()

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
-from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
@@ -150,7 +149,7 @@ def grow_and_merge(
 def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:
     """Merge on with a rising bound until there are at most ``count`` charts, or nothing merges any more."""
     fixed = np.zeros(len(atlas.cut), bool)
-    pieces, _ = components(len(atlas.surface.faces), *(atlas.surface.edges // 3).T)
+    pieces, _ = atlas.surface.components
     for _ in range(24):
         n, _ = atlas.charts()
         if n <= max(count, pieces):

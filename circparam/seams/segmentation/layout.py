@@ -13,7 +13,6 @@ from circparam.geometry.gradient_transfer import space_gradients, spread, target
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.segmentation.shorten import Proposal
 from circparam.seams.segmentation.state import main_parts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
@@ -113,16 +112,3 @@ def lay_out_again(
     relaxed = relax(cut_mesh, uv, options)
     atlas.scatter(cut_mesh, relaxed.uv)
     return judge(cut_mesh, relaxed.uv, margin)
-
-
-def chains_beside(
-    atlas: Atlas, proposal: Proposal, chart: IntArray, bad: BoolArray, take: BoolArray
-) -> BoolArray:
-    """(n,) chains that were moved and touch a bad chart, on their old path or their new one."""
-    e = atlas.surface.edges
-    touches = bad[chart[e[:, 0] // 3]] | bad[chart[e[:, 1] // 3]]
-    out = np.zeros(proposal.n + 1, bool)
-    out[proposal.new[touches]] = True
-    out[proposal.old[touches]] = True
-    result: BoolArray = out[:-1] & take
-    return result

@@ -11,7 +11,7 @@ from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
-from circparam.seams.segmentation.layout import chains_beside, lay_out_again
+from circparam.seams.segmentation.layout import lay_out_again
 from circparam.seams.segmentation.shorten import Proposal, edge_costs, propose
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.separate import push_apart
@@ -45,11 +45,8 @@ def move_seams(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> N
         if monitor.expired:
             return
         proposal = propose(atlas, rings, pieces=(size, first))
-        cost = edge_costs(atlas)
-        now, then = np.flatnonzero(proposal.old >= 0), np.flatnonzero(proposal.new >= 0)
-        old = group_sum(cost[now], proposal.old[now], proposal.n)
-        gain = old - group_sum(cost[then], proposal.new[then], proposal.n)
-        best = _most_moved(atlas, proposal, gain > LEAST * old, (bound, margin), monitor)
+        old, new = proposal.costs(edge_costs(atlas))
+        best = _most_moved(atlas, proposal, old - new > LEAST * old, (bound, margin), monitor)
         if best is not None:
             atlas.cut, atlas.corners = best.cut, best.corners
 
@@ -77,7 +74,9 @@ def _most_moved(
         if not trial.bad.any():
             best, taken = trial.atlas, taken | group
             continue
-        beside = chains_beside(trial.atlas, proposal, trial.chart, trial.bad, group)
+        left, right = trial.chart[trial.atlas.surface.edges // 3].T
+        side = trial.bad[left] | trial.bad[right]
+        beside = proposal.beside(side) & group
         suspect = _upper_half(_stretch_along(proposal, trial), beside)
         if beside.sum() > 1:
             queue.append(suspect)

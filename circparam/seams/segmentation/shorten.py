@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
@@ -73,6 +73,21 @@ class Proposal:
         stay = np.r_[~take[:-1], False]
         result: BoolArray = self.kept | take[self.new] | stay[self.old]
         return result
+
+    def costs(self, cost: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) what the old and the new path of every chain cost; cost: (e,) of each edge."""
+        now, then = (np.flatnonzero(path >= 0) for path in (self.old, self.new))
+        return (
+            group_sum(cost[now], self.old[now], self.n),
+            group_sum(cost[then], self.new[then], self.n),
+        )
+
+    def beside(self, edges: BoolArray) -> BoolArray:
+        """(n,) bool: chains whose old or new path follows one of those edges ((e,) bool)."""
+        out = np.zeros(self.n + 1, bool)  # the last entry stands for −1
+        out[self.new[edges]] = True
+        out[self.old[edges]] = True
+        return out[:-1]
 
 
 def propose(

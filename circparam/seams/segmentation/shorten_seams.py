@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
 from circparam.core.graph import matching
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
@@ -158,12 +158,8 @@ class _Shortening:
 
     def _beside(self, bad: BoolArray, take: BoolArray) -> BoolArray:
         """(k,) chains that were moved and touch a bad chart, on their old path or their new one."""
-        side = bad[self.last.chart[self.atlas.surface.edges // 3]].any(1)
-        out = np.zeros(self.proposal.n + 1, bool)
-        out[self.proposal.new[side]] = True
-        out[self.proposal.old[side]] = True
-        result: BoolArray = out[:-1] & take
-        return result
+        left, right = self.last.chart[self.atlas.surface.edges // 3].T
+        return self.proposal.beside(bad[left] | bad[right]) & take
 
 
 def _chain_sides(
@@ -171,13 +167,9 @@ def _chain_sides(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """The charts on both sides of every chain, and how much shorter its new path is."""
     e = atlas.surface.edges
-    length = atlas.surface.priced_lengths
     on = np.flatnonzero(proposal.old >= 0)
     chain = proposal.old[on]
     left, right = np.zeros(proposal.n, np.int64), np.zeros(proposal.n, np.int64)
     left[chain], right[chain] = chart[e[on, 0] // 3], chart[e[on, 1] // 3]
-    now = np.flatnonzero(proposal.new >= 0)
-    gain = group_sum(length[on], chain, proposal.n) - group_sum(
-        length[now], proposal.new[now], proposal.n
-    )
-    return left, right, gain
+    old, new = proposal.costs(atlas.surface.priced_lengths)
+    return left, right, old - new
