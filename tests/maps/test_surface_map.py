@@ -1,0 +1,69 @@
+"""The map as data: interpolation at places, the file, and meshes that do not fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.errors import InputError, OptionError
+from circparam.maps import Places, SurfaceMap, load_map, save_map
+from circparam.maps.surface_map import fingerprint
+from circparam.mesh.mesh import Mesh
+
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+A = Mesh(POINTS, np.array([[0, 1, 2]]))
+B = Mesh(POINTS, np.array([[0, 1, 2], [1, 3, 2]]))
+
+
+def some_map() -> SurfaceMap:
+    to_b = Places(np.array([0, 0, 1, 1]), np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 0]]))
+    to_a = Places(
+        np.zeros(4, np.int64), np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0.5, 0.5]])
+    )
+    return SurfaceMap(to_b, to_a, fingerprint(A), fingerprint(B))
+
+
+def test_values_are_interpolated_at_places() -> None:
+    places = Places(np.array([1]), np.array([[0.2, 0.5, 0.3]]))
+    found = places.of(POINTS, B.faces)
+    assert np.allclose(found, 0.2 * POINTS[1] + 0.5 * POINTS[3] + 0.3 * POINTS[2])
+
+
+def test_the_file_keeps_the_map(tmp_path) -> None:
+    path = tmp_path / "a ü.npz"
+    made = some_map()
+    save_map(path, made)
+    read = load_map(path)
+    assert np.array_equal(read.to_b.face, made.to_b.face)
+    assert np.array_equal(read.to_b.weights, made.to_b.weights)
+    assert np.array_equal(read.to_a.weights, made.to_a.weights)
+    read.check(A, B)
+    with pytest.raises(OptionError, match="--overwrite"):
+        save_map(path, made)
+
+
+def test_other_meshes_are_refused_and_other_positions_are_not() -> None:
+    made = some_map()
+    moved = Mesh(POINTS * 2, B.faces)
+    made.check(A, moved)
+    with pytest.raises(InputError, match="first"):
+        made.check(B, B)
+    with pytest.raises(InputError, match="second"):
+        made.check(A, Mesh(POINTS, B.faces[::-1]))
+    made.turned().check(B, A)
+    assert np.array_equal(made.turned().to_b.weights, made.to_a.weights)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"text"])
+def test_another_file_is_named(tmp_path, content: bytes) -> None:
+    path = tmp_path / "map.npz"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"map\.npz"):
+        load_map(path)
+
+
+def test_another_npz_is_named(tmp_path) -> None:
+    path = tmp_path / "map.npz"
+    np.savez(path, format=np.array("something"), x=np.zeros(3))
+    with pytest.raises(InputError, match="circparam map"):
+        load_map(path)
