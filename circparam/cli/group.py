@@ -46,6 +46,7 @@ COMMANDS = {
     ),
     "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or one page."),
     "bake": Entry(_HERE + "bake", "Carry colours or an old texture into the new uv."),
+    "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark on landmark."),
     "methods": Entry(_HERE + "methods", "Show every method, and what it guarantees."),
     "samples": Entry(_HERE + "samples", "List the bundled meshes, or save one."),
     "blender": Entry(_HERE + "blender", "Save the add-on for Blender."),

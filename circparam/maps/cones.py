@@ -1,7 +1,8 @@
 """Triangles as cones from the origin: places on a sphere of triangles, and exact signs.
 
 A closed mesh of genus 0 whose vertices lie on the unit sphere covers the sphere once where every face, seen
-from the centre, is counter-clockwise. A place on it is a direction; its weights in a face are the coordinates of the
+from the centre, is counter-clockwise. A place on it is a direction; its weights in a face are the
+coordinates of the
 direction in the three corners, of sum 1.
 """
 
@@ -16,10 +17,12 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.geometry.predicates import SignArray
 from circparam.maps.sheet import Sheet
 
-# A 3 × 3 determinant of entries up to 1 is off by at most so many units of its permanent (Shewchuk 1997, orient3d).
+# A 3 × 3 determinant of entries up to 1 is off by at most so many units of its permanent (Shewchuk 1997,
+# orient3d).
 BOUND = (7 + 56 * 2.0**-53) * 2.0**-53
 CHUNK = 2_000_000  # pairs of a place and a face that are looked at together
-WALK = 200  # faces that a walk crosses before every face is tried
+STRAIGHT = 60  # faces that a walk crosses by the edge that it lies farthest behind
+WALK = 400  # faces that a walk crosses before every face is tried
 
 
 def determinants(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
@@ -47,9 +50,7 @@ def signs(points: FloatArray, faces: IntArray) -> SignArray:
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (
             [Fraction(x) for x in row] for row in p[f].tolist()
         )
-        exact = (
-            ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
-        )
+        exact = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
         out[f] = (exact > 0) - (exact < 0)
     return out
 
@@ -88,10 +89,16 @@ class Locator:
         face = self.near(q) if start is None else start.copy()
         out = np.empty((len(q), 3))
         open_ = np.arange(len(q))
-        for _ in range(WALK):
+        for step in range(WALK):
             w = weights_in(q[open_], self.cones[face[open_]])
+            if (
+                step > STRAIGHT
+            ):  # walks may go in circles: take the edges behind which it lies in turn
+                w[:, step % 3] *= 1e3
             least = w.argmin(1)
             inside = w[np.arange(len(open_)), least] >= 0
+            if step > STRAIGHT:
+                w[:, step % 3] *= 1e-3
             out[open_[inside]] = w[inside]
             open_, least = open_[~inside], least[~inside]
             if len(open_) == 0:
@@ -104,7 +111,9 @@ class Locator:
         return face, out / out.sum(1, keepdims=True)
 
     def _among_all(self, q: FloatArray) -> tuple[IntArray, FloatArray]:
-        """For directions that no walk leads to (walks may go in circles): the face that they lie least outside."""
+        """For directions that no walk leads to (walks may go in circles): the face that they lie least
+        outside.
+        """
         m = len(self.cones)
         face, out = np.empty(len(q), np.int64), np.empty((len(q), 3))
         step = max(1, CHUNK // m)

@@ -1,37 +1,34 @@
-"""A sheet on the sphere: its landmarks on a polyhedron, arcs along its edges, what lies between by Tutte's theorem."""
+"""A sheet on the sphere: its landmarks on a polyhedron, arcs along its edges, what lies between by Tutte's
+theorem.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray
 from circparam.core.linalg import Factor
 from circparam.maps.mend import row_weights
-from circparam.maps.tracing import Tracer
+from circparam.maps.tracing import Tracer, shares
 
 
-def shares(tracer: Tracer, path: IntArray) -> FloatArray:
-    """(p,) how far along a path each of its vertices lies, from 0 to 1, by length."""
-    steps = np.linalg.norm(np.diff(tracer.sheet.points[path], axis=0), axis=1)
-    run = np.r_[0.0, np.cumsum(np.maximum(steps, 1e-9 * steps.max()))]
-    result: FloatArray = run / run[-1]
-    return result
+def embed(
+    tracer: Tracer, ends: list[tuple[int, int]], corners: FloatArray, weights: str
+) -> FloatArray:
+    """(n, d) places of the vertices of a sheet, whose arcs cut it into triangles, on the polyhedron.
 
-
-def embed(tracer: Tracer, ends: list[tuple[int, int]], corners: FloatArray, weights: str) -> FloatArray:
-    """(n, 3) places of the vertices of a sheet, whose arcs cut it into triangles, on the polyhedron.
-
-    corners (k, 3): the landmarks. Each patch is a convex combination map onto a flat triangle, with its boundary by
+    corners (k, d): the landmarks (the unit vectors of k dimensions give barycentric coordinates). Each patch
+    is a convex combination map onto a flat triangle, with its boundary by
     arc length: one system with three right-hand sides for all, since a patch is flat where its boundary is.
     """
     sheet = tracer.sheet
-    out = np.zeros((sheet.n, 3))
+    out = np.zeros((sheet.n, corners.shape[1]))
     fixed = np.zeros(sheet.n, bool)
     for arc in range(0, len(ends), 2):
         path, t = tracer.arcs[arc], shares(tracer, tracer.arcs[arc])[:, None]
-        i, j = ends[arc]
-        out[path] = (1 - t) * corners[i] + t * corners[j]
+        begin, end = corners[list(ends[arc])]
+        out[path] = (1 - t) * begin + t * end
         fixed[path] = True
     out[tracer.marks] = corners
     w = row_weights(sheet, weights)
@@ -47,5 +44,5 @@ def embed(tracer: Tracer, ends: list[tuple[int, int]], corners: FloatArray, weig
     to_fixed = sps.csr_matrix(
         (w[border], (number[i[border]], number[j[border]])), shape=(n, int(fixed.sum()))
     )
-    out[free] = Factor(matrix).solve(to_fixed @ out[fixed])
+    out[free] = Factor(matrix).solve(np.asarray(to_fixed @ out[fixed]))
     return out

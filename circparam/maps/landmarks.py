@@ -14,9 +14,9 @@ from circparam.maps.sides import Side
 SAMPLES = 64  # places along a boundary at which two boundaries are compared
 MIRRORED = 0.5  # a reflection that fits the landmarks so many times better than a rotation is taken for one
 FLAT = 0.1  # and fits them to this share of the size at least
-GUESSED = 12  # landmarks that are guessed
+GUESSED = 8  # landmarks that are guessed
 TRUST = 0.03  # mean distance of the aligned surfaces, in sizes, up to which a guess is made
-ROUNDS = 30  # of the alignment by closest points
+ROUNDS = 12  # of the alignment by closest points
 
 
 @dataclass
@@ -61,8 +61,8 @@ def given_landmarks(pairs: IntArray, a: Side, b: Side) -> Landmarks:
                 raise InputError(f"landmark {line}: no face of {side.name} uses vertex {number}")
             if vertex in before:
                 raise InputError(
-                    f"landmark {line}: vertex {number} of {side.name} is that of landmark {before[vertex]} already; "
-                    "leave one of them out"
+                    f"landmark {line}: vertex {number} of {side.name} is that of landmark {before[vertex]} "
+                    "already; leave one of them out"
                 )
             before[vertex] = line
             found.append(vertex)
@@ -107,15 +107,17 @@ def refuse_mirrored(marks: Landmarks, a: Side, b: Side) -> None:
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
     if mirrored < MIRRORED * straight and mirrored < FLAT * size:
         raise TopologyError(
-            f"{b.name} looks like a mirror image of {a.name}: a reflection fits the landmarks {straight / max(mirrored, 1e-300):.3g} "
-            "times better than a rotation; say --mirrored, or check the landmarks"
+            f"{b.name} looks like a mirror image of {a.name}: a reflection fits the landmarks "
+            f"{straight / max(mirrored, 1e-300):.3g} times better than a rotation; "
+            "say --mirrored, or check the landmarks"
         )
 
 
 def add_boundaries(marks: Landmarks, a: Side, b: Side) -> None:
     """Match the boundaries; give each at least three corners and a landmark at its tip.
 
-    Raises InputError where it is not clear which boundary belongs to which, or their landmarks come in another order.
+    Raises InputError where it is not clear which boundary belongs to which, or their landmarks come in
+    another order.
     """
     partner = _partners(marks, a, b)
     for k, j in enumerate(partner):
@@ -168,9 +170,11 @@ def _corners(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> list[int]:
     if len(own) > 2 and turns != 1:
         reverse = turns == len(own) - 1
         raise InputError(
-            "the landmarks on a boundary come in the opposite order on the two surfaces: say --mirrored, or check them"
+            "the landmarks on a boundary come in the opposite order on the two surfaces: "
+            "say --mirrored, or check them"
             if reverse
-            else "the landmarks on a boundary come in another order on the two surfaces: paths between them would cross"
+            else "the landmarks on a boundary come in another order on the two surfaces: "
+            "paths between them would cross"
         )
     if len(own) >= 3:
         return own
@@ -199,7 +203,8 @@ def _between(at: FloatArray, start: int, end: int, span: int) -> list[int]:
     count = (end - start) % n or n
     if count < span:
         raise TopologyError(
-            "a boundary has too few vertices between two landmarks to be divided: subdivide the mesh, or move a landmark"
+            "a boundary has too few vertices between two landmarks to be divided: "
+            "subdivide the mesh, or move a landmark"
         )
     way = (at[(start + np.arange(count + 1)) % n] - at[start]) % 1.0
     way[-1] = way[-1] or 1.0
@@ -239,9 +244,11 @@ def _best_start(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> int:
 
 
 def guess(a: Side, b: Side) -> Landmarks:
-    """Landmarks for two closed surfaces that lie alike: far-apart vertices of a and what is nearest to them on b.
+    """Landmarks for two closed surfaces that lie alike: far-apart vertices of a and what is nearest to them
+    on b.
 
-    The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not fit well
+    The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
+    fit well
     enough for that to be trusted.
     """
     p = points_of(a, list(range(a.n)))
@@ -250,29 +257,35 @@ def guess(a: Side, b: Side) -> Landmarks:
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
     if error > TRUST * size:
         raise InputError(
-            f"no landmarks, and {a.name} and {b.name} are too unlike to guess any (mean distance {100 * error / size:.2g} % of the "
-            f"size when aligned, {100 * TRUST:g} % at most): give --landmarks with 3 or more pairs of vertices"
+            f"no landmarks, and {a.name} and {b.name} are too unlike to guess any "
+            f"(mean distance {100 * error / size:.2g} % of the size when aligned, "
+            f"{100 * TRUST:g} % at most): give --landmarks with 3 or more pairs of vertices"
         )
     chosen = [int(np.linalg.norm(moved - moved.mean(0), axis=1).argmax())]
     distance = np.full(len(p), np.inf)
     while len(chosen) < min(GUESSED, len(p)):
         distance = np.minimum(distance, np.linalg.norm(p - p[chosen[-1]], axis=1))
         chosen.append(int(distance.argmax()))
-    nearest = cKDTree(q).query(moved[chosen])[1]
+    nearest: list[int] = np.asarray(cKDTree(q).query(moved[chosen])[1]).tolist()
     out = Landmarks()
-    for u, v in zip(chosen, nearest.tolist(), strict=True):
+    for u, v in zip(chosen, nearest, strict=True):
         if v not in out.b and u not in out.a:
             out.add(u, v, False)
     if len(out.a) < 4:
-        raise InputError("no landmarks, and none could be guessed: give --landmarks with 3 or more pairs")
+        raise InputError(
+            "no landmarks, and none could be guessed: give --landmarks with 3 or more pairs"
+        )
     out.notes.append(
-        f"{len(out.a)} landmarks guessed from the alignment of the surfaces (mean distance {100 * error / size:.2g} % of the size)"
+        f"{len(out.a)} landmarks guessed from the alignment of the surfaces "
+        f"(mean distance {100 * error / size:.2g} % of the size)"
     )
     return out
 
 
 def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
-    """(mean distance both ways, p moved) after aligning axes of inertia in all proper ways, then closest points."""
+    """(mean distance both ways, p moved) after aligning axes of inertia in all proper ways, then closest
+    points.
+    """
     axes_p, axes_q = (np.linalg.svd(x - x.mean(0), full_matrices=False)[2] for x in (p, q))
     step_p, step_q = (x[:: max(1, len(x) // 2000)] for x in (p, q))
     tree = cKDTree(q)
@@ -292,8 +305,8 @@ def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
             moved = step_p @ now[:, :3].T + now[:, 3]
             now = aligned(step_p, q[tree.query(moved)[1]])[1]
         moved = step_p @ now[:, :3].T + now[:, 3]
-        there = float(tree.query(moved)[0].mean())
-        error = (there + float(cKDTree(moved).query(step_q)[0].mean())) / 2
+        there = float(np.mean(tree.query(moved)[0]))
+        error = (there + float(np.mean(cKDTree(moved).query(step_q)[0]))) / 2
         if error < best - 1e-9:
             best, motion = error, now
     return best, p @ motion[:, :3].T + motion[:, 3]

@@ -1,9 +1,11 @@
-"""The same triangulation of the landmarks on two surfaces: arcs that do not cross, in the same order round each.
+"""The same triangulation of the landmarks on two surfaces: arcs that do not cross, in the same order round
+each.
 
 Arcs are laid on both surfaces together, short ones first (Praun, Sweldens and Schröder 2001, "Consistent mesh
-parameterizations"): at first those that join what hangs not yet together, so that no arc closes in a landmark on one
-surface alone, then those that cut the regions between the arcs down to triangles. Every arc leaves and
-enters its landmarks between the same two arcs on both surfaces, so the two layouts are the same, whatever the shapes.
+parameterizations"): at first those that join what hangs not yet together, so that no arc closes in
+a landmark on one surface alone, then those that cut the regions between the arcs down to triangles. Every arc
+leaves and enters its landmarks between the same two arcs on both surfaces, so the two layouts are the
+same, whatever the shapes.
 """
 
 from __future__ import annotations
@@ -11,8 +13,6 @@ from __future__ import annotations
 import heapq
 from dataclasses import dataclass
 from typing import NamedTuple
-
-import numpy as np
 
 from circparam.core.arrays import IntArray
 from circparam.errors import TopologyError
@@ -93,10 +93,16 @@ class Layout:
 
     def lay_known(self, i: int, j: int, a: IntArray, b: IntArray) -> None:
         """Add an arc whose two paths (vertices from landmark i to landmark j) are known."""
-        both = Both(*(
-            Traced(path, 0.0, (tracer.sector_of(i, int(path[1])), tracer.sector_of(j, int(path[-2]))))
-            for tracer, path in zip(self.tracers, (a, b), strict=True)
-        ))
+        both = Both(
+            *(
+                Traced(
+                    path,
+                    0.0,
+                    (tracer.sector_of(i, int(path[1])), tracer.sector_of(j, int(path[-2]))),
+                )
+                for tracer, path in zip(self.tracers, (a, b), strict=True)
+            )
+        )
         self.lay(i, j, both)
 
     def triangulate(self) -> None:
@@ -111,8 +117,8 @@ class Layout:
         self._greedy([p for p in pairs if frozenset(p) not in laid], joining=False)
         if any(len(r) != 3 for r in self.regions()):
             raise TopologyError(
-                "the landmarks have no common layout: the paths between them would cross on one of the surfaces; "
-                "check that each line names the same place on both, or leave out the last ones added"
+                "the landmarks have no common layout: the paths between them would cross on one of the "
+                "surfaces; check that each line names the same place on both, or leave out the last ones added"
             )
 
     def _greedy(self, pairs: list[tuple[int, int]], joining: bool) -> None:
@@ -141,9 +147,7 @@ class Layout:
                 tracer.split_chords()
 
     def _share_region(self, i: int, j: int) -> bool:
-        return any(
-            {i, j} <= {self.ends[arc][0] for arc in region} for region in self.regions()
-        )
+        return any({i, j} <= {self.ends[arc][0] for arc in region} for region in self.regions())
 
     def _paths(self, i: int, j: int) -> Both | None:
         """The cheapest of: both free, one free and the other in the same sectors."""
@@ -160,10 +164,3 @@ class Layout:
         if led_a is not None:
             found.append(Both(led_a, free_b))
         return min(found, key=lambda x: x.cost(self.scales)) if found else None
-
-
-def start_of(tracer: Tracer, arc: int) -> IntArray:
-    """The first half-edge of an arc."""
-    path = tracer.arcs[arc]
-    return tracer.sheet.half_edges(path[:1], path[1:2])
-

@@ -1,4 +1,6 @@
-"""Turn single faces of a sheet on the sphere back: their surroundings are mapped anew by convex combinations."""
+"""Turn single faces of a sheet on the sphere back: their surroundings are mapped anew by convex
+combinations.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,8 @@ from circparam.core.linalg import Factor
 from circparam.maps.cones import all_counter_clockwise
 from circparam.maps.sheet import Sheet
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.untangle import untangle
 from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
+from circparam.solvers.untangle import untangle
 
 PATCHES = (4, 8, 2, 12)  # rings of a patch that is untangled, tried in turn
 WIDTHS = (0, 1, 2, 3, 5, 8, 12)  # rings round a face that is turned over, tried in turn
@@ -61,7 +63,9 @@ def mend(sheet: Sheet, sphere: FloatArray, fixed: BoolArray) -> tuple[FloatArray
 
 
 def _untangled(sheet: Sheet, q: FloatArray, fixed: BoolArray, rings: int) -> FloatArray:
-    """Patches round what is left, seen from the centre of the sphere in a plane, by the foldover-free energy."""
+    """Patches round what is left, seen from the centre of the sphere in a plane, by the foldover-free
+    energy.
+    """
     bad = ~all_counter_clockwise(q, sheet.faces)
     if not bad.any():
         return q
@@ -72,7 +76,7 @@ def _untangled(sheet: Sheet, q: FloatArray, fixed: BoolArray, rings: int) -> Flo
     twin = sheet.twin
     h = np.arange(len(twin))
     inner = np.repeat(inside, 3) & np.repeat(inside, 3)[twin] & (h < twin)
-    _, label = components(len(inside), h[inner] // 3, twin[inner] // 3)
+    _, label = components(len(sheet.faces), h[inner] // 3, twin[inner] // 3)
     out = q.copy()
     for patch in np.unique(label[bad]).tolist():
         f = np.flatnonzero((label == patch) & inside)
@@ -86,7 +90,15 @@ def _untangled(sheet: Sheet, q: FloatArray, fixed: BoolArray, rings: int) -> Flo
         frame[1] *= np.sign(np.linalg.det(np.stack([frame[0], frame[1], centre])))
         uv = (q[vertices] @ frame.T) / high[:, None]
         part = _part(sheet, f, local.reshape(-1, 3))
-        scale = np.abs(cross2(uv[part.faces[:, 1]] - uv[part.faces[:, 0]], uv[part.faces[:, 2]] - uv[part.faces[:, 0]])).sum() / 2
+        scale = (
+            np.abs(
+                cross2(
+                    uv[part.faces[:, 1]] - uv[part.faces[:, 0]],
+                    uv[part.faces[:, 2]] - uv[part.faces[:, 0]],
+                )
+            ).sum()
+            / 2
+        )
         unit = np.sqrt(float(part.areas.sum()) / max(scale, 1e-300))
         held = fixed[vertices].copy()
         held[part.faces.ravel()[part.boundary]] = True

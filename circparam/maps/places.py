@@ -14,9 +14,11 @@ from circparam.maps.surface_map import Places
 def along_boundaries(
     a: Side, b: Side, marks: Landmarks, sheet: Sheet
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Where the vertices on the boundaries of A lie on the sheet of B: (vertices (k,), face (k,), weights (k, 3)).
+    """Where the vertices on the boundaries of A lie on the sheet of B: (vertices (k,), face (k,), weights
+    (k, 3)).
 
-    Between two corners, by length. The edges along boundaries are never split, so they are those of the surface.
+    Between two corners, by length. The edges along boundaries are never split, so they are those of the
+    surface.
     """
     vertices, faces, weights = [], [], []
     for corners in marks.corners:
@@ -40,7 +42,9 @@ def along_boundaries(
 
 
 def _unrolled(side: Side, corners: list[int]) -> tuple[IntArray, FloatArray]:
-    """(a boundary from its first corner on, how far each vertex lies: corners passed, and the share to the next)."""
+    """(a boundary from its first corner on, how far each vertex lies: corners passed, and the share to the
+    next).
+    """
     loop = side.loops[int(side.on_boundary[corners[0]])]
     loop = np.roll(loop, -int(np.flatnonzero(loop == corners[0])[0]))
     p = side.sheet.points[loop]
@@ -48,7 +52,7 @@ def _unrolled(side: Side, corners: list[int]) -> tuple[IntArray, FloatArray]:
     step = np.maximum(step, 1e-9 * step.max())
     run = np.r_[0.0, np.cumsum(step)]
     at = np.array([int(np.flatnonzero(loop == c)[0]) for c in corners] + [len(loop)])
-    place = np.interp(run, run[at], np.arange(len(at), dtype=np.float64))
+    place = np.asarray(np.interp(run, run[at], np.arange(len(at), dtype=np.float64)), np.float64)
     return loop, place[:-1]
 
 

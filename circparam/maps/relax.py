@@ -1,8 +1,9 @@
-"""Move the vertices of a sheet over the sphere until its map onto a target is as near to an isometry as it gets.
+"""Move the vertices of a sheet over the sphere until its map onto a target is as near to an isometry as it
+gets.
 
 The energy is the symmetric Dirichlet energy of every face onto the triangle of its three places on the target.
-Steps are Newton's, projected (Smith, Goes and Kim 2019), in the tangent planes of the target. No face of the sheet may turn over
-on the sphere, so the map stays one to one, and fixed vertices stay where they are.
+Steps are Newton's, projected (Smith, Goes and Kim 2019), in the tangent planes of the target. No face of
+the sheet may turn over on the sphere, so the map stays one to one, and fixed vertices stay where they are.
 """
 
 from __future__ import annotations
@@ -45,7 +46,12 @@ class Relaxation:
     of sum 1; 0 where a face does not count."""
 
     def __init__(
-        self, faces: IntArray, rest: FloatArray, target: Target, fixed: BoolArray, weight: FloatArray
+        self,
+        faces: IntArray,
+        rest: FloatArray,
+        target: Target,
+        fixed: BoolArray,
+        weight: FloatArray,
     ) -> None:
         self.target, self.fixed, self.faces, self.n = target, fixed, faces, len(fixed)
         self.counts = np.flatnonzero(weight > 0)
@@ -103,7 +109,9 @@ class Relaxation:
         return float((self.face_energy(spot) * self.weight).sum())
 
     def direction(self, spot: Spot, held: BoolArray) -> tuple[FloatArray, float]:
-        """((n, 2) Newton's step in the frames, its slope); held (n,): vertices that stay beside the fixed ones."""
+        """((n, 2) Newton's step in the frames, its slope); held (n,): vertices that stay beside the fixed
+        ones.
+        """
         jacobian, axes = self.jacobians(spot)
         n = self.n
         # a corner's frame in the axes of its face; fixed vertices do not move
@@ -158,7 +166,9 @@ class Relaxation:
         return out
 
     def run(self, q: FloatArray, steps: int, tolerance: float, monitor: Monitor) -> Moved:
-        """Newton's steps from directions q (n, 3), with every face counter-clockwise, until they gain little."""
+        """Newton's steps from directions q (n, 3), with every face counter-clockwise, until they gain
+        little.
+        """
         spot = self.target.at(q)
         energy = self.energy(spot)
         done = small = 0
@@ -178,9 +188,11 @@ class Relaxation:
         return Moved(spot, energy, done)
 
     def step(self, spot: Spot, energy: float) -> tuple[Spot, float, float] | None:
-        """One step: (where it leads, energy there, what Newton's model promised to gain), None where none is found.
+        """One step: (where it leads, energy there, what Newton's model promised to gain), None where none is
+        found.
 
-        Where faces turn over whatever the length of the step, their vertices stay, and the others are asked again.
+        Where faces turn over whatever the length of the step, their vertices stay, and the others are asked
+        again.
         """
         held = np.zeros(self.n, bool)
         for _ in range(HOLDS):

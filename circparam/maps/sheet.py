@@ -1,4 +1,6 @@
-"""A closed working mesh of genus 0: one side of a map, its boundaries closed by cones, its edges split at will."""
+"""A closed working mesh of genus 0: one side of a map, its boundaries closed by cones, its edges split at
+will.
+"""
 
 from __future__ import annotations
 
@@ -92,20 +94,36 @@ class Sheet:
             np.stack([h[lower], self.twin[lower]], 1),
         )
 
-    def split(self, half_edges: BoolArray) -> Sheet:
-        """The marked edges ((3m,) bool on both half-edges) split at their middles, each into two."""
-        sheet, marked = self, half_edges
+    def split(
+        self, half_edges: BoolArray, share: FloatArray | None = None
+    ) -> tuple[Sheet, IntArray]:
+        """The marked edges ((3m,) bool on both half-edges) split into two each.
+
+        share: (3m,) how far along each half-edge, half where None. Returns (sheet, (edges, 2): the key low ·
+        n + high of the ends
+        of every edge that was split, ascending, and the vertex that splits it).
+        """
+        sheet, marked, n = self, half_edges, self.n
+        share = np.full(len(marked), 0.5) if share is None else share
+        middles = [np.zeros((0, 2), np.int64)]
         while marked.any():
             h = np.arange(len(marked))
             number = np.where(marked, np.minimum(h, sheet.twin), len(marked))
             lowest = np.repeat(number.reshape(-1, 3).min(1), 3)
             own = marked & (number == lowest)
             now = own & own[sheet.twin]  # at most one edge of a face at a time
-            sheet, marked = sheet._split_apart(now, marked)
-        return sheet
+            lower = np.flatnonzero(now & (h < sheet.twin))
+            i, j = sheet.faces.ravel()[lower], sheet.faces.ravel()[next_half_edge(lower)]
+            key = np.minimum(i, j) * n + np.maximum(i, j)
+            middles.append(np.stack([key, sheet.n + np.arange(len(lower))], 1))
+            sheet, marked, share = sheet._split_apart(now, marked, share)
+        found = np.concatenate(middles)
+        return sheet, found[np.argsort(found[:, 0], kind="stable")]
 
-    def _split_apart(self, now: BoolArray, marked: BoolArray) -> tuple[Sheet, BoolArray]:
-        """Split edges of which no face has two; returns (sheet, what of ``marked`` is left to split)."""
+    def _split_apart(
+        self, now: BoolArray, marked: BoolArray, share: FloatArray
+    ) -> tuple[Sheet, BoolArray, FloatArray]:
+        """Split edges of which no face has two; returns (sheet, what of ``marked`` is left, its shares)."""
         h = np.flatnonzero(now)
         lower = np.minimum(h, self.twin[h])
         edges, index = np.unique(lower, return_inverse=True)
@@ -113,25 +131,30 @@ class Sheet:
         middle = self.n + index
         a, b = flat[edges], flat[next_half_edge(edges)]
         f, k = h // 3, h % 3
-        ahead, last = (k + 1) % 3, (k + 2) % 3
+        ahead = (k + 1) % 3
         rows = np.arange(len(h))
+        t = share[h][:, None]
         # a b c becomes a m c, in its place, and m b c, at the end
         faces, corners = self.faces.copy(), self.corners.copy()
         new_faces, new_corners = self.faces[f].copy(), self.corners[f].copy()
-        half = (self.corners[f, k] + self.corners[f, ahead]) / 2
+        between = (1 - t) * self.corners[f, k] + t * self.corners[f, ahead]
         faces[f, ahead] = middle
-        corners[f, ahead] = half
+        corners[f, ahead] = between
         new_faces[rows, k] = middle
-        new_corners[rows, k] = half
-        left = marked.reshape(-1, 3).copy()
-        left[f, k] = False
-        new_left = np.zeros((len(h), 3), bool)
-        new_left[rows, ahead] = left[f, ahead]
-        left[f, ahead] = False
+        new_corners[rows, k] = between
+        left, shares = marked.reshape(-1, 3).copy(), share.reshape(-1, 3).copy()
+        new_left, new_shares = np.zeros((len(h), 3), bool), np.full((len(h), 3), 0.5)
+        new_left[rows, ahead], new_shares[rows, ahead] = left[f, ahead], shares[f, ahead]
+        left[f, k] = left[f, ahead] = False
+        s = share[edges][:, None]
         sheet = Sheet(
-            np.concatenate([self.points, (self.points[a] + self.points[b]) / 2]),
+            np.concatenate([self.points, (1 - s) * self.points[a] + s * self.points[b]]),
             np.concatenate([faces, new_faces]),
             np.concatenate([self.parent, self.parent[f]]),
             np.concatenate([corners, new_corners]),
         )
-        return sheet, np.concatenate([left, new_left]).ravel()
+        return (
+            sheet,
+            np.concatenate([left, new_left]).ravel(),
+            np.concatenate([shares, new_shares]).ravel(),
+        )

@@ -21,10 +21,14 @@ from circparam.mesh.surface import Surface
 class Side:
     """A connected surface of genus 0, with or without boundaries.
 
-    name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices those of the
-    surface. tips (b,): the vertex that closes each boundary. loops: the vertices of each boundary, in order with the
-    surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face uses it. scale: by what the points of the
-    surface are those of the mesh. winding (m, 3): the corner of the file that each corner of a face is. notes: what was repaired.
+    name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices
+    those of the
+    surface. tips (b,): the vertex that closes each boundary. loops: the vertices of each boundary, in order
+    with the
+    surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face uses it. scale: by what
+    the points of the
+    surface are those of the mesh. winding (m, 3): the corner of the file that each corner of a face is.
+    notes: what was repaired.
     """
 
     name: str
@@ -78,18 +82,28 @@ def side_of(mesh: Mesh, name: str, mirrored: bool = False, weld: float = 0.0) ->
     sheet, tips = closed_sheet(cut_mesh.faces, surface.vertex_points, loops)
     if not sheet.simple:
         raise TopologyError(
-            f"{name}: two edges join the same two vertices, so no path is known by its vertices; subdivide or weld it first"
+            f"{name}: two edges join the same two vertices, so no path is known by its vertices; "
+            "subdivide or weld it first"
         )
     vertex = np.full(len(mesh.points), -1)
     solved = surface.corner_vertex
     winding = np.where(surface.reversed_faces[:, None], [[0, 2, 1]], [[0, 1, 2]])
-    if mirrored:
-        winding = winding[:, [0, 2, 1]]
     file_corners = np.take_along_axis(mesh.faces[surface.source], winding, 1)
     vertex[file_corners] = solved
     missing = (vertex < 0) & (report.weld != np.arange(len(vertex)))
     vertex[missing] = vertex[report.weld[missing]]
-    return Side(name, mesh, surface, sheet, tips, loops, vertex, report.scale, winding, list(report.messages))
+    return Side(
+        name,
+        mesh,
+        surface,
+        sheet,
+        tips,
+        loops,
+        vertex,
+        report.scale,
+        winding,
+        list(report.messages),
+    )
 
 
 def _mirrored(surface: Surface) -> Surface:
@@ -113,15 +127,16 @@ def _checked(surface: Surface, name: str) -> CutMesh:
     number, _ = surface.components
     if number != 1:
         raise TopologyError(
-            f"{name}: it has {number} connected parts and a map needs one: split the file, or --drop-floaters when it is unwrapped"
+            f"{name}: it has {number} connected parts and a map needs one: split the file"
         )
     cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
     loops = len(cut_mesh.loops.chart)
     genus = int(2 - loops - cut_mesh.euler()[0]) // 2
     if genus:
         raise TopologyError(
-            f"{name}: genus {genus} with {counted(loops, 'boundary')}; maps are made between surfaces of genus 0 "
-            "(spheres and disks, with or without holes): cut both open along corresponding loops first"
+            f"{name}: genus {genus} with {counted(loops, 'boundary')}; maps are made between "
+            "surfaces of genus 0 (spheres and disks, with or without holes): "
+            "cut both open along corresponding loops first"
         )
     return cut_mesh
 
@@ -156,7 +171,6 @@ def require_same(a: Side, b: Side) -> None:
     """Raise TopologyError unless both have as many boundaries."""
     if len(a.loops) != len(b.loops):
         raise TopologyError(
-            f"{a.name} has {counted(len(a.loops), 'boundary')} and {b.name} {len(b.loops)}: a map needs the same topology; "
-            "close holes, or cut the other open"
+            f"{a.name} has {counted(len(a.loops), 'boundary')} and {b.name} {len(b.loops)}: "
+            "a map needs the same topology; close holes, or cut the other open"
         )
-

@@ -24,6 +24,13 @@ class Spot:
     face: IntArray | None = None
     weights: FloatArray | None = None
 
+    @property
+    def place(self) -> tuple[IntArray, FloatArray]:
+        """(face, weights) on a sheet."""
+        if self.face is None or self.weights is None:
+            raise TypeError("a place on the sphere itself has no face")
+        return self.face, self.weights
+
     def normals(self) -> FloatArray:
         """(n, 3) unit normals of the target."""
         return np.cross(self.frame[:, :, 0], self.frame[:, :, 1])
@@ -96,9 +103,8 @@ class SheetTarget:
 
     def moved(self, spot: Spot, d: FloatArray) -> Spot:
         """Straight over the sheet: at every edge the way goes on as if the two faces were one plane."""
-        if spot.face is None or spot.weights is None:
-            return self.at(spot.sphere)
-        face, w = spot.face.copy(), spot.weights.copy()
+        face, w = spot.place
+        face, w = face.copy(), w.copy()
         way = np.einsum("nab,nb->na", spot.frame, d)
         going = np.flatnonzero((d != 0).any(1))
         moves = going

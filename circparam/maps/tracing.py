@@ -1,4 +1,6 @@
-"""Paths on one side of a map: shortest, never touching each other, leaving a landmark where they are told to."""
+"""Paths on one side of a map: shortest, never touching each other, leaving a landmark where they are told
+to.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +8,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sps
-import scipy.sparse.csgraph as csgraph
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
-from circparam.core.clock import tick
+from circparam.core.graph import components, distances, nearest
 from circparam.maps.sheet import Sheet
 
-FIRST = 1.5  # times the shortest distance between two landmarks: how far a path is looked for at first
+FIRST = (
+    1.5  # times the shortest distance between two landmarks: how far a path is looked for at first
+)
 
 
 @dataclass(frozen=True)
@@ -64,15 +67,33 @@ class Tracer:
         return out
 
     def split_chords(self) -> None:
-        """Split every edge that joins two vertices of arcs and is on none, so that paths pass between all arcs."""
+        """Split every edge that joins two vertices of arcs and is on none, so that paths pass between all
+        arcs.
+        """
         flat = self.sheet.faces.ravel()
         h = np.arange(len(flat))
         chord = self.on[flat] & self.on[flat[next_half_edge(h)]] & ~self.on_arcs()
         if chord.any():
-            self.sheet = self.sheet.split(chord)
-            more = self.sheet.n - len(self.on)
-            self.on = np.concatenate([self.on, np.zeros(more, bool)])
-            self._prepare()
+            self.renew(self.sheet.split(chord)[0])
+
+    def renew(self, sheet: Sheet) -> None:
+        """Go on with the sheet after edges were split."""
+        self.sheet = sheet
+        self.on = np.concatenate([self.on, np.zeros(sheet.n - len(self.on), bool)])
+        self._prepare()
+
+    def replace(self, arc: int, path: IntArray, i: int, j: int) -> None:
+        """Another path for an arc between the same landmarks, in the same place among the others."""
+        for at, way in ((i, arc), (j, arc ^ 1)):
+            self.steps[at] = {v: name for v, name in self.steps[at].items() if name != way}
+        self.lay(arc, path, i, j)
+
+    def mark_arcs(self) -> None:
+        """Vertices of landmarks and arcs, after arcs were replaced."""
+        self.on[:] = False
+        self.on[self.marks] = True
+        for path in self.arcs.values():
+            self.on[path] = True
 
     def _prepare(self) -> None:
         sheet = self.sheet
@@ -81,9 +102,23 @@ class Tracer:
         self._row = np.repeat(np.arange(sheet.n), np.diff(self._graph.indptr))
 
     def _distances(self, vertex: int) -> FloatArray:
-        tick()
-        found = csgraph.dijkstra(self._graph, indices=vertex)
-        return np.asarray(found[self.marks])
+        return distances(self._graph, np.array([vertex]))[self.marks]
+
+    def from_landmarks(self) -> FloatArray:
+        """(n,) distance of each vertex from the nearest landmark, along edges."""
+        return distances(self._graph, self.marks)
+
+    def regions(self, known: list[list[int]]) -> IntArray:
+        """(m,) the region of each face; known: the arcs round each region, which lies on their left."""
+        sheet = self.sheet
+        h = np.flatnonzero(~self.on_arcs())
+        _, label = components(len(sheet.faces), h // 3, sheet.twin[h] // 3)
+        name = np.full(int(label.max()) + 1, -1)
+        for n, region in enumerate(known):
+            path = self.arcs[region[0]]
+            name[label[sheet.half_edges(path[:1], path[1:2]) // 3]] = n
+        out: IntArray = name[label]
+        return out
 
     def sector_of(self, i: int, step: int) -> int:
         """The sector of landmark i in which its neighbour ``step`` lies."""
@@ -102,11 +137,14 @@ class Tracer:
         ring = np.array(self.sheet.ring(int(self.marks[i])))
         free = ring[~self.on[ring]]
         if sector is None or sector < 0:
-            return free
+            out: IntArray = free
+            return out
         return np.array([v for v in free if self.sector_of(i, int(v)) == sector], np.int64)
 
     def path(self, i: int, j: int, sectors: tuple[int, int] | None = None) -> Traced | None:
-        """The shortest path from landmark i to j that touches no arc, in the given sectors where they are given."""
+        """The shortest path from landmark i to j that touches no arc, in the given sectors where they are
+        given.
+        """
         start, end = int(self.marks[i]), int(self.marks[j])
         leave = self._allowed(i, sectors[0] if sectors else None)
         enter = self._allowed(j, sectors[1] if sectors else None)
@@ -123,10 +161,7 @@ class Tracer:
         data = np.where(usable, self._graph.data, np.inf)
         graph = sps.csr_matrix((data, column, self._graph.indptr), shape=self._graph.shape)
         for limit in (FIRST * float(self.distance[i, j]), 1e300):
-            tick()
-            distance, before = csgraph.dijkstra(
-                graph, indices=start, return_predecessors=True, limit=limit
-            )
+            distance, before, _ = nearest(graph, np.array([start]), limit)
             if np.isfinite(distance[end]):
                 break
         else:
@@ -137,3 +172,11 @@ class Tracer:
         vertices = np.array(out[::-1], np.int64)
         found = (self.sector_of(i, int(vertices[1])), self.sector_of(j, int(vertices[-2])))
         return Traced(vertices, float(distance[end]), found)
+
+
+def shares(tracer: Tracer, path: IntArray) -> FloatArray:
+    """(p,) how far along a path each of its vertices lies, from 0 to 1, by length."""
+    steps = np.linalg.norm(np.diff(tracer.sheet.points[path], axis=0), axis=1)
+    run = np.r_[0.0, np.cumsum(np.maximum(steps, 1e-9 * steps.max()))]
+    result: FloatArray = run / run[-1]
+    return result
