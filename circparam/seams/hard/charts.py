@@ -29,7 +29,7 @@ FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30, bound=1 + 1e-6)
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60, bound=1 + 1e-6)
 MARGIN = 0.001  # share of the root of its area that parts of one chart keep apart
 COILED = 0.9  # of the excess of the bound over 1: how far strips that lie straight are relaxed
-EYESORE = 2.0  # what a seam in a flat counts on top of its length when two atlases are compared
+EYESORE = 4.0  # what a seam in a flat counts on top of its length when two atlases are compared
 WORK = 16.0  # times the faces of the surface: what the trials of merging may hold in all
 SPLITS = 16  # rounds of splitting regions that break the bound
 
