@@ -12,6 +12,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.copies import find_copies, spread_copies
+from circparam.seams.hard.exact import prefer_exact
 from circparam.seams.hard.regions import seam_prices
 from circparam.seams.hard.unroll import layers, slits, straight, unroll
 from circparam.seams.options import SeamOptions
@@ -74,20 +75,18 @@ def _decided(
     graph = dual_graph(atlas.surface, atlas.flat)
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
-        merger = Merger(
-            atlas,
-            MergeOptions(bound, margin=MARGIN, rigid=True, work=WORK),
-            np.zeros(len(atlas.cut), bool),
-            worker,
-        )
-        merger.run(monitor)
+        start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
+        merging = MergeOptions(bound, margin=MARGIN, rigid=True, work=WORK)
+        Merger(atlas, merging, np.zeros(len(atlas.cut), bool), worker).run(monitor)
     with monitor.stage("enforce"):
         layouts = settled(atlas, monitor)
         enforce(atlas, graph, layouts, bound, FINAL, monitor)
+    with monitor.stage("charts"):
+        prefer_exact(atlas, start, merging, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            merging = MergeOptions(bound, margin=MARGIN, rigid=True)
-            left = absorb(atlas, merging, options.min_chart_faces, monitor)
+            absorbing = MergeOptions(bound, margin=MARGIN, rigid=True)
+            left = absorb(atlas, absorbing, options.min_chart_faces, monitor)
             notes += small_note(left, options.min_chart_faces)
     return atlas
 
