@@ -56,6 +56,9 @@ REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split th
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
+VISIBLE = (
+    30.0  # seconds over those of the repair: with less left there are no prices, charts need them
+)
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
@@ -77,7 +80,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     hide = options.hide_seams
     if hide is None:  # seams that moved have no distortion left for tips to be held more strictly
         hide = HIDDEN if (options.max_stretch or STRETCH) >= STRETCH else 0.0
-    if hide > 0:
+    if hide > 0 and not monitor.short(VISIBLE * monitor.seconds.get("repair", 0.0)):
         with monitor.stage("visibility"):
             price = hiding_prices(surface, hide)
             surface = dataclasses.replace(surface, price=price)

@@ -246,3 +246,12 @@ def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
         below = int((size < least).sum())
         assert bool(below) == bool(seams.notes)
         assert all(note.startswith(f"{below} charts stay below {least}") for note in seams.notes)
+
+
+def test_prices_of_seams_are_left_out_where_charts_need_the_time() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    for timeout, priced in ((None, True), (1000.0, True), (20.0, False)):
+        monitor = Monitor(timeout=timeout)
+        monitor.seconds["repair"] = 1.0
+        SEAMS["charts"].function(surface, SeamOptions(), monitor)
+        assert ("visibility" in monitor.seconds) is priced
