@@ -15,7 +15,7 @@ from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
 from circparam.seams.hard.charts import hard_atlas, take_better
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
-from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
+from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import hiding_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
@@ -120,11 +120,15 @@ def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     if atlas.charts()[0] > SOUP:
         return
     hard = with_hard_prices(atlas)
-    for which, priced in ((hard, seam_prices), (with_flats(atlas.surface) & ~hard, flat_prices)):
+    rest = ~hard
+    if rest.any():
+        rest[rest] = with_flats(atlas.surface.part(rest))
+    for which in (hard, rest):
         if not which.any() or not atlas.cut.any():
             continue
         part = atlas.part(which)
-        part = Atlas(part.surface, part.cut, part.corners, priced(part.surface))
+        if which is rest:
+            part.prices = flat_prices(part.surface)
         straighten(part, limits, monitor)
         atlas.put(which, part)
 
@@ -207,13 +211,18 @@ def free_atlas(
     if not hard.all():
         atlas.put(~hard, grown_atlas(surface.part(~hard), bound, options, monitor, notes))
     worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)
+    parts = []
     if hard.any():
-        atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
+        part = hard_atlas(surface.part(hard), bound, options, worker, monitor, notes)
+        atlas.put(hard, part)
+        parts.append((hard, part))
     if doubtful.any() and not monitor.expired:
         other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-        hard |= take_better(atlas, doubtful, other, CHART_COST)
-    if hard.any():
-        atlas.prices = hard_prices(surface, hard)
+        taken = take_better(atlas, doubtful, other, CHART_COST)
+        if taken.any():
+            parts.append((taken, other.part(taken[doubtful])))
+    if parts:
+        atlas.prices = hard_prices(surface, parts)
     return atlas
 
 

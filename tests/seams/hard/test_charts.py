@@ -107,6 +107,7 @@ def test_noise_of_single_precision_and_units_cut_no_flat(name, scale) -> None:
 @settings(max_examples=15, deadline=None)
 @example(1, 13, 0.09375, 0.75, True)
 @example(1, 13, 0.09375, 0.88, True)
+@example(1, 16, 0.31420043788742086, 0.703125, True)
 @given(
     st.integers(0, 3), st.integers(5, 40), st.floats(0.05, 0.4), st.floats(0.1, 3.0), st.booleans()
 )
