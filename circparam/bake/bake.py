@@ -29,7 +29,8 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode
 from circparam.geometry.raster import barycentric, fragments
-from circparam.maps.surface_map import SurfaceMap, fingerprint
+from circparam.maps.pair import oriented
+from circparam.maps.surface_map import SurfaceMap
 from circparam.mesh.mesh import UVMap
 
 SHAPES = ("normals", "height")  # kinds that tell the shape of the source, not its colours
@@ -247,20 +248,6 @@ def _bake_across(
             notes.append(projection.told())
     report["empty"] = tally.share(tally.empty)
     return replace(baked, notes=notes + baked.notes, report=report)
-
-
-def oriented(mapped: SurfaceMap, target: Document, source: Document) -> SurfaceMap:
-    """The map from target to source. Raises InputError where it was made for other meshes."""
-    marks = fingerprint(target.mesh), fingerprint(source.mesh)
-    if marks == (mapped.a, mapped.b):
-        return mapped
-    if marks == (mapped.b, mapped.a):
-        return mapped.turned()
-    lone = target if marks[0] not in (mapped.a, mapped.b) else source
-    raise InputError(
-        f"{lone.source.name}: the map was made for another mesh (other faces or vertex numbers): make it again "
-        f"with circparam map {target.source.name} {source.source.name}"
-    )
 
 
 def _colours(

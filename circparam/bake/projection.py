@@ -19,6 +19,7 @@ from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.rays import BoxTree, first_hits
 from circparam.geometry.shading import Frames, corner_normals, frames, unit
+from circparam.maps.pair import moved
 from circparam.maps.surface_map import SurfaceMap
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
@@ -64,7 +65,7 @@ class Projection:
         self, target: Mesh, source: Mesh, cage: float | None, mapped: SurfaceMap | None = None
     ) -> None:
         """cage: D in units of the mesh, None for a share CAGE of its size. mapped: from target to source."""
-        points = target.points if mapped is None else mapped.to_b.of(source.points, source.faces)
+        points = target.points if mapped is None else moved(mapped, target, source)
         self.source = source
         self.mapped = mapped is not None
         self.corners = points[target.faces]

@@ -10,16 +10,16 @@ from PIL import Image
 
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.projection import own_frames
-from circparam.bake.sampling import Closest, bilinear
+from circparam.bake.sampling import bilinear
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import read
 from circparam.geometry.shading import corner_normals, unit
-from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.baking import sample_back, sheet, some_places, write_obj
 from tests.support.bumps import belt, traced
+from tests.support.maps import known_map, same_map
 
 NEAREST = Across("nearest", 0.06)
 
@@ -118,16 +118,6 @@ def psnr(error: FloatArray) -> float:
     return float(-10 * np.log10((error**2).mean()))
 
 
-def placed(target: Mesh, source: Mesh) -> Places:
-    face, bary, _ = Closest(source.points, source.faces).find(target.points)
-    return Places(face, bary)
-
-
-def known_map(a: Mesh, b: Mesh) -> SurfaceMap:
-    """Of two meshes of one shape: every vertex lies where the other surface is nearest."""
-    return SurfaceMap(placed(a, b), placed(b, a), fingerprint(a), fingerprint(b))
-
-
 @pytest.mark.parametrize("by", ["nearest", "map", "turned map"])
 def test_a_texture_on_a_remeshing_of_its_mesh(tmp_path: Path, by: str):
     """30 dB and more between the two textures, at equal places of the surface (asked for)."""
@@ -158,12 +148,7 @@ def test_a_map_carries_a_texture_onto_another_shape(tmp_path: Path):
     bent = a[0].points[:, [2, 0, 1]] * [1.0, 3.0, 0.5] + [7.0, 0, 0]
     bent[:, 0] += bent[:, 1] ** 2
     target = stored(tmp_path, "a", Mesh(bent, a[0].faces), a[1])
-    n = len(a[0].points)
-    corner = np.zeros(n, np.int64)
-    corner[a[0].faces.ravel()] = np.arange(a[0].faces.size)
-    same = Places(corner // 3, np.eye(3)[corner % 3])
-    mark = fingerprint(target.mesh)
-    across = Across(SurfaceMap(same, same, mark, mark))
+    across = Across(same_map(target.mesh))
     baked = bake_document(target, "texture", source=source, across=across, size=256)
     face, bary = some_places(len(a[0].faces), 5000)
     uv = np.einsum("pk,pkc->pc", bary, a[1].uv[a[1].uv_faces[face]])

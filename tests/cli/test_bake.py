@@ -12,8 +12,10 @@ from PIL import Image
 
 from circparam.cli import cli
 from circparam.formats.io import read
+from circparam.maps.surface_map import save_map
 from circparam.mesh.mesh import UVMap
 from tests.support.baking import charts, picture, sheet, smooth, write_obj
+from tests.support.maps import same_map
 
 
 def run(*words: object) -> Result:
@@ -123,13 +125,7 @@ def test_shape_of_another_mesh_with_its_figures(folder: Path):
 
 
 def test_colours_are_vertex_colours_and_maps_are_read(folder: Path):
-    from circparam.maps.surface_map import Places, SurfaceMap, fingerprint, save_map
-
-    mesh = read(folder / "new.obj").mesh
-    corner = np.zeros(len(mesh.points), np.int64)
-    corner[mesh.faces.ravel()] = np.arange(mesh.faces.size)
-    same, mark = Places(corner // 3, np.eye(3)[corner % 3]), fingerprint(mesh)
-    save_map(folder / "m.npz", SurfaceMap(same, same, mark, mark))
+    save_map(folder / "m.npz", same_map(read(folder / "new.obj").mesh))
     images = []
     for extra in ((), ("--source", folder / "colours.obj", "--map", folder / "m.npz")):
         out = folder / f"{len(extra)}.png"
