@@ -79,6 +79,14 @@ def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
     return found
 
 
+def mesh_matrices(tree: Tree) -> dict[int, npt.NDArray[np.float64]]:
+    """Of every mesh that nodes show: the (4, 4) world transform of the first node that does."""
+    out: dict[int, npt.NDArray[np.float64]] = {}
+    for node, matrix in walk(tree):
+        out.setdefault(-1 - node if node < 0 else tree.item("nodes", node)["mesh"], matrix)
+    return out
+
+
 def read_meshes(tree: Tree, shown: list[tuple[int, npt.NDArray[np.float64]]]) -> Parts:
     """Every mesh that the nodes (from ``walk``) show, once each, where the first of its nodes puts it.
 
