@@ -35,7 +35,7 @@ class Keywords(TypedDict, total=False):
     hide_seams: float | None
     symmetry: Literal["x", "y", "z", "auto"] | None
     drop_floaters: float | None
-    pack_splits: int | None
+    pack_splits: int | Literal["auto"] | None
     resolution: int | None
     padding: int | None
     pages: int | None

@@ -33,6 +33,7 @@ DEFAULT_CUT = "charts"
 DEFAULT_RESOLUTION = 2048
 DEFAULT_PADDING = 4
 DEFAULT_BOUND = 1.05
+AUTO = "auto"
 
 
 # names that the tables of the library know, read when they are needed
@@ -169,9 +170,10 @@ class Options:
         bounds=Range(0.0, 1.0, "a share of the surface's area between 0 and 1: 1e-4 is a small floater"),
         applies=applies.with_packing,
     )
-    pack_splits: int | None = option(
-        "seams", "Split up to N charts where that covers the page much better.", metavar="N",
-        bounds=Range(1, 1000, "a number of charts that may be split, from 1 on"), applies=applies.with_room,
+    pack_splits: int | str | None = option(
+        "seams", "Cut charts for a fuller page: where it is worth the seam, or up to N.", metavar="auto|N",
+        shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of charts that may be split, from 0 on"),
+        applies=applies.with_room,
     )
 
     resolution: int | None = option(
@@ -278,6 +280,11 @@ class Options:
     def processes(self) -> int:
         """How many processes may work, this one included: as many as there are cores where nobody says."""
         return cores() if self.jobs is None else int(self.jobs)
+
+    @property
+    def fills_page(self) -> bool:
+        """Whether charts are cut where a fuller page is worth the seam."""
+        return self.pack_splits in (None, AUTO) and applies.fills_page(self)
 
     @property
     def target_set(self) -> int | None:

@@ -64,8 +64,8 @@ def _room(result: Result) -> list[str]:
     sized = not o.packed or o.scale is False or o.texel_density is not None
     if sized or share is None or share >= ROOM:
         return []
-    splits = result.work == "unwrap" and o.pack_splits is None
-    if splits and applies.with_room(o, "pack_splits") is None:
+    splits = result.work == "unwrap" and not isinstance(o.pack_splits, int)
+    if splits and applies.has_room(o):
         cure = "--pack-splits 10 cuts arms off where that makes room"
     elif o.rotate in ("90", "none"):
         cure = "--rotate free lets charts turn"

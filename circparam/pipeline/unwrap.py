@@ -100,13 +100,22 @@ def _unwrapped(
         with monitor.stage("flatten"):
             cascade = first_layout(job, seams, monitor)
     with monitor.holding(WRITE_COST * pace + KEPT):
-        if options.pack_splits:
-            with monitor.stage("pack"):
-                cascade = split_for_packing(
-                    cascade, options.pack_splits, pack_options(options), monitor
-                )
+        with monitor.stage("pack"):
+            cascade = _with_room(cascade, options, monitor)
         fitted = fit_stored(job, cascade, monitor)
     return _finish(_verified(job, fitted, monitor), output, monitor)
+
+
+def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
+    """Charts cut for a fuller page, as ``pack_splits`` says."""
+    if options.fills_page:
+        from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
+
+        least = options.min_chart_faces or 1
+        return fill_page(cascade, options.max_charts, least, pack_options(options), monitor)
+    if isinstance(options.pack_splits, int) and options.pack_splits:
+        return split_for_packing(cascade, options.pack_splits, pack_options(options), monitor)
+    return cascade
 
 
 def repack(
