@@ -29,7 +29,14 @@ Examples:
   circparam compare *.obj --methods all --csv figures.csv -q
   circparam compare mesh.obj --methods circle,floater,isometric --report report.html
 """
-_LIBRARY = ("max_distortion", "boundary", "spacing", "timeout", "jobs", "reader")  # options of every method
+_LIBRARY = (
+    "max_distortion",
+    "boundary",
+    "spacing",
+    "timeout",
+    "jobs",
+    "reader",
+)  # options of every method
 
 
 @click.command(cls=common.Command, epilog=_EPILOG)

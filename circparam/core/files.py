@@ -24,8 +24,8 @@ def write_files(
     """Write several files, all or none, the last one last (it may refer to those before it).
 
     inside: a folder below which missing folders are made. durable: flushed to the disk, so that a power cut
-    loses none; not needed for what is written again every moment. Raises OptionError where one exists and may not be
-    replaced, OutputError where the disk refuses. Nothing is left behind by an error or an interrupt.
+    loses none; not needed for what is written again every moment. Raises OptionError where one exists and may
+    not be replaced, OutputError where the disk refuses. Nothing is left behind by an error or an interrupt.
     """
     for path in contents:
         if path.is_dir():
@@ -66,9 +66,7 @@ def _folders(paths: Iterable[Path], inside: Path | None) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _staged(
-    contents: Mapping[Path, bytes], durable: bool
-) -> Iterator[list[tuple[Path, Path]]]:
+def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tuple[Path, Path]]]:
     """The contents under temporary names beside their places, flushed where they must be durable; whatever is
     left is removed."""
     staged: list[tuple[Path, Path]] = []
