@@ -28,7 +28,14 @@ from circparam.seams.multires.transfer_layout import (
 )
 from circparam.seams.multires.transfer_seams import transfer_seams
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
-from circparam.seams.segmentation.decide import CHART_COST, CROWD, LOOPS, decide, reach_count
+from circparam.seams.segmentation.decide import (
+    CHART_COST,
+    CROWD,
+    LOOPS,
+    decide,
+    merge_on,
+    reach_count,
+)
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import (
     DualGraph,
@@ -190,18 +197,31 @@ def bounded_atlas(
     return best
 
 
-def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, float, float]:
-    """What counts where so many charts are wanted, the least first: charts beyond, distortion, seam length."""
+def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:
+    """What counts where so many charts are wanted, the least first: charts that lie on themselves, which would
+    be split, charts beyond that number, distortion, seam length."""
     cut_mesh = atlas.cut_mesh()
-    energy = judge(cut_mesh, atlas.gather(cut_mesh)).energy
-    over = float(np.average(energy, weights=cut_mesh.chart_areas))
-    return max(cut_mesh.n_charts, most), max(over, bound), atlas.seam_length
+    layouts = judge(cut_mesh, atlas.gather(cut_mesh))
+    over = float(np.average(layouts.energy, weights=cut_mesh.chart_areas))
+    faulty = int(layouts.bad(ANY_BOUND).sum())
+    return faulty, max(cut_mesh.n_charts, most), max(over, bound), atlas.seam_length
 
 
 def free_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
-    """As many charts as the bound needs."""
+    """As many charts as the bound needs, and no more than can be had at the same distortion."""
+    atlas = _first_atlas(surface, bound, options, monitor, notes)
+    if options.min_chart_faces == 1:  # else small charts are what decides who joins whom
+        with monitor.stage("charts"):
+            merge_on(atlas, bound, MARGIN / 2, REGROUP_FACES, monitor)
+    return atlas
+
+
+def _first_atlas(
+    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
+) -> Atlas:
+    """Hard components from their regions, the others grown."""
     kind = hardness(surface)
     hard, doubtful = kind == HARD, kind == DOUBTFUL
     doubtful &= doubtful.sum() <= DOUBTS

@@ -118,6 +118,18 @@ def test_a_number_of_charts_never_leads_to_more(shape) -> None:
             assert np.array_equal(atlas.cut, free.cut)
 
 
+def test_an_atlas_that_lies_on_itself_is_worth_less_than_one_of_more_charts() -> None:
+    """Its charts would be split, and nobody knows into how many."""
+    _, sound = atlas_of(shapes.cube(4))
+    assert sound.charts()[0] >= 1
+    surface = sound.surface
+    flat = Atlas(surface, np.ones(len(surface.edges), bool), surface.rest_triangles)
+    one = Atlas(surface, sound.cut, np.zeros_like(sound.corners))
+    assert flat.charts()[0] > one.charts()[0]
+    assert module.worth(flat, 1, 1.05) < module.worth(one, 1, 1.05)
+    assert module.worth(sound, 1, 1.05) < module.worth(flat, 1, 1.05)
+
+
 def test_every_component_gets_charts_of_its_own() -> None:
     shape = shapes.row_of(shapes.cube(2), 5)
     surface, atlas = atlas_of(shape)
