@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    next_half_edge,
+    sorted_distinct,
+)
 from circparam.geometry.boundary import boundary_of, turned_loops
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
@@ -94,10 +101,12 @@ class _Boundary:
         which charts overlap."""
         c = self.cut_mesh
         found = overlaps(c.faces, uv, c.chart, c.edges)
-        meeting = np.unique(found.crossings)
+        meeting = sorted_distinct(found.crossings)
         if found.self_overlapping.any():  # holes narrower than a unit may have turned over
             boundary = boundary_of(c.faces, uv, c.chart, c.edges, c.n_charts)
-            meeting = np.union1d(meeting, boundary.half_edge[turned_loops(boundary)])
+            meeting = sorted_distinct(
+                np.concatenate([meeting, boundary.half_edge[turned_loops(boundary)]])
+            )
         return meeting, found.self_overlapping
 
     def _part(self, charts: BoolArray) -> tuple[_Boundary, IntArray]:
