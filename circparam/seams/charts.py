@@ -13,7 +13,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
-from circparam.seams.hard.charts import hard_atlas, take_better
+from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
@@ -228,20 +228,26 @@ def _first_atlas(
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    if not hard.all():
-        atlas.put(~hard, grown_atlas(surface.part(~hard), bound, options, monitor, notes))
     worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)
     parts = []
     if hard.any():
         part = hard_atlas(surface.part(hard), bound, options, worker, monitor, notes)
         atlas.put(hard, part)
         parts.append((hard, part))
-    if doubtful.any() and not monitor.expired:
+    doubtful &= not monitor.expired
+    plain = np.zeros(len(surface.faces), bool)
+    if doubtful.any():
         other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-        taken = take_better(atlas, doubtful, other, CHART_COST)
-        if taken.any():
-            parts.append((taken, other.part(taken[doubtful])))
-    if parts:
+        # what needs no seam needs no second way either
+        plain[doubtful] = ~with_seams(other)
+        atlas.put(plain, other.part(plain[doubtful]))
+    rest = ~hard & ~plain
+    if rest.any():
+        atlas.put(rest, grown_atlas(surface.part(rest), bound, options, monitor, notes))
+    if doubtful.any():
+        taken = plain | take_better(atlas, doubtful, other, CHART_COST)
+        parts.append((taken, other.part(taken[doubtful])))
+    if any(faces.any() for faces, _ in parts):
         atlas.prices = hard_prices(surface, parts)
     return atlas
 

@@ -92,6 +92,13 @@ def _decided(
     return atlas
 
 
+def with_seams(atlas: Atlas) -> BoolArray:
+    """(m,) bool: faces of components that are cut."""
+    beside = np.zeros(len(atlas.surface.faces), bool)
+    beside[atlas.surface.edges[atlas.cut, 0] // 3] = True
+    return atlas.surface.whole_components(beside)
+
+
 def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float) -> BoolArray:
     """Take components of ``other``, an atlas of some faces ((m,) bool), where it is the better one.
 

@@ -38,7 +38,7 @@ HOLE = 0.2  # length of a boundary over that of the longest of its chart, below 
 LOST = 3.0  # times the share that is allowed, from which on some places are given up at once
 TURNS = 8  # of slits and splits
 CUT_OFF = 0  # pieces: regions that are stretched are cut off along sharp edges
-PIECES = (CUT_OFF, 2, 4)  # that charts are split in, one after the other where that is no use
+PIECES = (2, 4)  # that charts are split in, one after the other where that is no use
 SPLITTING, FREE = 3, 100_000  # faces of all splits: times those of the surface, and so many more
 STRETCHED = 0.1  # share of a smooth region, from which on it is cut off as a whole
 TIP_SLITS = 2  # that lead to the top of what was cut out, before it is split
@@ -71,24 +71,29 @@ def hold_stretch(
         helpless = float(cut_mesh.areas[far & (failed > 1)].sum() / cut_mesh.areas.sum())
         left = limits.allowed - helpless
         peaks = _peaks(cut_mesh, uv, far & (failed <= 1), goal, left)
-        longest = SHORTER * _length_to(atlas, cut_mesh, peaks, goal) if len(peaks) else np.inf
-        tips = _cut_out(atlas, cut_mesh, stretch, limits, longest, monitor) if splits else None
+        if len(peaks):
+            longest = SHORTER * _length_to(atlas, cut_mesh, peaks, goal)
+            tips = None
+            if splits and atlas.prices is None:
+                tips = _cut_out(atlas, cut_mesh, stretch, limits, longest, monitor)
+            if tips is None:
+                failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
+        else:
+            work -= int((over > 0)[cut_mesh.chart].sum())
+            if not splits or work < 0:
+                return
+            # smooth regions of hard surfaces are cut off whole before anything is cut out of them
+            if _split(atlas, cut_mesh, over, CUT_OFF, limits, monitor):
+                continue
+            tips = _cut_out(atlas, cut_mesh, stretch, limits, np.inf, monitor)
+            if tips is None and not any(
+                _split(atlas, cut_mesh, over, pieces, limits, monitor) for pieces in PIECES
+            ):
+                return
         if tips is not None:
             failed[tips] = 0
             cut_mesh, uv = atlas.open()
             atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
-        elif len(peaks):
-            failed += _slit(atlas, cut_mesh, peaks, goal, failed, limits, monitor)
-        else:
-            work -= int((over > 0)[cut_mesh.chart].sum())
-            if (
-                not splits
-                or work < 0
-                or not any(
-                    _split(atlas, cut_mesh, over, pieces, limits, monitor) for pieces in PIECES
-                )
-            ):
-                return
 
 
 def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor) -> FloatArray:
