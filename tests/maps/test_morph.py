@@ -259,3 +259,19 @@ def test_png_and_json_of_a_tree_are_sound(tmp_path: Path):
     assert Image.open(io.BytesIO(found.images[0])).format == "PNG"
     assert Image.open(io.BytesIO(found.images[0])).getpixel((0, 0)) == (10, 200, 30)
     json.dumps(chunks(data)[0], allow_nan=False)
+
+
+def test_a_morph_is_read_back_as_a_target_in_the_world(tmp_path: Path):
+    """``Document.targets`` tells where each vertex goes, through the node's transform, and its name."""
+    mesh, layout = belt(4, 8)
+    tree, binary = gltf_tree(mesh, layout, tmp_path)
+    tree["nodes"] = [{"mesh": 0, **Z_UP}]
+    one = read_data(glb_bytes(tree, binary))
+    two = stored(
+        tmp_path, "goal", Mesh(one.mesh.points[:, [1, 0, 2]] * [1, -1, 1], one.mesh.faces), layout
+    )
+    document = reopened(morph(one, two, same_map(one.mesh, two.mesh)).data)
+    ((name, points),) = document.targets()
+    assert name == "goal"
+    assert np.abs(points - two.mesh.points).max() < 1e-5
+    assert one.targets() == two.targets() == []

@@ -16,6 +16,7 @@ from circparam.formats.gltf.reading import COMPRESSED, Tree, sound_tree
 from circparam.formats.gltf.scene import (
     Again,
     mesh_matrices,
+    morph_targets,
     read_meshes,
     shown_again,
     unshare_meshes,
@@ -99,6 +100,11 @@ class GltfDocument(Document):
                 rows[pool.first : pool.first + pool.count] = value @ turn
         rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
         return rows[self.mesh.faces]
+
+    def targets(self) -> list[tuple[str, FloatArray]]:
+        """The morph targets of the meshes: the first of each mesh together, then the second ones."""
+        with sound_tree(self.source):
+            return morph_targets(self.tree, self.primitives, self.pools, self.mesh.points)
 
     def textures(self) -> Textures | None:
         """The base colour textures of the materials."""
