@@ -139,7 +139,7 @@ def test_atlases_lie_side_by_side(tmp_path: Path) -> None:
 def test_a_density_that_no_page_holds_is_told_before_the_work() -> None:
     """From the area of the surface alone: 100 squares of a unit at 100 texels are 10⁶ texels."""
     sheet = shapes.grid(11, 11, 10.0, 10.0)
-    with pytest.raises(errors.OptionError, match=r"at least 4 pages of 512 texels: give --pages 4"):
+    with pytest.raises(errors.OptionError, match=r"at least 4 pages of 512 texels: give pages=4"):
         circparam.unwrap(sheet, resolution=512, texel_density=100.0)
     fits = circparam.unwrap(sheet, resolution=1024 + 8, texel_density=100.0, effort=0.05)
     assert fits.measures["pages"] == 1
