@@ -53,7 +53,7 @@ STEP = 0.7
 FINEST = 0.75
 
 # Side in cells of the raster on which a step is looked at: gaps are about a cell wide there, overlap shows.
-OVERLAP_SIDE = 512
+OVERLAP_SIDE = 256
 
 # Steps at which outlines are sampled lie on a ladder of this ratio.
 STEP_RATIO = 2**0.5
