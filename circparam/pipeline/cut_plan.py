@@ -17,9 +17,7 @@ from circparam.packing.nest.sketch import Easel, Sketch, least_side
 from circparam.packing.options import PackOptions
 from circparam.pipeline.chords import Chords, Outline, chords, outlines, split
 
-RATE = (
-    2.0  # the exchange rate: growth of the covered share over that of the seams, both as logarithms
-)
+RATE = 1.0  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 STEP = 0.6  # cells between the corners of an outline
 LARGE, LEAST = 12, 0.005  # charts that are sketched, those of more than this share of the area
@@ -41,11 +39,15 @@ ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 @dataclass(frozen=True)
 class Cut:
-    """A chord of a chart of the layout given, from vertex ``start`` to vertex ``end`` of its cut mesh."""
+    """A chord of a chart of the layout given, from vertex ``start`` to vertex ``end`` of its cut mesh.
+
+    least: area of the smaller part that it leaves.
+    """
 
     chart: int
     start: int
     end: int
+    least: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +167,8 @@ class Planner:
             return None
         left = [*plan.outlines[:n], *plan.outlines[n + 1 :], *(part for part, _ in trial.parts)]
         start, end = (int(o.vertex[c[trial.k]]) for c in (trial.chords.i, trial.chords.j))
-        return Plan(left, sketches, length, side, (*plan.cuts, Cut(o.chart, start, end)))
+        cut = Cut(o.chart, start, end, float(trial.chords.least[trial.k]))
+        return Plan(left, sketches, length, side, (*plan.cuts, cut))
 
 
 @dataclass(frozen=True, eq=False)

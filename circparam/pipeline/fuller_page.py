@@ -64,7 +64,8 @@ def fill_page(
     limit = (1 + LIMIT) * before.seam_length
     costs, flat = _costs(before.surface) if plan.cuts else (np.zeros(0), np.zeros(0, bool))
     for cut in plan.cuts:
-        chord = Chord(cut_mesh.chart == cut.chart, uv[cut.start], uv[cut.end])
+        mine = cut_mesh.chart == cut.chart
+        chord = Chord(mine, uv[cut.start], uv[cut.end], cut.least)
         tried = cut_along(after, chord, costs, cascade.rules.bound, least_faces)
         if tried is not None and tried.seam_length <= limit and _spares(tried, after, flat):
             after = tried

@@ -37,7 +37,7 @@ class Keywords(TypedDict, total=False):
     drop_floaters: float | None
     pack_splits: int | Literal["auto"] | None
     resolution: int | None
-    padding: int | None
+    padding: int | Literal["auto"] | None
     pages: int | None
     texel_density: float | None
     rotate: Literal["free", "90", "none"] | None

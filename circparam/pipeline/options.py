@@ -180,8 +180,9 @@ class Options:
         "packing", "Side of a page in texels.", metavar="TEXELS", shown=str(DEFAULT_RESOLUTION),
         bounds=limits.RESOLUTION, applies=applies.with_packing,
     )
-    padding: int | None = option(
-        "packing", "Empty texels between charts and at the border.", metavar="TEXELS",
+    padding: int | str | None = option(
+        "packing", "Empty texels between charts and at the border; auto: 4 at 2048, 8 at 4096.",
+        metavar="TEXELS|auto", word=AUTO,
         shown=str(DEFAULT_PADDING), bounds=limits.PADDING, applies=applies.with_packing,
     )
     pages: int | None = option(
@@ -262,8 +263,7 @@ class Options:
 
     def __post_init__(self) -> None:
         check(self)
-        padding = DEFAULT_PADDING if self.padding is None else self.padding
-        limits.check_page(self.resolution or DEFAULT_RESOLUTION, padding)
+        limits.check_page(self.resolution or DEFAULT_RESOLUTION, self.padding_texels)
         if self.boundary == "polygon" and self.polygon is None:
             raise OptionError(
                 "--boundary polygon needs a file with its corners: --boundary polygon FILE"
@@ -304,8 +304,15 @@ class Options:
     @property
     def padding_uv(self) -> float:
         """The padding in uv units; 0 where the layout is not packed."""
-        padding = DEFAULT_PADDING if self.padding is None else self.padding
-        return padding / (self.resolution or DEFAULT_RESOLUTION) if self.packed else 0.0
+        side = self.resolution or DEFAULT_RESOLUTION
+        return self.padding_texels / side if self.packed else 0.0
+
+    @property
+    def padding_texels(self) -> int:
+        """The padding in texels."""
+        if self.padding == AUTO:
+            return limits.auto_padding(self.resolution or DEFAULT_RESOLUTION)
+        return DEFAULT_PADDING if self.padding is None else int(self.padding)
 
     def given(self) -> dict[str, Any]:
         """The options that differ from their defaults, for a report."""

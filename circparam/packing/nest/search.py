@@ -8,6 +8,7 @@ their spectra are made once; a larger scale of the charts is a smaller page on t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -105,6 +106,7 @@ def make_board(
     return Board(masks, spectra, cell, side)
 
 
+@lru_cache(maxsize=64)
 def blur_transfer(side: int, sigma: float) -> FloatArray:
     """Transfer function of a Gaussian of ``sigma`` cells on the FFT grid, (side, side // 2 + 1)."""
     f0, f1 = sf.fftfreq(side)[:, None], sf.rfftfreq(side)[None]
