@@ -21,6 +21,7 @@ from circparam.seams.grown import (
     Decided,
     finish,
     grown_atlas,
+    hold_all,
     stretch_limits,
     transfer_to_fine,
     with_prices,
@@ -37,7 +38,6 @@ from circparam.seams.segmentation.grow import (
 )
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
@@ -80,7 +80,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         if monitor.expired:
             return _seams(atlas, forced, notes)
         limits, slits, splits = stretch_limits(bound, options)
-        hold_stretch(atlas, limits, monitor, slits and mirror is None, splits)
+        hold_all(atlas, limits, monitor, slits and mirror is None, splits)
     if mirror is None:
         with monitor.stage("charts"):
             straighten_parts(atlas, limits, monitor)

@@ -10,6 +10,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, group_count
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
+from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
@@ -36,7 +37,7 @@ from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.seams.segmentation.weigh import Limits
+from circparam.seams.segmentation.weigh import Limits, share_over
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.poisson import from_jacobians
 from circparam.solvers.preconditioner import SMALL_CHART
@@ -60,6 +61,10 @@ LEAST_LEVEL, LEVEL_RATIO = (
     12,
 )  # faces of a level, and at most so many times fewer than before
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
+LEVEL_SLACK = (
+    0.08  # as SLACK, for the mesh after a level: less is given back by splitting large charts
+)
+NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
@@ -169,7 +174,7 @@ def _from_level(
     with monitor.stage("charts"):
         level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
     middle = with_prices(level.surface, options, monitor)
-    inner = 1 + (bound - 1) * (1 - SLACK)
+    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK)
     rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
     with monitor.holding(rest, least=DECIDING):
         targets = [proxy_faces(middle)]
@@ -207,6 +212,27 @@ def _level_atlas(
             hold_stretch(atlas, strict, monitor, slits=False)
             hold_stretch(atlas, limits, monitor, slits, splits)
     return atlas.cut, atlas.corners
+
+
+def hold_all(
+    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
+) -> None:
+    """As ``hold_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
+    if len(atlas.surface.faces) <= LEVEL_FACES:
+        hold_stretch(atlas, limits, monitor, slits, splits)
+        return
+    cut_mesh, uv = atlas.open()
+    over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
+    if over.sum() <= limits.allowed:
+        return
+    order = np.argsort(over, kind="stable")
+    which = np.ones(cut_mesh.n_charts, bool)
+    which[order[np.cumsum(over[order]) <= limits.allowed / 2]] = False
+    rest = limits.without(over[~which].sum(), cut_mesh, cut_mesh.subset(which)[0])
+    faces = which[cut_mesh.chart]
+    part = atlas.part(faces)
+    hold_stretch(part, dataclasses.replace(rest, near=NEARBY), monitor, slits, splits)
+    atlas.put(faces, part)
 
 
 def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bool]:

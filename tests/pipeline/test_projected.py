@@ -108,7 +108,7 @@ class Clock:
         "circparam.seams.grown.dual_graph",
         "circparam.seams.segmentation.decide.split_charts",
         "circparam.seams.grown.relaxed_layouts",
-        "circparam.seams.charts.hold_stretch",
+        "circparam.seams.grown.hold_stretch",
         "circparam.pipeline.flatten.rules",
         "circparam.pipeline.stored_fit.place",
     ],
