@@ -66,6 +66,12 @@ class Monitor:
         self.late |= up
         return up
 
+    def short(self, seconds: float) -> bool:
+        """Whether fewer seconds than these are left for what goes on now: what only embellishes is left out."""
+        if self.deadline is None:
+            return False
+        return time.monotonic() + seconds >= self.deadline - self.held
+
     @property
     def hurried(self) -> bool:
         """Whether time is up, or was for any stage before: what is made is less than it could be."""
@@ -89,6 +95,15 @@ class Monitor:
             yield
         finally:
             self.held = held
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Inside, no other process shares the work: those that are open do parts beside this one."""
+        jobs, self.jobs = self.jobs, 1
+        try:
+            yield
+        finally:
+            self.jobs = jobs
 
     def check(self, seconds: float = 0.0) -> None:
         """Raise OutOfTimeError where the deadline has passed with no valid result yet.
