@@ -96,6 +96,15 @@ class Monitor:
         finally:
             self.held = held
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Inside, no other process shares the work: those that are open do parts beside this one."""
+        jobs, self.jobs = self.jobs, 1
+        try:
+            yield
+        finally:
+            self.jobs = jobs
+
     def check(self, seconds: float = 0.0) -> None:
         """Raise OutOfTimeError where the deadline has passed with no valid result yet.
 

@@ -222,7 +222,7 @@ def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: In
     high = np.full(size * size, -1, np.int32)
     np.minimum.at(low, texel, owner[edge].astype(np.int32))
     np.maximum.at(high, texel, owner[edge].astype(np.int32))
-    touched = sorted_distinct(texel)
+    touched = np.flatnonzero(high >= 0)
     who = page.ravel()[touched]
     foreign = (who >= 0) & (who != low[touched])
     return int(((low[touched] != high[touched]) | foreign).sum())

@@ -16,7 +16,7 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS
+from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
 from circparam.seams.options import SeamOptions
 from tests.support import shapes
@@ -118,6 +118,18 @@ def test_a_number_of_charts_never_leads_to_more(shape) -> None:
             assert np.array_equal(atlas.cut, free.cut)
 
 
+def test_an_atlas_that_lies_on_itself_is_worth_less_than_one_of_more_charts() -> None:
+    """Its charts would be split, and nobody knows into how many."""
+    _, sound = atlas_of(shapes.cube(4))
+    assert sound.charts()[0] >= 1
+    surface = sound.surface
+    flat = Atlas(surface, np.ones(len(surface.edges), bool), surface.rest_triangles)
+    one = Atlas(surface, sound.cut, np.zeros_like(sound.corners))
+    assert flat.charts()[0] > one.charts()[0]
+    assert module.worth(flat, 1, 1.05) < module.worth(one, 1, 1.05)
+    assert module.worth(sound, 1, 1.05) < module.worth(flat, 1, 1.05)
+
+
 def test_every_component_gets_charts_of_its_own() -> None:
     shape = shapes.row_of(shapes.cube(2), 5)
     surface, atlas = atlas_of(shape)
@@ -163,9 +175,9 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     shape = shapes.torus(70, 35)
-    monkeypatch.setattr(module, "DIRECT_FACES", 10**9)
+    monkeypatch.setattr(grown, "DIRECT_FACES", 10**9)
     direct = atlas_of(shape)[1]
-    monkeypatch.setattr(module, "DIRECT_FACES", 0)
+    monkeypatch.setattr(grown, "DIRECT_FACES", 0)
     monkeypatch.setattr("circparam.seams.multires.decimate.PROXY_FACES", 2500)
     proxy = atlas_of(shape)[1]
     assert proxy.seam_length == pytest.approx(direct.seam_length, rel=0.15, abs=0.05)
@@ -203,18 +215,17 @@ def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
 ) -> None:
     """Nine holes and an outer boundary are ten; four and one are half of it."""
     full, less = surface_of(*shapes.holed_sheet(9)), surface_of(*shapes.holed_sheet(holes))
-    assert (module.complexity(full), module.complexity(less)) == (10, holes + 1)
-    monkeypatch.setattr(module, "LOOPS", 9)
-    monkeypatch.setattr(module, "close_small_holes", lambda _: less)
-    monkeypatch.setattr(module, "without_fans", stop)
-    grown = module.grown_atlas
+    assert (grown.complexity(full), grown.complexity(less)) == (10, holes + 1)
+    monkeypatch.setattr(grown, "LOOPS", 9)
+    monkeypatch.setattr(grown, "close_small_holes", lambda _: less)
+    monkeypatch.setattr(grown, "without_fans", stop)
     if closed:
         with pytest.raises(Called):
-            grown(full, 1.05, SeamOptions(), Monitor(), [])
+            grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), [])
     else:
-        assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
-    monkeypatch.setattr(module, "LOOPS", 10)
-    assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
+        assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
+    monkeypatch.setattr(grown, "LOOPS", 10)
+    assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
 
 
 FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply")

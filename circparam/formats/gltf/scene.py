@@ -79,6 +79,41 @@ def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
     return found
 
 
+def mesh_matrices(tree: Tree) -> dict[int, npt.NDArray[np.float64]]:
+    """Of every mesh that nodes show: the (4, 4) world transform of the first node that does."""
+    out: dict[int, npt.NDArray[np.float64]] = {}
+    for node, matrix in walk(tree):
+        out.setdefault(-1 - node if node < 0 else tree.item("nodes", node)["mesh"], matrix)
+    return out
+
+
+def morph_targets(
+    tree: Tree, primitives: list[Primitive], pools: list[Pool], points: FloatArray
+) -> list[tuple[str, FloatArray]]:
+    """The name of each morph target, and (n, 3) where the world's points are when its weight is 1."""
+    number = max((len(pool.targets) for pool in pools), default=0)
+    names = [f"target {k + 1}" for k in range(number)]
+    moved = [points.copy() for _ in range(number)]
+    matrix = mesh_matrices(tree)
+    for p in reversed(primitives):
+        extras = tree.item("meshes", p.mesh).get("extras")
+        given = extras.get("targetNames") if isinstance(extras, dict) else None
+        for k, name in enumerate(given[:number] if isinstance(given, list) else []):
+            names[k] = str(name)
+        pool = pools[p.pool]
+        for k, target in enumerate(pool.targets):
+            if "POSITION" not in target:
+                continue
+            delta = tree.values(target["POSITION"])
+            if delta.shape != (pool.count, 3):
+                raise tree.error(
+                    f"a morph target has {len(delta)} entries for {pool.count} vertices"
+                )
+            part = slice(pool.first, pool.first + pool.count)
+            moved[k][part] = points[part] + delta @ matrix[p.mesh][:3, :3].T
+    return list(zip(names, moved, strict=True))
+
+
 def read_meshes(tree: Tree, shown: list[tuple[int, npt.NDArray[np.float64]]]) -> Parts:
     """Every mesh that the nodes (from ``walk``) show, once each, where the first of its nodes puts it.
 

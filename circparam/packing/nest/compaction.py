@@ -53,7 +53,7 @@ STEP = 0.7
 FINEST = 0.75
 
 # Side in cells of the raster on which a step is looked at: gaps are about a cell wide there, overlap shows.
-OVERLAP_SIDE = 512
+OVERLAP_SIDE = 256
 
 # Steps at which outlines are sampled lie on a ladder of this ratio.
 STEP_RATIO = 2**0.5
@@ -129,7 +129,7 @@ class Growth:
 
     def crossed(self, found: Contacts) -> bool:
         """Whether charts have come so near that a tip may be through a neighbour."""
-        return least_distance(found) < CROSSED * self.options.gap
+        return found.crossing or least_distance(found) < CROSSED * self.options.gap
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -272,9 +272,7 @@ def _grown(
     earlier: Placement | None = None
     widest = growth.shapes.radius.max()
     for _ in range(steps):
-        step = max(trust * growth.unit * STEP, growth.finest)
-        outlines = growth.outlines(step / placement.scale)
-        found = growth.near(placement, outlines, trust)
+        found = _looked_at(growth, placement, trust)
         after = None
         if earlier is None or not growth.crossed(found):
             after = compaction_step(growth, placement, found, trust, strict)
@@ -295,7 +293,15 @@ def _grown(
             trust /= 2
         if trust < LEAST_TRUST or growth.budget.over:
             break
+    if earlier is not None and growth.crossed(_looked_at(growth, placement, trust)):
+        return None, earlier, trust
     return earlier, placement, trust
+
+
+def _looked_at(growth: Growth, placement: Placement, trust: float) -> Contacts:
+    """The contacts after a step in a trust region (texels of a page of 2048)."""
+    step = max(trust * growth.unit * STEP, growth.finest)
+    return growth.near(placement, growth.outlines(step / placement.scale), trust)
 
 
 def _cut_short(

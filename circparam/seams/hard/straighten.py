@@ -30,6 +30,7 @@ TRIES = 8  # rounds of moves; from the second on at most one beside a chart
 UNTANGLE = 4  # rounds of laying faces that moved beside their neighbours
 BACK = 3  # times that moves beside charts that they spoil are taken back
 MOVES = 8  # times that single faces are handed over
+AGAIN = 1e-3  # of the cost of all seams: what a move must gain to be tried a second time
 WORTH = 0.01  # of the dearest edge of a face, below which it stays
 
 
@@ -75,11 +76,9 @@ def _adopt(
     """
     changed = np.flatnonzero(atlas.cut != cut)
     unit = unit[changed]
-    _, chart = atlas.charts()
-    before, uv = atlas.open()
-    over = share_over(before, face_stretch(before, uv), limits.most).sum()
-    limits = replace(limits, allowed=max(float(over), limits.allowed))
-    sides = chart[atlas.surface.edges[changed] // 3]
+    total = atlas.lengths[atlas.cut].sum()
+    faces = atlas.surface.edges[changed] // 3
+    sides = atlas.charts()[1][faces]
     left = np.unique(unit)
     for turn in range(TRIES):
         if len(left) == 0 or monitor.expired:
@@ -88,8 +87,29 @@ def _adopt(
         if turn:
             here = np.isin(unit, left)
             pick = _one_a_chart(unit[here], sides[here], gain)
-        good = _attempt(atlas, changed, unit, pick, limits)
+        moving = np.isin(unit, pick)
+        good = _tried(atlas, changed[moving], unit[moving], limits)
         left = np.setdiff1d(left, pick if turn else good)
+        left = left[gain[left] > AGAIN * total]
+
+
+def _tried(atlas: Atlas, changed: IntArray, unit: IntArray, limits: Limits) -> IntArray:
+    """Move units on the charts that they touch alone; returns those that were moved. changed: their edges."""
+    n, chart = atlas.charts()
+    touched = np.zeros(n, bool)
+    touched[chart[atlas.surface.edges[changed] // 3]] = True
+    here = touched[chart]
+    part = atlas.part(here)
+    inside = np.cumsum(here[atlas.surface.edges // 3].all(1)) - 1
+    before, uv = atlas.open()
+    far = before.areas * (face_stretch(before, uv) > limits.most)
+    total = before.areas.sum()
+    most = max(far.sum(), limits.allowed * total) - far[~here].sum()
+    limits = replace(limits, allowed=float(most / before.areas[here].sum()))
+    moved = _attempt(part, inside[changed], unit, np.unique(unit), limits)
+    if len(moved):
+        atlas.put(here, part)
+    return moved
 
 
 def _one_a_chart(unit: IntArray, sides: IntArray, gain: FloatArray) -> IntArray:

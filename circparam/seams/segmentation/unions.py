@@ -34,7 +34,8 @@ class MergeOptions:
     apart. cone: curvature of a vertex above which arcs end there. faces: no union has more (None: any may).
     rigid: layouts that fit together as they are stay so; nothing is solved for them.
     zip: whether the two sides of one chart are glued too. work: how many faces all trials may have, in those of
-    the surface, besides FREE_WORK (None: any number).
+    the surface, besides FREE_WORK (None: any number). rise: how much larger all merging may leave the mean
+    energy of the surface, as a share of it (None: any union below the bound will do).
     """
 
     bound: float
@@ -47,6 +48,7 @@ class MergeOptions:
     rigid: bool = False
     zip: bool = True
     work: float | None = None
+    rise: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +94,19 @@ class Tried:
             (self.deep, part.deep),
         ):
             mine[some] = theirs
+
+
+def keep_cheapest(unions: Unions, tried: Tried, good: BoolArray, room: float) -> float:
+    """Of the good unions ((n,) bool, in place) those that add least energy times area to that of their parts,
+    as many as there is room for; returns what they add."""
+    cut_mesh = unions.cut_mesh
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    was = dirichlet.energy(dirichlet.jacobians(gradients, unions.corners.transpose(2, 1, 0)))
+    parts = group_sum(was * cut_mesh.areas, cut_mesh.chart, cut_mesh.n_charts)
+    added = np.where(good, tried.energy * cut_mesh.chart_areas - parts, np.inf)
+    order = np.argsort(added, kind="stable")
+    good[order] = np.cumsum(added[order]) <= room
+    return float(added[good].sum())
 
 
 def lay_out(unions: Unions, options: MergeOptions, crowd: bool, monitor: Monitor) -> Tried:
