@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -191,7 +192,7 @@ def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:
         return np.stack([x * m[0] + y * m[1] + z * m[2] + m[3] for m in matrix[:3]], 1)
 
 
-def times(rows: FloatArray, matrix: FloatArray) -> FloatArray:
+def times(rows: FloatArray, matrix: npt.NDArray[np.floating[Any]]) -> FloatArray:
     """Rows (n, 3) times a matrix (3, 3), without a BLAS, whose rounding depends on the number of threads."""
     return np.stack([(rows * column).sum(1) for column in matrix.T], 1)
 
