@@ -127,8 +127,6 @@ def _play(edit: Morphing, meshes: set[int], target: Target) -> None:
         edit.json["scenes"] = [{"nodes": list(range(len(edit.json["meshes"])))}]
         edit.json["scene"] = 0
     nodes = [k for k, node in enumerate(edit.json["nodes"]) if node.get("mesh") in meshes]
-    for k in nodes:
-        edit.json["nodes"][k].pop("weights", None)
     sampler = {
         "input": edit.floats(target.times, True, 0),
         "output": edit.floats(target.weights, False, 0),
