@@ -68,6 +68,21 @@ def test_the_tutorial_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         assert result.exit_code == 0, (args, result.stderr)
 
 
+def test_the_page_of_two_surfaces_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every command of the page, in order, in one folder; none fails, and each makes what it names."""
+    monkeypatch.chdir(tmp_path)
+    commands = console_commands(ROOT / "docs" / "two-surfaces.md")
+    if "map" not in COMMANDS:
+        commands = [args for args in commands if not any(".npz" in word for word in args)]
+        commands = [args for args in commands if args[0] != "view"]
+    assert len(commands) > 8
+    for args in commands:
+        result = CliRunner().invoke(cli, args)
+        assert result.exit_code == 0, (args, result.stderr)
+        if "-o" in args:
+            assert Path(args[args.index("-o") + 1]).is_file(), args
+
+
 def test_python_examples_of_the_tutorial() -> None:
     failed, tried = doctest.testfile(
         str(ROOT / "docs" / "tutorial.md"),

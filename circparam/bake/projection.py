@@ -195,11 +195,14 @@ def target_frames(projection: Projection, target: Document, layout: UVMap) -> Fr
     return _frames(projection.corners, projection.vertex, projection.normals, layout)
 
 
-def own_frames(target: Document, layout: UVMap) -> Frames:
-    """The frames in which a viewer reads the normals of a mesh, from those of its file or smooth ones."""
+def own_frames(target: Document, layout: UVMap, own: FloatArray | None = None) -> Frames:
+    """The frames in which a viewer reads the normals of a mesh.
+
+    own: (m, 3, 3) of its corners; None takes those of its file, or smooth ones.
+    """
     mesh = target.mesh
     corners, vertex = mesh.points[mesh.faces], row_labels(mesh.points)[mesh.faces]
-    own = target.normals()
+    own = target.normals() if own is None else own
     normal = corner_normals(corners, vertex) if own is None else own
     return _frames(corners, vertex, normal, layout)
 

@@ -18,6 +18,7 @@ from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.normals import with_frames
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode
+from circparam.formats.shaded import split_by_normal
 from circparam.formats.source import Source
 
 # readers that know this extension would show its texture instead of the new one
@@ -52,13 +53,16 @@ def write_baked(
     if layout is None:
         raise InputError(f"{document.source.name} has no uv set {uv_set}")
     is_gltf = document.format in ("gltf", "glb")
+    own = document.normals() if kind == "normals" and not is_gltf else None
+    if own is not None:  # edges that the file shades sharp
+        document, _ = split_by_normal(document, own)
     number = uv_set if is_gltf else 0
     options = WriteOptions(uv_set=number, overwrite_uv=True)
     encoded = encode(document, layout, "glb", options=options)
     notes = [note for note in encoded.notes if "was replaced" not in note]
     image, data = png(baked.tiles[0, 0]), encoded.data
     if kind == "normals":
-        space = own_frames(document, layout)
+        space = own_frames(document, layout, own)
         sign = np.broadcast_to(space.sign[:, None, None], (*space.normal.shape[:2], 1))
         tangent = np.concatenate([space.tangent, sign], 2)
         order = encoded.face_map

@@ -53,7 +53,7 @@ def morph(a: Document, b: Document, mapped: SurfaceMap, frames: int = FRAMES) ->
     ends = moved(mapped, a.mesh, b.mesh)
     base = dressed(a)
     points = ends[base.vertex]
-    normals = vertex_normals(base.document, points)
+    normals = vertex_normals(base.document, points, base.normals)
     times, weights = key_frames(frames)
     target = Target(points, normals, times, weights, _stem(b), base.colours)
     far = np.linalg.norm(ends - a.mesh.points, axis=1)[np.unique(a.mesh.faces)]
@@ -77,11 +77,16 @@ def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:
     return times, np.concatenate([weight, weight[-2::-1]])
 
 
-def vertex_normals(document: GltfDocument, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, 3) normals before and after; edges that the file shades sharp stay sharp."""
+def vertex_normals(
+    document: GltfDocument, points: FloatArray, own: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) normals before and after; edges that the file shades sharp stay sharp.
+
+    own: (m, 3, 3) of the corners; None takes those of the tree, or smooth ones.
+    """
     mesh = document.mesh
     weld = weld_map(mesh)[mesh.faces]
-    own = document.normals()
+    own = document.normals() if own is None else own
     label = weld if own is None else _sharper(weld, own)
     before = corner_normals(mesh.points[mesh.faces], label) if own is None else own
     after = corner_normals(points[mesh.faces], label)

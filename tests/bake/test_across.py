@@ -14,8 +14,11 @@ from circparam.bake.sampling import bilinear
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.io import read
+from circparam.formats.gltf.normals import with_frames
+from circparam.formats.io import encode, read, read_data
+from circparam.formats.source import Source
 from circparam.geometry.shading import corner_normals, unit
+from circparam.maps.surface_map import SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.baking import sample_back, sheet, some_places, write_obj
 from tests.support.bumps import belt, traced
@@ -225,3 +228,40 @@ def test_what_does_not_go_together(tmp_path: Path):
         bake_document(a, "texture", across=Across("nearest"), size=16)
     with pytest.raises(OptionError, match="--map nearest"):
         bake_document(a, "vertex-colors", source=b, across=Across(None, 0.1), size=16)
+
+
+def test_a_map_tells_between_layers(tmp_path: Path):
+    """Two sheets, one a little above the other: the target belongs to the lower one, and sees it alone."""
+    points, faces = sheet(4)
+    n = len(points)
+    both = np.concatenate([points, points + np.array([0, 0, 0.05])])
+    colours = np.concatenate([np.tile([1.0, 0, 0], (n, 1)), np.tile([0, 0, 1.0], (n, 1))])
+    two = np.concatenate([faces, faces + n])
+    layout = UVMap(both[:, :2].copy(), two)
+    write_obj(tmp_path / "two.obj", both, layout, two, colours=colours)
+    source = read(tmp_path / "two.obj")
+    target = stored(tmp_path, "one", Mesh(points, faces), UVMap(points[:, :2].copy(), faces))
+    down = same_map(target.mesh)
+    mapped = SurfaceMap(down.to_b, down.to_a, down.a, fingerprint(source.mesh))
+    image = bake_document(
+        target, "vertex-colors", source=source, across=Across(mapped), size=32
+    ).tiles[0, 0]
+    assert (image == [255, 0, 0]).all()
+    rays = Across("nearest", 0.1)  # rays from above see the upper one
+    image = bake_document(target, "vertex-colors", source=source, across=rays, size=32)
+    assert (image.tiles[0, 0] == [0, 0, 255]).all()
+
+
+def test_normals_of_a_file_are_those_that_it_is_shaded_with(tmp_path: Path):
+    """A flat glTF whose NORMAL lean: what its viewer decodes is still the flat source."""
+    points, faces = sheet(4)
+    layout = UVMap(points[:, :2].copy(), faces)
+    plain = stored(tmp_path, "a", Mesh(points, faces), layout)
+    lean = np.broadcast_to(unit(np.array([0.3, -0.2, 1.0])), (len(faces), 3, 3))
+    tangent = np.broadcast_to([1.0, 0, 0, 1], (len(faces), 3, 4))
+    glb = encode(plain, layout, "glb").data
+    target = read_data(with_frames(glb, Source("lean.glb"), lean, tangent))
+    baked = bake_document(target, "normals", source=plain, across=Across("nearest", 0.1), size=64)
+    face, bary = some_places(len(faces), 200)
+    assert angle(decoded(baked, target, face, bary), np.tile([0, 0, 1.0], (200, 1))).max() < 1
+    assert np.abs(baked.tiles[0, 0][..., :2].astype(int) - 128).min() > 10

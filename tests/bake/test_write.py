@@ -31,6 +31,7 @@ from tests.support.baking import (
 )
 from tests.support.bumps import belt
 from tests.support.full_disk import STEPS, fill_up
+from tests.support.maps import cube_obj
 from tests.support.validator import validate
 
 
@@ -232,3 +233,16 @@ def test_heights_have_no_place_in_a_glb(tmp_path: Path, files: Path):
         write_baked(tmp_path / "a.glb", baked, document, 0, "height")
     write_baked(tmp_path / "a.png", baked, document, 0, "height")
     assert Image.open(tmp_path / "a.png").mode == "I;16"
+
+
+def test_a_cube_of_an_obj_is_shaded_as_its_vn_say(tmp_path: Path):
+    """Sharp edges in the GLB as in the file, so a bake of the cube onto itself is level everywhere."""
+    cube = cube_obj(tmp_path)
+    baked = bake_document(cube, "normals", source=cube, across=Across("nearest", 0.1), size=64)
+    assert np.abs(baked.tiles[0, 0].astype(int) - [128, 128, 255]).max() <= 1
+    (path,), notes = write_baked(tmp_path / "c.glb", baked, cube, 0, "normals")
+    assert not any("normals" in note for note in notes)
+    assert validate(path) == ["[]"]
+    normals = read(path).normals()
+    assert normals is not None
+    assert np.allclose(normals, cube.normals())

@@ -21,7 +21,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 from tests.bake.test_write import chunks
 from tests.support.baking import picture, write_obj
 from tests.support.bumps import belt
-from tests.support.maps import known_map, same_map
+from tests.support.maps import cube_obj, known_map, same_map
 from tests.support.validator import validate
 
 Z_UP = {"rotation": [0, 0, 0.6, 0.8], "scale": [1, 2, 0.5], "translation": [1, 2, 3]}
@@ -275,3 +275,32 @@ def test_a_morph_is_read_back_as_a_target_in_the_world(tmp_path: Path):
     assert name == "goal"
     assert np.abs(points - two.mesh.points).max() < 1e-5
     assert one.targets() == two.targets() == []
+
+
+def test_vn_lines_keep_a_cube_sharp(tmp_path: Path):
+    """vn count from the end of those above; each side stays flat at both ends of a morph."""
+    cube = cube_obj(tmp_path)
+    normals = cube.normals()
+    assert normals is not None
+    c = cube.mesh.points[cube.mesh.faces]
+    flat = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    assert np.allclose(normals, flat[:, None])
+    sheared = Mesh(
+        cube.mesh.points * [1, 2, 1] + cube.mesh.points[:, [1, 2, 0]] * [0.5, 0, 0], cube.mesh.faces
+    )
+    other = stored(tmp_path, "sheared", sheared, cube.uv())
+    document = reopened(morph(cube, other, same_map(cube.mesh)).data)
+    before = document.normals()
+    assert before is not None
+    assert np.allclose(before, normals, atol=1e-6)
+    points, after = ends(document)
+    c = points[document.mesh.faces]
+    flat = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    assert np.allclose(after[document.mesh.faces], flat[:, None], atol=1e-5)
+
+
+@pytest.mark.parametrize("face", ["f 1//1 2//1 3", "f 1//1 2//1 3//2", "f 1//1 2//1 3//-2"])
+def test_normals_that_are_not_all_there_are_left_open(face: str):
+    assert read_data(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n{face}\n".encode()).normals() is None
+    assert read_data(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nf 1//1 2//1 3//1\n").normals() is None

@@ -19,6 +19,7 @@ from circparam.formats.gltf.scene import (
     morph_targets,
     read_meshes,
     shown_again,
+    times,
     unshare_meshes,
     walk,
 )
@@ -97,7 +98,7 @@ class GltfDocument(Document):
                         f"NORMAL has {len(value)} entries for {pool.count} vertices"
                     )
                 turn = np.linalg.pinv(matrix[p.mesh][:3, :3])
-                rows[pool.first : pool.first + pool.count] = value @ turn
+                rows[pool.first : pool.first + pool.count] = times(value, turn)
         rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
         return rows[self.mesh.faces]
 

@@ -17,6 +17,7 @@ from circparam.formats.gltf.images import media_type_of
 from circparam.formats.gltf.model import Json
 from circparam.formats.materials import Textures, decode, linear
 from circparam.formats.memory import from_arrays
+from circparam.formats.shaded import split_by_normal
 from circparam.mesh.mesh import UVMap
 
 
@@ -25,11 +26,13 @@ class Dressed:
     """document: a glTF tree. vertex: (k,) vertex of the input of each of its vertices.
 
     colours: (k, 3) linear, of vertices, not in the tree yet; None where the input has none, or it is a tree.
+    normals: (m, 3, 3) of the corners, likewise.
     """
 
     document: GltfDocument
     vertex: IntArray
     colours: FloatArray | None = None
+    normals: FloatArray | None = None
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
@@ -47,6 +50,10 @@ def dressed(document: Document) -> Dressed:
     has_uv = layout is not None
     layout = layout or UVMap(np.zeros((0, 2)), np.full(mesh.faces.shape, -1))
     label, materials, images, notes = _materials(found, len(mesh.faces))
+    normals, vertex = document.normals(), np.arange(len(mesh.points))
+    if normals is not None:
+        split, vertex = split_by_normal(document, normals)
+        mesh = split.mesh
     plain = from_arrays(
         mesh.points, mesh.faces, layout.uv, layout.uv_faces, groups=label, name=document.source.name
     )
@@ -58,7 +65,9 @@ def dressed(document: Document) -> Dressed:
         out = np.ones((len(mesh.points), 3))
         out[mesh.faces.ravel()] = linear(colours.reshape(-1, 3))
         out = out[encoded.vertex_map]
-    return Dressed(tree, encoded.vertex_map, out, encoded.notes, notes)
+    if normals is not None:
+        normals = normals[encoded.face_map]
+    return Dressed(tree, vertex[encoded.vertex_map], out, normals, encoded.notes, notes)
 
 
 def _materials(

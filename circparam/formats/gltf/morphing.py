@@ -11,7 +11,7 @@ from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.model import ARRAY_BUFFER, Json, Primitive
 from circparam.formats.gltf.reading import sound_tree
-from circparam.formats.gltf.scene import mesh_matrices
+from circparam.formats.gltf.scene import mesh_matrices, times
 from circparam.formats.tokens import ByteArray
 
 
@@ -92,9 +92,9 @@ def _pool(
     pool = document.pools[users[0].pool]
     part = slice(pool.first, pool.first + pool.count)
     turn = np.linalg.pinv(matrix[:3, :3])
-    before, after = (_unit(rows[part] @ matrix[:3, :3]) for rows in target.normals)
+    before, after = (_unit(times(rows[part], matrix[:3, :3])) for rows in target.normals)
     start = document.tree.values(pool.attributes["POSITION"])
-    delta = (target.points[part] - matrix[:3, 3]) @ turn.T - start
+    delta = times(target.points[part] - matrix[:3, 3], turn.T) - start
     attributes = {} if "NORMAL" in pool.attributes else {"NORMAL": edit.floats(before)}
     if target.colours is not None:
         attributes["COLOR_0"] = edit.floats(target.colours[part])
@@ -127,8 +127,6 @@ def _play(edit: Morphing, meshes: set[int], target: Target) -> None:
         edit.json["scenes"] = [{"nodes": list(range(len(edit.json["meshes"])))}]
         edit.json["scene"] = 0
     nodes = [k for k, node in enumerate(edit.json["nodes"]) if node.get("mesh") in meshes]
-    for k in nodes:
-        edit.json["nodes"][k].pop("weights", None)
     sampler = {
         "input": edit.floats(target.times, True, 0),
         "output": edit.floats(target.weights, False, 0),

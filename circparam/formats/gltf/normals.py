@@ -9,7 +9,7 @@ from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.model import ARRAY_BUFFER
 from circparam.formats.gltf.reading import sound_tree
-from circparam.formats.gltf.scene import mesh_matrices
+from circparam.formats.gltf.scene import mesh_matrices, times
 from circparam.formats.source import Source
 
 
@@ -35,9 +35,11 @@ def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatAr
                 continue
             part = rows[pool.first : pool.first + pool.count]
             whole = matrix[users[0].mesh][:3, :3]
-            new = {"TANGENT": np.c_[_unit(part[:, 3:6] @ np.linalg.pinv(whole).T), part[:, 6]]}
+            new = {
+                "TANGENT": np.c_[_unit(times(part[:, 3:6], np.linalg.pinv(whole).T)), part[:, 6]]
+            }
             if "NORMAL" not in pool.attributes:
-                new["NORMAL"] = _unit(part[:, :3] @ whole)
+                new["NORMAL"] = _unit(times(part[:, :3], whole))
             attributes = {name: _add(edit, values) for name, values in new.items()}
             for p in users:
                 entry = edit.json["meshes"][p.mesh]["primitives"][p.number]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -110,7 +111,7 @@ def morph_targets(
                     f"a morph target has {len(delta)} entries for {pool.count} vertices"
                 )
             part = slice(pool.first, pool.first + pool.count)
-            moved[k][part] = points[part] + delta @ matrix[p.mesh][:3, :3].T
+            moved[k][part] = points[part] + times(delta, matrix[p.mesh][:3, :3].T)
     return list(zip(names, moved, strict=True))
 
 
@@ -189,6 +190,11 @@ def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:
     x, y, z = points.T
     with np.errstate(over="ignore", invalid="ignore"):
         return np.stack([x * m[0] + y * m[1] + z * m[2] + m[3] for m in matrix[:3]], 1)
+
+
+def times(rows: FloatArray, matrix: npt.NDArray[np.floating[Any]]) -> FloatArray:
+    """Rows (n, 3) times a matrix (3, 3), without a BLAS, whose rounding depends on the number of threads."""
+    return np.stack([(rows * column).sum(1) for column in matrix.T], 1)
 
 
 def triangles_of(index: IntArray, mode: int) -> IntArray:
