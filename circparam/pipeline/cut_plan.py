@@ -25,8 +25,8 @@ CUT, PIECE = (
     0.06,
     0.012,
 )  # share of the area that a chart must have to be cut, and either part of it
-GOOD = 0.62  # covered share of a sketch, from which on nothing is cut: packing makes 0.68 of it
-REACHED = 0.66  # covered share of a sketch that no cut is expected to get beyond
+GOOD = 0.64  # covered share of a sketch, from which on nothing is cut: packing makes 0.7 of it
+REACHED = 0.7  # covered share of a sketch that no cut is expected to get beyond
 WEIGHED, AGAIN = (
     14,
     2,

@@ -28,8 +28,8 @@ from circparam.pipeline.cut_plan import Plan, Planner, sketch_of
 from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
 from circparam.seams.hard.regions import HARD, hardness, seam_prices
 
-MOST = 0.12  # of the length of the seams that all cuts may add, as planned
-LIMIT = 0.145  # and as they run along the edges of the mesh
+MOST = 0.135  # of the length of the seams that all cuts may add, as planned
+LIMIT = 0.149  # and as they run along the edges of the mesh
 CUTS = 6  # at most
 THROUGH_FLATS = 0.2  # of the length of a cut that may run through flats
 

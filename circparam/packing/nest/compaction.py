@@ -29,6 +29,7 @@ from circparam.packing.nest.contacts import (
 from circparam.packing.options import PackOptions, strip_gap
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
+from circparam.packing.straight import Straight
 
 # Contacts closer to each other than this share of the trust region count once.
 THIN = 1.0
@@ -75,13 +76,22 @@ LITTLE_GAIN = 0.2
 class Growth:
     """What stays the same while charts grow, for all layouts of the same charts.
 
-    sampled: outlines that were sampled already, by their step.
+    straight: charts that stay along the axes where they lie so, None for none. sampled: outlines that were
+    sampled already, by their step.
     """
 
     shapes: Shapes
     options: PackOptions
     budget: Budget
+    straight: Straight | None = None
     sampled: dict[float, Outlines] = field(default_factory=dict)
+
+    def turning(self, placement: Placement) -> FloatArray:
+        """(n,) 1 for charts that may be turned, 0 for those that may not, or lie along the axes and stay so."""
+        free = np.full(self.shapes.n, float(self.options.rotate == "free"))
+        if self.straight is not None:
+            free[self.straight.lying(placement.angle)] = 0.0
+        return free
 
     @property
     def unit(self) -> float:
@@ -213,7 +223,7 @@ def compaction_step(
         return None
     growth.budget.spend(float(len(bound)))
     reach = np.maximum(growth.shapes.radius * placement.scale, 1e-9)
-    turn = trust / reach * (growth.options.rotate == "free")
+    turn = trust / reach * growth.turning(placement)
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
     cost[-1] = -1.0
