@@ -212,15 +212,15 @@ def _level_atlas(
     """
     if monitor.expired and not needed:
         return None
-    with monitor.alone():
+    with monitor.alone("level"):
         atlas = grown_atlas(surface, bound, options, monitor, [], target)
-    limits, slits, splits = stretch_limits(bound, options)
-    if not monitor.expired:
-        with monitor.stage("stretch"):
-            most = 1 + (limits.most - 1) * LEVEL_STRETCH
-            strict = dataclasses.replace(limits, most=most, allowed=limits.allowed / 2)
-            hold_stretch(atlas, strict, monitor, slits=False)
-            hold_stretch(atlas, limits, monitor, slits, splits)
+        limits, slits, splits = stretch_limits(bound, options)
+        if not monitor.expired:
+            with monitor.stage("stretch"):
+                most = 1 + (limits.most - 1) * LEVEL_STRETCH
+                strict = dataclasses.replace(limits, most=most, allowed=limits.allowed / 2)
+                hold_stretch(atlas, strict, monitor, slits=False)
+                hold_stretch(atlas, limits, monitor, slits, splits)
     return atlas.cut, atlas.corners
 
 
