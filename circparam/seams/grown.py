@@ -14,6 +14,7 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.hidden import hiding_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
@@ -81,6 +82,15 @@ def grown_atlas(
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out."""
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
+    if options.max_charts is None and options.min_chart_faces == 1:
+        tiny = crumbs(surface)
+        if tiny.any():
+            atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+            atlas.put(tiny, crumb_atlas(surface.part(tiny), bound, worker, monitor))
+            if not tiny.all():
+                rest = surface.part(~tiny)
+                atlas.put(~tiny, grown_atlas(rest, bound, options, monitor, notes, target))
+            return atlas
     decided = _decided(surface, bound, options, worker, monitor, target)
     finish(decided, bound, options, worker, monitor, notes)
     return decided.atlas
@@ -203,15 +213,15 @@ def _level_atlas(
     """
     if monitor.expired and not needed:
         return None
-    with monitor.alone():
+    with monitor.alone("level"):
         atlas = grown_atlas(surface, bound, options, monitor, [], target)
-    limits, slits, splits = stretch_limits(bound, options)
-    if not monitor.expired:
-        with monitor.stage("stretch"):
-            most = 1 + (limits.most - 1) * LEVEL_STRETCH
-            strict = dataclasses.replace(limits, most=most, allowed=limits.allowed / 2)
-            hold_stretch(atlas, strict, monitor, slits=False)
-            hold_stretch(atlas, limits, monitor, slits, splits)
+        limits, slits, splits = stretch_limits(bound, options)
+        if not monitor.expired:
+            with monitor.stage("stretch"):
+                most = 1 + (limits.most - 1) * LEVEL_STRETCH
+                strict = dataclasses.replace(limits, most=most, allowed=limits.allowed / 2)
+                hold_stretch(atlas, strict, monitor, slits=False)
+                hold_stretch(atlas, limits, monitor, slits, splits)
     return atlas.cut, atlas.corners
 
 
