@@ -48,6 +48,7 @@ COMMANDS = {
     "bake": Entry(
         _HERE + "bake", "Carry colours, textures, normals or heights into the uv of a mesh."
     ),
+    "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark on landmark."),
     "morph": Entry(
         _HERE + "morph", "Write one mesh as a morph target of another, with an animation."
     ),
