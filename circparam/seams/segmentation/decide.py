@@ -33,6 +33,9 @@ SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 RISE = 1e-3  # share of the mean distortion that fewer charts and shorter seams may cost: nobody sees it
+BARREN = (
+    20_000  # faces of trials, from which on a round without a union is the last for hard surfaces
+)
 LAST_WORK = 2.0  # times the faces of the surface that unions for it may have together
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 # share by which a start costs more when it has merged, from which it is given up: of 15 meshes none of them won
@@ -200,7 +203,16 @@ def merge_on(atlas: Atlas, bound: float, margin: float, faces: int, monitor: Mon
     options = MergeOptions(
         bound, margin=margin, cone=SHORT_ARCS, zip=False, faces=faces, work=LAST_WORK, rise=RISE
     )
-    Merger(atlas, options, np.zeros(len(atlas.cut), bool)).run(monitor)
+    merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool))
+    if atlas.prices is None:
+        merger.run(monitor)
+        return
+    # charts of hard surfaces were tried with all arcs at once too: where a round finds nothing, hardly one does
+    while merger.work <= merger.limit and not monitor.expired:
+        merged = merger.tally["merged"]
+        going = merger.round(monitor)
+        if not going or (merger.tally["merged"] == merged and merger.work > BARREN):
+            break
 
 
 def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:

@@ -8,9 +8,13 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
+from circparam.seams.hard.regions import seam_prices
 from circparam.seams.segmentation import decide as module
+from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.seams.segmentation.merge import Merger
+from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import surface_of
+from tests.support.atlases import cut_between, middles, surface_of
 
 
 @pytest.mark.parametrize(("behind", "most"), [(0.0, 1), (1e9, 4)])
@@ -55,3 +59,24 @@ def test_a_start_goes_on_as_it_would_have_in_one_piece() -> None:
     there = module.shorten_once(copy, 1.05, 0.004, Monitor())
     for a, b in zip(here, there, strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("hard", [True, False])
+def test_where_a_round_finds_nothing_on_a_hard_surface_no_other_is_made(hard, monkeypatch) -> None:
+    surface = surface_of(*shapes.cylinder(around=12, along=4, caps=True))
+    chart = (middles(surface)[:, :2] > 0) @ [1, 2]
+    atlas = cut_between(surface, chart)
+    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-3, max_iterations=25))
+    if hard:
+        atlas.prices = seam_prices(surface)
+    rounds = []
+
+    def barren(self: Merger, monitor: Monitor) -> bool:
+        rounds.append(1)
+        self.work += 10 * module.BARREN
+        self.limit = np.inf
+        return len(rounds) < 5
+
+    monkeypatch.setattr(Merger, "round", barren)
+    module.merge_on(atlas, 1.05, 0.002, 10**6, Monitor())
+    assert len(rounds) == (1 if hard else 5)
