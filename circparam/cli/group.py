@@ -45,10 +45,10 @@ COMMANDS = {
         _HERE + "compare", "Run several methods on the identical cut and put them side by side."
     ),
     "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or one page."),
+    "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark on landmark."),
     "bake": Entry(
         _HERE + "bake", "Carry colours, textures, normals or heights into the uv of a mesh."
     ),
-    "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark on landmark."),
     "morph": Entry(
         _HERE + "morph", "Write one mesh as a morph target of another, with an animation."
     ),
