@@ -4,8 +4,8 @@
 
 Every mesh is made here: a ball with limbs, displaced by waves and by noise of a quarter of an edge, an inner
 shell and 40 floaters, some of them open. Each is unwrapped to PLY by the command line in a process of its own;
-figures are those of its JSON; processor seconds are those of its workers too, peak memory is that of the process
-alone. --floaters adds a body among so many floaters beside its clean twin. --judge: a command that gets each
+figures are those of its JSON; processor seconds are those of its workers too, peak memory is its own.
+--floaters adds a body among so many floaters beside its clean twin. --judge: a command that gets each
 written file, for an opinion of its own.
 """
 
