@@ -13,6 +13,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
+from circparam.seams.crumbs import debris
 from circparam.seams.grown import (
     ANY_BOUND,
     LEVEL_FACES,
@@ -196,7 +197,8 @@ def _first_atlas(
 ) -> Atlas:
     """Hard components from their regions, the others grown."""
     kind = hardness(surface)
-    hard, doubtful = kind == HARD, kind == DOUBTFUL
+    worth_it = ~debris(surface)
+    hard, doubtful = (kind == HARD) & worth_it, (kind == DOUBTFUL) & worth_it
     doubtful &= doubtful.sum() <= DOUBTS
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
