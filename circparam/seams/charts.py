@@ -29,12 +29,15 @@ from circparam.seams.multires.transfer_layout import (
 from circparam.seams.multires.transfer_seams import transfer_seams
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.segmentation.decide import (
+    ANY_BOUND,
     CHART_COST,
     CROWD,
     LOOPS,
     decide,
     merge_on,
+    nearly_flat_components,
     reach_count,
+    worth,
 )
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import (
@@ -66,7 +69,6 @@ TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
-ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
 SOUP = 1_000  # charts, from which on nobody sees which way a seam runs
 STRICT = 1.05  # bound up to which seams are added for that
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
@@ -190,16 +192,6 @@ def bounded_atlas(
     return best
 
 
-def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:
-    """What counts where so many charts are wanted, the least first: charts that lie on themselves, which would
-    be split, charts beyond that number, distortion, seam length."""
-    cut_mesh = atlas.cut_mesh()
-    layouts = judge(cut_mesh, atlas.gather(cut_mesh))
-    over = float(np.average(layouts.energy, weights=cut_mesh.chart_areas))
-    faulty = int(layouts.bad(ANY_BOUND).sum())
-    return faulty, max(cut_mesh.n_charts, most), max(over, bound), atlas.seam_length
-
-
 def free_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
@@ -207,7 +199,7 @@ def free_atlas(
     atlas = _first_atlas(surface, bound, options, monitor, notes)
     if options.min_chart_faces == 1:  # else small charts are what decides who joins whom
         with monitor.stage("charts"):
-            merge_on(atlas, bound, MARGIN / 2, REGROUP_FACES, monitor)
+            merge_on(atlas, bound, MARGIN / 2, monitor)
     return atlas
 
 
@@ -237,9 +229,22 @@ def _first_atlas(
 def grown_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
-    """Decide the seams of a surface on a coarse proxy and lay its charts out."""
+    """Decide the seams of a surface on a coarse proxy and lay its charts out.
+
+    Components that need no seam are told on the surface itself: a proxy is never quite as flat.
+    """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
-    atlas, graph = _decided(surface, bound, options, worker, monitor)
+    atlas, rest = Atlas(surface, np.zeros(len(surface.edges), bool)), np.ones(1, bool)
+    if len(surface.faces) > DIRECT_FACES:
+        with monitor.stage("charts"):
+            rest = ~nearly_flat_components(atlas, bound)
+    if rest.all():
+        atlas, graph = _decided(surface, bound, options, worker, monitor)
+    else:
+        graph = dual_graph(surface)
+        if rest.any():
+            part, _ = _decided(surface.part(rest), bound, options, worker, monitor)
+            atlas.put(rest, part)
     finish(atlas, graph, bound, options, worker, monitor, notes)
     return atlas
 
