@@ -8,7 +8,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.errors import NoResultError
+from circparam.errors import InputError, NoResultError
 from circparam.maps.cones import signs
 from circparam.maps.embedding import embed
 from circparam.maps.helpers import ROUNDS, add_helpers
@@ -49,6 +49,10 @@ def common_domain(a: Side, b: Side, marks: Landmarks, method: str, monitor: Moni
             if not add_helpers(layout, marks, a, b, method):
                 break
             layout = _laid_out(a, b, marks)
+    if layout.k < 4:
+        raise InputError(
+            "the three landmarks lie so close that no fourth pair fits between them: give one more"
+        )
     with monitor.stage("straighten"):
         straighten(layout, method, 2 * sum(2 * len(corners) for corners in marks.corners))
     with monitor.stage("embed"):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import circparam
 from circparam.errors import InputError, OptionError, TopologyError
@@ -105,20 +103,13 @@ def test_few_landmarks(k: int) -> None:
     np.testing.assert_array_equal(image[marks[:, 0]], b.points[marks[:, 1]])
 
 
-@settings(max_examples=8)
-@given(st.integers(0, 10**6), st.integers(3, 14))
-def test_random_landmarks_are_met_or_refused(seed: int, k: int) -> None:
-    """Whatever the landmarks are: a map that meets them and is one to one, or no common layout is found.
-
-    A layout that were not the same on both would turn whole patches over: that raises NoResultError.
-    """
-    rng = np.random.default_rng(seed)
+@pytest.mark.parametrize("seed", range(1, 12))
+def test_random_landmarks_are_met(seed: int) -> None:
+    """Wherever the landmarks of two spheres are, however far the paths must wind: there is a common layout."""
+    rng, k = np.random.default_rng(seed), 3 + seed
     a, b = pairs.blob(2, seed % 7), pairs.blob(2, (seed + 3) % 7, turned=1 + seed % 5)
     marks = np.stack([rng.permutation(len(m.points))[:k] for m in (a, b)], 1)
-    try:
-        found = circparam.map_surfaces(a, b, landmarks=marks)
-    except TopologyError:
-        return
+    found = circparam.map_surfaces(a, b, landmarks=marks)
     assert found.inversions == (0, 0)
     assert found.landmark_error == 0
     image = found.map.to_b.of(b.points, b.faces)
