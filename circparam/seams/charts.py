@@ -13,8 +13,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
+from circparam.seams.crumbs import debris
 from circparam.seams.grown import (
-    ANY_BOUND,
     LEVEL_FACES,
     MARGIN,
     REGROUP_FACES,
@@ -32,12 +32,11 @@ from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, wit
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
-from circparam.seams.segmentation.decide import CHART_COST, CROWD, merge_on, reach_count
+from circparam.seams.segmentation.decide import CHART_COST, CROWD, merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
 )
-from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
@@ -170,16 +169,6 @@ def bounded_atlas(
     return best
 
 
-def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:
-    """What counts where so many charts are wanted, the least first: charts that lie on themselves, which would
-    be split, charts beyond that number, distortion, seam length."""
-    cut_mesh = atlas.cut_mesh()
-    layouts = judge(cut_mesh, atlas.gather(cut_mesh))
-    over = float(np.average(layouts.energy, weights=cut_mesh.chart_areas))
-    faulty = int(layouts.bad(ANY_BOUND).sum())
-    return faulty, max(cut_mesh.n_charts, most), max(over, bound), atlas.seam_length
-
-
 def free_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
@@ -187,7 +176,7 @@ def free_atlas(
     atlas = _first_atlas(surface, bound, options, monitor, notes)
     if options.min_chart_faces == 1:  # else small charts are what decides who joins whom
         with monitor.stage("charts"):
-            merge_on(atlas, bound, MARGIN / 2, REGROUP_FACES, monitor)
+            merge_on(atlas, bound, MARGIN / 2, monitor)
     return atlas
 
 
@@ -196,7 +185,8 @@ def _first_atlas(
 ) -> Atlas:
     """Hard components from their regions, the others grown."""
     kind = hardness(surface)
-    hard, doubtful = kind == HARD, kind == DOUBTFUL
+    worth_it = ~debris(surface)
+    hard, doubtful = (kind == HARD) & worth_it, (kind == DOUBTFUL) & worth_it
     doubtful &= doubtful.sum() <= DOUBTS
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray
+from circparam.core.arrays import BoolArray, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
@@ -17,6 +17,7 @@ from circparam.seams.segmentation.unions import MergeOptions
 
 CRUMB = 300  # faces that a tiny component has at most
 MANY = 200  # of them: fewer are decided with all others, where every step is tried
+NOTHING = 2e-4  # of the area of the surface, up to which a crumb is debris
 SPLITS = 10  # rounds of halving: a component of CRUMB faces is single faces then
 MERGES = 4  # rounds of merging; three quarters of all unions come in the first two
 MARGIN = 0.002  # share of the root of its area that parts of one chart keep apart
@@ -29,6 +30,17 @@ def crumbs(surface: Surface) -> BoolArray:
     if tiny.sum() < MANY:
         return np.zeros(len(component), bool)
     result: BoolArray = tiny[component]
+    return result
+
+
+def debris(surface: Surface) -> BoolArray:
+    """(m,) bool: crumbs so small in the whole that it does not matter what they are: hard surfaces or not."""
+    tiny = crumbs(surface)
+    if not tiny.any():
+        return tiny
+    n, component = surface.components
+    share = group_sum(surface.areas, component, n) / surface.areas.sum()
+    result: BoolArray = tiny & (share <= NOTHING)[component]
     return result
 
 

@@ -26,7 +26,13 @@ from circparam.seams.multires.transfer_layout import (
 )
 from circparam.seams.multires.transfer_seams import NEAR_RINGS, RINGS, transfer_seams
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.decide import CHART_COST, LOOPS, decide
+from circparam.seams.segmentation.decide import (
+    ANY_BOUND,
+    CHART_COST,
+    LOOPS,
+    decide,
+    nearly_flat_components,
+)
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import (
     DualGraph,
@@ -56,7 +62,6 @@ DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
-ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 LEAST_LEVEL, LEVEL_RATIO = (
     60_000,
@@ -80,7 +85,10 @@ def grown_atlas(
     notes: list[str],
     target: int | None = None,
 ) -> Atlas:
-    """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out."""
+    """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
+
+    Components that need no seam are told on the surface itself: a proxy is never quite as flat.
+    """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
     if options.max_charts is None and options.min_chart_faces == 1:
         tiny = crumbs(surface)
@@ -91,7 +99,18 @@ def grown_atlas(
                 rest = surface.part(~tiny)
                 atlas.put(~tiny, grown_atlas(rest, bound, options, monitor, notes, target))
             return atlas
-    decided = _decided(surface, bound, options, worker, monitor, target)
+    atlas, bent = Atlas(surface, np.zeros(len(surface.edges), bool)), np.ones(1, bool)
+    if len(surface.faces) > DIRECT_FACES:
+        with monitor.stage("charts"):
+            bent = ~nearly_flat_components(atlas, bound)
+    if bent.all():
+        decided = _decided(surface, bound, options, worker, monitor, target)
+    else:
+        decided = Decided(atlas, dual_graph(surface))
+        if bent.any():
+            part = _decided(surface.part(bent), bound, options, worker, monitor, target)
+            atlas.put(bent, part.atlas)
+            decided = decided._replace(relaxing=part.relaxing)
     finish(decided, bound, options, worker, monitor, notes)
     return decided.atlas
 

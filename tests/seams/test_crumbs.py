@@ -68,3 +68,13 @@ def test_their_charts_are_good_and_as_few_as_their_shapes_allow(
         np.unique(component * cut_mesh.n_charts + cut_mesh.chart) // cut_mesh.n_charts
     )
     assert (charts[flat] == 1).all()
+
+
+def test_debris_is_tiny_in_the_whole_whatever_it_is() -> None:
+    """Cubes of a thousandth of the area are parts of something; of a ten-thousandth they are debris."""
+    for side, found in ((0.04, False), (0.004, True)):
+        points, faces = shapes.cube(1)
+        parts = [(points * side + [3 + k, 0, 0], faces) for k in range(crumbs.MANY)]
+        surface = surface_of(*shapes.join(shapes.icosphere(3), *parts))
+        assert crumbs.crumbs(surface).sum() == crumbs.MANY * len(faces)
+        assert crumbs.debris(surface).any() is np.bool_(found)

@@ -78,5 +78,5 @@ def test_where_a_round_finds_nothing_on_a_hard_surface_no_other_is_made(hard, mo
         return len(rounds) < 5
 
     monkeypatch.setattr(Merger, "round", barren)
-    module.merge_on(atlas, 1.05, 0.002, 10**6, Monitor())
+    module.merge_on(atlas, 1.05, 0.002, Monitor())
     assert len(rounds) == (1 if hard else 5)

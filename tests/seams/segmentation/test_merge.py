@@ -8,7 +8,7 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation import grow
+from circparam.seams.segmentation import decide, grow
 from circparam.seams.segmentation.decide import ROUGH, merge_on
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
 from circparam.seams.segmentation.merge import FREE_WORK, Merger
@@ -278,15 +278,18 @@ def test_merging_that_may_cost_so_much_costs_no_more_however_many_rounds(
         assert 0.2 * rise < cost <= rise
 
 
-def test_charts_that_fit_together_are_merged_at_the_end_others_stay() -> None:
+def test_charts_that_fit_together_are_merged_at_the_end_others_stay(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A flat sheet in four pieces becomes one; the halves of a sphere, which must be stretched for it, stay."""
     sheet = surface_of(*shapes.grid(8, 8))
     corner = middles(sheet)[:, :2] > middles(sheet)[:, :2].mean(0)
     atlas = as_it_lies(cut_between(sheet, corner @ [1, 2]))
-    merge_on(atlas, 1.05, 0.002, 1000, Monitor())
+    merge_on(atlas, 1.05, 0.002, Monitor())
     assert (atlas.charts()[0], atlas.cut.any()) == (1, False)
     atlas = as_it_lies(cut_between(sheet, corner @ [1, 2]))
-    merge_on(atlas, 1.05, 0.002, len(sheet.faces) // 2, Monitor())
+    monkeypatch.setattr(decide, "LAST_FACES", len(sheet.faces) // 2)
+    merge_on(atlas, 1.05, 0.002, Monitor())
     n, chart = atlas.charts()
     assert 1 < n < 4
     assert np.bincount(chart).max() <= len(sheet.faces) // 2
@@ -294,6 +297,6 @@ def test_charts_that_fit_together_are_merged_at_the_end_others_stay() -> None:
     halves = cut_between(ball, (middles(ball)[:, 2] > 0).astype(np.int64))
     lay_out_fresh(halves, None, ROUGH)
     cut, corners = halves.cut.copy(), halves.corners.copy()
-    merge_on(halves, 10.0, 0.002, 1000, Monitor())
+    merge_on(halves, 10.0, 0.002, Monitor())
     np.testing.assert_array_equal(halves.cut, cut)
     np.testing.assert_array_equal(halves.corners, corners)
