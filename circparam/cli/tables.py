@@ -76,7 +76,8 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     row("stretch", _tail(report))
     row("seam length", _seams(report))
     if report["pack"] is not None:
-        row("packed", f"{100 * report['pack']:.1f} % of the page")
+        pages = "the page" if report["pages"] == 1 else f"{report['pages']} pages"
+        row("packed", f"{100 * report['pack']:.1f} % of {pages}")
     row("time", f"{report['seconds']:.2f} s")
     for line in report["repairs"]:
         row("repaired", plain(line))

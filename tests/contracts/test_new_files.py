@@ -127,7 +127,7 @@ def test_the_validator_finds_nothing_in_new_files(tmp_path: Path) -> None:
         for format in ("glb", "gltf"):
             paths.append(tmp_path / f"{seams}.{format}")
             write(paths[-1], doc, layout_with_seams(doc) if seams else smooth_layout(doc))
-    assert validate(*paths) == ["[]"] * 4
+    assert validate(*paths) == [set()] * 4
 
 
 @pytest.mark.parametrize("path", corpus_files(".glb"))
@@ -138,5 +138,9 @@ def test_the_validator_finds_nothing_new_in_real_files(tmp_path: Path, path: Pat
         for format in ("glb", "gltf"):
             paths.append(tmp_path / f"{k}.{format}")
             write(paths[-1], doc, layout_with_seams(doc), options=WriteOptions(uv_set=uv_set))
-    found = validate(*paths)
-    assert found[1:] == [found[0]] * 4
+    before, *after = validate(*paths)
+    # tangents belong to the uv they were made from: without them a viewer makes its own
+    tangents = {"MESH_PRIMITIVE_GENERATED_TANGENT_SPACE"}
+    dropped = tangents if "tangents" in doc.features else set()
+    for found in after:
+        assert found <= before | dropped
