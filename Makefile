@@ -15,7 +15,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front fuzz mutants figures docs dist clean
+.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -71,6 +71,9 @@ bench-hard: $(VENV)/.dev ## hard surfaces beside xatlas: seams, charts, seams in
 
 bench-front: $(VENV)/.dev ## the table at the head of README, beside xatlas, UVAtlas and Blender
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench front
+
+bench-maps: $(VENV)/.dev ## maps between pairs of surfaces: inversions, landmarks, known answers, weights
+	$(RUN) -m tests.bench maps
 
 bench-packing: $(VENV)/.dev ## covered share on identical charts
 	$(RUN) -m tests.bench packing

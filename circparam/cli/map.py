@@ -17,7 +17,7 @@ Examples:
   circparam map scan.ply remeshed.ply -o map.npz --json
   circparam map left.obj right.obj --mirrored --landmarks pairs.txt -o map.npz
 \b
-pairs.txt holds two vertex numbers a line, one of A and one of B, counted from 0; # begins a comment.
+pairs.txt: two vertex numbers a line, of A and of B, counted from 0; # begins a comment.
 """
 
 
