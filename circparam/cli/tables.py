@@ -167,6 +167,27 @@ _DEFECTS = {
 }
 
 
+def map_table(report: dict[str, Any]) -> Table:
+    """What a map between two surfaces is worth."""
+    table = facts()
+    table.add_row("surfaces", plain(f"{report['a']} to {report['b']}"))
+    table.add_row("output", plain(report["output"]))
+    table.add_row(
+        "landmarks", f"{report['landmarks']}, off by {report['landmark_error']:.2g} of the size"
+    )
+    turned = report["inversions"]
+    table.add_row("inversions", f"{turned['a']} of A, {turned['b']} of B")
+    for name, label in (("a_to_b", "A to B"), ("b_to_a", "B to A")):
+        d = report["distortion"][name]
+        table.add_row(
+            f"distortion, {label}",
+            f"{_number(d['mean'])} (95 % of the area below {_number(d['p95'])}, 99 % {_number(d['p99'])}, "
+            f"at most {_number(d['max'])}; 1 is perfect)",
+        )
+    table.add_row("time", f"{report['seconds']:.2f} s")
+    return table
+
+
 def check_line(report: dict[str, Any]) -> str:
     """What a mesh is, and what its uv are worth, in one line."""
     parts = report["component_list"]

@@ -27,7 +27,7 @@ from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.cut_along import Chord, cut_along
 from circparam.pipeline.cut_plan import Plan, Planner, sketch_of
 from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
-from circparam.seams.hard.regions import HARD, hardness
+from circparam.seams.hard.regions import HARD, hardness, seam_prices
 
 MOST = 0.135  # of the length of the seams that all cuts may add, as planned
 LIMIT = 0.149  # and as they run along the edges of the mesh
@@ -108,7 +108,9 @@ def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
     flat = flat & (size > 2)
     hard = hardness(surface) == HARD
     if hard.any():
-        prices = hard_prices(surface, hard)
+        part = surface.part(hard)
+        uncut = Atlas(part, np.zeros(len(part.edges), bool), prices=seam_prices(part))
+        prices = hard_prices(surface, [(hard, uncut)])
         return cost * prices.price, flat | prices.flat
     return cost * np.where(flat, DEAR, 1.0), flat
 

@@ -31,6 +31,7 @@ from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
+from circparam.pipeline.memory import fit_memory
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.pack_splits import split_for_packing
 from circparam.pipeline.result import Result, verdict, verify_layout
@@ -40,7 +41,7 @@ from circparam.pipeline.verify import corners_of, uv_seams
 
 # What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
 # charts that are only projected, and all that follows; packing in rows, writing, verifying; all but packing.
-LEAST_COST, PACK_COST, WRITE_COST = 6.0, 12.0, 3.0
+LEAST_COST, PACK_COST, WRITE_COST = 6.0, 16.0, 5.0
 KEPT = 0.05  # seconds that are kept besides
 
 
@@ -76,7 +77,10 @@ def unwrap_document(
     monitor: Monitor,
 ) -> Result:
     """All stages after reading."""
-    start_for(options, len(document.mesh.faces))
+    count = len(document.mesh.faces)
+    fit_memory(document.source.name, count, options, monitor)
+    if monitor.jobs > 1:
+        start_for(options, count)
     try:
         return _unwrapped(document, output, options, monitor)
     except MemoryError:

@@ -16,11 +16,14 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS
+from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
 from circparam.seams.options import SeamOptions
+from circparam.seams.segmentation.decide import nearly_flat_components
+from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import relaxed, surface_of
+from tests.support.atlases import relaxed, surface_of, uncut
 from tests.support.formats_tools import corpus_files
 
 
@@ -118,6 +121,45 @@ def test_a_number_of_charts_never_leads_to_more(shape) -> None:
             assert np.array_equal(atlas.cut, free.cut)
 
 
+def test_an_atlas_that_lies_on_itself_is_worth_less_than_one_of_more_charts() -> None:
+    """Its charts would be split, and nobody knows into how many."""
+    _, sound = atlas_of(shapes.cube(4))
+    assert sound.charts()[0] >= 1
+    surface = sound.surface
+    flat = Atlas(surface, np.ones(len(surface.edges), bool), surface.rest_triangles)
+    one = Atlas(surface, sound.cut, np.zeros_like(sound.corners))
+    assert flat.charts()[0] > one.charts()[0]
+    assert module.worth(flat, 1, 1.05) < module.worth(one, 1, 1.05)
+    assert module.worth(sound, 1, 1.05) < module.worth(flat, 1, 1.05)
+
+
+def needles(n: int, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """A dome over a grid whose lines lie a hundred times closer here than there."""
+    p, f = shapes.grid(n, n)
+    steps = np.random.default_rng(1).pareto(1.2, n + 1) + 0.02
+    line = np.cumsum(steps) / steps.sum()
+    x = np.interp(p[:, :2], np.linspace(0, 1, n + 1), line)
+    return np.c_[x, height * ((x - 0.5) ** 2).sum(1)], f
+
+
+def test_a_disk_that_needs_no_seam_gets_none_however_its_faces_are_made() -> None:
+    """Decided on its proxy, whose needles are longer still, it was cut into a dozen charts."""
+    surface, atlas = atlas_of(needles(60, 0.2))
+    assert len(surface.faces) > module.DIRECT_FACES
+    assert not atlas.cut.any()
+
+
+@pytest.mark.parametrize(("times", "may"), [(0.9, True), (1.2, True), (1.5, False)])
+def test_a_disk_that_hardly_misses_the_bound_is_left_to_a_slit(times: float, may: bool) -> None:
+    """times: its excess of distortion over that of the bound."""
+    p, f = shapes.grid(20, 20)
+    atlas = uncut(np.c_[p[:, :2], 0.3 * np.sin(4 * p[:, 0]) * np.cos(5 * p[:, 1])], f)
+    relaxed_mesh = lay_out_fresh(atlas, None, FINE)
+    excess = float(relaxed_mesh.energy[0]) - 1
+    assert excess > 0.01
+    assert nearly_flat_components(atlas, 1 + excess / times).all() == may
+
+
 def test_every_component_gets_charts_of_its_own() -> None:
     shape = shapes.row_of(shapes.cube(2), 5)
     surface, atlas = atlas_of(shape)
@@ -163,9 +205,9 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     shape = shapes.torus(70, 35)
-    monkeypatch.setattr(module, "DIRECT_FACES", 10**9)
+    monkeypatch.setattr(grown, "DIRECT_FACES", 10**9)
     direct = atlas_of(shape)[1]
-    monkeypatch.setattr(module, "DIRECT_FACES", 0)
+    monkeypatch.setattr(grown, "DIRECT_FACES", 0)
     monkeypatch.setattr("circparam.seams.multires.decimate.PROXY_FACES", 2500)
     proxy = atlas_of(shape)[1]
     assert proxy.seam_length == pytest.approx(direct.seam_length, rel=0.15, abs=0.05)
@@ -203,20 +245,20 @@ def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
 ) -> None:
     """Nine holes and an outer boundary are ten; four and one are half of it."""
     full, less = surface_of(*shapes.holed_sheet(9)), surface_of(*shapes.holed_sheet(holes))
-    assert (module.complexity(full), module.complexity(less)) == (10, holes + 1)
-    monkeypatch.setattr(module, "LOOPS", 9)
-    monkeypatch.setattr(module, "close_small_holes", lambda _: less)
-    monkeypatch.setattr(module, "without_fans", stop)
-    grown = module.grown_atlas
+    assert (grown.complexity(full), grown.complexity(less)) == (10, holes + 1)
+    monkeypatch.setattr(grown, "LOOPS", 9)
+    monkeypatch.setattr(grown, "close_small_holes", lambda _: less)
+    monkeypatch.setattr(grown, "without_fans", stop)
     if closed:
         with pytest.raises(Called):
-            grown(full, 1.05, SeamOptions(), Monitor(), [])
+            grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), [])
     else:
-        assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
-    monkeypatch.setattr(module, "LOOPS", 10)
-    assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
+        assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
+    monkeypatch.setattr(grown, "LOOPS", 10)
+    assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
 
 
+FINE = RelaxOptions(tolerance=1e-8, max_iterations=60)
 FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply")
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 
@@ -246,3 +288,12 @@ def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
         below = int((size < least).sum())
         assert bool(below) == bool(seams.notes)
         assert all(note.startswith(f"{below} charts stay below {least}") for note in seams.notes)
+
+
+def test_prices_of_seams_are_left_out_where_charts_need_the_time() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    for timeout, priced in ((None, True), (1000.0, True), (20.0, False)):
+        monitor = Monitor(timeout=timeout)
+        monitor.seconds["repair"] = 1.0
+        SEAMS["charts"].function(surface, SeamOptions(), monitor)
+        assert ("visibility" in monitor.seconds) is priced
