@@ -80,8 +80,10 @@ bench-packing: $(VENV)/.dev ## covered share on identical charts
 
 bench-speed: $(VENV)/.dev ## seconds of whole atlases beside xatlas and UVAtlas, with a profile
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench speed
+
 bench-scale: $(VENV)/.dev ## rough meshes of 0.09 to 1.2 million faces, made here (SCALE="--sizes 4.7" for others)
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench scale $(SCALE)
+
 bench-batch: $(VENV)/.dev ## many files: rates, overhead, memory, and the tests of faults that take minutes
 	CIRCPARAM_SLOW=1 $(RUN) -m pytest -m slow tests/batch
 	$(RUN) -m tests.bench batch

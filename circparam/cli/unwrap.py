@@ -80,6 +80,7 @@ class UnwrapCommand(common.SectionedCommand):
     common.library_options("repair"),
     common.gates,
     common.library_option("timeout"),
+    common.library_option("checkpoint"),
     common.library_option("jobs"),
     common.option(
         common.CHECKS, "--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."

@@ -15,7 +15,7 @@ from circparam.mesh.cut_mesh import CutMesh, not_disks
 
 BAND = 0.2  # of a chord's length: how far from it the way along edges may run
 EDGES = 4.0  # and so many edges besides
-ENDS = (0.2, 0.05, 0.0)  # of a chord's length: how far from its ends the way may begin and end
+ENDS = (0.35, 0.1, 0.0)  # of a chord's length: how far from its ends the way may begin and end
 ALIKE = 1.6  # ratio of the areas that the chord and the way cut off
 
 

@@ -34,6 +34,7 @@ WEIGHED, AGAIN = (
 TRIES, MORE = 3, 10  # of each sketch, and of those
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
 AHEAD = 2  # cuts that may pay nothing before one that does
+WORSE = 2  # cells by which a page with one cut more may seem larger: the search is coarse
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 
@@ -162,7 +163,9 @@ class Planner:
             i, j = int(trial.chords.i[trial.k]), int(trial.chords.j[trial.k])
             trial.parts.extend((part, self.easel.sketch(*part.edges)) for part in split(o, i, j))
         sketches = [*plan.sketches[:n], *plan.sketches[n + 1 :], *(s for _, s in trial.parts)]
-        side = least_side(sketches, min(int(np.ceil(below)), plan.side + 1), tries, self.stop)
+        side = least_side(
+            sketches, min(int(np.ceil(below)), plan.side + WORSE + 1), tries, self.stop
+        )
         if side is None:
             return None
         left = [*plan.outlines[:n], *plan.outlines[n + 1 :], *(part for part, _ in trial.parts)]

@@ -19,6 +19,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.words import counted
 from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing.options import PackOptions
 from circparam.pipeline import fallback
@@ -60,16 +61,9 @@ def fill_page(
     first, easel = made
     area = float(cut_mesh.chart_areas.sum())
     plan = Planner(easel, area, first.length + MOST * seams, cuts, stop).best(first)
-    after = before
-    limit = (1 + LIMIT) * before.seam_length
-    costs, flat = _costs(before.surface) if plan.cuts else (np.zeros(0), np.zeros(0, bool))
-    for cut in plan.cuts:
-        mine = cut_mesh.chart == cut.chart
-        chord = Chord(mine, uv[cut.start], uv[cut.end], cut.least)
-        tried = cut_along(after, chord, costs, cascade.rules.bound, least_faces)
-        if tried is not None and tried.seam_length <= limit and _spares(tried, after, flat):
-            after = tried
-    done = after.charts()[0] - cut_mesh.n_charts
+    if not plan.cuts:
+        return cascade
+    after, done = _cut(before, cut_mesh, uv, plan, (cascade.rules.bound, least_faces))
     if done == 0 or (done < len(plan.cuts) and not _pays(after, first, options, monitor)):
         return cascade
     longer = after.seam_length / before.seam_length - 1
@@ -77,6 +71,34 @@ def fill_page(
         f"{counted(done, 'cut')} for a fuller page made the seams {longer:.1%} longer "
         "(--pack-splits 0 makes none)"
     )
+
+
+def _cut(
+    before: Atlas, cut_mesh: CutMesh, uv: FloatArray, plan: Plan, held: tuple[float, int]
+) -> tuple[Atlas, int]:
+    """(the atlas with those cuts of a plan that can be made along edges, how many these are).
+
+    held: the bound on the distortion of either part, and the least number of its faces.
+    """
+    faces = np.isin(cut_mesh.chart, [cut.chart for cut in plan.cuts])
+    part = before.part(faces)  # the charts that are cut, alone: others take no time
+    left = LIMIT * float(before.surface.edge_lengths[before.cut].sum())
+    costs, flat = _costs(part.surface)
+    done = 0
+    for cut in plan.cuts:
+        mine = cut_mesh.chart[faces] == cut.chart
+        chord = Chord(mine, uv[cut.start], uv[cut.end], cut.least)
+        tried = cut_along(part, chord, costs, *held)
+        if tried is None:
+            continue
+        new = tried.cut & ~part.cut
+        length = float(part.surface.edge_lengths[new].sum())
+        through = float(part.surface.edge_lengths[new & flat].sum())
+        if length <= left and through <= THROUGH_FLATS * length:
+            part, left, done = tried, left - length, done + 1
+    after = Atlas(before.surface, before.cut, before.corners, before.prices)
+    after.put(faces, part)
+    return after, done
 
 
 def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
@@ -91,13 +113,6 @@ def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
         prices = hard_prices(surface, [(hard, uncut)])
         return cost * prices.price, flat | prices.flat
     return cost * np.where(flat, DEAR, 1.0), flat
-
-
-def _spares(after: Atlas, before: Atlas, flat: BoolArray) -> bool:
-    """Whether what was cut runs round flats, but for little."""
-    length = after.surface.edge_lengths[after.cut & ~before.cut]
-    through = after.surface.edge_lengths[after.cut & ~before.cut & flat]
-    return bool(through.sum() <= THROUGH_FLATS * length.sum())
 
 
 def _pays(after: Atlas, first: Plan, options: PackOptions, monitor: Monitor) -> bool:

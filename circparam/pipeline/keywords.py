@@ -58,3 +58,4 @@ class Keywords(TypedDict, total=False):
     overwrite: bool
     timeout: float | None
     jobs: int | None
+    checkpoint: str | None

@@ -259,6 +259,10 @@ class Options:
         "bounds", "Processes at work: the same result, sooner.", short="-j", metavar="N", shown="cores",
         bounds=Range(1, 4096, "a number of processes, from 1 (no other than this one) on"),
     )
+    checkpoint: str | None = option(
+        "bounds", "Folder for the seams of a run: one that is stopped goes on after them.", metavar="DIR",
+        applies=applies.with_charts,
+    )
     # fmt: on
 
     def __post_init__(self) -> None:

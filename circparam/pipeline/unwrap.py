@@ -23,6 +23,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.packing import pack
+from circparam.pipeline import checkpoint
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options, padding_note
 from circparam.pipeline.fallback import faults
@@ -100,14 +101,16 @@ def _unwrapped(
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
     with monitor.holding(PACK_COST * pace + KEPT), monitor.stage("seams"):
-        seams = find_seams(job, monitor)
+        seams = checkpoint.seams_of(job, monitor, find_seams)
         with monitor.stage("flatten"):
             cascade = first_layout(job, seams, monitor)
     with monitor.holding(WRITE_COST * pace + KEPT):
         with monitor.stage("pack"):
             cascade = _with_room(cascade, options, monitor)
         fitted = fit_stored(job, cascade, monitor)
-    return _finish(_verified(job, fitted, monitor), output, monitor)
+    result = _finish(_verified(job, fitted, monitor), output, monitor)
+    checkpoint.forget(job)
+    return result
 
 
 def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:

@@ -16,7 +16,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer
 
-ANGLES = 16  # at which an outline is tried
+ANGLES = 20  # at which an outline is tried
 TURNS = np.arange(24) * (
     np.pi / 48
 )  # among which those of the least box and the least square are found
@@ -47,7 +47,7 @@ class Easel:
     def sketch(self, start: FloatArray, end: FloatArray) -> Sketch:
         """An outline of edges from start to end (e, 2) in uv units."""
         middle = (start.min(0) + start.max(0)) / 2
-        angles = _angles(start)
+        angles = _angles(start[:: max(len(start) // 100, 1)])
         masks = chart_masks(
             (start - middle) / self.cell, (end - middle) / self.cell, angles, self.grow
         )
