@@ -193,7 +193,7 @@ class _Told:
             self.last = now
             known = {**progress.as_dict(), "pid": os.getpid(), "time": time.time()}
             with contextlib.suppress(Exception):  # it only informs
-                self.folder.put_bytes(STATUS, json.dumps(known).encode())
+                self.folder.put_bytes(STATUS, json.dumps(known).encode(), durable=False)
         if self.listener is not None:
             self.listener(progress)
 

@@ -57,6 +57,8 @@ def save_report(folder: Folder, index: Index) -> str:
         try:
             folder.put_bytes(TABLE, data)
             folder.put_bytes(PAGE, page)
+        except OutputError:
+            raise
         except Exception as error:
             reason = getattr(error, "strerror", None) or error
             raise OutputError(f"{folder.of(PAGE)}: it can't be written ({reason})") from None

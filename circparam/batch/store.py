@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError, OutputError
 
 T = TypeVar("T")
@@ -135,16 +136,14 @@ class Folder:
         store, root = root_store(self.address)
         again(store.put_file, path, f"{root}/{name}")
 
-    def put_bytes(self, name: str, data: bytes) -> None:
-        """Put a small file there, whole. Raises OSError or what the store does."""
+    def put_bytes(self, name: str, data: bytes, durable: bool = True) -> None:
+        """Put a small file there, whole; ``durable``: as for ``write_files``. Raises OutputError or what the
+        store does."""
         if self.remote:
             store, root = root_store(self.address)
             again(store.pipe_file, f"{root}/{name}", data)
             return
-        temporary = self.of(f"{name}.tmp")
-        with open(temporary, "wb") as stream:
-            stream.write(data)
-        os.replace(temporary, self.of(name))
+        write_files({Path(self.of(name)): data}, overwrite=True, durable=durable)
 
     def get_bytes(self, name: str) -> bytes | None:
         """The content of a file in it; None where there is none."""

@@ -29,7 +29,14 @@ Examples:
   circparam compare *.obj --methods all --csv figures.csv -q
   circparam compare mesh.obj --methods circle,floater,isometric --report report.html
 """
-_LIBRARY = ("max_distortion", "boundary", "spacing", "timeout", "jobs")  # options of every method
+_LIBRARY = (
+    "max_distortion",
+    "boundary",
+    "spacing",
+    "timeout",
+    "jobs",
+    "reader",
+)  # options of every method
 
 
 @click.command(cls=common.Command, epilog=_EPILOG)
@@ -56,6 +63,7 @@ _LIBRARY = ("max_distortion", "boundary", "spacing", "timeout", "jobs")  # optio
 @common.library_option("spacing", help="Spacing along that boundary: arc-length or uniform.")
 @common.library_option("timeout", help="Bound for each method.")
 @common.library_option("jobs", help="Processes that cut; methods run one by one.  [default: cores]")
+@common.library_option("reader")
 @click.option(
     "--repeats",
     type=click.IntRange(1, 1000),
@@ -124,7 +132,7 @@ def _compared(
     from circparam.compare.compare import compare
 
     keywords = {k: given[k] for k in _LIBRARY if given[k] is not None}
-    all_meshes = meshes or tuple(samples.names())
+    all_meshes = meshes or tuple(samples.names(pairs=False))
     for k, mesh in enumerate(all_meshes, 1):
         source = mesh if meshes else samples.path(mesh)
         try:
@@ -156,7 +164,11 @@ def _write(found: list[Comparison], sizes: list[Size] | None, given: dict[str, A
         from circparam.render.picture import png_bytes
         from circparam.render.side_by_side import side_by_side
 
-        meshes = [side_by_side(c, read(c.mesh).mesh, os.path.basename(c.mesh)) for c in found]
+        reader = given["reader"]
+        meshes = [
+            side_by_side(c, read(c.mesh, reader=reader).mesh, os.path.basename(c.mesh))
+            for c in found
+        ]
         if given["report"] is not None:
             contents[Path(given["report"])] = compare_page(meshes, sizes or ()).encode()
         if given["plot"] is not None:

@@ -19,11 +19,13 @@ def write_files(
     overwrite: bool = False,
     *,
     inside: Path | None = None,
+    durable: bool = True,
 ) -> list[Path]:
     """Write several files, all or none, the last one last (it may refer to those before it).
 
-    inside: a folder below which missing folders are made. Raises OptionError where one exists and may not be
-    replaced, OutputError where the disk refuses. Nothing is left behind by an error or an interrupt.
+    inside: a folder below which missing folders are made. durable: flushed to the disk, so that a power cut
+    loses none; not needed for what is written again every moment. Raises OptionError where one exists and may
+    not be replaced, OutputError where the disk refuses. Nothing is left behind by an error or an interrupt.
     """
     for path in contents:
         if path.is_dir():
@@ -31,13 +33,14 @@ def write_files(
         if path.exists() and not overwrite:
             raise OptionError(f"{path}: the file exists; replace it with --overwrite")
     try:
-        with _folders(contents, inside), _staged(contents) as staged:
+        with _folders(contents, inside), _staged(contents, durable) as staged:
             for real, temporary in staged:
                 if real.exists() and not real.is_file():  # a pipe or a device: no renaming over it
                     real.write_bytes(temporary.read_bytes())
                 else:
                     os.replace(temporary, real)
-            _sync_folders(staged)
+            if durable:
+                _sync_folders(staged)
     except OSError as error:
         where = next(reversed(list(contents)), "output")
         raise OutputError(f"{where}: it can't be written ({error.strerror or error})") from None
@@ -63,8 +66,9 @@ def _folders(paths: Iterable[Path], inside: Path | None) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _staged(contents: Mapping[Path, bytes]) -> Iterator[list[tuple[Path, Path]]]:
-    """The contents on the disk under temporary names beside their places; whatever is left is removed."""
+def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tuple[Path, Path]]]:
+    """The contents under temporary names beside their places, flushed where they must be durable; whatever is
+    left is removed."""
     staged: list[tuple[Path, Path]] = []
     try:
         for path, data in contents.items():
@@ -77,8 +81,9 @@ def _staged(contents: Mapping[Path, bytes]) -> Iterator[list[tuple[Path, Path]]]
             staged.append((real, temporary))
             with open(temporary, "wb") as file:
                 file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
+                if durable:
+                    file.flush()
+                    os.fsync(file.fileno())
             if real.is_file():  # a file that is replaced keeps its permissions
                 os.chmod(temporary, stat.S_IMODE(real.stat().st_mode))
         yield staged

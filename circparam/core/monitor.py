@@ -68,6 +68,12 @@ class Monitor:
         self.late |= up
         return up
 
+    def short(self, seconds: float) -> bool:
+        """Whether fewer seconds than these are left for what goes on now: what only embellishes is left out."""
+        if self.deadline is None:
+            return False
+        return time.monotonic() + seconds >= self.deadline - self.held
+
     @property
     def hurried(self) -> bool:
         """Whether time is up, or was for any stage before: what is made is less than it could be."""

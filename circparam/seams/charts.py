@@ -27,17 +27,16 @@ from circparam.seams.grown import (
     transfer_to_fine,
     with_prices,
 )
-from circparam.seams.hard.charts import hard_atlas, take_better
+from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
-from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
+from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
-from circparam.seams.segmentation.decide import CHART_COST, CROWD, reach_count
+from circparam.seams.segmentation.decide import CHART_COST, CROWD, merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
 )
-from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
@@ -100,11 +99,15 @@ def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     if atlas.charts()[0] > SOUP:
         return
     hard = with_hard_prices(atlas)
-    for which, priced in ((hard, seam_prices), (with_flats(atlas.surface) & ~hard, flat_prices)):
+    rest = ~hard
+    if rest.any():
+        rest[rest] = with_flats(atlas.surface.part(rest))
+    for which in (hard, rest):
         if not which.any() or not atlas.cut.any():
             continue
         part = atlas.part(which)
-        part = Atlas(part.surface, part.cut, part.corners, priced(part.surface))
+        if which is rest:
+            part.prices = flat_prices(part.surface)
         straighten(part, limits, monitor)
         atlas.put(which, part)
 
@@ -166,18 +169,21 @@ def bounded_atlas(
     return best
 
 
-def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, float, float]:
-    """What counts where so many charts are wanted, the least first: charts beyond, distortion, seam length."""
-    cut_mesh = atlas.cut_mesh()
-    energy = judge(cut_mesh, atlas.gather(cut_mesh)).energy
-    over = float(np.average(energy, weights=cut_mesh.chart_areas))
-    return max(cut_mesh.n_charts, most), max(over, bound), atlas.seam_length
-
-
 def free_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
-    """As many charts as the bound needs."""
+    """As many charts as the bound needs, and no more than can be had at the same distortion."""
+    atlas = _first_atlas(surface, bound, options, monitor, notes)
+    if options.min_chart_faces == 1:  # else small charts are what decides who joins whom
+        with monitor.stage("charts"):
+            merge_on(atlas, bound, MARGIN / 2, monitor)
+    return atlas
+
+
+def _first_atlas(
+    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
+) -> Atlas:
+    """Hard components from their regions, the others grown."""
     kind = hardness(surface)
     worth_it = ~debris(surface)
     hard, doubtful = (kind == HARD) & worth_it, (kind == DOUBTFUL) & worth_it
@@ -187,14 +193,25 @@ def free_atlas(
     if (hard | doubtful).mean() > FEW:
         surface = with_prices(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    if not hard.all():
-        atlas.put(~hard, grown_atlas(surface.part(~hard), bound, options, monitor, notes))
     worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)
+    parts = []
     if hard.any():
-        atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
-    if doubtful.any() and not monitor.expired:
+        part = hard_atlas(surface.part(hard), bound, options, worker, monitor, notes)
+        atlas.put(hard, part)
+        parts.append((hard, part))
+    doubtful &= not monitor.expired
+    plain = np.zeros(len(surface.faces), bool)
+    if doubtful.any():
         other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-        hard |= take_better(atlas, doubtful, other, CHART_COST)
-    if hard.any():
-        atlas.prices = hard_prices(surface, hard)
+        # what needs no seam needs no second way either
+        plain[doubtful] = ~with_seams(other)
+        atlas.put(plain, other.part(plain[doubtful]))
+    rest = ~hard & ~plain
+    if rest.any():
+        atlas.put(rest, grown_atlas(surface.part(rest), bound, options, monitor, notes))
+    if doubtful.any():
+        taken = plain | take_better(atlas, doubtful, other, CHART_COST)
+        parts.append((taken, other.part(taken[doubtful])))
+    if any(faces.any() for faces, _ in parts):
+        atlas.prices = hard_prices(surface, parts)
     return atlas

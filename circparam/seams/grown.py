@@ -26,7 +26,13 @@ from circparam.seams.multires.transfer_layout import (
 )
 from circparam.seams.multires.transfer_seams import NEAR_RINGS, RINGS, transfer_seams
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.decide import CHART_COST, LOOPS, decide
+from circparam.seams.segmentation.decide import (
+    ANY_BOUND,
+    CHART_COST,
+    LOOPS,
+    decide,
+    nearly_flat_components,
+)
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound
 from circparam.seams.segmentation.grow import (
     DualGraph,
@@ -51,11 +57,11 @@ REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split th
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
+VISIBLE = 30.0  # as many: with less left there are no prices of hidden places, charts need the time
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
-ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 LEAST_LEVEL, LEVEL_RATIO = (
     60_000,
@@ -79,7 +85,10 @@ def grown_atlas(
     notes: list[str],
     target: int | None = None,
 ) -> Atlas:
-    """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out."""
+    """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
+
+    Components that need no seam are told on the surface itself: a proxy is never quite as flat.
+    """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
     if options.max_charts is None and options.min_chart_faces == 1:
         tiny = crumbs(surface)
@@ -90,7 +99,18 @@ def grown_atlas(
                 rest = surface.part(~tiny)
                 atlas.put(~tiny, grown_atlas(rest, bound, options, monitor, notes, target))
             return atlas
-    decided = _decided(surface, bound, options, worker, monitor, target)
+    atlas, bent = Atlas(surface, np.zeros(len(surface.edges), bool)), np.ones(1, bool)
+    if len(surface.faces) > DIRECT_FACES:
+        with monitor.stage("charts"):
+            bent = ~nearly_flat_components(atlas, bound)
+    if bent.all():
+        decided = _decided(surface, bound, options, worker, monitor, target)
+    else:
+        decided = Decided(atlas, dual_graph(surface))
+        if bent.any():
+            part = _decided(surface.part(bent), bound, options, worker, monitor, target)
+            atlas.put(bent, part.atlas)
+            decided = decided._replace(relaxing=part.relaxing)
     finish(decided, bound, options, worker, monitor, notes)
     return decided.atlas
 
@@ -255,7 +275,8 @@ def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bo
 
 def with_prices(surface: Surface, options: SeamOptions, monitor: Monitor) -> Surface:
     """The surface with the prices of its edges by visibility, where they are asked for."""
-    if not options.hide_seams or surface.price is not None:
+    short = monitor.short(VISIBLE * monitor.seconds.get("repair", 0.0))
+    if not options.hide_seams or surface.price is not None or short:
         return surface
     with monitor.stage("visibility"):
         return dataclasses.replace(surface, price=hiding_prices(surface, options.hide_seams))

@@ -48,6 +48,7 @@ HEADWAY = 0.9
 # worst had 0.114 of it in conflict.
 HOPELESS = 0.13
 PULL = 1.5  # times the margin: the distance the springs pull for, so that the margin is reached
+LEAST_PULL = 1e-3  # share of the root of a chart's area: the same where there is no margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +254,7 @@ def _find(
     distance = np.linalg.norm(offset - t[:, None] * along[b], axis=1)
     side = (offset * normal[b]).sum(1)
     size = boundary.size[boundary.chart[b]]
-    target = PULL * margin * size
+    target = (PULL * margin or LEAST_PULL) * size
     keep = (normal[b] * out[a]).sum(1) < FACING
     keep &= np.where(over[a], (side < 0) & (distance < REACH * size), side >= 0)
     order = np.flatnonzero(keep)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from circparam.batch.index import Index
 from circparam.batch.pictures import thumbnails
 from circparam.batch.report import BINS, report_page, save_report
 from circparam.batch.store import Folder
+from circparam.errors import OutputError
 from tests.support.batch_faults import QUICK, write_disk
 
 
@@ -119,3 +122,17 @@ def test_results_have_pictures(tmp_path: Path) -> None:
     assert all(url.startswith("data:image/png;base64,") for url in found)
     assert thumbnails(Folder(str(tmp_path)), "nothing.obj") == []
     assert thumbnails(Folder(str(tmp_path)), "m.obj") == []  # it has no uv
+
+
+def test_a_report_that_cannot_be_written_is_one_error_and_leaves_nothing(
+    index: Index, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> NoReturn:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    index.add_lines([line("a.obj")])
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OutputError, match=r"^[^:]*report\.csv: it can't be written") as caught:
+        save_report(Folder(str(tmp_path)), index)
+    assert str(caught.value).count("can't be written") == 1
+    assert list(tmp_path.iterdir()) == []

@@ -19,8 +19,11 @@ from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
 from circparam.seams.options import SeamOptions
+from circparam.seams.segmentation.decide import nearly_flat_components
+from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import relaxed, surface_of
+from tests.support.atlases import relaxed, surface_of, uncut
 from tests.support.formats_tools import corpus_files
 
 
@@ -116,6 +119,45 @@ def test_a_number_of_charts_never_leads_to_more(shape) -> None:
         assert atlas.charts()[0] <= count
         if most >= count:
             assert np.array_equal(atlas.cut, free.cut)
+
+
+def test_an_atlas_that_lies_on_itself_is_worth_less_than_one_of_more_charts() -> None:
+    """Its charts would be split, and nobody knows into how many."""
+    _, sound = atlas_of(shapes.cube(4))
+    assert sound.charts()[0] >= 1
+    surface = sound.surface
+    flat = Atlas(surface, np.ones(len(surface.edges), bool), surface.rest_triangles)
+    one = Atlas(surface, sound.cut, np.zeros_like(sound.corners))
+    assert flat.charts()[0] > one.charts()[0]
+    assert module.worth(flat, 1, 1.05) < module.worth(one, 1, 1.05)
+    assert module.worth(sound, 1, 1.05) < module.worth(flat, 1, 1.05)
+
+
+def needles(n: int, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """A dome over a grid whose lines lie a hundred times closer here than there."""
+    p, f = shapes.grid(n, n)
+    steps = np.random.default_rng(1).pareto(1.2, n + 1) + 0.02
+    line = np.cumsum(steps) / steps.sum()
+    x = np.interp(p[:, :2], np.linspace(0, 1, n + 1), line)
+    return np.c_[x, height * ((x - 0.5) ** 2).sum(1)], f
+
+
+def test_a_disk_that_needs_no_seam_gets_none_however_its_faces_are_made() -> None:
+    """Decided on its proxy, whose needles are longer still, it was cut into a dozen charts."""
+    surface, atlas = atlas_of(needles(60, 0.2))
+    assert len(surface.faces) > module.DIRECT_FACES
+    assert not atlas.cut.any()
+
+
+@pytest.mark.parametrize(("times", "may"), [(0.9, True), (1.2, True), (1.5, False)])
+def test_a_disk_that_hardly_misses_the_bound_is_left_to_a_slit(times: float, may: bool) -> None:
+    """times: its excess of distortion over that of the bound."""
+    p, f = shapes.grid(20, 20)
+    atlas = uncut(np.c_[p[:, :2], 0.3 * np.sin(4 * p[:, 0]) * np.cos(5 * p[:, 1])], f)
+    relaxed_mesh = lay_out_fresh(atlas, None, FINE)
+    excess = float(relaxed_mesh.energy[0]) - 1
+    assert excess > 0.01
+    assert nearly_flat_components(atlas, 1 + excess / times).all() == may
 
 
 def test_every_component_gets_charts_of_its_own() -> None:
@@ -216,6 +258,7 @@ def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
     assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
 
 
+FINE = RelaxOptions(tolerance=1e-8, max_iterations=60)
 FEW = ("spot.obj", "teapot.obj", "CesiumMilkTruck.glb", "spider.obj", "reference_vcolor.ply")
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
 
@@ -245,3 +288,12 @@ def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
         below = int((size < least).sum())
         assert bool(below) == bool(seams.notes)
         assert all(note.startswith(f"{below} charts stay below {least}") for note in seams.notes)
+
+
+def test_prices_of_seams_are_left_out_where_charts_need_the_time() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    for timeout, priced in ((None, True), (1000.0, True), (20.0, False)):
+        monitor = Monitor(timeout=timeout)
+        monitor.seconds["repair"] = 1.0
+        SEAMS["charts"].function(surface, SeamOptions(), monitor)
+        assert ("visibility" in monitor.seconds) is priced

@@ -38,6 +38,15 @@ def test_a_ring_that_overlaps_itself_a_little_is_separated_within_the_bound(beyo
     assert chart_energies(cut_mesh, pushed).max() <= 1.05
 
 
+def test_no_margin_asks_for_no_overlap_and_no_more() -> None:
+    """Springs towards no distance at all divided by it: a factorisation failed, and with it whole unwraps."""
+    cut_mesh, uv = ring_of(2 * np.pi + 0.004)
+    pushed, fine = push_apart(cut_mesh, uv, 0.0, 1.05)
+    assert fine.all()
+    assert not self_overlapping(cut_mesh, pushed).any()
+    assert chart_energies(cut_mesh, pushed).max() <= 1.05
+
+
 def test_ends_that_are_nearer_than_the_margin_are_separated_too() -> None:
     cut_mesh, uv = ring_of(2 * np.pi - 0.001)
     assert not self_overlapping(cut_mesh, uv).any()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from circparam.seams.segmentation.grow import (
     make_disks,
     split_charts,
 )
-from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.move import move_seams
 from circparam.seams.segmentation.shorten import propose
@@ -27,12 +27,26 @@ from circparam.seams.segmentation.shorten_seams import shorten_seams
 from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
+from circparam.solvers.objective import chart_energies
+from circparam.solvers.tutte.embed import tutte_embedding
 
 CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
+RISE = 1e-3  # share of the mean distortion that fewer charts and shorter seams may cost: nobody sees it
+LAST_WORK = 1.0  # times the faces of the surface that unions for it may have together
+BARREN = (
+    20_000  # faces of trials, from which on a round without a union is the last for hard surfaces
+)
+LAST_FACES = 100_000  # larger unions than that are not tried for it
+NEARLY_FLAT = 6.0  # energy of the map onto a circle, up to which a component may need no seam
+NEAR_MISS = 1.3  # times the bound's excess over 1, up to which it may need no more than a slit
+FEW_STEPS = 15  # that maps onto a circle need which are nearly flat: of ten meshes 11 at most
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
+ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
+# share by which a start costs more when it has merged, from which it is given up: of 15 meshes none of them won
+BEHIND = 0.1
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
 HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
@@ -74,29 +88,75 @@ def whole_components(atlas: Atlas, bound: float) -> BoolArray:
     return able[cut_mesh.chart]
 
 
+def nearly_flat_components(atlas: Atlas, bound: float) -> BoolArray:
+    """(m,) bool: faces of components whose map onto a circle says that they need hardly a seam; laid out.
+
+    They are below the bound, or so little above it that a slit from the boundary may do.
+    """
+    cut_mesh = atlas.cut_mesh()
+    able = ~not_disks(cut_mesh)
+    if able.any():
+        sub, _, _ = cut_mesh.subset(able)
+        able[able] = chart_energies(sub, tutte_embedding(sub, "mean-value")[0]) <= NEARLY_FLAT
+    if able.any():
+        # where half of the faces are needles, Newton's model gives up what converges in some more steps
+        layouts = lay_out_fresh(atlas, able, replace(ROUGH, max_iterations=FEW_STEPS))
+        able &= ~layouts.bad(1 + NEAR_MISS * (bound - 1))
+    return able[cut_mesh.chart]
+
+
 def best_of_starts(
     surface: Surface, bound: float, margin: float, worker: Worker, monitor: Monitor
 ) -> Atlas:
-    """Grow, merge and shorten charts: the best of a few starts where that is cheap."""
+    """Grow, merge and shorten charts: the best of a few starts where that is cheap.
+
+    Starts that are clearly behind when they have merged are not gone on with.
+    """
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
     # so many holes and handles cut the surface up that regions hardly matter
     if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
         seeds = seeds[:1]
     if len(seeds) == 1:
-        return grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
+        start = grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
+        return shortened(start, bound, margin, monitor)
     tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
-    starts = [Atlas(surface, *s) for s in worker.map(decide_once, tasks, monitor) if s]
-    cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
-    return starts[int(np.argmin(cost))]
+    starts = [s for s in worker.map(start_once, tasks, monitor) if s]
+    cost = np.array([_cost(s.merger.atlas) for s in starts])
+    near = np.flatnonzero(cost <= (1 + BEHIND) * cost.min())
+    if monitor.expired:
+        near = np.array([int(cost.argmin())])
+    done = worker.map(shorten_once, [(starts[k], bound, margin) for k in near], monitor)
+    ends = [Atlas(surface, *one) for one in done]
+    return ends[int(np.argmin([_cost(end) for end in ends]))]
 
 
-def decide_once(
+def _cost(atlas: Atlas) -> float:
+    """What starts are compared by."""
+    return atlas.seam_length + CHART_COST * atlas.charts()[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Charts that have merged, and what the merging has learnt. crowd: they came from very many."""
+
+    merger: Merger
+    crowd: bool
+
+
+def start_once(
     surface: Surface, bound: float, margin: float, seeds: int, needed: bool, monitor: Monitor
-) -> tuple[BoolArray, FloatArray] | None:
-    """(cut, corners) of one start; None where it is not needed and there is no time for it."""
+) -> Start | None:
+    """One start; None where it is not needed and there is no time for it."""
     if monitor.expired and not needed:
         return None
-    atlas = grow_and_merge(surface, bound, margin, seeds, None, monitor)
+    return grow_and_merge(surface, bound, margin, seeds, None, monitor)
+
+
+def shorten_once(
+    start: Start, bound: float, margin: float, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """(cut, corners) of a start when its seams are short."""
+    atlas = shortened(start, bound, margin, monitor)
     return atlas.cut, atlas.corners
 
 
@@ -107,8 +167,8 @@ def grow_and_merge(
     seeds: int,
     worker: Worker | None,
     monitor: Monitor,
-) -> Atlas:
-    """Grow charts round so many seeds, split what is bad, merge, shorten, merge again.
+) -> Start:
+    """Grow charts round so many seeds, split what is bad, merge.
 
     worker: lays half of the charts out where there is nothing better for it to do.
     """
@@ -136,14 +196,53 @@ def grow_and_merge(
     fixed = np.zeros(len(atlas.cut), bool)
     merger = Merger(atlas, MergeOptions(bound, margin=margin), fixed, worker)
     merger.run(monitor)
+    return Start(merger, crowd)
+
+
+def shortened(start: Start, bound: float, margin: float, monitor: Monitor) -> Atlas:
+    """Shorten the seams, merge again, and shorten once more where that changed anything."""
+    merger, atlas = start.merger, start.merger.atlas
     _, before = atlas.charts()
-    arcs = arcs_of(atlas, before)
-    steps = HASTY if crowd else FAIR
+    arcs, was = arcs_of(atlas, before), atlas.cut.copy()
+    steps = HASTY if start.crowd else FAIR
     shorten_seams(atlas, bound, steps, 3, margin=margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
-    shorten_seams(atlas, bound, steps, 1, margin=margin)
+    if (atlas.cut != was).any():
+        shorten_seams(atlas, bound, steps, 1, margin=margin)
     return atlas
+
+
+def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> None:
+    """Merge charts of a finished atlas that can be had as one at the same distortion.
+
+    Arcs end at smaller curvature than they did and parts may come nearer to each other, so that unions turn out
+    fine that were refused when charts were decided. Whatever is kept has fewer charts, shorter seams, and
+    the same mean distortion but for RISE: it is better in every respect.
+    """
+    n, _ = atlas.charts()
+    pieces, _ = atlas.surface.components
+    if not pieces < n <= CROWD or monitor.expired:
+        return
+    options = MergeOptions(
+        bound,
+        margin=margin,
+        cone=SHORT_ARCS,
+        zip=False,
+        faces=LAST_FACES,
+        work=LAST_WORK,
+        rise=RISE,
+    )
+    merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool))
+    if atlas.prices is None:
+        merger.run(monitor)
+        return
+    # charts of hard surfaces were tried with all arcs at once too: where a round finds nothing, hardly one does
+    while merger.work <= merger.limit and not monitor.expired:
+        merged = merger.tally["merged"]
+        going = merger.round(monitor)
+        if not going or (merger.tally["merged"] == merged and merger.work > BARREN):
+            break
 
 
 def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:
@@ -158,3 +257,13 @@ def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> Non
         merger = Merger(atlas, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS, zip=False), fixed)
         while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
             pass
+
+
+def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:
+    """What counts where so many charts are wanted, the least first: charts that lie on themselves, which would
+    be split, charts beyond that number, distortion, seam length."""
+    cut_mesh = atlas.cut_mesh()
+    layouts = judge(cut_mesh, atlas.gather(cut_mesh))
+    over = float(np.average(layouts.energy, weights=cut_mesh.chart_areas))
+    faulty = int(layouts.bad(ANY_BOUND).sum())
+    return faulty, max(cut_mesh.n_charts, most), max(over, bound), atlas.seam_length

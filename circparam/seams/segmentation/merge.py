@@ -6,7 +6,7 @@ about one relaxation of the surface however many charts there are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,15 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.segmentation.layout import chart_parts
 from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
-from circparam.seams.segmentation.unions import MANY, MergeOptions, Tried, Unions, lay_out
+from circparam.seams.segmentation.unions import (
+    MANY,
+    MergeOptions,
+    Tried,
+    Unions,
+    keep_cheapest,
+    lay_out,
+)
+from circparam.solvers.objective import chart_energies
 from circparam.solvers.pattern import eliminate_as, elimination_ranks
 
 PATIENCE = 3  # rounds in a row, after which merging ends
@@ -94,6 +102,10 @@ class Merger:
         self.limit = np.inf
         if options.work is not None:
             self.limit = options.work * len(atlas.surface.faces) + FREE_WORK
+        self.room = np.inf  # energy times area that all unions together may still add
+        if options.rise is not None:
+            cut_mesh, uv = atlas.open()
+            self.room = options.rise * float(chart_energies(cut_mesh, uv) @ cut_mesh.chart_areas)
         self.tally = {"trials": 0, "topology": 0, "distortion": 0, "overlap": 0, "merged": 0}
 
     def run(self, monitor: Monitor) -> None:
@@ -311,6 +323,8 @@ class Merger:
         self.tally["distortion"] += int(tried.distorted.sum())
         self.tally["overlap"] += int(tried.overlapping.sum())
         good = ~tried.distorted & ~tried.overlapping
+        if np.isfinite(self.room):
+            self.room -= keep_cheapest(unions, tried, good, self.room)
         self.tally["merged"] += int(good.sum())
         kept = good[cut_mesh.chart]
         c.corners[fid[kept]] = tried.uv[cut_mesh.faces[kept]]
@@ -320,12 +334,13 @@ class Merger:
         """Lay unions out; many faces in parts, by all processes."""
         cut_mesh = unions.cut_mesh
         crowd = cut_mesh.n_charts > MANY
+        options = replace(self.options, room=self.room)
         if self.worker is None:
-            return lay_out(unions, self.options, crowd, monitor)
+            return lay_out(unions, options, crowd, monitor)
         tried = Tried.nothing(cut_mesh)
         parts = chart_parts(cut_mesh)
         tasks = [
-            (Unions(sub, unions.corners[fid], unions.in_right[fid]), self.options, crowd)
+            (Unions(sub, unions.corners[fid], unions.in_right[fid]), options, crowd)
             for _, sub, _, fid in parts
         ]
         done = self.worker.map(lay_out, tasks, monitor)

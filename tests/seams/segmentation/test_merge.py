@@ -8,8 +8,8 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation import grow
-from circparam.seams.segmentation.decide import ROUGH
+from circparam.seams.segmentation import decide, grow
+from circparam.seams.segmentation.decide import ROUGH, merge_on
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
 from circparam.seams.segmentation.merge import FREE_WORK, Merger
 from circparam.seams.segmentation.state import arcs_of
@@ -251,3 +251,52 @@ def test_an_arc_whose_union_lay_deep_on_itself_is_not_laid_out_again(
     _, chart = atlas.charts()
     merger.seams_moved(chart, arcs_of(atlas, chart))
     assert not merger.overlapped.any()
+
+
+def mean_energy(atlas: Atlas) -> float:
+    layouts = judged(atlas)
+    return float(np.average(layouts.energy, weights=layouts.cut_mesh.chart_areas))
+
+
+@pytest.mark.parametrize("rise", [0.0005, 0.004, None])
+def test_merging_that_may_cost_so_much_costs_no_more_however_many_rounds(
+    rise: float | None,
+) -> None:
+    """Without that bound it costs many times as much, so the bound is what holds it."""
+    surface = surface_of(*shapes.icosphere(3))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    grow.first_charts(atlas, grow.dual_graph(surface), 40)
+    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-6, max_iterations=60))
+    before = mean_energy(atlas)
+    merger = merger_of(atlas, bound=1.2, rise=rise)
+    merger.run(Monitor())
+    cost = mean_energy(atlas) / before - 1
+    assert merger.tally["merged"] > 0
+    if rise is None:
+        assert cost > 0.02
+    else:
+        assert 0.2 * rise < cost <= rise
+
+
+def test_charts_that_fit_together_are_merged_at_the_end_others_stay(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A flat sheet in four pieces becomes one; the halves of a sphere, which must be stretched for it, stay."""
+    sheet = surface_of(*shapes.grid(8, 8))
+    corner = middles(sheet)[:, :2] > middles(sheet)[:, :2].mean(0)
+    atlas = as_it_lies(cut_between(sheet, corner @ [1, 2]))
+    merge_on(atlas, 1.05, 0.002, Monitor())
+    assert (atlas.charts()[0], atlas.cut.any()) == (1, False)
+    atlas = as_it_lies(cut_between(sheet, corner @ [1, 2]))
+    monkeypatch.setattr(decide, "LAST_FACES", len(sheet.faces) // 2)
+    merge_on(atlas, 1.05, 0.002, Monitor())
+    n, chart = atlas.charts()
+    assert 1 < n < 4
+    assert np.bincount(chart).max() <= len(sheet.faces) // 2
+    ball = surface_of(*shapes.icosphere(2))
+    halves = cut_between(ball, (middles(ball)[:, 2] > 0).astype(np.int64))
+    lay_out_fresh(halves, None, ROUGH)
+    cut, corners = halves.cut.copy(), halves.corners.copy()
+    merge_on(halves, 10.0, 0.002, Monitor())
+    np.testing.assert_array_equal(halves.cut, cut)
+    np.testing.assert_array_equal(halves.corners, corners)

@@ -1,0 +1,53 @@
+"""The default is never beaten by one of its own options, and a number of charts never leads to more."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import circparam
+from circparam import samples
+from tests.support.formats_tools import corpus_files
+
+WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
+FEW = ("bunny_1hole.obj", "fuze.obj", None)
+NOISE = 1e-3  # share of a length or a distortion that is none
+COUNTS = ({"max_charts": 1}, {"max_charts": 2}, {"max_charts": 5})
+OTHERS: tuple[dict[str, Any], ...] = ({"sharp": 20}, {"sharp": 45}, {"effort": 0.5})
+
+SAMPLES = samples.names() if WHOLE else ("ribbon",)
+
+# all of them by ``make test-corpus``, some that were beaten by ``make test``
+MESHES = [
+    *(pytest.param(samples.path(name), id=name) for name in SAMPLES),
+    *(p for p in corpus_files() if WHOLE or p.id in FEW),  # type: ignore[attr-defined]
+]
+
+
+@cache
+def figures(path: Path, **options: Any) -> tuple[int, float, float]:
+    """Charts, seam length and distortion of what a user gets. How it is packed changes none of them."""
+    found = circparam.unwrap(path, **{"effort": 0.01, "jobs": 1, **options}).measures
+    charts, seam, distortion = (found[k] for k in ("charts", "seam_length", "distortion"))
+    return int(charts or 0), float(seam or 0.0), float(distortion or 0.0)
+
+
+@pytest.mark.parametrize("option", COUNTS, ids=str)
+@pytest.mark.parametrize("path", MESHES)
+def test_a_number_of_charts_never_leads_to_more(path: Path, option: dict[str, Any]) -> None:
+    assert figures(path, **option)[0] <= figures(path)[0]
+
+
+@pytest.mark.parametrize("option", [*COUNTS, *OTHERS], ids=str)
+@pytest.mark.parametrize("path", MESHES)
+def test_no_option_gives_fewer_charts_and_shorter_seams_at_the_same_distortion(
+    path: Path, option: dict[str, Any]
+) -> None:
+    charts, seam, distortion = figures(path)
+    fewer, shorter, same = figures(path, **option)
+    beaten = fewer < charts and shorter < (1 - NOISE) * seam and same <= (1 + NOISE) * distortion
+    assert not beaten, f"{option}: {figures(path, **option)} where the default has {figures(path)}"
