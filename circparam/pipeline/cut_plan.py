@@ -27,6 +27,10 @@ CUT, PIECE = (
 )  # share of the area that a chart must have to be cut, and either part of it
 GOOD = 0.64  # covered share of a sketch, from which on nothing is cut: packing makes 0.7 of it
 REACHED = 0.7  # covered share of a sketch that no cut is expected to get beyond
+LONG, PART = (
+    0.6,
+    0.2,
+)  # or so much of the side of the page; share of a chart that either part must have
 WEIGHED, AGAIN = (
     14,
     2,
@@ -124,7 +128,7 @@ class Planner:
         squares = np.array([float(s.least) for s in plan.sketches])
         trials = []
         for n, outline in enumerate(plan.outlines):
-            if outline.area < CUT * self.area:
+            if outline.area < CUT * self.area and squares[n] < LONG * plan.side:
                 continue
             found = chords(outline)
             others = np.delete(squares, n).max(initial=0.0)
@@ -133,7 +137,8 @@ class Planner:
             length = plan.length + ZIGZAG * found.length
             promise = -np.log(np.maximum(square**2, (box + CELLS**2) / 2))
             promise = (promise - np.log(square**2 + box)) / 2 - RATE * np.log(length)
-            ok = (found.least > PIECE * self.area) & (length < longest)
+            least = min(PIECE * self.area, PART * outline.area)
+            ok = (found.least > least) & (length < longest)
             trials += [_Trial(n, found, k, float(promise[k])) for k in np.flatnonzero(ok).tolist()]
         trials.sort(key=lambda t: -t.promise)
         return self._apart(trials)
