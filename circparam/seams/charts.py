@@ -33,19 +33,19 @@ from circparam.seams.segmentation.decide import (
     CHART_COST,
     CROWD,
     LOOPS,
+    better_in_all,
     decide,
     merge_on,
     nearly_flat_components,
     reach_count,
     worth,
 )
-from circparam.seams.segmentation.enforce import enforce, lay_out_sound
+from circparam.seams.segmentation.enforce import enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import (
     DualGraph,
     dual_graph,
     make_disks,
 )
-from circparam.seams.segmentation.layout import ChartLayouts, judge
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.tail import hold_stretch
@@ -69,6 +69,9 @@ TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
+TRIED_TWICE = (
+    25_000  # faces, up to which charts that merged on the proxy are tried beside those that did not
+)
 SOUP = 1_000  # charts, from which on nobody sees which way a seam runs
 STRICT = 1.05  # bound up to which seams are added for that
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
@@ -238,15 +241,19 @@ def grown_atlas(
     if len(surface.faces) > DIRECT_FACES:
         with monitor.stage("charts"):
             rest = ~nearly_flat_components(atlas, bound)
+    tried = [atlas]
     if rest.all():
-        atlas, graph = _decided(surface, bound, options, worker, monitor)
-    else:
-        graph = dual_graph(surface)
-        if rest.any():
-            part, _ = _decided(surface.part(rest), bound, options, worker, monitor)
-            atlas.put(rest, part)
-    finish(atlas, graph, bound, options, worker, monitor, notes)
-    return atlas
+        tried = _decided(surface, bound, options, worker, monitor)
+    elif rest.any():
+        atlas.put(rest, _decided(surface.part(rest), bound, options, worker, monitor)[0])
+    said: list[list[str]] = [[] for _ in tried]
+    for one, about in zip(tried, said, strict=True):
+        finish(one, dual_graph(surface), bound, options, worker, monitor, about)
+        if len(tried) > 1:
+            merge_on(one, bound, MARGIN / 2, monitor)
+    best = int(better_in_all(tried[-1], tried[0]))
+    notes += said[best]
+    return tried[best]
 
 
 def finish(
@@ -272,26 +279,30 @@ def finish(
             regroup(atlas, bound, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            notes += grow_small(atlas, bound, options.min_chart_faces, monitor)
+            merging, least = MergeOptions(bound, margin=MARGIN / 2), options.min_chart_faces
+            notes += small_note(absorb(atlas, merging, least, monitor), least)
 
 
 def settle_part(atlas: Atlas, bound: float, monitor: Monitor) -> Atlas:
     """Relax charts, and hold them to a bound."""
     with monitor.stage("relax"):
-        layouts = relaxed_layouts(atlas, monitor)
+        layouts = relaxed_layouts(atlas, FINAL, monitor)
     enforce(atlas, dual_graph(atlas.surface), layouts, bound, FINAL, monitor)
     return atlas
 
 
 def _decided(
     surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
-) -> tuple[Atlas, DualGraph]:
-    """Seams before the last relaxation, decided on the surface or on its proxy."""
+) -> list[Atlas]:
+    """Seams before the last relaxation, decided on the surface or on its proxy.
+
+    From the proxy also, where that is cheap, with charts merged on that may be fine on the surface itself.
+    """
     if complexity(surface) > LOOPS:
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
-            atlas, _ = _decided(closed, bound, options, worker, monitor)
-            return without_fans(atlas, surface), dual_graph(surface)
+            atlas = _decided(closed, bound, options, worker, monitor)[0]
+            return [without_fans(atlas, surface)]
     count, graph = len(surface.faces), dual_graph(surface)
     proxy = None
     with monitor.stage("charts"):
@@ -299,21 +310,20 @@ def _decided(
             target = proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            return decide(surface, bound, MARGIN, options.max_charts, worker, monitor), graph
+            return [decide(surface, bound, MARGIN, options.max_charts, worker, monitor)]
         inner = 1 + (bound - 1) * (1 - SLACK)
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
+            tried = [coarse]
+            if count <= TRIED_TWICE and options.max_charts is None:
+                other = Atlas(coarse.surface, coarse.cut, coarse.corners)
+                merge_on(other, inner, 0.0, monitor)
+                tried += [other] if other.charts()[0] < coarse.charts()[0] else []
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
         blind = dataclasses.replace(surface, price=None)
-        return transfer_to_fine(blind, graph, coarse, proxy), graph
-
-
-def grow_small(atlas: Atlas, bound: float, least: int, monitor: Monitor) -> list[str]:
-    """Let the neighbours of charts below so many faces take them; a note where some stay."""
-    left = absorb(atlas, MergeOptions(bound, margin=MARGIN / 2), least, monitor)
-    return small_note(left, least)
+        return [transfer_to_fine(blind, graph, one, proxy) for one in tried]
 
 
 def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:
@@ -337,11 +347,3 @@ def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Atlas, proxy: P
     uv, _ = from_jacobians(cut_mesh, targets, 0 if bad.any() else 8)
     fine.scatter(cut_mesh, uv)
     return fine
-
-
-def relaxed_layouts(atlas: Atlas, monitor: Monitor) -> ChartLayouts:
-    """Relax the layout of all charts, after mending its flips."""
-    cut_mesh = atlas.cut_mesh()
-    uv = lay_out_sound(cut_mesh, atlas.gather(cut_mesh), FINAL, monitor)
-    atlas.scatter(cut_mesh, uv)
-    return judge(cut_mesh, uv)

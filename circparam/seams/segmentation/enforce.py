@@ -284,3 +284,11 @@ def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     rim = group_sum(cut_mesh.edge_lengths.sum(1), cut_mesh.chart, n)
     result: BoolArray = ~(size <= 10 * rim)
     return result
+
+
+def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:
+    """Relax the layout of all charts, after mending its flips."""
+    cut_mesh = atlas.cut_mesh()
+    uv = lay_out_sound(cut_mesh, atlas.gather(cut_mesh), options, monitor)
+    atlas.scatter(cut_mesh, uv)
+    return judge(cut_mesh, uv)
