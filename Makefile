@@ -6,6 +6,8 @@ RUN := $(VENV)/bin/python
 WORKERS ?= 2
 FUZZ ?= 5000
 SEED ?= 1
+# options of bench-scale, such as --sizes 4.7
+SCALE ?=
 # options of the run of planted faults, such as --only packing/
 MUTANTS ?=
 # threads of the linear algebra libraries: several processes run side by side
@@ -13,7 +15,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed bench-batch bench-front fuzz mutants figures docs dist clean
+.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -70,11 +72,16 @@ bench-hard: $(VENV)/.dev ## hard surfaces beside xatlas: seams, charts, seams in
 bench-front: $(VENV)/.dev ## the table at the head of README, beside xatlas, UVAtlas and Blender
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench front
 
+bench-maps: $(VENV)/.dev ## maps between pairs of surfaces: inversions, landmarks, known answers, weights
+	$(RUN) -m tests.bench maps
+
 bench-packing: $(VENV)/.dev ## covered share on identical charts
 	$(RUN) -m tests.bench packing
 
 bench-speed: $(VENV)/.dev ## seconds of whole atlases beside xatlas and UVAtlas, with a profile
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench speed
+bench-scale: $(VENV)/.dev ## rough meshes of 0.09 to 1.2 million faces, made here (SCALE="--sizes 4.7" for others)
+	env -u OMP_NUM_THREADS $(RUN) -m tests.bench scale $(SCALE)
 bench-batch: $(VENV)/.dev ## many files: rates, overhead, memory, and the tests of faults that take minutes
 	CIRCPARAM_SLOW=1 $(RUN) -m pytest -m slow tests/batch
 	$(RUN) -m tests.bench batch

@@ -30,7 +30,16 @@ from circparam.errors import (
 if TYPE_CHECKING:
     from circparam.formats.document import Document
     from circparam.integrations.parametrize import parametrize
-    from circparam.integrations.python import inspect, read, repack, save, unwrap, write
+    from circparam.integrations.python import (
+        inspect,
+        map_surfaces,
+        read,
+        repack,
+        save,
+        unwrap,
+        write,
+    )
+    from circparam.maps import load_map, save_map
     from circparam.mesh.mesh import Mesh, UVMap
     from circparam.pipeline.options import Options
     from circparam.pipeline.result import Result
@@ -41,6 +50,9 @@ _HOME = {
     "unwrap": "circparam.integrations.python",
     "repack": "circparam.integrations.python",
     "inspect": "circparam.integrations.python",
+    "map_surfaces": "circparam.integrations.python",
+    "load_map": "circparam.maps",
+    "save_map": "circparam.maps",
     "parametrize": "circparam.integrations.parametrize",
     "Result": "circparam.pipeline.result",
     "save": "circparam.integrations.python",
@@ -70,10 +82,13 @@ __all__ = [
     "UVMap",
     "__version__",
     "inspect",
+    "load_map",
+    "map_surfaces",
     "parametrize",
     "read",
     "repack",
     "save",
+    "save_map",
     "summarise",
     "unwrap",
     "write",

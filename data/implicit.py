@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+Field = Callable[[np.ndarray], np.ndarray]
 # tail, body, neck, head, snout, legs, ears: segments (start, end, radius at start, radius at end)
 BONES = [
     ((-1.9, 0.0, 0.55), (-0.9, 0.0, 0.75), 0.1, 0.22),
@@ -21,9 +24,14 @@ BONES = [
 
 
 def creature_field(p: np.ndarray) -> np.ndarray:
+    """The creature as it stands; negative inside."""
+    return bones_field(p, BONES)
+
+
+def bones_field(p: np.ndarray, bones: list) -> np.ndarray:
     """A smooth union of cone-shaped bones; negative inside."""
     total = np.zeros(p.shape[:-1])
-    for start, end, r0, r1 in BONES:
+    for start, end, r0, r1 in bones:
         a, b = np.array(start), np.array(end)
         t = np.clip(((p - a) @ (b - a)) / ((b - a) @ (b - a)), 0, 1)
         d = np.sqrt(((p - a - t[..., None] * (b - a)) ** 2).sum(-1)) - (r0 + t * (r1 - r0))
@@ -81,7 +89,9 @@ def marching_tetrahedra(
     return where[:, 0] * (1 - w) + where[:, 1] * w, inverse.reshape(-1, 3)
 
 
-def relaxed(points: np.ndarray, faces: np.ndarray, rounds: int = 30) -> np.ndarray:
+def relaxed(
+    points: np.ndarray, faces: np.ndarray, rounds: int = 30, field: Field = creature_field
+) -> np.ndarray:
     """Even out the triangles: move vertices towards the mean of their neighbours, back onto the surface."""
     half = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     count = np.bincount(half[:, 0], minlength=len(points))[:, None]
@@ -94,9 +104,7 @@ def relaxed(points: np.ndarray, faces: np.ndarray, rounds: int = 30) -> np.ndarr
             / count
         )
         points = points + 0.6 * (mean - points)
-        gradient = np.stack(
-            [(creature_field(points + e) - creature_field(points - e)) / 2e-4 for e in eye], 1
-        )
-        value = creature_field(points)[:, None]
+        gradient = np.stack([(field(points + e) - field(points - e)) / 2e-4 for e in eye], 1)
+        value = field(points)[:, None]
         points = points - value * gradient / np.maximum((gradient**2).sum(1, keepdims=True), 1e-6)
     return points

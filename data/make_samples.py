@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import struct
 import sys
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from implicit import creature_field, marching_tetrahedra, relaxed
+from pairs import cover_coarse, cover_dense, creature_pose, head_1, head_2
 from samplekit import (
+    Sample,
     compact,
     face_lines,
     gltf,
@@ -35,17 +36,6 @@ from samplekit import (
 )
 
 ROOT = Path(__file__).resolve().parent.parent
-
-
-@dataclass
-class Sample:
-    """One file: what it shows, the mesh for the manifest, and the bytes of every file it consists of."""
-
-    name: str
-    summary: str
-    points: np.ndarray
-    faces: list[tuple[int, ...]]
-    files: dict[str, bytes] = field(default_factory=dict)
 
 
 # the samples ---------------------------------------------------------------------------------------
@@ -315,7 +305,15 @@ def messy() -> Sample:
     return s
 
 
-MAKERS = (bumped_disk, ribbon, terrain, bracket, creature, knot, vase, messy)
+def other_pose() -> Sample:
+    """The creature with its bones in another pose, meshed anew and coarser, as binary PLY."""
+    return creature_pose(creature().points)
+
+
+MAKERS = (
+    bumped_disk, ribbon, terrain, bracket, creature, knot, vase, messy,
+    head_1, head_2, other_pose, cover_dense, cover_coarse,
+)  # fmt: skip
 
 
 def build() -> dict[str, bytes]:
@@ -327,8 +325,9 @@ def build() -> dict[str, bytes]:
         files |= s.files
         counts = topology(s.points, s.faces)
         how = (make.__doc__ or "").strip()
-        rows.append([s.name, next(iter(s.files)), *map(str, counts.values()), s.summary, how])
-    head = ["name", "file", *counts, "summary", "how"]
+        own = [s.name, next(iter(s.files)), *map(str, counts.values())]
+        rows.append([*own, s.pair, s.summary, how])
+    head = ["name", "file", *counts, "pair", "summary", "how"]
     files["manifest.tsv"] = "".join("\t".join(row) + "\n" for row in [head, *rows]).encode()
     return files
 

@@ -5,10 +5,27 @@ from __future__ import annotations
 import json
 import struct
 import zlib
+from dataclasses import dataclass, field
 
 import numpy as np
 
 DIGITS = 5
+
+
+@dataclass
+class Sample:
+    """One file: what it shows, the mesh for the manifest, and the bytes of every file it consists of.
+
+    pair: the sample that it belongs to, where two surfaces are meant to be mapped onto each other.
+    """
+
+    name: str
+    summary: str
+    points: np.ndarray
+    faces: list[tuple[int, ...]]
+    files: dict[str, bytes] = field(default_factory=dict)
+    pair: str = "-"
+
 
 Part = tuple[str, np.ndarray, np.ndarray, np.ndarray, dict[str, list[float]]]
 
@@ -102,7 +119,20 @@ def png(pixels: np.ndarray) -> bytes:
     )
 
 
-def gltf(parts: list[Part], image: bytes) -> bytes:
+def ply(name: str, points: np.ndarray, faces: np.ndarray) -> bytes:
+    """A binary PLY of triangles."""
+    vertex = points.astype("<f4")
+    face = np.zeros(len(faces), np.dtype([("k", "u1"), ("i", "<i4", 3)]))
+    face["k"], face["i"] = 3, faces
+    head = [
+        "ply", "format binary_little_endian 1.0", f"comment {name}: a sample mesh of circparam",
+        f"element vertex {len(points)}", *[f"property float {c}" for c in "xyz"],
+        f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header\n",
+    ]  # fmt: skip
+    return "\n".join(head).encode() + vertex.tobytes() + face.tobytes()
+
+
+def gltf(parts: list[Part], image: bytes, material: str = "glaze") -> bytes:
     """A GLB with one textured material; parts: (name, points, uv, faces, node transform)."""
     blob = b""
     views: list[dict[str, int]] = []
@@ -150,7 +180,7 @@ def gltf(parts: list[Part], image: bytes) -> bytes:
         "nodes": nodes,
         "meshes": meshes,
         "materials": [
-            {"name": "glaze", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+            {"name": material, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
         ],
         "textures": [{"source": 0, "sampler": 0}],
         "samplers": [{"wrapS": 10497, "wrapT": 10497}],

@@ -68,6 +68,18 @@ def test_the_tutorial_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         assert result.exit_code == 0, (args, result.stderr)
 
 
+def test_the_page_of_two_surfaces_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every command of the page, in order, in one folder; none fails, and each makes what it names."""
+    monkeypatch.chdir(tmp_path)
+    commands = console_commands(ROOT / "docs" / "two-surfaces.md")
+    assert len(commands) > 15
+    for args in commands:
+        result = CliRunner().invoke(cli, args)
+        assert result.exit_code == 0, (args, result.stderr)
+        if "-o" in args:
+            assert Path(args[args.index("-o") + 1]).is_file(), args
+
+
 def test_python_examples_of_the_tutorial() -> None:
     failed, tried = doctest.testfile(
         str(ROOT / "docs" / "tutorial.md"),
@@ -86,7 +98,8 @@ def test_the_readme_names_every_command() -> None:
 def test_options_in_prose_exist() -> None:
     """An option that README, tutorial or guarantees name is an option of some command."""
     known = set(re.findall(r"--[a-z][a-z-]*", reference.page()))
-    for name in ("README.md", "docs/tutorial.md", "docs/guarantees.md", "docs/index.md"):
+    pages = ("README.md", "docs/index.md", "docs/tutorial.md", "docs/guarantees.md")
+    for name in (*pages, "docs/two-surfaces.md"):
         named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", (ROOT / name).read_text("utf-8")))
         assert not named - known, (name, named - known)
 

@@ -6,14 +6,15 @@ filtering at a chart's boundary never takes in background.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
+from circparam.bake.projection import Projection, height_paint, normal_paint, through
 from circparam.bake.sampling import (
     Paint,
     closest_paint,
@@ -28,22 +29,28 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode
 from circparam.geometry.raster import barycentric, fragments
+from circparam.maps.pair import oriented
+from circparam.maps.surface_map import SurfaceMap
 from circparam.mesh.mesh import UVMap
 
-KINDS = ("vertex-colors", "texture")
+SHAPES = ("normals", "height")  # kinds that tell the shape of the source, not its colours
+KINDS = ("vertex-colors", "texture", *SHAPES)
 MAX_SIZE = 16384
+Texels: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 
 @dataclass(frozen=True, eq=False)
 class Baked:
-    """tiles: (u, v) of a unit tile → (size, size, c) uint8, row 0 at the top, c = 3 or 4.
+    """tiles: (u, v) of a unit tile → (size, size, c), row 0 at the top: uint8, c = 3 or 4; uint16, c = 1.
 
-    covered: share of all texels that a face covers. notes: what the user should know.
+    covered: share of all texels that a face covers. notes: what the user should know. report: figures on how
+    places were found on another surface, for JSON.
     """
 
-    tiles: dict[tuple[int, int], npt.NDArray[np.uint8]]
+    tiles: dict[tuple[int, int], Texels]
     covered: float
     notes: list[str] = field(default_factory=list)
+    report: dict[str, Any] = field(default_factory=dict)
 
 
 def bake(
@@ -52,11 +59,13 @@ def bake(
     size: int = 2048,
     *,
     channels: int = 3,
+    bits: int = 8,
     monitor: Monitor | None = None,
 ) -> Baked:
     """The colours of a surface in its layout.
 
-    layout: the uv of the faces that ``paint`` knows. size: texels a side of every tile. channels: of paint.
+    layout: the uv of the faces that ``paint`` knows. size: texels a side of every tile. channels: of paint,
+    whose texels with NaN stay empty and are grown over. bits: of a channel, 8 or 16.
     Raises OptionError for a size outside 1..16384, InputError where the layout has no uv, NaN uv, or a chart
     that leaves its unit tile.
     """
@@ -64,14 +73,16 @@ def bake(
         raise OptionError(f"size {size}: give 1 to {MAX_SIZE} texels a side")
     monitor = monitor or Monitor()
     tile = tiles_of(layout)
-    images: dict[tuple[int, int], npt.NDArray[np.uint8]] = {}
-    covered = doubled = 0
+    images: dict[tuple[int, int], Texels] = {}
+    form = (size, channels, bits)
+    covered = sought = doubled = 0
     names = sorted({(int(u), int(v)) for u, v in np.unique(tile[tile[:, 0] >= 0], axis=0)})
     with monitor.stage("bake"):
         for k, (u, v) in enumerate(names):
             here = (tile == (u, v)).all(1)
-            image, mask, twice = _bake_tile(layout, here, np.array([u, v]), paint, size, channels)
+            image, mask, tried, twice = _bake_tile(layout, here, np.array([u, v]), paint, form)
             covered += int(mask.sum())
+            sought += tried
             doubled += twice
             images[u, v] = dilate(image, mask)
             monitor.update((k + 1) / len(names))
@@ -79,7 +90,7 @@ def bake(
     if doubled > 0.001 * max(covered, 1):
         share = 100 * doubled / covered
         notes.append(f"{share:.1f} % of the texels belong to several faces: the last one is seen")
-    if covered == 0:
+    if sought == 0:
         raise InputError("no texel lies in a face: the layout is too small, pack it first")
     return Baked(images, covered / (len(names) * size * size), notes)
 
@@ -109,32 +120,50 @@ def tiles_of(layout: UVMap) -> IntArray:
 
 
 def _bake_tile(
-    layout: UVMap, here: BoolArray, tile: IntArray, paint: Paint, size: int, channels: int
-) -> tuple[npt.NDArray[np.uint8], BoolArray, int]:
-    """One tile: (image, covered texels, number of texels painted twice)."""
-    image = np.zeros((size * size, channels), np.uint8)
+    layout: UVMap, here: BoolArray, tile: IntArray, paint: Paint, form: tuple[int, int, int]
+) -> tuple[Texels, BoolArray, int, int]:
+    """One tile: (image, covered texels, texels in faces, texels painted twice); form: size, channels, bits."""
+    size, channels, bits = form
+    kind = np.dtype(np.uint8 if bits == 8 else np.uint16)
+    image = np.zeros((size * size, channels), kind)
     mask = np.zeros(size * size, bool)
     face_of = np.flatnonzero(here)
     corners = layout.uv[layout.uv_faces[face_of]] - tile
     xy = np.stack([corners[..., 0], 1 - corners[..., 1]], 2) * size
-    twice = 0
+    tried = twice = 0
     for part in fragments(xy, size, size):
         bary = barycentric(xy, part.face, part.pixel, size)
         colour = paint(face_of[part.face], bary)
-        image[part.pixel] = np.round(np.clip(colour, 0, 1) * 255).astype(np.uint8)
+        tried += len(part.pixel)
+        known = ~np.isnan(colour).any(1)
+        pixel = part.pixel[known]
+        code = np.round(np.clip(colour[known], 0, 1) * ((1 << bits) - 1))
+        image[pixel] = code  # whole numbers within the range of the type
         before = int(np.count_nonzero(mask))
-        mask[part.pixel] = True
-        twice += len(part.pixel) - (int(np.count_nonzero(mask)) - before)
-    return image.reshape(size, size, channels), mask.reshape(size, size), twice
+        mask[pixel] = True
+        twice += len(pixel) - (int(np.count_nonzero(mask)) - before)
+    return image.reshape(size, size, channels), mask.reshape(size, size), tried, twice
 
 
-def dilate(image: npt.NDArray[np.uint8], mask: BoolArray) -> npt.NDArray[np.uint8]:
+def dilate(image: Texels, mask: BoolArray) -> Texels:
     """The image with every uncovered texel taking the colour of the nearest covered one."""
     if mask.all() or not mask.any():
         return image
     nearest: Any = distance_transform_edt(~mask, return_distances=False, return_indices=True)
-    grown: npt.NDArray[np.uint8] = image[nearest[0], nearest[1]]
+    grown: Texels = image[nearest[0], nearest[1]]
     return grown
+
+
+@dataclass(frozen=True, eq=False)
+class Across:
+    """How a target's texels find their places on another surface.
+
+    by: 'nearest', along smooth normals within a cage, or a map between target and source, either way round;
+    None: face to face where both hold the same triangles, else the closest point. cage: in units of the mesh.
+    """
+
+    by: SurfaceMap | Literal["nearest"] | None = None
+    cage: float | None = None
 
 
 def bake_document(
@@ -143,31 +172,92 @@ def bake_document(
     *,
     uv_set: int = 0,
     source: Document | None = None,
+    across: Across | None = None,
     size: int = 2048,
     monitor: Monitor | None = None,
 ) -> Baked:
-    """Bake the colours of a file, or of another file, into a uv set of a file.
+    """Bake what a file, or another file, looks like into a uv set of a file.
 
-    kind: 'vertex-colors' or 'texture'. uv_set: the layout to bake into. source: the file with the colours,
-    None for the file itself. Where both hold the same triangles, colours go from face to face; otherwise each
-    texel takes the colour of the closest point of the source.
-    Raises OptionError for an unknown kind, InputError where colours, textures or uv are missing.
+    kind: one of KINDS. uv_set: the layout to bake into. source: the file with the colours or the shape, None
+    for the file itself. across: how places are found on the source.
+    Raises OptionError for an unknown kind and for what does not apply, InputError where colours, textures or uv
+    are missing, or where the map was made for other meshes.
     """
     if kind not in KINDS:
-        raise OptionError(f"unknown source of colours {kind!r}: choose {' or '.join(KINDS)}")
+        raise OptionError(f"unknown thing to bake {kind!r}: choose {' or '.join(KINDS)}")
+    across = across or Across()
+    check_across(kind, source is not None, across)
     layout = document.uv(uv_set)
     name = document.source.name
     if layout is None:
         raise InputError(f"{name} has no uv set {uv_set}: make one with 'circparam unwrap'")
-    if kind == "vertex-colors":
-        paint, channels, notes = _vertex_colours(source or document)
-    else:
-        paint, channels, notes = _texture_colours(document, layout, uv_set, source, size)
+    if source is not None and (kind in SHAPES or across.by is not None):
+        return _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
+    paint, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
     if source is not None and not same_surface(document.mesh, source.mesh):
         paint = closest_paint(document.mesh, source.mesh, paint)
         notes = [*notes, "the source is another mesh: colours come from its closest points"]
     baked = bake(layout, paint, size, channels=channels, monitor=monitor)
-    return Baked(baked.tiles, baked.covered, notes + baked.notes)
+    return replace(baked, notes=notes + baked.notes)
+
+
+def check_across(kind: str, has_source: bool, across: Across) -> None:
+    """Raise OptionError where what was asked for does not go together."""
+    if not has_source:
+        if across.by is not None:
+            raise OptionError("--map tells places on another mesh: name it with --source")
+        if kind in SHAPES:
+            raise OptionError(f"--from {kind} needs the mesh whose shape is baked: --source OTHER")
+    if across.cage is not None:
+        if across.by != "nearest" and (across.by is not None or kind not in SHAPES):
+            raise OptionError("--cage belongs to --map nearest: leave one out or give the other")
+        if not across.cage > 0 or not np.isfinite(across.cage):
+            raise OptionError(
+                f"--cage {across.cage:g}: a distance above 0 is needed, in units of the mesh"
+            )
+
+
+def _bake_across(
+    document: Document, layout: UVMap, kind: str, source: Document, across: Across,
+    how: tuple[int, int, Monitor | None],
+) -> Baked:  # fmt: skip
+    """Bake along rays or through a map; how: (uv set, size, monitor)."""
+    uv_set, size, monitor = how
+    mapped = None if across.by == "nearest" or across.by is None else across.by
+    if mapped is not None:
+        mapped = oriented(mapped, document, source)
+    projection = Projection(document.mesh, source.mesh, across.cage, mapped)
+    notes: list[str] = []
+    bits, channels = 8, 3
+    report: dict[str, Any] = {"map": "nearest" if mapped is None else "map"}
+    if kind == "normals":
+        paint = normal_paint(projection, document, layout, source)
+    elif kind == "height":
+        reach = projection.height_range(layout)
+        paint, bits, channels = height_paint(projection, reach), 16, 1
+        report["height_range"] = [-reach, reach]
+    else:
+        found, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
+        paint = through(projection, found, channels)
+    baked = bake(layout, paint, size, channels=channels, bits=bits, monitor=monitor)
+    projection.check()
+    tally = projection.tally
+    if mapped is None:
+        report |= {"cage": projection.cage, "missed": tally.share(tally.missed)}
+        if tally.missed:
+            notes.append(projection.told())
+    report["empty"] = tally.share(tally.empty)
+    return replace(baked, notes=notes + baked.notes, report=report)
+
+
+def _colours(
+    document: Document, layout: UVMap, kind: str, source: Document | None, how: tuple[int, int]
+) -> tuple[Paint, int, list[str]]:
+    """The colours or textures of a file: (paint, channels, notes); how: (uv set, size)."""
+    if kind == "vertex-colors":
+        return _vertex_colours(source or document)
+    uv_set, size = how
+    return _texture_colours(document, layout, uv_set, source, size)
 
 
 def _vertex_colours(origin: Document) -> tuple[Paint, int, list[str]]:
@@ -202,6 +292,8 @@ def _texture_colours(
     return paint, channels, list(found.notes)
 
 
-def to_image(array: npt.NDArray[np.uint8]) -> Image.Image:
+def to_image(array: Texels) -> Image.Image:
     """A tile as an image."""
+    if array.shape[2] == 1:
+        return Image.fromarray(array[..., 0])
     return Image.fromarray(array, "RGBA" if array.shape[2] == 4 else "RGB")

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from circparam.core.arrays import FloatArray, IntArray, cross2, edge_keys
 from circparam.errors import InputError
 from circparam.formats.materials import Textures, decode
+from circparam.geometry.shading import unit
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
 
@@ -21,6 +22,7 @@ Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 
 # Nearest samples whose faces are tried for the closest point, and steps from the best one to its neighbours.
 CANDIDATES = 6
+FACING = 24  # of those that must look the same way: of a thin part half are on its back
 MOST_STEPS = 8
 
 # Samples of a surface: some for every face, so many that small meshes are sampled finely, and no more than
@@ -107,6 +109,11 @@ class Closest:
 
     def __init__(self, points: FloatArray, faces: IntArray) -> None:
         self.corners = points[faces]
+        self.normals = unit(
+            np.cross(
+                self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
+            )
+        )
         self.beside = neighbours(points, faces)
         a = self.corners[:, 1] - self.corners[:, 0]
         b = self.corners[:, 2] - self.corners[:, 0]
@@ -124,21 +131,37 @@ class Closest:
             self.corners[self.face, 0] + r[:, :1] * a[self.face] + r[:, 1:] * b[self.face]
         )
 
-    def find(self, places: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-        """For places (p, 3): ((p,) face, (p, 3) barycentric coordinates, (p,) distance)."""
+    def find(
+        self, places: FloatArray, normals: FloatArray | None = None
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """For places (p, 3): ((p,) face, (p, 3) barycentric coordinates, (p,) distance).
+
+        normals: (p, 3); given, only faces that look the same way count (all do for a normal of length 0), and
+        the distance is infinite where none of those near does.
+        """
         if len(places) == 0:
             return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
-        blocks = [self._find(places[k : k + BLOCK]) for k in range(0, len(places), BLOCK)]
+        blocks = [
+            self._find(places[k : k + BLOCK], None if normals is None else normals[k : k + BLOCK])
+            for k in range(0, len(places), BLOCK)
+        ]
         face, bary, distance = (np.concatenate(part) for part in zip(*blocks, strict=True))
         return face, bary, distance
 
-    def _find(self, places: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    def _find(
+        self, places: FloatArray, normals: FloatArray | None
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
         """One block: the best face of the nearest samples, then its neighbours while one is nearer."""
-        _, near = self.tree.query(places, k=min(CANDIDATES, len(self.face)))
-        face, bary, distance = self._best(places, self.face[near.reshape(len(places), -1)])
+        number = CANDIDATES if normals is None else FACING
+        _, near = self.tree.query(places, k=min(number, len(self.face)))
+        found = self.face[near.reshape(len(places), -1)]
+        face, bary, distance = self._best(places, found, normals)
         moving = np.arange(len(places))
         for _ in range(MOST_STEPS):
-            new_face, new_bary, new_distance = self._best(places[moving], self.beside[face[moving]])
+            look = None if normals is None else normals[moving]
+            new_face, new_bary, new_distance = self._best(
+                places[moving], self.beside[face[moving]], look
+            )
             nearer = new_distance < distance[moving]
             moving = moving[nearer]
             if len(moving) == 0:
@@ -148,10 +171,13 @@ class Closest:
         return face, bary, distance
 
     def _best(
-        self, places: FloatArray, candidates: IntArray
+        self, places: FloatArray, candidates: IntArray, normals: FloatArray | None
     ) -> tuple[IntArray, FloatArray, FloatArray]:
         """The closest of candidate faces (p, k) of each place, where on it, and how far."""
         bary, d2 = closest_on_triangles(places[:, None], self.corners[candidates])
+        if normals is not None:
+            same = np.einsum("pkc,pc->pk", self.normals[candidates], normals) > 0
+            d2 = np.where(same | (normals == 0).all(1)[:, None], d2, np.inf)
         best = np.argmin(d2, axis=1)
         rows = np.arange(len(places))
         return candidates[rows, best], bary[rows, best], np.sqrt(d2[rows, best])

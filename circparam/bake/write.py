@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from circparam.bake.bake import Baked, to_image
+from circparam.bake.bake import Baked, Texels, to_image
+from circparam.bake.projection import own_frames
 from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.normals import with_frames
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode
+from circparam.formats.shaded import split_by_normal
 from circparam.formats.source import Source
 
 # readers that know this extension would show its texture instead of the new one
 GLOSS = "KHR_materials_pbrSpecularGlossiness"
 
 
-def check_target(path: Path) -> None:
-    """Raise OptionError where the ending of an output is neither .png nor .glb."""
+def check_target(path: Path, kind: str = "texture") -> None:
+    """Raise OptionError where an output ends in neither .png nor .glb, or a GLB can't show the kind."""
     if path.suffix.lower() not in (".png", ".glb"):
         raise OptionError(f"{path}: bake into an image (.png) or a mesh with its image (.glb)")
+    if kind == "height" and path.suffix.lower() == ".glb":
+        raise OptionError(f"{path}: glTF has no place for heights: bake them into .png")
 
 
 def write_baked(
@@ -34,9 +39,10 @@ def write_baked(
     """Write what was baked: (files, notes).
 
     .png: one file, or NAME.1001.png and so on where the layout has several tiles. .glb: the document with the
-    layout and the image inside; a single unit square only. Raises OptionError, OutputError.
+    layout and the image inside; a single unit square only; with 'normals' the frames that they are told in go
+    along as NORMAL and TANGENT. Raises OptionError, OutputError.
     """
-    check_target(path)
+    check_target(path, kind)
     if path.suffix.lower() == ".png":
         return write_files(_images(path, baked), overwrite=True), []
     if list(baked.tiles) != [(0, 0)]:
@@ -47,13 +53,21 @@ def write_baked(
     if layout is None:
         raise InputError(f"{document.source.name} has no uv set {uv_set}")
     is_gltf = document.format in ("gltf", "glb")
+    own = document.normals() if kind == "normals" and not is_gltf else None
+    if own is not None:  # edges that the file shades sharp
+        document, _ = split_by_normal(document, own)
     number = uv_set if is_gltf else 0
     options = WriteOptions(uv_set=number, overwrite_uv=True)
     encoded = encode(document, layout, "glb", options=options)
     notes = [note for note in encoded.notes if "was replaced" not in note]
-    data = embed(
-        encoded.data, document.source, png(baked.tiles[0, 0]), number, kind == "vertex-colors"
-    )
+    image, data = png(baked.tiles[0, 0]), encoded.data
+    if kind == "normals":
+        space = own_frames(document, layout, own)
+        sign = np.broadcast_to(space.sign[:, None, None], (*space.normal.shape[:2], 1))
+        tangent = np.concatenate([space.tangent, sign], 2)
+        order = encoded.face_map
+        data = with_frames(data, document.source, space.normal[order], tangent[order])
+    data = embed(data, document.source, image, number, slot=SLOTS.get(kind, SLOTS["texture"]))
     return write_files({path: data}, overwrite=True), notes
 
 
@@ -68,20 +82,38 @@ def _images(path: Path, baked: Baked) -> dict[Path, bytes]:
     }
 
 
-def png(array: npt.NDArray[np.uint8]) -> bytes:
+def png(array: Texels) -> bytes:
     """A tile as PNG bytes."""
     out = io.BytesIO()
     to_image(array).save(out, "PNG", compress_level=7)
     return out.getvalue()
 
 
-def embed(
-    glb: bytes, source: Source, image: bytes, uv_set: int = 0, drop_colours: bool = False
-) -> bytes:
-    """A GLB with a PNG as the base colour of every material and of every face without one.
+@dataclass(frozen=True)
+class Slot:
+    """Where a material shows an image: as its base colour or as its normals.
 
-    source: the file named in errors. uv_set: the set that the image refers to. drop_colours: leave COLOR_0
-    out, which would tint the image. Raises InputError where the bytes are no sound glTF.
+    drop_colours: leave COLOR_0 out, which would tint the image.
+    """
+
+    normals: bool = False
+    drop_colours: bool = False
+
+
+SLOTS = {
+    "texture": Slot(),
+    "vertex-colors": Slot(drop_colours=True),
+    "normals": Slot(normals=True),
+}
+
+
+def embed(
+    glb: bytes, source: Source, image: bytes, uv_set: int = 0, slot: Slot = SLOTS["texture"]
+) -> bytes:
+    """A GLB with a PNG in a slot of every material and of every face without one.
+
+    source: the file named in errors. uv_set: the set that the image refers to. Raises InputError where the
+    bytes are no sound glTF.
     """
     found = Tree(glb, source)
     tree, binary = found.json, found.bin or b""
@@ -104,38 +136,54 @@ def embed(
         {"source": len(tree["images"]) - 1, "sampler": len(tree["samplers"]) - 1}
     )
     texture = {"index": len(tree["textures"]) - 1, "texCoord": uv_set}
-    _dress(tree, texture, drop_colours)
+    _dress(tree, texture, slot)
     return glb_bytes(tree, padded, found.rest)
 
 
-def _dress(tree: dict[str, Any], texture: dict[str, int], drop_colours: bool) -> None:
+def _dress(tree: dict[str, Any], texture: dict[str, int], slot: Slot) -> None:
     """Let every material of a tree show the texture, in place; primitives without a material get one."""
     materials = tree.setdefault("materials", [])
-    for kind in ("extensionsUsed", "extensionsRequired"):
-        if GLOSS in tree.get(kind, []):
-            tree[kind] = [name for name in tree[kind] if name != GLOSS]
-            if not tree[kind]:  # an empty list is none that glTF knows
-                tree.pop(kind)
     for material in materials:
-        material.get("extensions", {}).pop(GLOSS, None)
-        if material.get("extensions") == {}:
-            material.pop("extensions")
-        pbr = material.setdefault("pbrMetallicRoughness", {})
-        if "baseColorTexture" not in pbr:
-            pbr.pop("baseColorFactor", None)  # its colour is part of the image now
-        pbr["baseColorTexture"] = dict(texture)
+        if slot.normals:
+            material["normalTexture"] = dict(texture)
+        else:
+            _colour(material, texture)
+    if not slot.normals:
+        for kind in ("extensionsUsed", "extensionsRequired"):
+            if GLOSS in tree.get(kind, []):
+                tree[kind] = [name for name in tree[kind] if name != GLOSS]
+                if not tree[kind]:  # an empty list is none that glTF knows
+                    tree.pop(kind)
     plain: int | None = None
     for mesh in tree.get("meshes", []):
         for primitive in mesh["primitives"]:
-            if drop_colours:
+            if slot.drop_colours:
                 primitive["attributes"].pop("COLOR_0", None)
             if "material" not in primitive:
                 if plain is None:
                     plain = len(materials)
-                    pbr = {
-                        "baseColorTexture": dict(texture),
-                        "metallicFactor": 0.0,
-                        "roughnessFactor": 1.0,
-                    }
-                    materials.append({"name": "baked", "pbrMetallicRoughness": pbr})
+                    materials.append(_plain(texture, slot))
                 primitive["material"] = plain
+
+
+def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
+    """Put the texture into a material's base colour."""
+    material.get("extensions", {}).pop(GLOSS, None)
+    if material.get("extensions") == {}:
+        material.pop("extensions")
+    pbr = material.setdefault("pbrMetallicRoughness", {})
+    if "baseColorTexture" not in pbr:
+        pbr.pop("baseColorFactor", None)  # its colour is part of the image now
+    pbr["baseColorTexture"] = dict(texture)
+
+
+def _plain(texture: dict[str, int], slot: Slot) -> dict[str, Any]:
+    """A material for faces that have none."""
+    pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+    if slot.normals:
+        return {
+            "name": "baked",
+            "pbrMetallicRoughness": pbr | {"roughnessFactor": 0.6},
+            "normalTexture": dict(texture),
+        }
+    return {"name": "baked", "pbrMetallicRoughness": {"baseColorTexture": dict(texture), **pbr}}

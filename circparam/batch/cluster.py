@@ -117,16 +117,19 @@ class Cluster:
         for worker, found in self.client.run(probe, on_error="ignore").items():
             refuse(worker, found)
 
-    def running(self) -> dict[str, float]:
+    def running(self) -> dict[Any, float]:
         """Seconds that each task which is at work has been so, by its key; some half a second old."""
 
-        def executing(dask_scheduler: Any) -> dict[str, float]:
+        def executing(dask_scheduler: Any) -> dict[Any, float]:
+            from dask.utils import key_split
+
+            key_split.cache_clear()  # it would remember the names of 100,000 tasks, for nothing
             out = {}
             for worker in dask_scheduler.workers.values():
                 out.update({task.key: seconds for task, seconds in worker.executing.items()})
             return out
 
-        found: dict[str, float] = self.client.run_on_scheduler(executing)
+        found: dict[Any, float] = self.client.run_on_scheduler(executing)
         return found
 
     def threads(self) -> int:

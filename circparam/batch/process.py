@@ -31,15 +31,24 @@ class GoneError(Exception):
     """The server has ended, or does not answer: not the fault of the mesh, as far as is known."""
 
 
+def server_environment() -> dict[str, str]:
+    """What a server is started with: one thread, and the memory of the C library as it is by itself.
+
+    Dask has its workers give freed memory back from 64 KiB on; here every array would be paged in anew, which
+    took a third of the time of a mesh.
+    """
+    one = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    return {k: v for k, v in environment().items() if k != "MALLOC_TRIM_THRESHOLD_"} | one
+
+
 class WarmServer:
     """One warm server process."""
 
     def __init__(self, forks: bool) -> None:
         self.forks = forks
-        one = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "circparam.batch.server", "fork" if forks else "reuse"],
-            env={**environment(), **one},
+            env=server_environment(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

@@ -31,6 +31,11 @@ Listener = Callable[[Progress], None]
 Task = Callable[[bytes, Item], dict[str, Any]]
 
 
+def task_key(number: int) -> tuple[str, int]:
+    """What Dask calls a task: one group for all, as it keeps something of each while any task is at work."""
+    return "unwrap", number
+
+
 @dataclass
 class Batch:
     """One run. items: to do, in this order. settings: packed. task: what a worker does with one, by
@@ -48,7 +53,7 @@ class Batch:
     on_line: Callable[[dict[str, Any]], None] | None = None
     task: Task = do_item
     stopping: bool = False
-    running: dict[str, tuple[Any, Item]] = field(default_factory=dict)
+    running: dict[Any, tuple[Any, Item]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         from distributed import as_completed
@@ -106,8 +111,7 @@ class Batch:
         return True
 
     def _submit(self, item: Item) -> None:
-        # digits alone: Dask keeps something for ever for each word that keys begin with, and "ab" is a word
-        key = f"unwrap-{item.number}-{next(self._number)}"
+        key = task_key(next(self._number))
         future = self.cluster.client.submit(
             self.task, self.settings, item, key=key, pure=False, retries=0
         )

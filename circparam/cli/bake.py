@@ -1,4 +1,4 @@
-"""``circparam bake``: vertex colours or a texture, carried into the new uv."""
+"""``circparam bake``: colours, a texture, normals or heights, carried into the new uv."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ Examples:
   circparam bake spot_uv.obj --from texture --source spot.obj -o spot_new.png
   circparam bake model_uv.glb --from texture --source scan.obj -o model.glb
   circparam bake model.glb --from texture --uv-set 1 --size 1024 -o baked.png
+  circparam bake low_uv.obj --from normals --source high.ply --map nearest --cage 0.05 -o low.glb
+  circparam bake a_uv.obj --from texture --source b.glb --map a_to_b.npz -o a.png
 """
 
 
@@ -25,15 +27,28 @@ Examples:
 @click.option(
     "--from",
     "kind",
-    type=click.Choice(["vertex-colors", "texture"]),
+    type=click.Choice(["texture", "vertex-colors", "colours", "normals", "height"]),
     required=True,
-    help="What to carry over.",
+    help="What to carry over; colours and vertex-colors are the same, normals are in tangent space.",
 )
 @click.option(
     "--source",
     type=common.MESH,
     metavar="OTHER",
-    help="The file that has the colours: the mesh before it was unwrapped, or another mesh.",
+    help="The file that has them: the mesh before it was unwrapped, or another mesh.",
+)
+@click.option(
+    "--map",
+    "by",
+    type=common.FILE,
+    metavar="MAP",
+    help="Where places of MESH lie on OTHER: a file of circparam map (.npz), or nearest: along smooth normals.",
+)
+@click.option(
+    "--cage",
+    type=float,
+    metavar="D",
+    help="How far nearest looks, out and in, in units of the mesh.  [default: 2 % of its diagonal]",
 )
 @click.option(
     "--size",
@@ -64,26 +79,33 @@ Examples:
 @common.json_option
 @common.quiet
 def command(mesh: str, **given: Any) -> None:
-    """Carry vertex colours or an old texture into the uv of a mesh, so that the new atlas can be used at once.
+    """Carry colours, an old texture, or the shape of another mesh into the uv of a mesh.
 
     Where MESH and OTHER hold the same triangles, colours go from face to face; otherwise every texel takes
-    the colour of the closest point of OTHER. Colours are grown into the padding.
+    the colour of the closest point of OTHER, or of the place that --map tells. Texels are grown into the
+    padding. Normals are those of glTF: tangents by MikkTSpace, green up; heights are grey of 16 bit, level in
+    the middle.
     """
-    from circparam.bake.bake import bake_document
+    from circparam.bake.bake import Across, bake_document, check_across
     from circparam.bake.write import check_target, write_baked
     from circparam.core.monitor import Monitor
     from circparam.formats.io import read
+    from circparam.maps.surface_map import load_map
 
     path = Path(given["output"])
-    check_target(path)
+    kind = "vertex-colors" if given["kind"] == "colours" else given["kind"]
+    uv_set, size, by, far = (given[name] for name in ("uv_set", "size", "by", "source"))
+    check_target(path, kind)
     check_place(str(path), given["overwrite"])
+    check_across(kind, far is not None, Across("nearest" if by else None, given["cage"]))
+    across = Across(by if by in (None, "nearest") else load_map(by), given["cage"])
     document = read(mesh, reader=given["reader"])
-    kind, uv_set, size = given["kind"], given["uv_set"], given["size"]
-    other = read(given["source"], reader=given["reader"]) if given["source"] is not None else None
+    other = read(far, reader=given["reader"]) if far is not None else None
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         baked = bake_document(
-            document, kind, uv_set=uv_set, source=other, size=size, monitor=Monitor(listener)
-        )
+            document, kind, uv_set=uv_set, source=other, across=across, size=size,
+            monitor=Monitor(listener),
+        )  # fmt: skip
     files, notes = write_baked(path, baked, document, uv_set, kind)
     for line in [*document.warnings, *document.notes, *baked.notes, *notes]:
         progress.warn(f"{mesh}: {line}", given["quiet"])
@@ -93,6 +115,7 @@ def command(mesh: str, **given: Any) -> None:
         "output": [str(f) for f in files],
         "size": size,
         "covered": baked.covered,
+        **baked.report,
         "notes": [*baked.notes, *notes],
     }
     if given["as_json"]:

@@ -117,6 +117,30 @@ class Name(click.ParamType[str]):
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
+class NumberOr(click.ParamType[Any]):
+    """A whole number, or a word in place of one."""
+
+    name = "number"
+
+    def __init__(self, word: str) -> None:
+        self.word = word
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The word or the number."""
+        if value == self.word or isinstance(value, int):
+            return value
+        try:
+            return int(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a whole number nor {self.word!r}.", param, ctx)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """The word, where it begins so."""
+        return [CompletionItem(self.word)] if self.word.startswith(incomplete) else []
+
+
 def _formats() -> list[str]:
     from circparam.formats.table import FORMATS
 
@@ -143,6 +167,8 @@ def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
         known["is_flag"] = True
         if "/" in spec.flag:
             known["default"] = next(f.default for f in dataclasses.fields(fields) if f.name == name)
+    elif spec.word:
+        known["type"] = NumberOr(spec.word)
     elif spec.names is not None:
         known["type"] = Name(name, spec.names)
     else:

@@ -132,7 +132,7 @@ def _compared(
     from circparam.compare.compare import compare
 
     keywords = {k: given[k] for k in _LIBRARY if given[k] is not None}
-    all_meshes = meshes or tuple(samples.names())
+    all_meshes = meshes or tuple(samples.names(pairs=False))
     for k, mesh in enumerate(all_meshes, 1):
         source = mesh if meshes else samples.path(mesh)
         try:

@@ -45,7 +45,13 @@ COMMANDS = {
         _HERE + "compare", "Run several methods on the identical cut and put them side by side."
     ),
     "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or one page."),
-    "bake": Entry(_HERE + "bake", "Carry colours or an old texture into the new uv."),
+    "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark on landmark."),
+    "bake": Entry(
+        _HERE + "bake", "Carry colours, textures, normals or heights into the uv of a mesh."
+    ),
+    "morph": Entry(
+        _HERE + "morph", "Write one mesh as a morph target of another, with an animation."
+    ),
     "methods": Entry(_HERE + "methods", "Show every method, and what it guarantees."),
     "samples": Entry(_HERE + "samples", "List the bundled meshes, or save one."),
     "blender": Entry(_HERE + "blender", "Save the add-on for Blender."),

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import click
 
+from circparam.cli import signals
 from circparam.core.monitor import Listener
 
 DELAY = 2.0  # seconds before a bar appears
+SURE = 0.1  # of the run: before that no time that is left is told
 # Stages in their order and what each takes of a run, in hundredths: means over the meshes of the benchmarks.
 # What compare does method by method, with no stage of its own, comes after the cut.
 COSTS = {
@@ -29,6 +33,12 @@ COSTS = {
     **{"seams": 1, "weights": 1, "solve": 1, "unfold": 1, "flatten": 1, "": 10, "check": 1},
     **{"repair layout": 1, "pack": 20, "bake": 10, "verify": 5, "write": 1},
 }
+LEVEL = "level"  # what a mesh goes through that gets its charts on a smaller surface; then these are the costs
+LARGE_COSTS = {
+    **{"read": 1, "repair": 4, "visibility": 1, "charts": 4, LEVEL: 40, "carry": 14, "relax": 9},
+    **{"enforce": 9, "stretch": 2, "seams": 4, "flatten": 1, "check": 2, "repair layout": 1},
+    **{"pack": 4, "verify": 6, "write": 1},
+}
 
 
 def warn(line: str, quiet: bool = False) -> None:
@@ -38,18 +48,18 @@ def warn(line: str, quiet: bool = False) -> None:
 
 
 @contextlib.contextmanager
-def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterator[Listener | None]:
-    """A listener that draws a bar; None where nobody would see it. place: of the mesh, and of how many."""
+def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterator[Listener]:
+    """A listener that draws a bar where somebody sees it, and knows how far it is. place: of how many."""
     if place[1] > 1:
         label = f"{label} ({place[0]} of {place[1]})"
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    bar = _Bar(label)
-    try:
-        yield bar
-    finally:
-        bar.close()
+    bar = None if quiet or not sys.stderr.isatty() else _Bar(label)
+    status = Status(label) if bar is None else bar.status
+    with signals.answering(status.line):
+        try:
+            yield status if bar is None else bar
+        finally:
+            if bar is not None:
+                bar.close()
 
 
 class Forward:
@@ -60,11 +70,14 @@ class Forward:
 
     def __init__(self) -> None:
         self.fraction = 0.0
+        self.costs = COSTS
 
     def __call__(self, stage: str, fraction: float) -> float:
         """The share of the run, 0..1, that is done when a stage has come so far; unknown ones move nothing."""
-        before, whole = 0.0, float(sum(COSTS.values()))
-        for name, cost in COSTS.items():
+        if stage == LEVEL and self.costs is COSTS:
+            self.costs, self.fraction = LARGE_COSTS, 0.0
+        before, whole = 0.0, float(sum(self.costs.values()))
+        for name, cost in self.costs.items():
             if name == stage:
                 done = before + cost * min(max(fraction, 0.0), 1.0)
                 self.fraction = max(self.fraction, done / whole)
@@ -72,21 +85,54 @@ class Forward:
         return self.fraction
 
 
+class Status:
+    """How far the work is, for whoever asks: a listener that only remembers."""
+
+    def __init__(self, label: str) -> None:
+        self.label, self.stage = label, "read"
+        self.forward = Forward()
+        self.start = time.monotonic()
+
+    def __call__(self, stage: str, fraction: float, note: str) -> None:
+        """Remember the stage and how far the run is."""
+        self.stage = stage or self.stage
+        self.forward(stage, fraction)
+
+    def line(self) -> str:
+        """Stage, share of the run, seconds so far and about how many are left, memory."""
+        gone, share = time.monotonic() - self.start, self.forward.fraction
+        left = f"about {gone * (1 - share) / share:.0f} s left, " if share >= SURE else ""
+        done = f"{self.label}: {self.stage}, {100 * share:.0f} % done"
+        return f"{done}, {gone:.0f} s so far, {left}{memory() / 1e6:.0f} MB"
+
+
+def memory() -> int:
+    """Bytes that this process holds in memory: now where the system tells, else at most so far."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+        return int(pages) * os.sysconf("SC_PAGE_SIZE")
+    with contextlib.suppress(ImportError):
+        import resource
+
+        unit = 1 if sys.platform == "darwin" else 1024
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    return 0
+
+
 class _Bar:
     """Stage, share of the run and elapsed time; rich is imported when the bar appears, not before."""
 
     def __init__(self, label: str) -> None:
-        self.label = label
-        self.forward = Forward()
-        self.start = time.monotonic()
+        self.status = Status(label)
         self.bar: Any = None
         self.task: Any = None
 
     def __call__(self, stage: str, fraction: float, note: str) -> None:
         """Show how far the run is, and in which stage."""
-        fraction = self.forward(stage, fraction)
+        self.status(stage, fraction, note)
+        fraction = self.status.forward.fraction
         if self.bar is None:
-            if time.monotonic() - self.start < DELAY:
+            if time.monotonic() - self.status.start < DELAY:
                 return
             self._open()
         self.bar.update(self.task, completed=fraction, stage=stage, note=note)
@@ -104,7 +150,7 @@ class _Bar:
             console=Console(stderr=True),
             transient=True,
         )
-        self.task = self.bar.add_task(self.label, total=1.0, stage="", note="")
+        self.task = self.bar.add_task(self.status.label, total=1.0, stage="", note="")
         self.bar.start()
 
     def close(self) -> None:

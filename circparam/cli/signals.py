@@ -3,7 +3,8 @@
 Python delivers a signal between bytecodes, and a sparse factorisation of a large mesh is a single one that
 may take many seconds. So the interpreter also writes each signal to a pipe, which a watching thread
 reads: where the main thread has not ended by itself shortly after, the watcher removes the
-temporary files and ends the process.
+temporary files and ends the process. SIGUSR1 (where there is one) is answered by the same thread at once,
+with a line on stderr that tells how far the work is.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ GRACE = 0.7  # seconds that the main thread has to clean up by itself
 # what the first Ctrl-C calls instead, once: one list for the main thread, one for the watcher
 _ASKED: list[Callable[[], None]] = []
 _SPARED: list[int] = []
+# tells how far the work is, in one line
+_STATUS: list[Callable[[], str]] = []
+ASK: signal.Signals | None = getattr(signal, "SIGUSR1", None)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
@@ -45,6 +49,27 @@ def asked_first(ask: Callable[[], None]) -> Iterator[None]:
         _SPARED.clear()
 
 
+@contextlib.contextmanager
+def answering(status: Callable[[], str]) -> Iterator[None]:
+    """Within the block SIGUSR1 is answered with what ``status`` says."""
+    _STATUS.append(status)
+    try:
+        yield
+    finally:
+        _STATUS.remove(status)
+
+
+def _answer() -> None:
+    """One line on stderr, past all buffers."""
+    line = _STATUS[-1]() if _STATUS else "nothing is going on yet"
+    with contextlib.suppress(OSError):
+        os.write(2, f"circparam: status: {line}\n".encode())
+
+
+def _heard(number: int, frame: FrameType | None) -> None:
+    """The watching thread answers."""
+
+
 def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated
 
@@ -57,6 +82,7 @@ def installed() -> Iterator[None]:
         return
     old_term = signal.signal(signal.SIGTERM, _terminate)
     old_int = signal.signal(signal.SIGINT, _interrupt)
+    old_ask = None if ASK is None else signal.signal(ASK, _heard)
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     old_fd = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
@@ -70,6 +96,8 @@ def installed() -> Iterator[None]:
         signal.set_wakeup_fd(old_fd)
         signal.signal(signal.SIGTERM, old_term)
         signal.signal(signal.SIGINT, old_int)
+        if ASK is not None:
+            signal.signal(ASK, old_ask)
         writer.close()
         watcher.join(1.0)
         reader.close()
@@ -84,7 +112,9 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
             return
         if not data:
             return
-        if data[0] in _SPARED:
+        if data[0] == ASK:
+            _answer()
+        elif data[0] in _SPARED:
             _SPARED.remove(data[0])
         elif data[0] in (signal.SIGINT, signal.SIGTERM):
             break

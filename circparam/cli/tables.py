@@ -76,7 +76,8 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     row("stretch", _tail(report))
     row("seam length", _seams(report))
     if report["pack"] is not None:
-        row("packed", f"{100 * report['pack']:.1f} % of the page")
+        pages = "the page" if report["pages"] == 1 else f"{report['pages']} pages"
+        row("packed", f"{100 * report['pack']:.1f} % of {pages}")
     row("time", f"{report['seconds']:.2f} s")
     for line in report["repairs"]:
         row("repaired", plain(line))
@@ -164,6 +165,27 @@ _DEFECTS = {
     "degenerate_faces": "degenerate faces",
     "duplicate_faces": "duplicate faces",
 }
+
+
+def map_table(report: dict[str, Any]) -> Table:
+    """What a map between two surfaces is worth."""
+    table = facts()
+    table.add_row("surfaces", plain(f"{report['a']} to {report['b']}"))
+    table.add_row("output", plain(report["output"]))
+    table.add_row(
+        "landmarks", f"{report['landmarks']}, off by {report['landmark_error']:.2g} of the size"
+    )
+    turned = report["inversions"]
+    table.add_row("inversions", f"{turned['a']} of A, {turned['b']} of B")
+    for name, label in (("a_to_b", "A to B"), ("b_to_a", "B to A")):
+        d = report["distortion"][name]
+        table.add_row(
+            f"distortion, {label}",
+            f"{_number(d['mean'])} (95 % of the area below {_number(d['p95'])}, 99 % {_number(d['p99'])}, "
+            f"at most {_number(d['max'])}; 1 is perfect)",
+        )
+    table.add_row("time", f"{report['seconds']:.2f} s")
+    return table
 
 
 def check_line(report: dict[str, Any]) -> str:

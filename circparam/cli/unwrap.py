@@ -80,6 +80,7 @@ class UnwrapCommand(common.SectionedCommand):
     common.library_options("repair"),
     common.gates,
     common.library_option("timeout"),
+    common.library_option("checkpoint"),
     common.library_option("jobs"),
     common.option(
         common.CHECKS, "--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."
@@ -155,12 +156,14 @@ class _Run:
         console().print("", summary_table(self.reports))
 
     def _unwrap(self, mesh: str, out: str) -> None:
+        from circparam.core.imports import put_off
         from circparam.pipeline.jobs import monitor_of, start_for_file
 
         started, self.started = self.started or time.monotonic(), None
         start_for_file(self.options, mesh)
         with progress.listener(os.path.basename(mesh), self.quiet, self.place) as listener:
             monitor = monitor_of(self.options, listener, started)
+            put_off()
             from circparam.formats.io import read
             from circparam.pipeline.summary import summarise
             from circparam.pipeline.unwrap import unwrap_document

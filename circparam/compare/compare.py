@@ -176,7 +176,8 @@ def _placed(
     """uv packed on a coarse page, and the resolution to read it at; side by side and None where packing
     refuses: charts that overlap themselves may be more than it can take."""
     uv = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-    coarse = replace(options, resolution=options.resolution or RASTER, padding=options.padding or 1)
+    padding = options.padding_texels if options.padding else 1
+    coarse = replace(options, resolution=options.resolution or RASTER, padding=padding)
     try:
         return place(cut_mesh, uv, coarse, monitor), RASTER
     except (NoResultError, OptionError) as error:

@@ -38,7 +38,19 @@ def first_of_runs(sorted_keys: IntArray) -> IntArray:
     """Index of the first element of every run of equal values in a sorted array."""
     if len(sorted_keys) == 0:
         return np.zeros(0, np.int64)
-    return np.flatnonzero(np.r_[True, sorted_keys[1:] != sorted_keys[:-1]])
+    new = np.ones(len(sorted_keys), bool)
+    np.not_equal(sorted_keys[1:], sorted_keys[:-1], out=new[1:])
+    return np.flatnonzero(new)
+
+
+def sorted_distinct(values: IntArray) -> IntArray:
+    """The values of an array of any shape, each once, in ascending order.
+
+    ``np.unique`` of NumPy 2.3 and later puts them into a hash table first: 10 to 100 times slower than to sort.
+    """
+    ordered = np.sort(values, axis=None)
+    result: IntArray = ordered[first_of_runs(ordered)]
+    return result
 
 
 def group_sum(values: FloatArray, groups: IntArray, n: int) -> FloatArray:

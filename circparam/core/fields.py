@@ -48,7 +48,7 @@ class Spec:
     line, ``--on/--off`` for a pair; empty for that of the field's name, and ``--no-NAME`` switches a field
     off. short: one letter. metavar: what its value is called. shown: the default as the help tells it; None
     where there is nothing to tell. choices: all values, or ``names``: a function that gives them, called when
-    they are needed. bounds: of a number. applies: see ``Condition``.
+    they are needed. bounds: of a number; word: what may be said in place of one. applies: see ``Condition``.
     """
 
     stage: str
@@ -60,6 +60,7 @@ class Spec:
     choices: tuple[str, ...] = ()
     names: Callable[[], list[str]] | None = None
     bounds: Range | None = None
+    word: str = ""
     applies: Condition | None = None
 
     @property
@@ -98,7 +99,10 @@ def check(options: Any) -> None:
         value = getattr(options, name)
         if value is None:
             continue
-        if spec.bounds is not None:
+        if spec.word and isinstance(value, str):
+            if value != spec.word:
+                raise OptionError(f"{flag(name, spec)} {value!r}: give {spec.word} or a number")
+        elif spec.bounds is not None:
             spec.bounds.check(flag(name, spec), value)
         if spec.choices and value not in spec.choices:
             choices = ", ".join(spec.choices)

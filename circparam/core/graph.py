@@ -19,6 +19,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_count,
     group_min,
+    sorted_distinct,
 )
 from circparam.core.clock import tick
 
@@ -48,9 +49,10 @@ def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     n = len(follower)
     if n == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
-    count, label = components(n, np.arange(n), follower)
-    is_head = np.zeros(n, bool)
-    is_head[np.unique(label, return_index=True)[1]] = True
+    lowest = lowest_of_cycles(follower)
+    is_head = lowest == np.arange(n)
+    label = (np.cumsum(is_head) - 1)[lowest]
+    count = int(is_head.sum())
     # steps from each element to the head of its cycle, doubled until all have arrived
     jump = np.where(is_head, np.arange(n), follower)
     steps = np.where(is_head, 0, 1)
@@ -63,6 +65,20 @@ def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     size = group_count(label, count)
     position = np.where(is_head, 0, size[label] - steps)
     return label, np.lexsort((position, label)), size
+
+
+def lowest_of_cycles(follower: IntArray) -> IntArray:
+    """(n,) the lowest element of the cycle that each element of a permutation is in, by pointer doubling.
+
+    Each round looks twice as far ahead. Once nothing changes, windows one behind the other round the cycle
+    have the same lowest element, so it is that of the cycle.
+    """
+    lowest, jump = np.arange(len(follower)), follower
+    while True:
+        lower = np.minimum(lowest, lowest[jump])
+        if np.array_equal(lower, lowest):
+            return lowest
+        lowest, jump = lower, jump[jump]
 
 
 def undirected(n: int, i: IntArray, j: IntArray, length: FloatArray) -> sps.csr_matrix:
@@ -147,11 +163,11 @@ class Graph:
     def trace(self, parent: IntArray, ends: IntArray) -> IntArray:
         """Edges of the paths from the ends back to the sources, each once; all paths are walked together."""
         marked = np.zeros(self.n, bool)
-        front = np.unique(ends)
+        front = sorted_distinct(ends)
         while len(front):
             front = front[~marked[front]]
             marked[front] = True
-            front = np.unique(parent[front])
+            front = sorted_distinct(parent[front])
             front = front[front >= 0]
         on = np.flatnonzero(marked & (parent >= 0))
         return self.edge(on, parent[on])

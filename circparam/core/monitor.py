@@ -33,6 +33,7 @@ class Monitor:
         self.jobs = jobs
         self._listener = listener
         self._stage = ""
+        self._shown: str | None = None  # in place of the stages, while they are part of another
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.timeout = timeout
         self.held = 0.0  # seconds before the deadline that are kept for what must still be done
@@ -57,7 +58,8 @@ class Monitor:
     def update(self, fraction: float, note: str = "") -> None:
         """Tell the listener how far the current stage is."""
         if self._listener is not None:
-            self._listener(self._stage, fraction, note)
+            inside = self._shown is not None
+            self._listener(self._shown or self._stage, 0.5 if inside else fraction, note)
 
     @property
     def expired(self) -> bool:
@@ -65,6 +67,12 @@ class Monitor:
         up = self.deadline is not None and time.monotonic() >= self.deadline - self.held
         self.late |= up
         return up
+
+    def short(self, seconds: float) -> bool:
+        """Whether fewer seconds than these are left for what goes on now: what only embellishes is left out."""
+        if self.deadline is None:
+            return False
+        return time.monotonic() + seconds >= self.deadline - self.held
 
     @property
     def hurried(self) -> bool:
@@ -89,6 +97,19 @@ class Monitor:
             yield
         finally:
             self.held = held
+
+    @contextmanager
+    def alone(self, shown: str) -> Iterator[None]:
+        """Inside, no other process shares the work: those that are open do parts beside this one.
+
+        shown: the stage that a listener is told of, whatever stages the work has.
+        """
+        before = self.jobs, self._shown
+        self.jobs, self._shown = 1, shown
+        try:
+            yield
+        finally:
+            self.jobs, self._shown = before
 
     def check(self, seconds: float = 0.0) -> None:
         """Raise OutOfTimeError where the deadline has passed with no valid result yet.

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from circparam.core.imports import put_off
+
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
@@ -222,4 +224,5 @@ def _begin(lifeline: Any, memory: int | None, module: str) -> None:
 
         _bound_memory((memory, resource.getrlimit(resource.RLIMIT_AS)[1]))
     with contextlib.suppress(ImportError):  # the tasks will tell
+        put_off()
         importlib.import_module(module)

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-_PLURALS = {"vertex": "vertices", "mesh": "meshes", "copy": "copies", "is": "are", "has": "have"}
+_PLURALS = {
+    "vertex": "vertices",
+    "mesh": "meshes",
+    "copy": "copies",
+    "boundary": "boundaries",
+    "is": "are",
+    "has": "have",
+}
 
 
 def counted(number: int, noun: str) -> str:

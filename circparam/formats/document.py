@@ -122,6 +122,14 @@ class Document:
         """
         return None
 
+    def normals(self) -> FloatArray | None:
+        """(m, 3, 3) unit normals of every corner as viewers shade the file; None where it leaves them open."""
+        return None
+
+    def targets(self) -> list[tuple[str, FloatArray]]:
+        """Morph targets: the name of each, and (n, 3) where it moves the points to, in the world."""
+        return []
+
     def textures(self) -> Textures | None:
         """The textures of the file; None where no material names one.
 

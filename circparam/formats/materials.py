@@ -90,6 +90,12 @@ def srgb(linear: FloatArray) -> FloatArray:
     return np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
 
 
+def linear(colour: FloatArray) -> FloatArray:
+    """sRGB as linear light, the inverse of ``srgb``, both 0..1."""
+    c = np.clip(colour, 0, 1)
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
 def decode(data: bytes, name: str) -> Image.Image:
     """An image as RGB or RGBA. Raises InputError where it is broken, unknown, or absurdly large."""
     from PIL import Image

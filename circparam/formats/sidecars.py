@@ -1,4 +1,4 @@
-"""Small text files beside a mesh: points that are pinned, corners of a polygon, seams by vertex pairs.
+"""Small text files beside a mesh: pinned points, landmarks, corners of a polygon, seams by vertex pairs.
 
 All are plain text, one item a line, numbers separated by blanks or commas, ``#`` begins a comment.
 Vertices count from 0, as in the arrays of the library; in the ``l`` elements of an OBJ from 1, as there.
@@ -26,6 +26,15 @@ def read_pins(path: str | os.PathLike[str]) -> FloatArray:
     if len(rows) and (rows[:, 0] != np.round(rows[:, 0])).any():
         raise InputError(f"{path}: a vertex number is no whole number")
     return rows
+
+
+def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
+    """(k, 2): a vertex of one mesh and a vertex of another on every line. Raises InputError where a line holds
+    something else."""
+    rows = _numbers(path, 2, "two vertex numbers")
+    if (rows != np.round(rows)).any():
+        raise InputError(f"{path}: a vertex number is no whole number")
+    return rows.astype(np.int64)
 
 
 def read_polygon(path: str | os.PathLike[str]) -> FloatArray:

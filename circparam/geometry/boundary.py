@@ -15,8 +15,9 @@ from circparam.core.arrays import (
     first_of_runs,
     group_sum,
     next_half_edge,
+    sorted_distinct,
 )
-from circparam.core.graph import components
+from circparam.core.graph import lowest_of_cycles
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
@@ -40,9 +41,9 @@ class BoundarySegments:
     def along(self) -> tuple[IntArray, FloatArray, FloatArray]:
         """(loop, distance along it, its length) of each segment; distances by pointer doubling."""
         n = len(self.half_edge)
-        _, loop = components(n, np.arange(n), self.following)
-        head = np.zeros(n, bool)
-        head[np.unique(loop, return_index=True)[1]] = True
+        lowest = lowest_of_cycles(self.following)
+        head = lowest == np.arange(n)
+        loop = (np.cumsum(head) - 1)[lowest]
         length = np.linalg.norm(self.end - self.start, axis=1)
         # length from each segment on to the head of its loop; n is past the end
         ahead = np.r_[length, 0.0]
@@ -61,7 +62,9 @@ def boundary_of(
     h = boundary_half_edges(len(faces), edges)
     flat = faces.ravel()
     label = flat
-    if len(np.unique(flat[h])) < len(h):  # a vertex of several fans: follow each fan for itself
+    if len(sorted_distinct(flat[h])) < len(
+        h
+    ):  # a vertex of several fans: follow each fan for itself
         label = corner_classes(len(faces), edges)[1].ravel()
     at = np.full(int(label.max(initial=0)) + 1, -1)
     at[label[h]] = np.arange(len(h))

@@ -28,12 +28,14 @@ class Coverage:
     share: covered share of the pages, 0..1. gap: smallest distance in texels between the centres of covered
     texels of two charts, infinity where it is beyond what was searched. border: smallest number of empty
     texels between a covered one and the edge of its page. near: charts (2,) at the smallest gap, or None.
+    pages: how many there are.
     """
 
     share: float
     gap: float
     border: int
     near: tuple[int, int] | None
+    pages: int = 1
 
 
 def cover(cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int) -> Coverage:
@@ -51,7 +53,7 @@ def cover(cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int) -> Co
         here, pair = smallest_gap(grid, search)
         if here < gap:
             gap, near = here, pair
-    return Coverage(float(np.mean(shares)), gap, border, near)
+    return Coverage(float(np.mean(shares)), gap, border, near, len(shares))
 
 
 def pages_of(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:

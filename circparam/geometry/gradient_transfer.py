@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, sorted_distinct
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 
@@ -64,7 +64,7 @@ def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[Float
     fi, fj = surface.edges[inner, 0] // 3, surface.edges[inner, 1] // 3
     touch = ~known[fi] | ~known[fj]
     fi, fj, w = fi[touch], fj[touch], surface.edge_lengths[inner][touch]
-    seeds = np.unique(np.r_[fi[known[fi]], fj[known[fj]]])
+    seeds = sorted_distinct(np.r_[fi[known[fi]], fj[known[fj]]])
     source = np.arange(len(known))
     have = known.copy()
     if len(seeds):

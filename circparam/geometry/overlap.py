@@ -25,6 +25,7 @@ from circparam.core.arrays import (
     edge_keys,
     first_of_runs,
     next_half_edge,
+    sorted_distinct,
 )
 from circparam.geometry.boundary import BoundarySegments, boundary_of, turned_out
 from circparam.geometry.intersect import meeting, nearby, winding_pairs
@@ -69,7 +70,7 @@ class Overlaps:
             boundary, *_inner_points(self._faces, self._uv, self._chart, n)
         )
         a, b = np.r_[a, inside], np.r_[b, outside]
-        key = np.unique(edge_keys(a, b, n))
+        key = sorted_distinct(edge_keys(a, b, n))
         return np.stack([key // max(n, 1), key % max(n, 1)], 1)
 
 

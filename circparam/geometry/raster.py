@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, ranges
+from circparam.core.arrays import FloatArray, IntArray, cross2, ranges, sorted_distinct
 
 LabelGrid: TypeAlias = npt.NDArray[np.int32]
 
@@ -60,7 +60,7 @@ def fragments(xy: FloatArray, width: int, height: int) -> Iterator[Fragments]:
     bound = np.cumsum(rows * np.minimum((right - left)[face] + 1, width))
     ends = np.arange(CHUNK, bound[-1] + CHUNK, CHUNK) if len(bound) else np.zeros(0)
     start = 0
-    for stop in np.unique(np.minimum(np.searchsorted(bound, ends) + 1, len(face))):
+    for stop in sorted_distinct(np.minimum(np.searchsorted(bound, ends) + 1, len(face))):
         part = slice(start, int(stop))
         start = int(stop)
         if rows[part].size:
@@ -222,7 +222,7 @@ def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: In
     high = np.full(size * size, -1, np.int32)
     np.minimum.at(low, texel, owner[edge].astype(np.int32))
     np.maximum.at(high, texel, owner[edge].astype(np.int32))
-    touched = np.unique(texel)
+    touched = np.flatnonzero(high >= 0)
     who = page.ravel()[touched]
     foreign = (who >= 0) & (who != low[touched])
     return int(((low[touched] != high[touched]) | foreign).sum())

@@ -22,6 +22,7 @@ from circparam.core.arrays import (
     group_min,
     group_sum,
     ranges,
+    sorted_distinct,
 )
 
 CROWD = 24  # cells with more entries are quartered
@@ -230,7 +231,9 @@ class Candidates:
         """Pairs of each entry with the ``later`` entries behind it, in chunks."""
         if self._spent + int(later.sum()) > LIMIT:
             short = later > FEW
-            self.crowded = np.union1d(self.crowded, self.group[segment[short]])
+            self.crowded = sorted_distinct(
+                np.concatenate([self.crowded, self.group[segment[short]]])
+            )
             later = np.minimum(later, FEW)
         self._spent += int(later.sum())
         total = np.cumsum(later)

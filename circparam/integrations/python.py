@@ -9,6 +9,7 @@ from typing import ParamSpec, TypeVar
 
 from circparam.formats import io
 from circparam.integrations.words import python_words
+from circparam.maps import surfaces as mapping
 from circparam.pipeline import inspect as looking
 from circparam.pipeline import save as saving
 from circparam.pipeline import unwrap as unwrapping
@@ -39,3 +40,4 @@ inspect = python_words(looking.inspect)
 read = python_words(io.read)
 write = python_words(io.write)
 save = python_words(saving.save)
+map_surfaces = python_words(mapping.map_surfaces)

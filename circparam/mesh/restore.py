@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, ranges
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    ranges,
+    sorted_distinct,
+)
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
@@ -93,11 +100,12 @@ def _flattened(
     used = uv_faces.ravel()
     following = uv_faces[:, [1, 2, 0]].ravel()
     n = len(uv)
-    sides = used * n + following
-    open_sides = sides[~np.isin(sides, following * n + used)]
-    fills = np.isin(b * n + a, open_sides).all(1) | np.isin(a * n + b, open_sides).all(1)
-    distinct: BoolArray = (a != b).all(1)
-    move = np.flatnonzero(distinct & ~fills)
+    wanted = sorted_distinct(np.r_[(b * n + a).ravel(), (a * n + b).ravel()])
+    is_open = _hit(wanted, used * n + following) & ~_hit(wanted, following * n + used)
+    fills = is_open[np.searchsorted(wanted, b * n + a)].all(1)
+    fills |= is_open[np.searchsorted(wanted, a * n + b)].all(1)
+    apart: BoolArray = (a != b).all(1)
+    move = np.flatnonzero(apart & ~fills)
     if len(move):
         p = surface.points[points[move]]
         length = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2)  # of sides 01, 12, 20
@@ -107,4 +115,12 @@ def _flattened(
         after = np.take_along_axis(length, middle[:, None], 1)[:, 0]
         target = np.where(after <= before, (middle + 1) % 3, (middle + 2) % 3)
         out[move, middle] = out[move, target]
+    return out
+
+
+def _hit(wanted: IntArray, among: IntArray) -> BoolArray:
+    """(k,) bool, which of a few numbers in ascending order are among many."""
+    at = np.minimum(np.searchsorted(wanted, among), len(wanted) - 1)
+    out = np.zeros(len(wanted), bool)
+    out[at[wanted[at] == among]] = True
     return out

@@ -14,6 +14,7 @@ from circparam.core.arrays import (
     group_sum,
     next_half_edge,
     relabel,
+    sorted_distinct,
 )
 from circparam.core.graph import components
 from circparam.mesh.halfedge import point_corners, sort_by_edge
@@ -41,7 +42,7 @@ def describe(mesh: Mesh, weld_eps: float = 0.0) -> TopologyReport:
     )
     edges = _Edges.of(welded, len(points))
     return TopologyReport(
-        vertices=len(np.unique(welded)),
+        vertices=len(sorted_distinct(welded)),
         vertices_in_file=len(points),
         unreferenced=int((~used).sum()),
         faces=len(welded),

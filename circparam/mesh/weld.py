@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, sorted_distinct
 from circparam.core.graph import components
 from circparam.errors import OptionError
 from circparam.mesh.mesh import Mesh
@@ -27,7 +27,7 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
         return weld
     used = np.zeros(len(weld), bool)
     used[mesh.faces] = True
-    points = np.unique(weld[used])
+    points = sorted_distinct(weld[used])
     scale = mesh_scale(mesh)
     from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
 
@@ -84,7 +84,7 @@ def first_duplicates(faces: IntArray, n_points: int) -> IntArray:
 
 def mesh_scale(mesh: Mesh) -> float:
     """A power of two that brings the mesh to a size of about 1 where its own is outside 2^±50, else 1."""
-    used = mesh.points[np.unique(mesh.faces)]
+    used = mesh.points[sorted_distinct(mesh.faces)]
     span = float((used.max(0) / 2 - used.min(0) / 2).max())
     if span == 0:
         return 1.0

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray, FloatArray, sorted_distinct
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import MethodOptions
@@ -31,7 +29,7 @@ def untangle_layout(
     bad = flipped(cut_mesh.faces, uv)
     if not bad.any():
         return uv, []
-    charts = len(np.unique(cut_mesh.chart[bad]))
+    charts = len(sorted_distinct(cut_mesh.chart[bad]))
     count = f"{name}: {int(bad.sum())} flipped faces in {charts} charts"
     if not options.repair:
         return uv, [f"{count}; they stay, as asked"]

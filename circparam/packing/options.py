@@ -85,6 +85,27 @@ class PackOptions:
         return self.texel_density
 
 
+def pages_needed(area: float, options: PackOptions) -> int:
+    """The pages that charts of an area in square texels need at least, whatever their shapes."""
+    room = options.resolution - 2 * options.border
+    return math.ceil(area / room**2 - 1e-9)
+
+
+def too_dense(area: float, options: PackOptions) -> str:
+    """The message for charts of an area in square texels that the pages cannot hold."""
+    least = pages_needed(area, options)
+    density = options.texel_density
+    what = "the sizes given" if density is None else f"texel density {density:g}"
+    cure = f"give --pages {least}" if PAGES.low <= least <= PAGES.high else "give fewer texels"
+    if density is not None:
+        room = options.pages * (options.resolution - 2 * options.border) ** 2
+        cure += f", --texel-density below {density * math.sqrt(room / area):.3g}"
+    return (
+        f"at {what} it needs at least {least} pages of {options.resolution} texels: {cure} "
+        "or a larger --resolution"
+    )
+
+
 # Room for rounding to float32 (1.2e-4 texels at 2048, 1e-3 at 16384) and for the raster's own rounding.
 MARGIN = 0.01
 

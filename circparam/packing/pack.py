@@ -12,8 +12,8 @@ from circparam.core.registry import Row
 from circparam.errors import NoResultError, OptionError
 from circparam.packing import table
 from circparam.packing.check import PlacedCharts, faults
-from circparam.packing.options import Packed, PackOptions
-from circparam.packing.outlines import Shapes, shapes_of
+from circparam.packing.options import Packed, PackOptions, pages_needed, too_dense
+from circparam.packing.outlines import Shapes, least_square_angles, shapes_of
 from circparam.packing.placement import Packer, PackTask, Placement
 
 
@@ -37,6 +37,7 @@ def pack(
     monitor = monitor or Monitor()
     shapes = shapes_of(faces, uv, chart)
     check_room(shapes, options)
+    check_fixed_room(shapes, options)
     with monitor.stage("pack"):
         checked = _Check(shapes, options)
         candidates = _candidates(PackTask(shapes, options, monitor, {}, checked.sound))
@@ -103,6 +104,30 @@ def check_room(shapes: Shapes, options: PackOptions) -> None:
             f"{places} places at padding {options.padding}; raise --resolution or --pages, "
             "or lower --padding"
         )
+
+
+def check_fixed_room(shapes: Shapes, options: PackOptions) -> None:
+    """Refuse at once what cannot fit at the scale the user fixed: too much area, or a chart too long."""
+    scale = options.fixed_scale
+    if scale is None:
+        return
+    area = float(shapes.area.sum()) * scale**2
+    if pages_needed(area, options) > options.pages:
+        raise OptionError(too_dense(area, options))
+    box = shapes.boxes(least_square_angles(shapes, options.rotate))
+    side = (box[:, 2:] - box[:, :2]).max(1) * scale
+    room = options.resolution - 2 * options.border
+    # the least square is searched in steps: what is too long by little is left to the packers
+    if side.max() > 1.01 * room:
+        raise OptionError(
+            f"the longest chart is {side.max():.0f} texels long where a page of {options.resolution} has room "
+            f"for {room:.0f}: lower the density, or raise --resolution to {_side(side.max(), options)}"
+        )
+
+
+def _side(texels: float, options: PackOptions) -> int:
+    """The page that holds a chart so long, to a full hundred."""
+    return int(np.ceil((texels + 2 * options.border) / 100)) * 100
 
 
 def does_not_fit(shapes: Shapes, options: PackOptions) -> str:

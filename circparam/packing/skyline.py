@@ -50,12 +50,24 @@ class Profiles:
     left: FloatArray
 
 
-def profiles(shapes: Shapes, angle: FloatArray, scale: float, grow: float, cell: float) -> Profiles:
-    """Bounds of charts at angles (n, k), scaled, grown by ``grow`` texels, in columns of ``cell`` texels."""
+def profiles(
+    shapes: Shapes,
+    angle: FloatArray,
+    scale: float,
+    grow: float,
+    cell: float,
+    centre: FloatArray | None = None,
+) -> Profiles:
+    """Bounds of charts at angles (n, k), scaled, grown by ``grow`` texels, in columns of ``cell`` texels.
+
+    centre: (n, k) where on a page centres are to lie; columns then begin at multiples of ``cell`` there.
+    """
     n, k = angle.shape
     box = np.stack([shapes.boxes(angle[:, j]) for j in range(k)], 1).reshape(n * k, 4) * scale
     pad = int(np.ceil(grow / cell)) + 1
     left = box[:, 0] - pad * cell
+    if centre is not None:
+        left = np.floor((left + centre.ravel()) / cell) * cell - centre.ravel()
     width = np.ceil((box[:, 2] - left) / cell).astype(np.int64) + pad
     start = np.r_[0, np.cumsum(width)]
     lower, upper = np.full(start[-1], np.inf), np.full(start[-1], -np.inf)
@@ -147,10 +159,7 @@ def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) ->
     angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
     if options.fixed_scale is not None:
         return _stacked(shapes, options, angle, options.fixed_scale)[0]
-    area = float(shapes.area.sum())
-    reach = options.gap / 2
-    # the share counts charts grown by half the gap
-    scale = _scale_for(shapes, options, _SHARE if n < _MANY else _SHARE_OF_MANY, area, reach)
+    scale = scale_for(shapes, options, _SHARE if n < _MANY else _SHARE_OF_MANY)
     best: Placement | None = None
     low, high = 0.0, np.inf
     for _ in range(PASSES):
@@ -169,10 +178,9 @@ def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) ->
     return best
 
 
-def _scale_for(
-    shapes: Shapes, options: PackOptions, share: float, area: float, reach: float
-) -> float:
-    """Scale at which the grown charts have ``share`` of the pages as their area."""
+def scale_for(shapes: Shapes, options: PackOptions, share: float) -> float:
+    """Scale at which charts, grown by half the gap, have ``share`` of the pages as their area."""
+    area, reach = float(shapes.area.sum()), options.gap / 2
     edge = shapes.points[shapes.end] - shapes.points[shapes.start]
     boundary = float(np.sqrt((edge**2).sum(1)).sum()) * reach
     disc = shapes.n * np.pi * reach * reach

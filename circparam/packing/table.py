@@ -9,13 +9,17 @@ from circparam.core.registry import Row, Table
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Packer, PackTask, Placement
+from circparam.packing.rows import row_placement
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
 # Nesting takes the longer the more charts there are, the skyline hardly does: up to 250 charts are nested, from
 # 41 on charts are put on the skyline too, whose layout is at times the better start of the compaction.
 NESTED_UP_TO = 250
+# Rows take a tenth of its time, and are as full at times: more than are nested are put into rows too, and more
+# than 6000 only there.
 SKYLINE_ABOVE = 40
+SKYLINE_UP_TO = 6000
 
 # Below this effort only so few charts are nested: the grid of many costs seconds before any search.
 LITTLE_EFFORT = 0.2
@@ -28,7 +32,11 @@ def _few_enough_to_nest(shapes: Shapes, options: PackOptions) -> bool:
 
 
 def _many_enough_for_skyline(shapes: Shapes, options: PackOptions) -> bool:
-    return shapes.n > SKYLINE_ABOVE
+    return SKYLINE_ABOVE < shapes.n <= SKYLINE_UP_TO
+
+
+def _too_many_to_nest(shapes: Shapes, options: PackOptions) -> bool:
+    return shapes.n > NESTED_UP_TO
 
 
 def _shelf(task: PackTask) -> Placement | None:
@@ -37,6 +45,10 @@ def _shelf(task: PackTask) -> Placement | None:
 
 def _skyline(task: PackTask) -> Placement | None:
     return skyline_placement(task.shapes, task.options, task.monitor)
+
+
+def _rows(task: PackTask) -> Placement | None:
+    return row_placement(task.shapes, task.options, task.monitor)
 
 
 def _nest(task: PackTask) -> Placement | None:
@@ -53,6 +65,11 @@ PACKERS: Table[Packer] = Table(
         "shelf",
         Packer(_shelf, instant=True),
         "rows of bounding boxes by falling height",
+    ),
+    Row(
+        "rows",
+        Packer(_rows, _too_many_to_nest),
+        "rows by falling height, each let down on the one below",
     ),
     Row(
         "skyline",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import MethodOptions
@@ -42,7 +42,8 @@ class Cascade:
     tries: (m,) int64, how many steps the chart of each face has been through. singles: (m,) int64, 1 for faces
     laid down one by one, 2 and more for those with a regular polygon in their place, larger each time. stopped,
     iterations: of each chart as the method made it. notes: of methods and seams. repairs: what the cascade had
-    to do, one line each.
+    to do, one line each. extent: a length of the whole surface, to which sizes of stand-ins are taken; its own
+    where 0.
     """
 
     atlas: Atlas
@@ -53,8 +54,15 @@ class Cascade:
     iterations: IntArray = field(default_factory=_nothing)
     notes: tuple[str, ...] = ()
     repairs: tuple[str, ...] = ()
+    extent: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.extent == 0:
+            surface = self.atlas.surface
+            side = max(
+                float(np.sqrt(surface.areas.sum())), float(surface.edge_lengths.max(initial=0.0))
+            )
+            object.__setattr__(self, "extent", side)
         for name in ("tries", "singles"):
             if len(getattr(self, name)) == 0:
                 object.__setattr__(self, name, np.zeros(len(self.atlas.surface.faces), np.int64))
@@ -63,7 +71,27 @@ class Cascade:
         """The cut mesh along the seams, and the uv (nv, 2) of its vertices."""
         return self.atlas.open()
 
-    def kept_sizes(self, cut_mesh: CutMesh) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def part(self, faces: BoolArray) -> Cascade:
+        """Some charts alone: those of faces (m,) bool, which hold whole charts."""
+        return Cascade(
+            self.atlas.part(faces),
+            self.rules,
+            self.tries[faces],
+            self.singles[faces],
+            extent=self.extent,
+        )
+
+    def put(self, faces: BoolArray, part: Cascade) -> Cascade:
+        """With what became of ``part(faces)``."""
+        surface = self.atlas.surface
+        atlas = Atlas(surface, self.atlas.cut, self.atlas.corners)
+        atlas.put(faces, part.atlas)
+        tries, singles = self.tries.copy(), self.singles.copy()
+        tries[faces], singles[faces] = part.tries, part.singles
+        after = replace(self, atlas=atlas, tries=tries, singles=singles)
+        return after.noted(*part.notes).repaired(*part.repairs)
+
+    def kept_sizes(self, cut_mesh: CutMesh) -> BoolArray:
         """(n_charts,) bool: charts whose size was chosen for the numbers to hold, and is not to be scaled."""
         keep = np.zeros(cut_mesh.n_charts, bool)
         keep[cut_mesh.chart[self.singles >= 2]] = True

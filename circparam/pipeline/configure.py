@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from circparam.core.arrays import IntArray, relabel
+from circparam.core.limits import mip_level
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import format_of, read
@@ -20,7 +21,7 @@ from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
-from circparam.packing.options import PackOptions
+from circparam.packing.options import PackOptions, pages_needed, too_dense
 from circparam.pipeline.options import Options
 from circparam.pipeline.verify import uv_seams
 from circparam.seams.options import SeamOptions
@@ -129,7 +130,43 @@ def method_options(o: Options) -> MethodOptions:
 
 def pack_options(o: Options) -> PackOptions:
     """What packing needs to know."""
-    return PackOptions(**_given(o, [f.name for f in dataclasses.fields(PackOptions)]))
+    given = _given(o, [f.name for f in dataclasses.fields(PackOptions)])
+    return PackOptions(**given | {"padding": o.padding_texels})
+
+
+def padding_note(padding: int) -> str:
+    """What so many texels between charts are good for."""
+    level = mip_level(padding)
+    if level is None:
+        return f"padding {padding}: texels of a neighbour bleed in even without mip maps"
+    return (
+        f"padding {padding}: no texel of a neighbour bleeds in up to mip level {level}, "
+        "where gutters are filled as circparam bake fills them"
+    )
+
+
+def check_density(surface: Surface, o: Options, name: str) -> None:
+    """Raise OptionError where a surface is too large for the pages at the texel density asked for.
+
+    Told from areas before any work: charts below a bound D on the distortion, at their best scale, cover at
+    least the D-th part of the area of their surface, since (Σ A)² ≤ Σ A σ1σ2 · Σ A / σ1σ2 and
+    2 / σ1σ2 ≤ σ1⁻² + σ2⁻².
+    """
+    if o.texel_density is None or not o.packed or o.bound is None or o.method != "isometric":
+        return
+    if (
+        o.grouped
+        or o.max_charts is not None
+        or o.no_seams is not None
+        or o.blend
+        or o.pins is not None
+    ):
+        return  # each group has its own pages, or nothing holds charts to the bound
+    asked = pack_options(o)
+    area = float(surface.areas.sum()) * o.texel_density**2 / o.bound
+    least = pages_needed(area, asked)
+    if least > asked.pages:
+        raise OptionError(f"{name}: {too_dense(area, asked)}")
 
 
 def _given(o: Options, names: Iterable[str]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ others to nothing when it is packed at its size. Where time is up, charts are pr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -59,14 +60,27 @@ def settle(cascade: Cascade, monitor: Monitor, new: BoolArray | None = None) -> 
     """
     if new is None:
         new = np.ones(len(cascade.tries), bool)
-    while True:
-        with monitor.stage("check"):
-            fault = _all_faults(cascade, new, monitor)
-        after = advance(cascade, fault, monitor) if (fault > 0).any() else None
-        if after is None:
-            return cascade
-        new = (fault > 0)[cascade.atlas.charts()[1]]  # the others stay as they are, and sound
-        cascade = after
+    with monitor.stage("check"):
+        fault = _all_faults(cascade, new, monitor)
+    return sent_on(cascade, fault, monitor, settle)
+
+
+def sent_on(
+    cascade: Cascade,
+    fault: IntArray,
+    monitor: Monitor,
+    settled: Callable[[Cascade, Monitor], Cascade],
+) -> Cascade:
+    """Take the faulty charts ((n_charts,) codes) one step further and settle them, by themselves.
+
+    The others stay as they are, and sound; so every round costs what is still faulty. settled: takes a cascade
+    on until it is sound, by this again. The same cascade where no step is left.
+    """
+    if not (fault > 0).any():
+        return cascade
+    faces = (fault > 0)[cascade.atlas.charts()[1]]
+    after = advance(cascade.part(faces), fault[fault > 0], monitor)
+    return cascade if after is None else cascade.put(faces, settled(after, monitor))
 
 
 def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:

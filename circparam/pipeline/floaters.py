@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum, ranges
+from circparam.core.arrays import BoolArray, FloatArray, group_sum, ranges, sorted_distinct
 from circparam.core.graph import components
 from circparam.errors import OptionError
 from circparam.formats.document import Document
@@ -72,7 +72,7 @@ def with_patch(
     stored from there.
     """
     polys = document.polygons()
-    owner = np.unique(polys.owner[floaters.faces])
+    owner = sorted_distinct(polys.owner[floaters.faces])
     side = SIDE * min(1.0, 2 * options.border) / options.resolution
     cells = int(np.ceil(np.sqrt(len(owner))))
     size = side / max(cells, 1)

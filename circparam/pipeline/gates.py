@@ -17,7 +17,7 @@ GATE_NAMES = (
     "packed",
     "seam_visible",
     *("stretch_p95", "stretch_p99", "stretch_p999", "share_over_2"),
-    *("gap_texels", "border_texels", "seconds"),
+    *("gap_texels", "border_texels", "pages", "seconds"),
 )
 _COMPARE: dict[str, Callable[[float, float], bool]] = {
     ">=": operator.ge,

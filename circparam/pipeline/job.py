@@ -14,7 +14,7 @@ from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, RepairReport, repair
 from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
-from circparam.pipeline.configure import pack_options, target_format, tiles_of
+from circparam.pipeline.configure import check_density, pack_options, target_format, tiles_of
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
 from circparam.pipeline.options import Options
 
@@ -70,5 +70,6 @@ def prepare(
         floaters = None
         if options.drop_floaters is not None:
             surface, floaters = find_floaters(document, surface, options.drop_floaters)
+    check_density(surface, options, document.source.name)
     monitor.check()
     return Job(document, options, target, surface, report, tiles_of(document, options), floaters)

@@ -35,9 +35,9 @@ class Keywords(TypedDict, total=False):
     hide_seams: float | None
     symmetry: Literal["x", "y", "z", "auto"] | None
     drop_floaters: float | None
-    pack_splits: int | None
+    pack_splits: int | Literal["auto"] | None
     resolution: int | None
-    padding: int | None
+    padding: int | Literal["auto"] | None
     pages: int | None
     texel_density: float | None
     rotate: Literal["free", "90", "none"] | None
@@ -58,3 +58,4 @@ class Keywords(TypedDict, total=False):
     overwrite: bool
     timeout: float | None
     jobs: int | None
+    checkpoint: str | None

@@ -33,6 +33,7 @@ PATIENCE = 16  # rounds without fewer spoilt faces after which a search ends
 # crushed below what can be stored, and mapping its charts anew gives faces back their size.
 MOST, MOST_SHARE = 1000, 0.3
 SMALLEST = 2.0**-60  # no step is finer than this: numbers next to zero are of no use
+DOUBLINGS = (32, 16, 8, 4, 2, 1)  # all numbers up to 63 are sums of these
 CHUNK = 2_000_000  # corners x places looked at together
 
 
@@ -65,6 +66,11 @@ def following(x: FloatArray, rounding: Rounding, side: int) -> FloatArray:
     distance to that number and not longer than the whole: so no number in between is passed over.
     """
     step = np.maximum(np.spacing(np.abs(x)) / 2, SMALLEST)  # below a power of two they are finer
+    doublings = np.zeros(x.shape, np.int64)  # by halves: single precision is 29 doublings away
+    for some in DOUBLINGS:
+        stuck = rounding(x + side * np.ldexp(step, doublings + some - 1)) == x
+        doublings += np.where(stuck, some, 0)
+    step = np.ldexp(step, doublings)
     out = rounding(x + side * step)
     while (stuck := out == x).any():
         step = np.where(stuck, 2 * step, step)

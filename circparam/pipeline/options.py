@@ -33,6 +33,7 @@ DEFAULT_CUT = "charts"
 DEFAULT_RESOLUTION = 2048
 DEFAULT_PADDING = 4
 DEFAULT_BOUND = 1.05
+AUTO = "auto"
 
 
 # names that the tables of the library know, read when they are needed
@@ -169,17 +170,19 @@ class Options:
         bounds=Range(0.0, 1.0, "a share of the surface's area between 0 and 1: 1e-4 is a small floater"),
         applies=applies.with_packing,
     )
-    pack_splits: int | None = option(
-        "seams", "Split up to N charts where that covers the page much better.", metavar="N",
-        bounds=Range(1, 1000, "a number of charts that may be split, from 1 on"), applies=applies.with_room,
+    pack_splits: int | str | None = option(
+        "seams", "Cut charts for a fuller page: where it is worth the seam, or up to N.", metavar="auto|N",
+        shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of charts that may be split, from 0 on"),
+        applies=applies.with_room,
     )
 
     resolution: int | None = option(
         "packing", "Side of a page in texels.", metavar="TEXELS", shown=str(DEFAULT_RESOLUTION),
         bounds=limits.RESOLUTION, applies=applies.with_packing,
     )
-    padding: int | None = option(
-        "packing", "Empty texels between charts and at the border.", metavar="TEXELS",
+    padding: int | str | None = option(
+        "packing", "Empty texels between charts and at the border; auto: 4 at 2048, 8 at 4096.",
+        metavar="TEXELS|auto", word=AUTO,
         shown=str(DEFAULT_PADDING), bounds=limits.PADDING, applies=applies.with_packing,
     )
     pages: int | None = option(
@@ -256,12 +259,15 @@ class Options:
         "bounds", "Processes at work: the same result, sooner.", short="-j", metavar="N", shown="cores",
         bounds=Range(1, 4096, "a number of processes, from 1 (no other than this one) on"),
     )
+    checkpoint: str | None = option(
+        "bounds", "Folder for the seams of a run: one that is stopped goes on after them.", metavar="DIR",
+        applies=applies.with_charts,
+    )
     # fmt: on
 
     def __post_init__(self) -> None:
         check(self)
-        padding = DEFAULT_PADDING if self.padding is None else self.padding
-        limits.check_page(self.resolution or DEFAULT_RESOLUTION, padding)
+        limits.check_page(self.resolution or DEFAULT_RESOLUTION, self.padding_texels)
         if self.boundary == "polygon" and self.polygon is None:
             raise OptionError(
                 "--boundary polygon needs a file with its corners: --boundary polygon FILE"
@@ -278,6 +284,11 @@ class Options:
     def processes(self) -> int:
         """How many processes may work, this one included: as many as there are cores where nobody says."""
         return cores() if self.jobs is None else int(self.jobs)
+
+    @property
+    def fills_page(self) -> bool:
+        """Whether charts are cut where a fuller page is worth the seam."""
+        return self.pack_splits in (None, AUTO) and applies.fills_page(self)
 
     @property
     def target_set(self) -> int | None:
@@ -297,8 +308,15 @@ class Options:
     @property
     def padding_uv(self) -> float:
         """The padding in uv units; 0 where the layout is not packed."""
-        padding = DEFAULT_PADDING if self.padding is None else self.padding
-        return padding / (self.resolution or DEFAULT_RESOLUTION) if self.packed else 0.0
+        side = self.resolution or DEFAULT_RESOLUTION
+        return self.padding_texels / side if self.packed else 0.0
+
+    @property
+    def padding_texels(self) -> int:
+        """The padding in texels."""
+        if self.padding == AUTO:
+            return limits.auto_padding(self.resolution or DEFAULT_RESOLUTION)
+        return DEFAULT_PADDING if self.padding is None else int(self.padding)
 
     def given(self) -> dict[str, Any]:
         """The options that differ from their defaults, for a report."""

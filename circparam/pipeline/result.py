@@ -17,7 +17,7 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.floaters import Floaters
-from circparam.pipeline.options import DEFAULT_PADDING, DEFAULT_RESOLUTION, Options
+from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
 if TYPE_CHECKING:
@@ -105,8 +105,8 @@ class Result:
 
 def promise(options: Options) -> Promise:
     """What the options promise of the layout."""
-    padding = DEFAULT_PADDING if options.padding is None else options.padding
-    return Promise(options.bound, padding if options.packed else None, options.max_stretch)
+    padding = options.padding_texels if options.packed else None
+    return Promise(options.bound, padding, options.max_stretch)
 
 
 def verify_layout(
@@ -117,7 +117,7 @@ def verify_layout(
         surface,
         uvmap,
         resolution=(options.resolution or DEFAULT_RESOLUTION) if options.packed else None,
-        padding=DEFAULT_PADDING if options.padding is None else options.padding,
+        padding=options.padding_texels,
         tiles=tiles,
     )
 

@@ -60,8 +60,7 @@ def _stand_in(cascade: Cascade, faces: BoolArray) -> Cascade:
     cut_mesh, fid = surface.part_cut_mesh(atlas.cut, faces, local)
     n = cut_mesh.n_charts
     longest = group_max(cut_mesh.edge_lengths.max(1), cut_mesh.chart, n)
-    size = max(float(np.sqrt(surface.areas.sum())), float(surface.edge_lengths.max(initial=0.0)))
-    side = np.maximum(longest, STAND_IN * size)
+    side = np.maximum(longest, STAND_IN * cascade.extent)
     old = np.linalg.norm(atlas.corners[fid, 1] - atlas.corners[fid, 0], axis=1)
     grown = group_max(np.where(singles[fid] >= 2, GROW * old, 0.0), cut_mesh.chart, n)
     side = np.maximum(side, grown)

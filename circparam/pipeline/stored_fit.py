@@ -62,7 +62,6 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     options = job.options
     if monitor.hurried and options.packed and cascade.rules.may_split:
         # with time up, no packing is tried that stored numbers are likely to spoil
-        cascade = fallback.settle(cascade, monitor)
         cascade = _hold_stored(job, cascade, _likely_size(cascade), monitor)
     for turn in range(ROUNDS):
         if turn == 1:  # what stored numbers spoil is spoilt in a loose layout too
@@ -75,7 +74,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         if after is None:
             break
         cascade = after
-        if options.packed and cascade.rules.may_split:
+        if options.packed and cascade.rules.may_split and not monitor.hurried:
             cascade = _hold_stored(job, cascade, trial.size, monitor)
     if not np.isfinite(trial.uvmap.uv).all():
         raise NoResultError("no finite layout was found")
@@ -169,24 +168,14 @@ def _turned(cut_mesh: CutMesh, uv: FloatArray, quarters: int) -> FloatArray:
 
 def _hold_stored(job: Job, cascade: Cascade, size: float, monitor: Monitor) -> Cascade:
     """Send charts on that stored numbers would spoil somewhere on a page, at a given size."""
-    new = np.ones(len(cascade.tries), bool)
-    for _ in range(ROUNDS):
-        cascade = fallback.settle(cascade, monitor, new)
-        cut_mesh, uv = cascade.open()
-        with monitor.stage("check"):
-            uv = _at_far_corner(cut_mesh, uv, cascade.kept_sizes(cut_mesh), size)
-            looked = np.zeros(cut_mesh.n_charts, bool)
-            looked[cut_mesh.chart[new]] = True
-            part, vertices, _ = cut_mesh.subset(looked)
-            none = np.zeros(part.n_charts, bool)
-            fault = np.zeros(cut_mesh.n_charts, np.int64)
-            fault[looked] = hold(job, part, uv[vertices], none).stored.fault
-        new = (fault > 0)[cut_mesh.chart]  # the others stay as they are
-        after = fallback.advance(cascade, fault, monitor) if (fault > 0).any() else None
-        if after is None:
-            return cascade
-        cascade = after
-    return cascade
+    cascade = fallback.settle(cascade, monitor)
+    cut_mesh, uv = cascade.open()
+    with monitor.stage("check"):
+        uv = _at_far_corner(cut_mesh, uv, cascade.kept_sizes(cut_mesh), size)
+        fault = hold(job, cut_mesh, uv, np.zeros(cut_mesh.n_charts, bool)).stored.fault
+    return fallback.sent_on(
+        cascade, fault, monitor, lambda part, to: _hold_stored(job, part, size, to)
+    )
 
 
 def _likely_size(cascade: Cascade) -> float:

@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    next_half_edge,
+    sorted_distinct,
+)
 from circparam.geometry.boundary import boundary_of, turned_loops
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
@@ -71,19 +78,44 @@ class _Boundary:
     rounding: Rounding
 
     def drawn_back(self, uv: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """uv (nv, 2), vertices of boundaries that meet moved inwards; (n_charts,) which still overlap."""
+        """uv (nv, 2), vertices of boundaries that meet moved inwards; (n_charts,) which still overlap.
+
+        Charts know nothing of each other here: each round looks at those alone that the last one moved.
+        """
+        uv, n = uv.copy(), self.cut_mesh.n_charts
+        over, moved = np.zeros(n, bool), np.ones(n, bool)
+        some, vertices = self, np.arange(len(uv))
+        for push in range(1, PUSHES + 2):
+            meeting, over[moved] = some._meeting(uv[vertices])
+            if len(meeting) == 0 or push > PUSHES:
+                break
+            uv[vertices] = some._inwards(uv[vertices], meeting, min(push, FAR_ON_BOUNDARY))
+            again = np.zeros(some.cut_mesh.n_charts, bool)
+            again[some.cut_mesh.chart[meeting // 3]] = True
+            some, of_some = some._part(again)
+            vertices, moved[moved] = vertices[of_some], again
+        return uv, over
+
+    def _meeting(self, uv: FloatArray) -> tuple[IntArray, BoolArray]:
+        """Boundary half-edges that meet others of their chart, none where it is wound round twice; (n_charts,)
+        which charts overlap."""
         c = self.cut_mesh
         found = overlaps(c.faces, uv, c.chart, c.edges)
-        for push in range(1, PUSHES + 1):
-            meeting = np.unique(found.crossings)
-            if found.self_overlapping.any():  # holes narrower than a unit may have turned over
-                boundary = boundary_of(c.faces, uv, c.chart, c.edges, c.n_charts)
-                meeting = np.union1d(meeting, boundary.half_edge[turned_loops(boundary)])
-            if len(meeting) == 0:  # nothing to move: sound, or wound round twice
-                break
-            uv = self._inwards(uv, meeting, min(push, FAR_ON_BOUNDARY))
-            found = overlaps(c.faces, uv, c.chart, c.edges)
-        return uv, found.self_overlapping
+        meeting = sorted_distinct(found.crossings)
+        if found.self_overlapping.any():  # holes narrower than a unit may have turned over
+            boundary = boundary_of(c.faces, uv, c.chart, c.edges, c.n_charts)
+            meeting = sorted_distinct(
+                np.concatenate([meeting, boundary.half_edge[turned_loops(boundary)]])
+            )
+        return meeting, found.self_overlapping
+
+    def _part(self, charts: BoolArray) -> tuple[_Boundary, IntArray]:
+        """Some charts ((n_charts,) bool) alone, and their vertices."""
+        part, vertices, faces = self.cut_mesh.subset(charts)
+        number = np.full(len(self.start), -1)
+        number[vertices] = np.arange(len(vertices))
+        upright = number[self.upright[faces]]
+        return _Boundary(part, upright, self.start[vertices], self.rounding), vertices
 
     def _inwards(self, uv: FloatArray, h: IntArray, by: int) -> FloatArray:
         """uv with the ends of boundary half-edges drawn towards the inside of their charts, by so many numbers.

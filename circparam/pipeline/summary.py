@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from circparam._version import __version__
+from circparam.core.limits import mip_level
 from circparam.pipeline import applies
 
 if TYPE_CHECKING:
@@ -23,9 +24,10 @@ def summarise(result: Result) -> dict[str, Any]:
     Figures are those of the file as read back. distortion: symmetric Dirichlet energy / 4 of the atlas at
     its best scale, 1 is perfect; distortion_max_chart: of the worst chart at that scale. seam_length is in
     units of √(surface area); seam_visible is the share of it that is seen, in the mean over 64 directions, null
-    where there is no seam. packed (also as pack): covered share of the pages. flips, overlap, mirrored,
-    missing: 0 in a valid layout. dropped_components, dropped_faces: left out by --drop-floaters. stages:
-    seconds.
+    where there is no seam. packed (also as pack): covered share of the pages; pages: how many there are.
+    padding: in texels; mip_level: the last at which no texel of a neighbour bleeds in where gutters are filled,
+    null where one does at once. flips, overlap, mirrored, missing: 0 in a valid layout. dropped_components,
+    dropped_faces: left out by --drop-floaters. stages: seconds.
     """
     numbers = _numbers(result.measures)
     left_out = result.floaters
@@ -46,6 +48,8 @@ def summarise(result: Result) -> dict[str, Any]:
         **numbers,
         "dropped_components": 0 if left_out is None else left_out.components,
         "dropped_faces": 0 if left_out is None else int(left_out.faces.sum()),
+        "padding": result.options.padding_texels if result.options.packed else None,
+        "mip_level": mip_level(result.options.padding_texels) if result.options.packed else None,
         "repairs": result.repairs,
         "repaired": result.repair_report.as_dict(),
         "warnings": [*result.warnings, *_room(result)],
@@ -64,8 +68,8 @@ def _room(result: Result) -> list[str]:
     sized = not o.packed or o.scale is False or o.texel_density is not None
     if sized or share is None or share >= ROOM:
         return []
-    splits = result.work == "unwrap" and o.pack_splits is None
-    if splits and applies.with_room(o, "pack_splits") is None:
+    splits = result.work == "unwrap" and not isinstance(o.pack_splits, int)
+    if splits and applies.has_room(o):
         cure = "--pack-splits 10 cuts arms off where that makes room"
     elif o.rotate in ("90", "none"):
         cure = "--rotate free lets charts turn"

@@ -23,15 +23,17 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.packing import pack
+from circparam.pipeline import checkpoint
 from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.configure import open_source, pack_options
+from circparam.pipeline.configure import open_source, pack_options, padding_note
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
-from circparam.pipeline.options import Options, from_keywords
+from circparam.pipeline.memory import fit_memory
+from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.pack_splits import split_for_packing
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
@@ -40,7 +42,7 @@ from circparam.pipeline.verify import corners_of, uv_seams
 
 # What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
 # charts that are only projected, and all that follows; packing in rows, writing, verifying; all but packing.
-LEAST_COST, PACK_COST, WRITE_COST = 6.0, 12.0, 3.0
+LEAST_COST, PACK_COST, WRITE_COST = 6.0, 16.0, 5.0
 KEPT = 0.05  # seconds that are kept besides
 
 
@@ -76,7 +78,10 @@ def unwrap_document(
     monitor: Monitor,
 ) -> Result:
     """All stages after reading."""
-    start_for(options, len(document.mesh.faces))
+    count = len(document.mesh.faces)
+    fit_memory(document.source.name, count, options, monitor)
+    if monitor.jobs > 1:
+        start_for(options, count)
     try:
         return _unwrapped(document, output, options, monitor)
     except MemoryError:
@@ -96,17 +101,28 @@ def _unwrapped(
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
     with monitor.holding(PACK_COST * pace + KEPT), monitor.stage("seams"):
-        seams = find_seams(job, monitor)
+        seams = checkpoint.seams_of(job, monitor, find_seams)
         with monitor.stage("flatten"):
             cascade = first_layout(job, seams, monitor)
     with monitor.holding(WRITE_COST * pace + KEPT):
-        if options.pack_splits:
-            with monitor.stage("pack"):
-                cascade = split_for_packing(
-                    cascade, options.pack_splits, pack_options(options), monitor
-                )
+        with monitor.stage("pack"):
+            cascade = _with_room(cascade, options, monitor)
         fitted = fit_stored(job, cascade, monitor)
-    return _finish(_verified(job, fitted, monitor), output, monitor)
+    result = _finish(_verified(job, fitted, monitor), output, monitor)
+    checkpoint.forget(job)
+    return result
+
+
+def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
+    """Charts cut for a fuller page, as ``pack_splits`` says."""
+    if options.fills_page:
+        from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
+
+        least = options.min_chart_faces or 1
+        return fill_page(cascade, options.max_charts, least, pack_options(options), monitor)
+    if isinstance(options.pack_splits, int) and options.pack_splits:
+        return split_for_packing(cascade, options.pack_splits, pack_options(options), monitor)
+    return cascade
 
 
 def repack(
@@ -173,7 +189,9 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     charts = np.full(len(job.document.mesh.faces), -1)
     charts[job.surface.source] = verification.cut_mesh.chart
     repairs = [*job.repair_report.messages, *cascade.repairs]
-    left_out = [] if job.floaters is None else [told(job.floaters)]
+    auto = job.options.padding == AUTO and job.options.packed
+    left_out = [padding_note(job.options.padding_texels)] if auto else []
+    left_out += [] if job.floaters is None else [told(job.floaters)]
     said = verdict(verification, job.options, repairs, monitor.hurried)
     return Result(
         options=job.options,

@@ -95,6 +95,7 @@ class Verification:
             "area": m.whole["area"],
             "seam_length": self.seam_length,
             "seam_visible": self.seam_visible,
+            "pages": None if c is None else c.pages,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,
             "border_texels": None if c is None else c.border,

@@ -25,7 +25,7 @@ from circparam.render.figures import Figures, PageImages, PictureOptions, counts
 from circparam.render.scene import Scene
 from circparam.render.views import checker_cells
 
-SCRIPTS = ("decode.js", "shaders.js", "renderer.js", "cameras.js", "main.js")
+SCRIPTS = ("decode.js", "shaders.js", "renderer.js", "cameras.js", "morphs.js", "main.js")
 # codes of distortion: the square root of log(distortion) / log(limit), 0..254; 255 is flipped
 DISTORTION_LIMIT = 1000.0
 HINT = (
@@ -60,6 +60,7 @@ def page(
         "ASPECT": f"{_aspect(scene):.4g}",
         "FIGURES": _table(figures if figures is not None else scene_figures(scene)),
         "REPAIRS": _list(options.repairs),
+        "MORPHS": _sliders(scene),
         "STYLE": page_style("style.css"),
         "META": json.dumps(meta, separators=(",", ":")).replace("</", "<\\/"),
         "MESH": base64.b64encode(packed).decode(),
@@ -117,6 +118,16 @@ def _list(lines: Sequence[str]) -> str:
     return "<ul>" + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"
 
 
+def _sliders(scene: Scene) -> str:
+    """A slider for each morph target."""
+    return "".join(
+        f'<label class="tool morph"><span title="{escaped(name)}">{escaped(name)}</span> '
+        f'<input type="range" id="morph-{k}" min="0" max="1" step="0.01" value="0"> '
+        f'<output id="morph-value-{k}"></output></label>'
+        for k, (name, _) in enumerate(scene.targets)
+    )
+
+
 def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
     """Everything of the page's data that is not geometry."""
     _, extent = _box(scene)
@@ -131,6 +142,7 @@ def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
         "up": up_vector(scene, options.up).tolist(),
         "direction": [round(float(c), 4) for c in directions[0]],
         "insideOut": scene.inside_out,
+        "targets": len(scene.targets),
         "uvBox": [*scene.uv.min(0).tolist(), *_uv_span(scene).tolist()],
         "bounds": list(scene.bounds),
         "cells": checker_cells(scene),
@@ -209,8 +221,10 @@ def _chart_figures(scene: Scene) -> dict[str, list[float]]:
 
 
 def _box(scene: Scene) -> tuple[FloatArray, FloatArray]:
-    low = scene.used_points.min(0)
-    extent = np.ptp(scene.used_points, axis=0)
+    used = np.zeros(len(scene.points), bool)
+    used[scene.faces] = True
+    every = np.concatenate([scene.used_points, *(points[used] for _, points in scene.targets)])
+    low, extent = every.min(0), np.ptp(every, axis=0)
     return low, np.where(extent > 0, extent, max(float(extent.max()), 1.0) * 1e-6)
 
 
@@ -250,6 +264,13 @@ def pack_geometry(scene: Scene, order: IntArray) -> tuple[list[dict[str, Any]], 
         ("distortion", _distortion_codes(scene)[order], "plain"),
         ("seams", np.sort(seams).astype(np.uint32), "delta"),
     ]
+    for number, (_, points) in enumerate(scene.targets):
+        there = replace(scene, points=points, targets=(), base=None, source=None)
+        moved = _quantise((points[scene.faces[face, k]] - low) / extent)
+        parts += [
+            (f"move{number}", moved - position, "plain"),  # wraps; zero where nothing moves
+            (f"normal{number}", _octahedral(there.corner_normals[face, k]), "plain"),
+        ]
     sections, data = [], []
     for name, array, coding in parts:
         table = array.reshape(len(array), -1)

@@ -33,6 +33,7 @@ class Scene:
     chart: (m,) int64, charts numbered by falling uv area, −1 where a face has no uv.
     base, source: where the surface is shown several times, the scene without its copies and (m,) the face of it
     that each face repeats; the layout, the distortion and all figures are those of the base.
+    targets: morph targets, the name of each and its (n, 3) points; pages show them.
     """
 
     points: FloatArray
@@ -43,6 +44,7 @@ class Scene:
     chart: IntArray
     base: Scene | None = None
     source: IntArray | None = None
+    targets: tuple[tuple[str, FloatArray], ...] = ()
 
     @property
     def once(self) -> Scene:
@@ -238,10 +240,12 @@ def with_copies(scene: Scene, copies: Sequence[tuple[IntArray, FloatArray]]) -> 
         return scene
     n, k = len(scene.points), len(scene.uv)
     points, faces, uv_faces = [scene.points], [scene.faces], [scene.uv_faces]
+    moved = [[target] for _, target in scene.targets]
     source = [np.arange(len(scene.faces))]
     for number, (fid, matrix) in enumerate(copies, 1):
         used, corners = np.unique(scene.faces[fid], return_inverse=True)
-        points.append(scene.points[used] @ matrix[:3, :3].T + matrix[:3, 3])
+        for rows, kept in ((scene.points, points), *((m[0], m) for m in moved)):
+            kept.append(rows[used] @ matrix[:3, :3].T + matrix[:3, 3])
         turned = corners.reshape(-1, 3) + n
         faces.append(turned[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else turned)
         own = np.where(scene.uv_faces[fid] < 0, -1, scene.uv_faces[fid] + number * k)
@@ -253,6 +257,7 @@ def with_copies(scene: Scene, copies: Sequence[tuple[IntArray, FloatArray]]) -> 
         all_points, np.concatenate(faces), row_labels(all_points),
         np.tile(scene.uv, (len(copies) + 1, 1)), np.concatenate(uv_faces), scene.chart[whole],
         scene, whole,
+        tuple((t[0], np.concatenate(m)) for t, m in zip(scene.targets, moved, strict=True)),
     )  # fmt: skip
 
 

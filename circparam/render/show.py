@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
@@ -18,6 +19,7 @@ from circparam.render.scene import Scene, make_scene, with_copies
 
 KINDS = (".png", ".svg", ".html")
 LARGEST = 2048  # texels a side of a texture inside a page
+MOST_TARGETS = 8  # morph targets with a slider: what fits above the pictures
 
 
 def check_kind(path: Path) -> None:
@@ -49,11 +51,19 @@ def view_document(
         there = ", ".join(str(n) for n in document.uv_sets)
         cure = f"it has {there}" if there else "make uv first with 'circparam unwrap'"
         raise InputError(f"{document.source.name}: no uv set {uv_set}: {cure}")
-    scene = with_copies(scene_of(document, uvmap), document.copies())
+    scene = scene_of(document, uvmap)
     images, note, notes = None, "this mesh has no texture", list(document.notes)
     if path.suffix.lower() == ".html":
         images, note, more = page_images(document, uv_set)
+        targets = document.targets()
+        scene = replace(scene, targets=tuple(targets[:MOST_TARGETS]))
+        if len(targets) > MOST_TARGETS:
+            more = [
+                *more,
+                f"the first {MOST_TARGETS} of {len(targets)} morph targets have a slider",
+            ]
         notes += more
+    scene = with_copies(scene, document.copies())
     name = Path(document.source.name).name
     if up == "auto":  # two formats say what is up: glTF by its standard, STL by what it is used for
         up = {"glb": "y", "gltf": "y", "stl": "z"}.get(document.format, up)

@@ -22,7 +22,8 @@ class Sample:
     """One row of the manifest. Counts are of the welded surface; "-" where it is no manifold.
 
     file: name in the package. vertices, polygons, triangles, components, nonmanifold_edges: numbers.
-    genus, boundaries: total over all components. summary: one line. how: how it was made.
+    genus, boundaries: total over all components. pair: the sample to map it onto, '-' for none.
+    summary: one line. how: how it was made.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Sample:
     genus: str
     boundaries: str
     nonmanifold_edges: int
+    pair: str
     summary: str
     how: str
 
@@ -51,9 +53,9 @@ def manifest() -> tuple[Sample, ...]:
     return tuple(out)
 
 
-def names() -> list[str]:
-    """Names of the samples."""
-    return [s.name for s in manifest()]
+def names(pairs: bool = True) -> list[str]:
+    """Names of the samples; pairs: with those that belong to another one."""
+    return [s.name for s in manifest() if pairs or s.pair == "-"]
 
 
 def info(name: str) -> Sample:

@@ -8,73 +8,45 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Worker, in_parts
+from circparam.core.workers import PARTED, Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.constraints import constrain
-from circparam.seams.hard.charts import hard_atlas, take_better
+from circparam.seams.crumbs import debris
+from circparam.seams.grown import (
+    LEVEL_FACES,
+    MARGIN,
+    REGROUP_FACES,
+    STRETCH,
+    Decided,
+    finish,
+    grown_atlas,
+    hold_all,
+    stretch_limits,
+    transfer_to_fine,
+    with_prices,
+)
+from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
-from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness, seam_prices
+from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
-from circparam.seams.hidden import hiding_prices
-from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
-from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
-from circparam.seams.multires.transfer_layout import (
-    drop_slivers,
-    fine_targets,
-    nearest_coarse_face,
-    separate,
-)
-from circparam.seams.multires.transfer_seams import transfer_seams
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
-from circparam.seams.segmentation.decide import (
-    ANY_BOUND,
-    CHART_COST,
-    CROWD,
-    LOOPS,
-    better_in_all,
-    decide,
-    merge_on,
-    nearly_flat_components,
-    reach_count,
-    worth,
-)
-from circparam.seams.segmentation.enforce import enforce, relaxed_layouts
+from circparam.seams.segmentation.decide import CHART_COST, CROWD, merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
-    DualGraph,
     dual_graph,
     make_disks,
 )
 from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
-from circparam.solvers.newton import RelaxOptions
-from circparam.solvers.poisson import from_jacobians
 
-DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
-WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
-SHARED_FACES = 500  # from this size on starts are shared with other processes
 DOUBTS = (
     10_000  # faces of components that may be hard surfaces or not, up to which both ways are tried
 )
-REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
-REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
-MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
-PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
-TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
-DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
-SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
-STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
-TRIED_TWICE = (
-    25_000  # faces, up to which charts that merged on the proxy are tried beside those that did not
-)
+FEW = 0.05  # of a large surface: hard components below that have seams that nobody has to hide
 SOUP = 1_000  # charts, from which on nobody sees which way a seam runs
-STRICT = 1.05  # bound up to which seams are added for that
-FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 
 
 def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
@@ -90,9 +62,10 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     if hide is None:  # seams that moved have no distortion left for tips to be held more strictly
         hide = HIDDEN if (options.max_stretch or STRETCH) >= STRETCH else 0.0
     if hide > 0:
-        with monitor.stage("visibility"):
-            price = hiding_prices(surface, hide)
-            surface = dataclasses.replace(surface, price=price)
+        options = dataclasses.replace(options, hide_seams=hide)
+        whole = mirror is not None or options.max_charts is not None
+        if whole or len(surface.faces) <= LEVEL_FACES:
+            surface = with_prices(surface, options, monitor)
     if mirror is not None:
         surface = dataclasses.replace(surface, locked=mirror.closed(surface.locked))
         forced = mirror.closed(forced) & ~surface.locked
@@ -106,11 +79,8 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     with monitor.stage("stretch"):
         if monitor.expired:
             return _seams(atlas, forced, notes)
-        # who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for
-        asked = options.max_stretch is not None or options.max_distortion <= STRICT
-        free = asked and options.max_charts is None and options.min_chart_faces == 1
-        limits = Limits(bound, options.max_stretch or STRETCH)
-        hold_stretch(atlas, limits, monitor, asked and mirror is None, free)
+        limits, slits, splits = stretch_limits(bound, options)
+        hold_all(atlas, limits, monitor, slits and mirror is None, splits)
     if mirror is None:
         with monitor.stage("charts"):
             straighten_parts(atlas, limits, monitor)
@@ -129,11 +99,15 @@ def straighten_parts(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     if atlas.charts()[0] > SOUP:
         return
     hard = with_hard_prices(atlas)
-    for which, priced in ((hard, seam_prices), (with_flats(atlas.surface) & ~hard, flat_prices)):
+    rest = ~hard
+    if rest.any():
+        rest[rest] = with_flats(atlas.surface.part(rest))
+    for which in (hard, rest):
         if not which.any() or not atlas.cut.any():
             continue
         part = atlas.part(which)
-        part = Atlas(part.surface, part.cut, part.corners, priced(part.surface))
+        if which is rest:
+            part.prices = flat_prices(part.surface)
         straighten(part, limits, monitor)
         atlas.put(which, part)
 
@@ -158,7 +132,7 @@ def mirrored_atlas(
             graph = dual_graph(rest)
             other = transfer_to_fine(rest, graph, *about_image_of(mirror, half, rest))
         worker = Worker(monitor.jobs if len(rest.faces) > PARTED else 1)
-        finish(other, graph, bound, options, worker, monitor, notes)
+        finish(Decided(other, graph), bound, options, worker, monitor, notes)
     atlas, between = both_sides(surface, mirror, half, other)
     with monitor.stage("charts"):
         Merger(atlas, MergeOptions(bound, margin=MARGIN / 2), ~between).run(monitor)
@@ -211,139 +185,33 @@ def _first_atlas(
 ) -> Atlas:
     """Hard components from their regions, the others grown."""
     kind = hardness(surface)
-    hard, doubtful = kind == HARD, kind == DOUBTFUL
+    worth_it = ~debris(surface)
+    hard, doubtful = (kind == HARD) & worth_it, (kind == DOUBTFUL) & worth_it
     doubtful &= doubtful.sum() <= DOUBTS
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
+    if (hard | doubtful).mean() > FEW:
+        surface = with_prices(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    if not hard.all():
-        atlas.put(~hard, grown_atlas(surface.part(~hard), bound, options, monitor, notes))
     worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)
+    parts = []
     if hard.any():
-        atlas.put(hard, hard_atlas(surface.part(hard), bound, options, worker, monitor, notes))
-    if doubtful.any() and not monitor.expired:
+        part = hard_atlas(surface.part(hard), bound, options, worker, monitor, notes)
+        atlas.put(hard, part)
+        parts.append((hard, part))
+    doubtful &= not monitor.expired
+    plain = np.zeros(len(surface.faces), bool)
+    if doubtful.any():
         other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-        hard |= take_better(atlas, doubtful, other, CHART_COST)
-    if hard.any():
-        atlas.prices = hard_prices(surface, hard)
+        # what needs no seam needs no second way either
+        plain[doubtful] = ~with_seams(other)
+        atlas.put(plain, other.part(plain[doubtful]))
+    rest = ~hard & ~plain
+    if rest.any():
+        atlas.put(rest, grown_atlas(surface.part(rest), bound, options, monitor, notes))
+    if doubtful.any():
+        taken = plain | take_better(atlas, doubtful, other, CHART_COST)
+        parts.append((taken, other.part(taken[doubtful])))
+    if any(faces.any() for faces, _ in parts):
+        atlas.prices = hard_prices(surface, parts)
     return atlas
-
-
-def grown_atlas(
-    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
-) -> Atlas:
-    """Decide the seams of a surface on a coarse proxy and lay its charts out.
-
-    Components that need no seam are told on the surface itself: a proxy is never quite as flat.
-    """
-    worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
-    atlas, rest = Atlas(surface, np.zeros(len(surface.edges), bool)), np.ones(1, bool)
-    if len(surface.faces) > DIRECT_FACES:
-        with monitor.stage("charts"):
-            rest = ~nearly_flat_components(atlas, bound)
-    tried = [atlas]
-    if rest.all():
-        tried = _decided(surface, bound, options, worker, monitor)
-    elif rest.any():
-        atlas.put(rest, _decided(surface.part(rest), bound, options, worker, monitor)[0])
-    said: list[list[str]] = [[] for _ in tried]
-    for one, about in zip(tried, said, strict=True):
-        finish(one, dual_graph(surface), bound, options, worker, monitor, about)
-        if len(tried) > 1:
-            merge_on(one, bound, MARGIN / 2, monitor)
-    best = int(better_in_all(tried[-1], tried[0]))
-    notes += said[best]
-    return tried[best]
-
-
-def finish(
-    atlas: Atlas,
-    graph: DualGraph,
-    bound: float,
-    options: SeamOptions,
-    worker: Worker,
-    monitor: Monitor,
-    notes: list[str],
-) -> None:
-    """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
-    make_disks(atlas, graph)
-    with monitor.stage("enforce"):
-        count, chart = atlas.charts()
-        # where the number of charts counts more than the bound, only what overlaps is split
-        to_bound = bound if options.max_charts is None else ANY_BOUND
-        parts = in_parts(chart)
-        tasks = [(atlas.part(faces), to_bound) for faces in parts]
-        for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
-            atlas.put(faces, part)
-        if atlas.charts()[0] > count:
-            regroup(atlas, bound, worker, monitor)
-    if options.min_chart_faces > 1:
-        with monitor.stage("charts"):
-            merging, least = MergeOptions(bound, margin=MARGIN / 2), options.min_chart_faces
-            notes += small_note(absorb(atlas, merging, least, monitor), least)
-
-
-def settle_part(atlas: Atlas, bound: float, monitor: Monitor) -> Atlas:
-    """Relax charts, and hold them to a bound."""
-    with monitor.stage("relax"):
-        layouts = relaxed_layouts(atlas, FINAL, monitor)
-    enforce(atlas, dual_graph(atlas.surface), layouts, bound, FINAL, monitor)
-    return atlas
-
-
-def _decided(
-    surface: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
-) -> list[Atlas]:
-    """Seams before the last relaxation, decided on the surface or on its proxy.
-
-    From the proxy also, where that is cheap, with charts merged on that may be fine on the surface itself.
-    """
-    if complexity(surface) > LOOPS:
-        closed = close_small_holes(surface)
-        if complexity(closed) <= complexity(surface) / 2:
-            atlas = _decided(closed, bound, options, worker, monitor)[0]
-            return [without_fans(atlas, surface)]
-    count, graph = len(surface.faces), dual_graph(surface)
-    proxy = None
-    with monitor.stage("charts"):
-        if count > DIRECT_FACES:
-            target = proxy_faces(surface)
-            proxy = decimate(surface, target) if target < count else None
-        if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            return [decide(surface, bound, MARGIN, options.max_charts, worker, monitor)]
-        inner = 1 + (bound - 1) * (1 - SLACK)
-        rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
-        with monitor.holding(rest, least=DECIDING):
-            coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
-            tried = [coarse]
-            if count <= TRIED_TWICE and options.max_charts is None:
-                other = Atlas(coarse.surface, coarse.cut, coarse.corners)
-                merge_on(other, inner, 0.0, monitor)
-                tried += [other] if other.charts()[0] < coarse.charts()[0] else []
-    with monitor.stage("carry"):
-        # prices have done their part: paths that heed them edge by edge are longer, and cost charts
-        blind = dataclasses.replace(surface, price=None)
-        return [transfer_to_fine(blind, graph, one, proxy) for one in tried]
-
-
-def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:
-    """Merge the pieces that enforcing left with their neighbours where that is good again."""
-    fixed = np.zeros(len(atlas.cut), bool)
-    options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
-    Merger(atlas, options, fixed, worker).run(monitor)
-
-
-def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Atlas, proxy: Proxy) -> Atlas:
-    """Seams and layout of the proxy on the fine surface (not relaxed yet)."""
-    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
-    transfer_seams(coarse, proxy, fine)
-    near = nearest_coarse_face(surface, proxy)
-    _, coarse_chart = coarse.charts()
-    separate(fine, graph, coarse, coarse_chart, near)
-    transferred = drop_slivers(fine, coarse_chart, near)
-    targets, _ = fine_targets(coarse, fine, coarse_chart, near, transferred)
-    cut_mesh = fine.cut_mesh()
-    bad = not_disks(cut_mesh)
-    uv, _ = from_jacobians(cut_mesh, targets, 0 if bad.any() else 8)
-    fine.scatter(cut_mesh, uv)
-    return fine

@@ -39,6 +39,8 @@ class RelaxOptions:
     do). give_up: charts that Newton's model sees staying above this energy stop (None: none do).
     fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy. weight: (m,)
     positive factor of the area of each face in the energy (None: 1); energies are those with the weights then.
+    local: the start is right but for what is near; steps are so many iterations that pass changes on from
+    vertex to vertex, without a coarse space (None: charts move as a whole).
     """
 
     tolerance: float = 1e-6
@@ -48,6 +50,7 @@ class RelaxOptions:
     fixed: BoolArray | None = None
     blend: float = 0.0
     weight: FloatArray | None = None
+    local: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +128,7 @@ class _Relaxation:
         self.stopped = np.full(n, "iterations", dtype=object)
         self.floor = np.ones(n)
         self.weight = options.weight
-        self.objective = Objective(cut_mesh, options.fixed, options.blend, self.weight)
+        self.objective = self._objective(cut_mesh, options.fixed)
         self.energy, self.jacobian = self.objective.energies(self.uv)
         self.stopped[~np.isfinite(self.energy)] = "flipped start"
         self.active = np.isfinite(self.energy)
@@ -133,6 +136,12 @@ class _Relaxation:
             self.stopped[self.active & (self.energy <= options.bound)] = "bound"
             self.active &= self.energy > options.bound
         self.charts, self.vertices = np.arange(n), np.arange(cut_mesh.n_vertices)
+
+    def _objective(self, cut_mesh: CutMesh, fixed: BoolArray | None) -> Objective:
+        """What those charts minimise; fixed: (nv,) bool of them."""
+        objective = Objective(cut_mesh, fixed, self.options.blend, self.weight)
+        objective.local = self.options.local
+        return objective
 
     def step(self, number: int) -> None:
         """One step of every active chart; those that are done then stop."""
@@ -159,7 +168,7 @@ class _Relaxation:
         self.weight = None if self.weight is None else self.weight[faces]
         self.charts, self.vertices = self.charts[inside], self.vertices[kept]
         fixed = None if self.options.fixed is None else self.options.fixed[self.vertices]
-        self.objective = Objective(part, fixed, self.options.blend, self.weight)
+        self.objective = self._objective(part, fixed)
         self.energy[self.charts], self.jacobian = self.objective.energies(self.uv[self.vertices])
 
     def _raise_floor(self, before: FloatArray, step: NewtonStep, inside: BoolArray) -> None:

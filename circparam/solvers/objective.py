@@ -13,6 +13,7 @@ from circparam.solvers.pattern import VertexPattern, hold, pattern_of
 from circparam.solvers.preconditioner import (
     DIRECT_LIMIT,
     SMALL_CHART,
+    BlockJacobi,
     BlockPattern,
     TwoLevel,
     aggregates,
@@ -79,6 +80,9 @@ class Objective:
         """The Hessian at ``uv`` with whatever else resists the motion; here nothing does."""
         return matrix
 
+    # iterations without a coarse space, for starts that are right but for what is near; None: to the end
+    local: int | None = None
+
     # whether the rows of a matrix that is factored may have an order of their own
     reordered = True
 
@@ -136,6 +140,9 @@ class Objective:
 
         With one tolerance for all, the charts that are worst off would decide how well the small are solved.
         """
+        if self.local is not None:
+            step = conjugate_gradients(matrix, g.ravel(), BlockJacobi(matrix), 0.0, self.local)
+            return step.reshape(-1, 2)
         count = group_count(self.cut_mesh.vertex_chart, self.cut_mesh.n_charts)
         large = (count > SMALL_CHART)[self.cut_mesh.vertex_chart]
         if large.all():

@@ -154,7 +154,7 @@ def test_what_is_refused(files: Path):
     with pytest.raises(InputError, match="uv set 3"):
         bake_document(new, "vertex-colors", uv_set=3, size=32)
     with pytest.raises(OptionError, match="vertex-colors"):
-        bake_document(new, "normals", size=32)
+        bake_document(new, "smell", size=32)
 
 
 def test_obj_vertex_colours_and_huge_textures(files: Path, monkeypatch: pytest.MonkeyPatch):

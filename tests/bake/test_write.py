@@ -11,20 +11,28 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from circparam.bake.bake import Baked, bake_document
-from circparam.bake.write import embed, png, write_baked
+from circparam.bake.bake import Across, Baked, bake_document
+from circparam.bake.sampling import Closest
+from circparam.bake.write import SLOTS, embed, png, write_baked
 from circparam.core.files import TEMPORARIES
 from circparam.errors import InputError, OptionError, OutputError
 from circparam.formats.document import Source, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
-from circparam.formats.io import read, write
+from circparam.formats.gltf.normals import with_frames
+from circparam.formats.gltf.scene import mesh_matrices
+from circparam.formats.io import encode, read, read_data, write
+from circparam.geometry.shading import unit
 from circparam.mesh.mesh import UVMap
 from tests.support.baking import (
     back,
     sample_back,
     some_places,
+    write_obj,
 )
+from tests.support.bumps import belt
 from tests.support.full_disk import STEPS, fill_up
+from tests.support.maps import cube_obj
+from tests.support.validator import validate
 
 
 def chunks(data: bytes) -> tuple[dict, bytes]:
@@ -113,8 +121,8 @@ def test_materials_and_colours_of_a_glb_show_the_image(files: Path):
         {k: v for k, v in primitive.items() if k != "material"} | {"attributes": dict(own)},
     ]
     image = png(np.full((2, 2, 3), 7, np.uint8))
-    for drop in (False, True):
-        out, body = chunks(embed(glb_bytes(tree, binary), Source("x.glb"), image, 1, drop))
+    for kind, drop in (("texture", False), ("vertex-colors", True)):
+        out, body = chunks(embed(glb_bytes(tree, binary), Source("x.glb"), image, 1, SLOTS[kind]))
         shown = [m["pbrMetallicRoughness"] for m in out["materials"]]
         assert len(shown) == 3  # one new material for both faces without
         assert [m["baseColorTexture"] for m in shown] == [{"index": 1, "texCoord": 1}] * 3
@@ -156,3 +164,85 @@ def test_a_full_disk_leaves_nothing(
         write_baked(tmp_path / name, baked, document, 0, "texture")
     assert sorted(tmp_path.iterdir()) == before
     assert TEMPORARIES == []
+
+
+def test_a_glb_with_normals_has_the_frames_they_are_told_in(tmp_path: Path):
+    """What a viewer decodes with the file's own NORMAL and TANGENT is the direction of the source."""
+    low, high = belt(12, 24), belt(40, 80, 0.02, 1.0)
+    for name, (mesh, layout) in (("low", low), ("high", high)):
+        write_obj(tmp_path / f"{name}.obj", mesh.points, layout, mesh.faces)
+    target = read(tmp_path / "low.obj")
+    source = read(tmp_path / "high.obj")
+    across = Across("nearest", 0.06)
+    baked = bake_document(target, "normals", source=source, across=across, size=256)
+    (path,), _ = write_baked(tmp_path / "out.glb", baked, target, 0, "normals")
+    assert validate(path) == [set()]
+    tree, _ = chunks(path.read_bytes())
+    (primitive,) = tree["meshes"][0]["primitives"]
+    material = tree["materials"][primitive["material"]]
+    assert "baseColorTexture" not in material["pbrMetallicRoughness"]
+    assert tree["textures"][material["normalTexture"]["index"]]["source"] == 0
+    document = read(path)
+    normal = document.normals()
+    assert normal is not None
+    tangent = document.tree.values(primitive["attributes"]["TANGENT"])[document.mesh.faces]
+    face, bary = some_places(len(low[0].faces), 500)
+    x, y, z = (2 * sample_back(baked, document.uv(), face, bary) - 1).T[..., None]
+    side = tangent[..., 3:] * np.cross(normal, tangent[..., :3])
+    t, b, n = (
+        unit(np.einsum("pk,pkc->pc", bary, axis[face])) for axis in (tangent[..., :3], side, normal)
+    )
+    place = np.einsum("pk,pkc->pc", bary, document.mesh.points[document.mesh.faces[face]])
+    there, _, _ = Closest(high[0].points, high[0].faces).find(place * 1.001)
+    c = high[0].points[high[0].faces]
+    truth = unit(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]))[there]
+    cosine = np.clip((unit(x * t + y * b + z * n) * truth).sum(1), -1, 1)
+    assert np.degrees(np.arccos(cosine)).mean() < 4
+    # the file again as a target: its own normals stay, and the frames are the same
+    again = bake_document(document, "normals", source=source, across=across, size=256)
+    assert np.abs(again.tiles[0, 0].astype(int) - baked.tiles[0, 0]).mean() < 1
+    (second,), _ = write_baked(tmp_path / "again.glb", again, document, 0, "normals")
+    assert validate(second)[0] <= {"UNUSED_OBJECT"}  # the image that it had stays in the file
+    assert np.allclose(read(second).normals(), normal)
+
+
+def test_frames_are_told_in_the_space_of_their_node(tmp_path: Path):
+    """A node that turns and stretches its mesh: the normals of the file are those of the world, turned back."""
+    mesh, layout = belt(6, 12)
+    write_obj(tmp_path / "a.obj", mesh.points, layout, mesh.faces)
+    document = read(tmp_path / "a.obj")
+    tree, binary = chunks(encode(document, document.uv(), "glb").data)
+    tree["nodes"][0] |= {"rotation": [0, 0, 0.6, 0.8], "scale": [1, 2, 3]}
+    glb = glb_bytes(tree, binary)
+    faces = len(mesh.faces)
+    normal = np.broadcast_to(unit(np.array([1.0, 2, 3])), (faces, 3, 3))
+    tangent = np.broadcast_to([0.6, 0, 0.8, -1.0], (faces, 3, 4))
+    data = with_frames(glb, Source("x.glb"), normal, tangent)
+    found = read_data(data)
+    assert np.allclose(found.normals(), normal, atol=1e-6)
+    local = found.tree.values(found.pools[0].attributes["TANGENT"])
+    turn = mesh_matrices(found.tree)[0][:3, :3]
+    assert np.allclose(unit(local[:, :3] @ turn.T), [0.6, 0, 0.8], atol=1e-6)
+    assert (local[:, 3] == -1).all()
+
+
+def test_heights_have_no_place_in_a_glb(tmp_path: Path, files: Path):
+    baked = Baked({(0, 0): np.zeros((4, 4, 1), np.uint16)}, 1.0)
+    document = read(files / "new.obj")
+    with pytest.raises(OptionError, match=r"bake them into \.png"):
+        write_baked(tmp_path / "a.glb", baked, document, 0, "height")
+    write_baked(tmp_path / "a.png", baked, document, 0, "height")
+    assert Image.open(tmp_path / "a.png").mode == "I;16"
+
+
+def test_a_cube_of_an_obj_is_shaded_as_its_vn_say(tmp_path: Path):
+    """Sharp edges in the GLB as in the file, so a bake of the cube onto itself is level everywhere."""
+    cube = cube_obj(tmp_path)
+    baked = bake_document(cube, "normals", source=cube, across=Across("nearest", 0.1), size=64)
+    assert np.abs(baked.tiles[0, 0].astype(int) - [128, 128, 255]).max() <= 1
+    (path,), notes = write_baked(tmp_path / "c.glb", baked, cube, 0, "normals")
+    assert not any("normals" in note for note in notes)
+    assert validate(path) == [set()]
+    normals = read(path).normals()
+    assert normals is not None
+    assert np.allclose(normals, cube.normals())

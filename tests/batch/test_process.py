@@ -20,7 +20,13 @@ import circparam
 from circparam.batch import task
 from circparam.batch.index import Item
 from circparam.batch.mesh import unwrap_one
-from circparam.batch.process import GoneError, WarmServer, close_servers, warm_server
+from circparam.batch.process import (
+    GoneError,
+    WarmServer,
+    close_servers,
+    server_environment,
+    warm_server,
+)
 from circparam.batch.settings import Settings
 from circparam.batch.task import do_item, pack_settings, settings_of
 from circparam.core.messages import send
@@ -217,3 +223,14 @@ def test_the_key_is_that_of_the_bytes() -> None:
     assert base.key() != settings("o", padding=2).key()
     assert base.key() != settings("o", extras={"map": "{}.npz"}).key()
     assert base.key() != replace(base, version="9").key()
+
+
+def test_a_server_pays_no_heed_to_how_dask_wants_memory_given_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", "65536")
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    found = server_environment()
+    assert "MALLOC_TRIM_THRESHOLD_" not in found
+    assert found["OMP_NUM_THREADS"] == "1"
+    assert found["PATH"] == os.environ["PATH"]

@@ -22,8 +22,9 @@ pytest.importorskip("distributed")
 
 import circparam
 from circparam.batch.batch import Hooks, Plan, Summary, run_batch, status
+from circparam.batch.cluster import Cluster
 from circparam.batch.manifest import encode
-from circparam.batch.run import ATTEMPTS
+from circparam.batch.run import ATTEMPTS, task_key
 from circparam.core.workers import environment
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
 from circparam.pipeline.gates import Gates
@@ -341,6 +342,25 @@ class Begun(Gates):
         (Path(self.folder) / os.path.basename(report["input"])).touch()
         with open(Path(self.folder).parent / "go", "rb"):
             return []
+
+
+def test_the_scheduler_forgets_the_names_of_tasks(shared: str) -> None:
+    def on_scheduler(dask_scheduler: Any) -> tuple[int, int]:
+        from dask.utils import key_split
+
+        return key_split.cache_info().currsize, len(dask_scheduler.task_groups)
+
+    cluster = Cluster(scheduler=shared)
+    try:
+        tasks = [cluster.client.submit(abs, k, key=task_key(k), pure=False) for k in range(40)]
+        cluster.client.gather(tasks)
+        groups = cluster.client.run_on_scheduler(on_scheduler)[1]
+        cluster.running()
+        names = cluster.client.run_on_scheduler(on_scheduler)[0]
+    finally:
+        cluster.kill()
+    assert groups == 1
+    assert names < 10
 
 
 def test_what_has_begun_gets_its_line_whatever_the_scheduler_knows(

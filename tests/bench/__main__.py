@@ -1,11 +1,11 @@
-"""``python -m tests.bench [solve|atlas|packing|hard|speed|batch|front] ...``: one by name, or solve."""
+"""``python -m tests.bench [solve|atlas|packing|hard|speed|scale|batch|front|maps] ...``: one, or solve."""
 
 from __future__ import annotations
 
 import importlib
 import sys
 
-NAMES = ("solve", "atlas", "packing", "hard", "speed", "batch", "front")
+NAMES = ("solve", "atlas", "packing", "hard", "speed", "scale", "batch", "front", "maps")
 
 
 def main() -> None:

@@ -1,6 +1,9 @@
-"""Packing beside xatlas on the identical charts, in one run.
+"""Full pages: atlases with and without cuts for them; and packing beside xatlas on the identical charts.
 
-    python -m tests.bench.packing [FILE...] [--no-report] [--xatlas-seconds 120]
+    python -m tests.bench.packing [FILE...] [--no-report] [--xatlas-seconds 120] [--atlases-only]
+
+Every mesh is unwrapped at the defaults and with ``--pack-splits 0``: charts, length of the seams, covered share
+at 2048 texels and padding 4, and what packing takes of all seconds. Files that are named replace the corpus.
 
 Every file's own charts are packed at 2048 texels with 4 of padding: by circparam, and by xatlas'
 ``add_uv_mesh`` with bruteForce on. Both are measured alike: share of the unit square covered, on a raster of
@@ -16,6 +19,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -26,10 +30,11 @@ from circparam.geometry.raster import free_border, owner_raster, smallest_gap
 from circparam.mesh.mesh import UVMap
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
-from tests.bench.common import table, write
+from tests.bench.common import Line, figures, table, write
 from tests.support.corpus import CORPUS
 
 RESOLUTION, PADDING = 2048, 4
+LARGE = 25_000_000  # bytes
 WITH_UV = (
     "spot.obj",
     "beast.obj",
@@ -85,6 +90,12 @@ def xatlas_share(
     return float((grid >= 0).mean()), charts, seconds
 
 
+def _is_mesh(path: Path) -> bool:
+    """Whether a file of the corpus is a mesh that is unwrapped in a minute or so."""
+    known = (".obj", ".off", ".ply", ".stl", ".glb")
+    return path.suffix.lower() in known and path.stat().st_size < LARGE
+
+
 def measure(path: str, bound: float) -> dict[str, object]:
     """One row of the table."""
     faces, uv, chart = charts_of(path)
@@ -102,6 +113,59 @@ def measure(path: str, bound: float) -> dict[str, object]:
         "kept": gap >= PADDING + 1 and border >= PADDING,
         "xatlas": theirs,
     }
+
+
+def atlas(path: str) -> dict[str, object]:
+    """One mesh unwrapped with charts left whole, and at the defaults."""
+    from circparam import unwrap
+
+    whole, full = (unwrap(path, pack_splits=splits) for splits in (0, None))
+    before, after = whole.measures, full.measures
+    seconds = full.seconds
+    return {
+        "file": Path(path).name,
+        "charts": (before["charts"], after["charts"]),
+        "seams": (before["seam_length"], after["seam_length"]),
+        "share": (before["pack"], after["pack"]),
+        "flat": bool(before["charts"] == 1 and before["seam_length"] == 0),
+        "packing": seconds.get("pack", 0.0),
+        "seconds": sum(seconds.values()),
+    }
+
+
+def atlas_report(rows: list[dict[str, Any]]) -> list[str]:
+    """The atlases as a Markdown table, with what is asked of all of them together."""
+    cells = []
+    for r in rows:
+        (c0, c1), (l0, l1), (s0, s1) = r["charts"], r["seams"], r["share"]
+        ratio = f"{l1 / l0:.3f}" if l0 else "-"
+        packing = f"{r['packing']:.2f} ({100 * r['packing'] / r['seconds']:.0f} %)"
+        cells.append(
+            [r["file"], f"{c0} → {c1}", f"{l0:.2f}", ratio, f"{s0:.3f} → {s1:.3f}", packing]
+        )
+    cut = [r for r in rows if not r["flat"]]
+    ratios = [r["seams"][1] / r["seams"][0] for r in cut if r["seams"][0]]
+    shares = np.array([r["share"] for r in cut])
+    lines = [
+        Line(
+            "covered share, mean",
+            shares[:, 1].mean(),
+            "",
+            ">= 0.68",
+            f"{shares[:, 0].mean():.3f} whole",
+        ),
+        Line("covered share, least", shares[:, 1].min(), "", ">= 0.55"),
+        Line("seams over those of whole charts, median", float(np.median(ratios)), "", "<= 1.06"),
+        Line("seams over those of whole charts, most", max(ratios), "", "<= 1.15"),
+    ]
+    head = ["file", "charts", "seams", "ratio", "covered share", "seconds of packing"]
+    return [
+        *table(head, cells),
+        "",
+        *figures(lines),
+        "",
+        "Meshes that need no seam are not in the means.",
+    ]
 
 
 def report(rows: list[dict[str, object]]) -> list[str]:
@@ -128,28 +192,36 @@ def report(rows: list[dict[str, object]]) -> list[str]:
 def main(arguments: list[str] | None = None) -> int:
     """Measure the files, print the table and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("files", nargs="*", help="files with uv; those of the corpus if left out")
+    parser.add_argument("files", nargs="*", help="meshes; those of the corpus if left out")
+    parser.add_argument("--atlases-only", action="store_true", help="nothing beside xatlas")
     parser.add_argument("--no-report", action="store_true", help="print only")
     parser.add_argument("--xatlas-seconds", type=float, default=120.0)
     chosen = parser.parse_args(arguments)
+    meshes = chosen.files or [str(p) for p in sorted(CORPUS.glob("*")) if _is_mesh(p)]
+    atlases = []
+    for path in meshes:
+        atlases.append(atlas(path))
+        print(atlases[-1], flush=True)
+    if not atlases:
+        print("no meshes: name some")
+        return 0
+    whole = atlas_report(atlases)
+    print("\n".join(whole))
     rows = []
-    for path in chosen.files or [
-        str(CORPUS / name) for name in WITH_UV if (CORPUS / name).exists()
-    ]:
+    with_uv = chosen.files or [str(CORPUS / name) for name in WITH_UV if (CORPUS / name).exists()]
+    for path in [] if chosen.atlases_only else with_uv:
         rows.append(measure(path, chosen.xatlas_seconds))
         print(rows[-1], flush=True)
-    if not rows:
-        print("no files with uv: name some")
-        return 0
-    lines = report(rows)
+    lines = report(rows) if rows else []
     print("\n".join(lines))
     if not chosen.no_report:
         intro = (
-            f"The identical charts of each file at {RESOLUTION} texels, padding {PADDING}: covered texels as "
-            "a share of the unit square. xatlas: `add_uv_mesh`, bruteForce on. "
-            "Written by `make bench-packing`."
+            f"Pages of {RESOLUTION} texels, padding {PADDING}: covered texels as a share of the unit "
+            "square. First whole atlases, with `--pack-splits 0` and at the defaults; then the identical "
+            "charts of files with uv beside xatlas (`add_uv_mesh`, bruteForce on). Written by "
+            "`make bench-packing`."
         )
-        write("packing.md", "Packing beside xatlas", intro, [lines])
+        write("packing.md", "Full pages", intro, [whole, lines])
     return 0 if all(r["kept"] for r in rows) else 1
 
 

@@ -35,6 +35,13 @@ PROFILED = (
     "stanford-bunny.obj", "armadillo.obj", "CesiumMan.glb", "teapot.obj", "bunny_1hole.obj", "fuze.obj",
     "woody.obj",
 )  # fmt: skip
+# what stages took before the work on small meshes
+BEFORE = Path(__file__).with_name("speed_before.json")
+GROUPS = {
+    "charts": ("charts", "seams"), "carry": ("carry",), "relax": ("relax", "flatten"), "enforce": ("enforce",),
+    "stretch": ("stretch",), "visibility": ("visibility",), "pack": ("pack",),
+    "check": ("repair", "check", "verify"),
+}  # fmt: skip
 LARGE = 20_000  # faces from which on other things are wanted
 SLOW = 2.0  # seconds of xatlas: from there on, on large meshes, it is never to be faster
 FREE = 0.6  # seconds that no ratio is taken of
@@ -152,6 +159,25 @@ def rows(runs: list[Run], names: list[str]) -> list[list[str]]:
     return out
 
 
+def by_stage(runs: list[Run], earlier: dict[str, Any]) -> list[list[str]]:
+    """Two rows a mesh that was measured before: seconds of groups of stages then and now, charts and seam."""
+
+    def row(name: str, which: str, stages: dict[str, float], figures: dict[str, Any]) -> list[str]:
+        own = {k: v for k, v in stages.items() if k not in ("read", "write")}
+        groups = {k: sum(own.pop(s, 0.0) for s in some) for k, some in GROUPS.items()}
+        total = sum(groups.values()) + sum(own.values())
+        cells = [f"{x:.2f}" for x in (total, *groups.values(), sum(own.values()))]
+        return [name, which, *cells, str(figures["charts"]), f"{figures['seam_length']:.2f}"]
+
+    out = []
+    for r in sorted(runs, key=lambda r: r.faces):
+        was = earlier.get(r.name)
+        if was is not None:
+            out.append(row(r.name, "before", was["stages"], was))
+            out.append(row("", "now", r.stages, r.figures))
+    return out
+
+
 def main() -> None:
     """Run the set."""
     parser = argparse.ArgumentParser(description="How long whole atlases take beside peers.")
@@ -197,9 +223,18 @@ def report(runs: list[Run], names: list[str], lines: list[Line], hot: list[list[
         "time that a peer tells of itself, in one run. Hot spots: functions of this package in which a process "
         "without helpers spends its time, what they call outside the package included."
     )
+    earlier = json.loads(BEFORE.read_text(encoding="utf-8"))
+    stages = ["mesh", "", "s", *GROUPS, "other", "charts", "seam"]
     blocks = [
         ["## Wanted and measured", "", *common.figures(lines)],
         ["## All meshes", "", *common.table(head, rows(runs, names))],
+        [
+            "## Before and now, by stage",
+            "",
+            f"Seconds of wall time. Before: {earlier['what']}.",
+            "",
+            *common.table(stages, by_stage(runs, earlier["meshes"])),
+        ],
         ["## Hot spots", "", *common.table(["mesh", "functions"], hot)],
     ]
     return common.write("speed.md", "Speed of whole atlases", intro, blocks)

@@ -111,6 +111,7 @@ async function settled() {
       hovered: document.getElementById("hovered")?.textContent ?? "",
       first: document.querySelector("table.sortable tbody th")?.textContent ?? "",
       scroll: window.scrollY,
+      morph: document.getElementById("morph-value-0")?.textContent ?? "",
       contrast: lowestContrast(),
       overflow: document.documentElement.scrollWidth > window.innerWidth,
     }));

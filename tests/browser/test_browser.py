@@ -10,6 +10,7 @@ import json
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,9 @@ from PIL import Image
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.compare_page import save_report
 from circparam.render.figures import PageImages, PictureOptions
+from circparam.render.html import page as page_text
 from circparam.render.picture import save_preview
+from circparam.render.scene import make_scene
 from circparam.render.side_by_side import MethodLayout, SideBySide
 
 HERE = Path(__file__).parent
@@ -294,3 +297,41 @@ def test_the_scheme_follows_the_system_while_the_page_is_open(page: Path):
     seen = drive(page, "follow", "desktop", [["start", "none"], ["dark", "scheme", "dark"]])
     assert pixels(seen, "start", "surface").mean() > 150 > pixels(seen, "dark", "surface").mean()
     assert seen["console"] == []
+
+
+def morph_page(folder: Path, name: str, start: np.ndarray, end: np.ndarray) -> Path:
+    """The ball with one morph target, always seen from the same side."""
+    mesh, uvmap = ball()
+    scene = make_scene(start, mesh.faces, uvmap.uv, uvmap.uv_faces)
+    scene = replace(scene, targets=(("a long name of a <target>", end),))
+    options = PictureOptions(title=name, directions=np.array([[0.3, -0.8, 0.5]]))
+    path = folder / f"{name}.html"
+    path.write_text(page_text(scene, options), "utf-8")
+    return path
+
+
+@pytest.mark.parametrize("size", USUAL)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_slider_moves_the_surface_to_its_morph_target(tmp_path: Path, size: str, scheme: str):
+    """At its end the surface looks as a page of that mesh; keys move it too; the layout stays."""
+    mesh, _ = ball()
+    start, end = mesh.points, mesh.points * [1.0, 0.4, 1.6] + [0.0, 0.0, 0.2 * mesh.points[0, 0]]
+    there = morph_page(tmp_path, "there", start, end)
+    plain = [["charts", "click", "input[value=charts] + span"], ["bare", "click", "#seams"]]
+    slider = "#morph-0"
+    steps = [*plain, ["key", "key", slider, "ArrowRight"], ["more", "key", slider, "PageUp"],
+             ["end", "fill", slider, "1"], ["home", "key", slider, "Home"], ["full", "full"]]  # fmt: skip
+    seen = drive(there, f"morph-{scheme}", size, steps, scheme)
+    assert seen["console"] == []
+    assert len(seen["requests"]) == 1
+    assert changed(seen, "bare", "more", "surface") > 0.005
+    assert changed(seen, "bare", "end", "surface") > 0.05
+    assert changed(seen, "bare", "end", "plane") < 0.002
+    assert changed(seen, "bare", "home", "surface") < 0.002
+    told = [seen["text"][step]["morph"] for step in ("bare", "key", "end", "home")]
+    assert told == ["0 %", "1 %", "100 %", "0 %"]
+    assert not any(text["overflow"] for text in seen["text"].values())
+    assert min(text["contrast"]["ratio"] for text in seen["text"].values()) >= 4.5
+    other = drive(morph_page(tmp_path, "back", end, start), f"back-{scheme}", size, plain, scheme)
+    difference = np.abs(pixels(seen, "end", "surface") - pixels(other, "bare", "surface")).max(2)
+    assert (difference > 12).mean() < 0.01

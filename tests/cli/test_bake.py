@@ -12,8 +12,10 @@ from PIL import Image
 
 from circparam.cli import cli
 from circparam.formats.io import read
+from circparam.maps.surface_map import save_map
 from circparam.mesh.mesh import UVMap
 from tests.support.baking import charts, picture, sheet, smooth, write_obj
+from tests.support.maps import same_map
 
 
 def run(*words: object) -> Result:
@@ -71,10 +73,18 @@ def test_texture_of_the_old_file_into_a_glb(folder: Path):
         (("new.obj", "--from", "texture", "--source", "gone.obj"), 3, "no such file"),
         (("new.obj",), 2, "--from"),
         (("new.obj", "--from", "texture", "--size", "0"), 2, "size"),
+        (("new.obj", "--from", "normals"), 2, "--source"),
+        (("new.obj", "--from", "texture", "--map", "nearest"), 2, "--source"),
+        (("new.obj", "--from", "normals", "--source", "old.obj", "--cage", "0"), 2, "above 0"),
+        (("new.obj", "--from", "texture", "--source", "old.obj", "--cage", "1"), 2, "nearest"),
+        (("new.obj", "--from", "texture", "--source", "old.obj", "--map", "gone.obj"), 3, "read"),
+        (("new.obj", "--from", "texture", "--source", "old.obj", "--map", "old.obj"), 3, "no map"),
+        (("bare.obj", "--from", "normals", "--source", "old.obj"), 3, "circparam unwrap"),
     ],
 )
 def test_what_is_refused(folder: Path, words: tuple[str, ...], code: int, message: str):
-    known = {"new.obj", "old.obj", "gone.obj"}
+    known = {"new.obj", "old.obj", "gone.obj", "bare.obj"}
+    (folder / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     out = folder / "out.png"
     result = run(*(folder / w if w in known else w for w in words), "-o", out)
     assert result.exit_code == code
@@ -94,3 +104,33 @@ def test_a_missing_texture_names_the_file(folder: Path):
     result = run(folder / "new.obj", *words)
     assert result.exit_code == 3
     assert "skin.png is missing" in result.stderr
+
+
+def test_shape_of_another_mesh_with_its_figures(folder: Path):
+    out = folder / "n.png"
+    words = ("--source", folder / "old.obj", "--map", "nearest", "--size", 32, "--json", "-o")
+    result = run(folder / "new.obj", "--from", "normals", *words, out)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert report["cage"] == pytest.approx(0.02 * np.sqrt(2))
+    assert (report["map"], report["missed"], report["empty"]) == ("nearest", 0.0, 0.0)
+    assert (np.asarray(Image.open(out)) == [128, 128, 255]).all()
+    result = run(folder / "new.obj", "--from", "height", *words, folder / "h.png")
+    assert json.loads(result.stdout)["height_range"] == [-report["cage"], report["cage"]]
+    assert np.asarray(Image.open(folder / "h.png")).std() == 0
+    result = run(folder / "new.obj", "--from", "height", *words, folder / "h.glb")
+    assert result.exit_code == 2
+    assert ".png" in result.stderr
+    assert not (folder / "h.glb").exists()
+
+
+def test_colours_are_vertex_colours_and_maps_are_read(folder: Path):
+    save_map(folder / "m.npz", same_map(read(folder / "new.obj").mesh))
+    images = []
+    for extra in ((), ("--source", folder / "colours.obj", "--map", folder / "m.npz")):
+        out = folder / f"{len(extra)}.png"
+        mesh_file = folder / ("new.obj" if extra else "colours.obj")
+        result = run(mesh_file, "--from", "colours", *extra, "--size", 64, "-o", out)
+        assert result.exit_code == 0, result.stderr
+        images.append(np.asarray(Image.open(out)).astype(int))
+    assert np.abs(images[0] - images[1]).max() <= 1

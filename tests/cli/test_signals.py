@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -68,6 +69,27 @@ def test_signals_end_it_soon_and_clean(
     assert sorted(p.name for p in tmp_path.iterdir() if p != left) == ["m.obj"]
     if work is NATIVE_WORK:
         assert not left.exists()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="no such signal")
+@pytest.mark.parametrize("work", [PYTHON_WORK, NATIVE_WORK], ids=["python", "native"])
+def test_whoever_asks_is_told_how_far_it_is_and_the_work_goes_on(work: str, tmp_path: Path) -> None:
+    mesh = tmp_path / "m.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    script = WAIT.format(left=str(tmp_path / ".half.tmp"), work=work, mesh=str(mesh))
+    with subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == b"ready\n"
+        for _ in range(2):
+            process.send_signal(signal.SIGUSR1)
+            line = process.stderr.readline().decode()
+            assert re.fullmatch(
+                r"circparam: status: m\.obj: repair, \d+ % done, \d+ s so far, \d+ MB\n", line
+            )
+        assert process.poll() is None
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=30)
+    assert process.returncode == 143
 
 
 def test_what_was_there_before_is_there_again() -> None:

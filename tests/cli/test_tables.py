@@ -27,7 +27,13 @@ REPORT: dict[str, Any] = {
         "cut": "disk",
     },
     **{"charts": 2, "faces": 9, "flips": 0, "overlap": 3, "distortion": 1.25},
-    **{"distortion_max_chart": 1e300, "seam_length": 20000.0, "pack": 0.756, "seconds": 1.239},
+    **{
+        "distortion_max_chart": 1e300,
+        "seam_length": 20000.0,
+        "pages": 2,
+        "pack": 0.756,
+        "seconds": 1.239,
+    },
     **{"stretch_p95": 1.1, "stretch_p99": 1.3, "stretch_p999": 1.9},
     **{"repairs": ["split [b] vertices"], "stages": {"solve": 0.5}, "notes": ["all is well"]},
 }
@@ -36,7 +42,14 @@ REPORT: dict[str, Any] = {
 def test_an_unwrap() -> None:
     got = text(unwrap_table(REPORT))
     assert "[" not in got.replace("a[1].obj", "").replace("[b]", "")  # names are no markup
-    for line in ("(in memory)", "circle, cut disk", "2 of 9 faces", "0, 3", "75.6 %", "1.24 s"):
+    for line in (
+        "(in memory)",
+        "circle, cut disk",
+        "2 of 9 faces",
+        "0, 3",
+        "75.6 % of 2 pages",
+        "1.24 s",
+    ):
         assert line in got
     assert "1.2500 (worst chart infinite" in " ".join(got.split())
     assert "2e+04 x sqrt(area)" in got
@@ -46,6 +59,7 @@ def test_an_unwrap() -> None:
     assert "0.500 s" in text(unwrap_table(REPORT, 1))
     assert "all is well" in text(unwrap_table(REPORT, 2))
     assert "packed" not in text(unwrap_table(REPORT | {"pack": None}))
+    assert "75.6 % of the page" in text(unwrap_table(REPORT | {"pages": 1}))
 
 
 def check_report(parts: int) -> dict[str, Any]:

@@ -12,6 +12,14 @@ from PIL import Image
 
 from circparam import samples
 from circparam.cli import cli
+from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.reading import Tree
+from circparam.formats.io import read
+from circparam.formats.source import Source
+from circparam.maps.morph import morph
+from tests.support.baking import write_obj
+from tests.support.bumps import belt
+from tests.support.maps import same_map
 
 QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 UV = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -130,3 +138,23 @@ def test_from_standard_input(quad: Path):
     result = run("-", "--format", "obj", "-o", out, data=quad.read_bytes())
     assert result.exit_code == 0, result.stderr
     assert "chart-0" in out.read_text()
+
+
+def test_a_slider_for_each_of_the_first_morph_targets(tmp_path: Path):
+    """Nine targets of one mesh: eight sliders with their names, and a note on the ninth."""
+    mesh, layout = belt(4, 8)
+    write_obj(tmp_path / "a.obj", mesh.points, layout, mesh.faces)
+    document = read(tmp_path / "a.obj")
+    found = Tree(morph(document, document, same_map(mesh)).data, Source("x.glb"))
+    (primitive,) = found.json["meshes"][0]["primitives"]
+    primitive["targets"] *= 9
+    found.json["meshes"][0] |= {"weights": [0] * 9, "extras": {"targetNames": ["smile"]}}
+    found.json.pop("animations")
+    (tmp_path / "m.glb").write_bytes(glb_bytes(found.json, found.bin))
+    result = run(tmp_path / "m.glb", "-o", tmp_path / "m.html")
+    assert result.exit_code == 0, result.stderr
+    text = (tmp_path / "m.html").read_text("utf-8")
+    assert text.count('type="range" id="morph-') == 8
+    assert "smile" in text
+    assert "target 8" in text
+    assert "the first 8 of 9 morph targets have a slider" in text

@@ -18,6 +18,7 @@ from circparam.core.arrays import (
     next_half_edge,
     ranges,
     relabel,
+    sorted_distinct,
 )
 
 
@@ -66,3 +67,10 @@ def test_products() -> None:
     assert dot(np.array([1.0, 2, 3]), np.array([4.0, 5, -6])) == -4
     assert cross2(np.array([[2.0, 0], [1, 1]]), np.array([[0.0, 3], [1, 1]])).tolist() == [6, 0]
     assert cross2(np.array([0.0, 3]), np.array([2.0, 0])) == -6
+
+
+@given(st.lists(st.integers(-4, 9)))
+def test_distinct_values_come_once_and_in_order(values: list[int]) -> None:
+    assert sorted_distinct(np.array(values, np.int64)).tolist() == sorted(set(values))
+    twice = np.array([values, values], np.int64)
+    assert sorted_distinct(twice).tolist() == sorted(set(values)), "any shape"

@@ -14,6 +14,7 @@ from circparam.core.graph import (
     components,
     cycles,
     distances,
+    lowest_of_cycles,
     matching,
     nearest,
     spanning_forest,
@@ -145,3 +146,17 @@ def test_matching_takes_the_best_pair_that_is_left(seed: int) -> None:
             taken |= {int(a[e]), int(b[e])}
             expected.append(int(e))
     assert matching(score, a, b, n).tolist() == sorted(expected)
+
+
+@given(st.integers(0, 10**6))
+def test_each_element_finds_the_lowest_of_its_cycle(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(0, 70))
+    follower = rng.permutation(n)
+    found = lowest_of_cycles(follower)
+    for k in range(n):
+        cycle, at = [k], int(follower[k])
+        while at != k:
+            cycle.append(at)
+            at = int(follower[at])
+        assert found[k] == min(cycle)

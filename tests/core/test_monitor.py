@@ -62,3 +62,20 @@ def test_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
                     monitor.check()
             else:
                 monitor.check()
+
+
+def test_what_only_embellishes_is_left_out_where_little_time_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: clock[0])
+    monitor = Monitor(timeout=10.0)
+    assert not monitor.short(9.0)
+    assert monitor.short(10.0)
+    with monitor.holding(4.0):
+        assert not monitor.short(5.5)
+        assert monitor.short(6.5), "what is held for later is not left"
+    clock[0] = 8.0
+    assert monitor.short(3.0)
+    assert not Monitor().short(1e9), "nothing bounds it"
+    assert not monitor.hurried, "nobody was told that time is up"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import subprocess
@@ -121,7 +122,9 @@ def test_where_no_worker_can_be_had_all_is_done_here(
         def refuse(*_: object) -> None:
             raise FileNotFoundError(2, "No such file or directory")
 
-        monkeypatch.setattr("loky.backend.synchronize._SemLock", refuse)
+        # by name it would be multiprocessing's module, where nobody has imported loky's yet
+        synchronize = importlib.import_module("loky.backend.synchronize")
+        monkeypatch.setattr(synchronize, "_SemLock", refuse)
     elif why == "frozen":
         monkeypatch.setattr(sys, "frozen", True, raising=False)
     elif why == "another program":

@@ -287,3 +287,20 @@ def test_faces_and_loops_by_hand_agree():
     np.testing.assert_allclose(made.start, hand.start)
     np.testing.assert_allclose(made.end, hand.end)
     np.testing.assert_array_equal(made.following, hand.following)
+
+
+def test_winding_pairs_of_many_boxes_are_those_of_their_corners():
+    """Random boxes, nested, apart and overlapping: a point is inside where all four sides say so."""
+    rng = np.random.default_rng(5)
+    low = rng.uniform(0, 8, (60, 2))
+    size = rng.uniform(0.2, 5, (60, 2))
+    boundary = loops(*(box(*corner, *side) for corner, side in zip(low, size, strict=True)))
+    points = low + size / 2
+    inside, outside = winding_pairs(boundary, np.arange(60), points)
+    within = ((points[:, None] > low) & (points[:, None] < low + size)).all(2)
+    np.fill_diagonal(within, False)
+    expected = np.argwhere(within)
+    assert len(expected) > 100
+    assert sorted(zip(inside.tolist(), outside.tolist(), strict=True)) == list(
+        map(tuple, expected.tolist())
+    )

@@ -179,3 +179,35 @@ def test_the_skyline_steps_in_where_nothing_but_a_start_is_found(late, monkeypat
     options = PackOptions(128, 2, effort=QUICK)
     promise(faces, uv, chart, pack(faces, uv, chart, options, monitor), options)
     assert asked == (["nest"] if late else ["nest", "skyline"])
+
+
+def test_what_cannot_fit_at_a_density_is_told_at_once_with_the_pages_it_needs():
+    """Ten squares of 100 texels on pages of 250, which hold four of them each at best."""
+    faces, uv, chart = _squares(10)
+    with pytest.raises(OptionError, match=r"needs at least 2 pages of 250 texels: give --pages 2"):
+        pack(faces, uv, chart, PackOptions(250, 4, texel_density=100.0))
+    packed = pack(faces, uv, chart, PackOptions(250, 4, pages=3, texel_density=100.0))
+    assert int(packed.page.max()) + 1 == 3
+    with pytest.raises(OptionError, match="--texel-density below") as told:
+        pack(faces, uv, chart, PackOptions(250, 4, texel_density=100.0))
+    below = float(str(told.value).split("below ")[1].split()[0])
+    # at that density the areas alone would just do
+    assert 10 * below**2 == pytest.approx((250 - 2 * 3.51) ** 2, rel=0.01)
+
+
+def test_a_chart_longer_than_the_page_is_told_at_once():
+    faces, uv, chart = _squares(1)
+    long = uv * [40.0, 0.1]
+    with pytest.raises(
+        OptionError, match=r"longest chart is .* raise --resolution to (\d+)"
+    ) as told:
+        pack(faces, long, chart, PackOptions(256, 4, texel_density=10.0))
+    side = int(str(told.value).rsplit(" ", 1)[1])
+    assert pack(faces, long, chart, PackOptions(side, 4, texel_density=10.0)).share[0] > 0
+
+
+def _squares(n):
+    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    uv = np.concatenate([corner + np.array([3.0 * k, 0]) for k in range(n)])
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(n)])
+    return faces, uv, np.repeat(np.arange(n), 2)

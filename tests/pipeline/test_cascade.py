@@ -42,3 +42,28 @@ def test_charts_that_stand_in_keep_their_size() -> None:
         singles = np.where(cut_mesh.chart == 1, single, 0)
         cascade = Cascade(start(s, flat(s)).atlas, singles=singles)
         assert cascade.kept_sizes(cut_mesh).tolist() == [False, keep, False]
+
+
+def test_a_part_goes_its_own_way_and_comes_back() -> None:
+    """Charts taken out, changed and put back: the others keep all they had, and sizes go by the whole."""
+    s = surface_of(*shapes.row_of(shapes.grid(3, 3), 3))
+    whole = start(s, flat(s)).repaired("before")
+    _, chart = whole.atlas.charts()
+    middle = chart == 1
+    part = whole.part(middle)
+    assert part.repairs == ()
+    assert part.extent == whole.extent
+    assert len(part.tries) == middle.sum()
+    part.atlas.cut[:] = True
+    part.atlas.corners += 5.0
+    changed = Cascade(
+        part.atlas, tries=part.tries + 3, singles=part.singles + 1, extent=part.extent
+    ).repaired("within")
+    after = whole.put(middle, changed)
+    np.testing.assert_array_equal(after.tries, np.where(middle, 3, 0))
+    np.testing.assert_array_equal(after.singles, np.where(middle, 1, 0))
+    moved = np.abs(after.atlas.corners - whole.atlas.corners).max((1, 2))
+    np.testing.assert_array_equal(moved, np.where(middle, 5.0, 0.0))
+    np.testing.assert_array_equal(after.atlas.cut, middle[s.edges // 3].all(1))
+    assert after.repairs == ("before", "within")
+    assert not whole.atlas.cut.any()

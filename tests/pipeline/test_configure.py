@@ -134,3 +134,25 @@ def test_atlases_lie_side_by_side(tmp_path: Path) -> None:
     assert np.unique(tiles).tolist() == [3 * k for k in range(count)]
     check_scene(document, Options(unshare=True))
     assert circparam.Options is Options
+
+
+def test_a_density_that_no_page_holds_is_told_before_the_work() -> None:
+    """From the area of the surface alone: 100 squares of a unit at 100 texels are 10⁶ texels."""
+    sheet = shapes.grid(11, 11, 10.0, 10.0)
+    with pytest.raises(errors.OptionError, match=r"at least 4 pages of 512 texels: give pages=4"):
+        circparam.unwrap(sheet, resolution=512, texel_density=100.0)
+    fits = circparam.unwrap(sheet, resolution=1024 + 8, texel_density=100.0, effort=0.05)
+    assert fits.measures["pages"] == 1
+
+
+def test_auto_padding_is_that_of_the_page() -> None:
+    asked = Options(padding="auto", resolution=4096)
+    assert pack_options(asked).padding == asked.padding_texels == 8
+    report = circparam.summarise(
+        circparam.unwrap(shapes.bumped_disk(40), padding="auto", resolution=1024, effort=0.01)
+    )
+    assert (report["padding"], report["mip_level"], report["pages"]) == (2, None, 1)
+    assert report["border_texels"] >= 2
+    assert any("bleed in even without" in note for note in report["notes"])
+    with pytest.raises(errors.OptionError, match="give auto or a number"):
+        Options(padding="wide")

@@ -62,7 +62,7 @@ def test_the_same_bytes_with_1_2_and_3_jobs(tmp_path: Path, sent: list[str]) -> 
         outs.append(unwrapped(mesh(), tmp_path, n))
         assert bool(sent) is (n > 1)
     assert outs[0] == outs[1] == outs[2]
-    assert "decide_once" in sent
+    assert "start_once" in sent
 
 
 def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(

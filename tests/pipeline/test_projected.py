@@ -104,11 +104,11 @@ class Clock:
 @pytest.mark.parametrize(
     "place",
     [
-        "circparam.seams.charts.decide",
-        "circparam.seams.charts.dual_graph",
+        "circparam.seams.grown.decide",
+        "circparam.seams.grown.dual_graph",
         "circparam.seams.segmentation.decide.split_charts",
-        "circparam.seams.charts.relaxed_layouts",
-        "circparam.seams.charts.hold_stretch",
+        "circparam.seams.grown.relaxed_layouts",
+        "circparam.seams.grown.hold_stretch",
         "circparam.pipeline.flatten.rules",
         "circparam.pipeline.stored_fit.place",
     ],

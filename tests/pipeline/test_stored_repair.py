@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from circparam.formats.memory import from_arrays
 from circparam.geometry.overlap import overlaps, signs
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.repair import repair
+from circparam.pipeline import stored_repair
 from circparam.pipeline.fallback import FLIPPED, OVERLAPPING
 from circparam.pipeline.stored_repair import store
 from tests.support import needles, shapes
@@ -89,3 +93,44 @@ def test_needles_are_counted_by_the_vertices_that_moved() -> None:
     got = store(cut_mesh, uv, np.array([False]), ROUNDINGS["f4"])
     assert got.sound
     assert got.moved == (got.uv != ROUNDINGS["f4"](uv)).any(1).sum() > 0
+
+
+def two_charts() -> tuple[CutMesh, np.ndarray]:
+    """A square with a slit that rounding closes, and one without, side by side."""
+    cut_mesh, uv = slit()
+    p, f = shapes.grid(12, 12)
+    n, m = cut_mesh.n_vertices, len(cut_mesh.faces)
+    surface, _ = repair(from_arrays(p, f).mesh)
+    other = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    place = np.zeros((other.n_vertices, 2))
+    place[other.faces.ravel()] = 0.25 * p[surface.faces.ravel(), :2] + [0.7, 0.7]
+    both = CutMesh(
+        np.r_[cut_mesh.faces, other.faces + n],
+        np.r_[cut_mesh.rest_triangles, other.rest_triangles],
+        np.r_[cut_mesh.chart, other.chart + 1],
+        np.r_[cut_mesh.edges, other.edges + 3 * m],
+    )
+    return both, np.r_[uv, place]
+
+
+def test_only_charts_that_meet_themselves_are_looked_at_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rounding = ROUNDINGS["f4"]
+    both, uv = two_charts()
+    seen: list[int] = []
+
+    def counted(faces: np.ndarray, *rest: Any) -> Any:
+        seen.append(len(faces))
+        return overlaps(faces, *rest)
+
+    monkeypatch.setattr(stored_repair, "overlaps", counted)
+    got = store(both, uv, np.zeros(2, bool), rounding)
+    assert got.sound
+    assert seen[0] == len(both.faces)
+    assert len(seen) > 1
+    assert set(seen[1:]) == {int((both.chart == 0).sum())}
+    alone, where = slit()
+    one = store(alone, where, np.zeros(1, bool), rounding)
+    np.testing.assert_array_equal(got.uv[: len(where)], one.uv)
+    np.testing.assert_array_equal(got.uv[len(where) :], rounding(uv[len(where) :]))

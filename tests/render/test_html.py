@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -212,3 +213,37 @@ def test_names_that_are_not_utf_8_do_not_stop_a_page():
     text = page(make_scene(*cube()), PictureOptions(title="a\udc80<", repairs=("\udcff",)))
     assert text.encode("utf-8")
     assert "<title>a?&lt;</title>" in text
+
+
+def test_morph_targets_come_back_and_nothing_else_grows():
+    """What decode.js adds up is the target's place; a page without targets has no slider."""
+    scene = make_scene(*cube())
+    rng = np.random.default_rng(0)
+    moved = scene.points + rng.normal(size=scene.points.shape)
+    still = replace(scene, targets=(("<b>", scene.points.copy()),))
+    scene = replace(scene, targets=(("one", moved), ("two", 3 * scene.points)))
+    order = np.arange(len(scene.faces))[::-1]
+    out = unpack(*pack_geometry(scene, order))
+    index = out["index"][:, 0].reshape(-1, 3)
+    every = np.concatenate([scene.points, moved, 3 * scene.points])
+    low, extent = every.min(0), np.ptp(every, axis=0)
+    for k, points in enumerate((moved, 3 * scene.points)):
+        code = (out["position"].astype(np.int64) + out[f"move{k}"]) & 0xFFFF
+        assert np.abs(low + code[index] / 65535 * extent - points[scene.faces[order]]).max() < 1e-3
+    assert not unpack(*pack_geometry(still, order))["move0"].any()
+    text = page(still)
+    assert 'id="morph-0"' in text
+    assert "&lt;b&gt;" in text
+    assert "<b>" not in text
+    assert 'id="morph-0"' not in page(make_scene(*cube()))
+
+
+def test_copies_take_their_targets_along():
+    scene = make_scene(*cube())
+    scene = replace(scene, targets=(("up", scene.points + np.array([0.0, 0, 5])),))
+    matrix = np.diag([2.0, 1, 1, 1])
+    matrix[:3, 3] = [10, 0, 0]
+    both = with_copies(scene, [(np.arange(len(scene.faces)), matrix)])
+    ((_, points),) = both.targets
+    step = points[both.faces] - both.points[both.faces]
+    assert np.allclose(step, [0, 0, 5])

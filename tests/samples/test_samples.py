@@ -31,7 +31,7 @@ def test_script_makes_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_six_to_ten_of_every_format() -> None:
-    assert 6 <= len(samples.names()) <= 10
+    assert 6 <= len(samples.names(pairs=False)) <= 10
     suffixes = {samples.path(n).suffix for n in samples.names()}
     assert suffixes == {".obj", ".ply", ".off", ".stl", ".glb"}
 
@@ -103,3 +103,23 @@ def test_files_that_belong_together() -> None:
     assert [row.name for row in samples.manifest()] == samples.names()
     assert samples.info("vase.glb") is samples.info("vase")
     assert all(isinstance(row.vertices, int) for row in samples.manifest())
+
+
+def test_pairs_name_each_other_and_their_landmarks_are_vertices() -> None:
+    """Landmarks lie on vertices of both meshes, no vertex twice, where a bump or a tip of both is."""
+    pairs = {s.name: s.pair for s in samples.manifest() if s.pair != "-"}
+    assert set(pairs.values()) <= set(samples.names())
+    for name, other in (("head-1", "head-2"), ("creature-pose", "creature")):
+        (path,) = [p for p in samples.files(name) if p.name == f"{name}.landmarks.txt"]
+        rows = np.loadtxt(path, dtype=int)
+        a, b = (samples.load(n).mesh for n in (name, other)[:: 1 if name == "head-1" else -1])
+        assert len(rows) >= 7
+        for mesh, column in ((a, rows[:, 0]), (b, rows[:, 1])):
+            assert 0 <= column.min() <= column.max() < len(mesh.points)
+            assert len(np.unique(column)) == len(column)
+        # what is far out on one is far out on the other
+        far = [
+            np.linalg.norm(m.points[c] - m.points.mean(0), axis=1) / np.ptp(m.points, axis=0).max()
+            for m, c in ((a, rows[:, 0]), (b, rows[:, 1]))
+        ]
+        assert np.corrcoef(far)[0, 1] > 0.6

@@ -16,7 +16,7 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS
+from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import nearly_flat_components
@@ -205,9 +205,9 @@ def test_the_proxy_path_finds_seams_as_short_as_the_direct_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     shape = shapes.torus(70, 35)
-    monkeypatch.setattr(module, "DIRECT_FACES", 10**9)
+    monkeypatch.setattr(grown, "DIRECT_FACES", 10**9)
     direct = atlas_of(shape)[1]
-    monkeypatch.setattr(module, "DIRECT_FACES", 0)
+    monkeypatch.setattr(grown, "DIRECT_FACES", 0)
     monkeypatch.setattr("circparam.seams.multires.decimate.PROXY_FACES", 2500)
     proxy = atlas_of(shape)[1]
     assert proxy.seam_length == pytest.approx(direct.seam_length, rel=0.15, abs=0.05)
@@ -245,18 +245,17 @@ def test_holes_are_closed_where_that_leaves_half_of_the_complexity(
 ) -> None:
     """Nine holes and an outer boundary are ten; four and one are half of it."""
     full, less = surface_of(*shapes.holed_sheet(9)), surface_of(*shapes.holed_sheet(holes))
-    assert (module.complexity(full), module.complexity(less)) == (10, holes + 1)
-    monkeypatch.setattr(module, "LOOPS", 9)
-    monkeypatch.setattr(module, "close_small_holes", lambda _: less)
-    monkeypatch.setattr(module, "without_fans", stop)
-    grown = module.grown_atlas
+    assert (grown.complexity(full), grown.complexity(less)) == (10, holes + 1)
+    monkeypatch.setattr(grown, "LOOPS", 9)
+    monkeypatch.setattr(grown, "close_small_holes", lambda _: less)
+    monkeypatch.setattr(grown, "without_fans", stop)
     if closed:
         with pytest.raises(Called):
-            grown(full, 1.05, SeamOptions(), Monitor(), [])
+            grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), [])
     else:
-        assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
-    monkeypatch.setattr(module, "LOOPS", 10)
-    assert not grown(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
+        assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
+    monkeypatch.setattr(grown, "LOOPS", 10)
+    assert not grown.grown_atlas(full, 1.05, SeamOptions(), Monitor(), []).cut.any()
 
 
 FINE = RelaxOptions(tolerance=1e-8, max_iterations=60)
@@ -289,3 +288,12 @@ def test_min_chart_faces_is_kept_or_the_notes_count_what_is_below() -> None:
         below = int((size < least).sum())
         assert bool(below) == bool(seams.notes)
         assert all(note.startswith(f"{below} charts stay below {least}") for note in seams.notes)
+
+
+def test_prices_of_seams_are_left_out_where_charts_need_the_time() -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    for timeout, priced in ((None, True), (1000.0, True), (20.0, False)):
+        monitor = Monitor(timeout=timeout)
+        monitor.seconds["repair"] = 1.0
+        SEAMS["charts"].function(surface, SeamOptions(), monitor)
+        assert ("visibility" in monitor.seconds) is priced

@@ -18,7 +18,7 @@ FEW = ("bunny_1hole.obj", "fuze.obj", None)
 NOISE = 1e-3  # share of a length or a distortion that is none
 COUNTS = ({"max_charts": 1}, {"max_charts": 2}, {"max_charts": 5})
 # where another search is luckier still: another chart goes with another on the proxy of a large mesh
-KNOWN = {"truck.obj", "camelhead.off", "stanford-bunny.obj"}
+KNOWN = {"truck.obj", "camelhead.off", "stanford-bunny.obj", "cow.obj", "bunny10k_textured.ply"}
 OTHERS: tuple[dict[str, Any], ...] = ({"sharp": 20}, {"sharp": 45}, {"effort": 0.5})
 
 SAMPLES = samples.names() if WHOLE else ("ribbon",)

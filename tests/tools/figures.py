@@ -2,8 +2,8 @@
 
 docs/pictures/creature.png: a closed creature, its layout, a checker, its distortion. methods.png: the methods
 on one disk. xatlas.png: the creature by circparam and by xatlas. methods/NAME.png: one picture a method.
-parts-1.png, parts-2.png: six machine parts. Every file stays below 200 kB; no time is printed in them, so the
-same code makes the same pictures.
+parts-1.png, parts-2.png: six machine parts. two-surfaces-NAME.png: what one surface gives
+another. Every file stays below 200 kB; no time is printed in them, so the same code makes the same pictures.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from circparam.render.scene import make_scene
 from circparam.render.side_by_side import MethodLayout, SideBySide
 from tests.support.machined import MACHINED
 from tests.support.parts import PARTS
+from tests.tools import two_surfaces
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures"
 LIMIT = 200_000  # bytes
@@ -120,6 +121,7 @@ def parts() -> None:
 
 def main() -> int:
     """Make all of them."""
+    two_surfaces.main(save)
     parts()
     own = creature()
     xatlas(own)

@@ -42,6 +42,8 @@ def _type(kind: str, spec: Spec) -> str:
     base = kind.removesuffix(" | None")
     if spec.choices:
         base = f"Literal[{', '.join(repr(c) for c in spec.choices)}]".replace("'", '"')
+    elif spec.word:
+        base = base.replace("str", f'Literal["{spec.word}"]')
     elif base == "FloatArray":
         base = "npt.ArrayLike"
     return base + none

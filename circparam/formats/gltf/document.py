@@ -13,7 +13,16 @@ from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import write_uv
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, Tree, sound_tree
-from circparam.formats.gltf.scene import Again, read_meshes, shown_again, unshare_meshes, walk
+from circparam.formats.gltf.scene import (
+    Again,
+    mesh_matrices,
+    morph_targets,
+    read_meshes,
+    shown_again,
+    times,
+    unshare_meshes,
+    walk,
+)
 from circparam.formats.materials import Textures
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
@@ -73,6 +82,30 @@ class GltfDocument(Document):
         """COLOR_0 of the vertices."""
         with sound_tree(self.source):
             return materials.colours(self.tree, self.pools, self.mesh.faces)
+
+    def normals(self) -> FloatArray | None:
+        """NORMAL of the vertices, turned into the world; None where a primitive has none."""
+        if not all("NORMAL" in pool.attributes for pool in self.pools):
+            return None
+        rows = np.zeros((len(self.mesh.points), 3))
+        with sound_tree(self.source):
+            matrix = mesh_matrices(self.tree)
+            for p in self.primitives:
+                pool = self.pools[p.pool]
+                value = self.tree.values(pool.attributes["NORMAL"])
+                if value.shape != (pool.count, 3):
+                    raise self.source.error(
+                        f"NORMAL has {len(value)} entries for {pool.count} vertices"
+                    )
+                turn = np.linalg.pinv(matrix[p.mesh][:3, :3])
+                rows[pool.first : pool.first + pool.count] = times(value, turn)
+        rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+        return rows[self.mesh.faces]
+
+    def targets(self) -> list[tuple[str, FloatArray]]:
+        """The morph targets of the meshes: the first of each mesh together, then the second ones."""
+        with sound_tree(self.source):
+            return morph_targets(self.tree, self.primitives, self.pools, self.mesh.points)
 
     def textures(self) -> Textures | None:
         """The base colour textures of the materials."""

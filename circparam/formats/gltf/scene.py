@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +78,41 @@ def walk(tree: Tree) -> list[tuple[int, npt.NDArray[np.float64]]]:
     if not scenes and not nodes:
         return [(-1 - k, np.eye(4)) for k in range(len(tree.entries("meshes")))]
     return found
+
+
+def mesh_matrices(tree: Tree) -> dict[int, npt.NDArray[np.float64]]:
+    """Of every mesh that nodes show: the (4, 4) world transform of the first node that does."""
+    out: dict[int, npt.NDArray[np.float64]] = {}
+    for node, matrix in walk(tree):
+        out.setdefault(-1 - node if node < 0 else tree.item("nodes", node)["mesh"], matrix)
+    return out
+
+
+def morph_targets(
+    tree: Tree, primitives: list[Primitive], pools: list[Pool], points: FloatArray
+) -> list[tuple[str, FloatArray]]:
+    """The name of each morph target, and (n, 3) where the world's points are when its weight is 1."""
+    number = max((len(pool.targets) for pool in pools), default=0)
+    names = [f"target {k + 1}" for k in range(number)]
+    moved = [points.copy() for _ in range(number)]
+    matrix = mesh_matrices(tree)
+    for p in reversed(primitives):
+        extras = tree.item("meshes", p.mesh).get("extras")
+        given = extras.get("targetNames") if isinstance(extras, dict) else None
+        for k, name in enumerate(given[:number] if isinstance(given, list) else []):
+            names[k] = str(name)
+        pool = pools[p.pool]
+        for k, target in enumerate(pool.targets):
+            if "POSITION" not in target:
+                continue
+            delta = tree.values(target["POSITION"])
+            if delta.shape != (pool.count, 3):
+                raise tree.error(
+                    f"a morph target has {len(delta)} entries for {pool.count} vertices"
+                )
+            part = slice(pool.first, pool.first + pool.count)
+            moved[k][part] = points[part] + times(delta, matrix[p.mesh][:3, :3].T)
+    return list(zip(names, moved, strict=True))
 
 
 def read_meshes(tree: Tree, shown: list[tuple[int, npt.NDArray[np.float64]]]) -> Parts:
@@ -154,6 +190,11 @@ def transform(points: FloatArray, matrix: FloatArray) -> FloatArray:
     x, y, z = points.T
     with np.errstate(over="ignore", invalid="ignore"):
         return np.stack([x * m[0] + y * m[1] + z * m[2] + m[3] for m in matrix[:3]], 1)
+
+
+def times(rows: FloatArray, matrix: npt.NDArray[np.floating[Any]]) -> FloatArray:
+    """Rows (n, 3) times a matrix (3, 3), without a BLAS, whose rounding depends on the number of threads."""
+    return np.stack([(rows * column).sum(1) for column in matrix.T], 1)
 
 
 def triangles_of(index: IntArray, mode: int) -> IntArray:

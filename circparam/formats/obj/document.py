@@ -57,6 +57,11 @@ class ObjDocument(Document):
         """The colours behind the coordinates of ``v``, as many programs write them."""
         return materials.colours(self.scan, self.mesh.faces)
 
+    def normals(self) -> FloatArray | None:
+        """The vn of every corner; None where one has none."""
+        rows = self.scan.corner_normals()
+        return None if rows is None else rows[self.polys.triangles]
+
     def textures(self) -> Textures | None:
         """The diffuse images and colours of the material files that ``mtllib`` names."""
         return materials.textures(self.scan, self.polys.owner, self.source.folder)

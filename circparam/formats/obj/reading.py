@@ -174,6 +174,23 @@ class Scan:
             )
         return index
 
+    def corner_normals(self) -> FloatArray | None:
+        """(L, 3) unit normals of the corners; None where a corner has none, or names one that is not there."""
+        lines = self.of(b"vn")
+        if len(lines) == 0:
+            return None
+        number = self.fields(self.corner_tokens, 3)[0][:, 2]
+        before = np.repeat(np.searchsorted(lines, self.face_lines), np.diff(self.corner_start))
+        index = np.where(number < 0, number + before, number - 1)
+        if (index < 0).any() or (index >= len(lines)).any():
+            return None
+        rows = self.numbers(lines, 3)
+        length = np.linalg.norm(rows, axis=1, keepdims=True)
+        if not (np.isfinite(length) & (length > 0))[index].all():
+            return None
+        out: FloatArray = (rows / np.where(length > 0, length, 1.0))[index]
+        return out
+
     def libraries(self) -> list[str]:
         """The files that mtllib lines name."""
         names = [

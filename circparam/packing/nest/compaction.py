@@ -29,6 +29,7 @@ from circparam.packing.nest.contacts import (
 from circparam.packing.options import PackOptions, strip_gap
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
+from circparam.packing.straight import Straight
 
 # Contacts closer to each other than this share of the trust region count once.
 THIN = 1.0
@@ -53,7 +54,7 @@ STEP = 0.7
 FINEST = 0.75
 
 # Side in cells of the raster on which a step is looked at: gaps are about a cell wide there, overlap shows.
-OVERLAP_SIDE = 512
+OVERLAP_SIDE = 256
 
 # Steps at which outlines are sampled lie on a ladder of this ratio.
 STEP_RATIO = 2**0.5
@@ -75,13 +76,22 @@ LITTLE_GAIN = 0.2
 class Growth:
     """What stays the same while charts grow, for all layouts of the same charts.
 
-    sampled: outlines that were sampled already, by their step.
+    straight: charts that stay along the axes where they lie so, None for none. sampled: outlines that were
+    sampled already, by their step.
     """
 
     shapes: Shapes
     options: PackOptions
     budget: Budget
+    straight: Straight | None = None
     sampled: dict[float, Outlines] = field(default_factory=dict)
+
+    def turning(self, placement: Placement) -> FloatArray:
+        """(n,) 1 for charts that may be turned, 0 for those that may not, or lie along the axes and stay so."""
+        free = np.full(self.shapes.n, float(self.options.rotate == "free"))
+        if self.straight is not None:
+            free[self.straight.lying(placement.angle)] = 0.0
+        return free
 
     @property
     def unit(self) -> float:
@@ -129,7 +139,7 @@ class Growth:
 
     def crossed(self, found: Contacts) -> bool:
         """Whether charts have come so near that a tip may be through a neighbour."""
-        return least_distance(found) < CROSSED * self.options.gap
+        return found.crossing or least_distance(found) < CROSSED * self.options.gap
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -213,7 +223,7 @@ def compaction_step(
         return None
     growth.budget.spend(float(len(bound)))
     reach = np.maximum(growth.shapes.radius * placement.scale, 1e-9)
-    turn = trust / reach * (growth.options.rotate == "free")
+    turn = trust / reach * growth.turning(placement)
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
     cost[-1] = -1.0
@@ -272,9 +282,7 @@ def _grown(
     earlier: Placement | None = None
     widest = growth.shapes.radius.max()
     for _ in range(steps):
-        step = max(trust * growth.unit * STEP, growth.finest)
-        outlines = growth.outlines(step / placement.scale)
-        found = growth.near(placement, outlines, trust)
+        found = _looked_at(growth, placement, trust)
         after = None
         if earlier is None or not growth.crossed(found):
             after = compaction_step(growth, placement, found, trust, strict)
@@ -295,7 +303,15 @@ def _grown(
             trust /= 2
         if trust < LEAST_TRUST or growth.budget.over:
             break
+    if earlier is not None and growth.crossed(_looked_at(growth, placement, trust)):
+        return None, earlier, trust
     return earlier, placement, trust
+
+
+def _looked_at(growth: Growth, placement: Placement, trust: float) -> Contacts:
+    """The contacts after a step in a trust region (texels of a page of 2048)."""
+    step = max(trust * growth.unit * STEP, growth.finest)
+    return growth.near(placement, growth.outlines(step / placement.scale), trust)
 
 
 def _cut_short(

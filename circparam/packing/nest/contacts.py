@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import cKDTree
 
-from circparam.core.arrays import FloatArray, IntArray, first_of_runs, ranges
+from circparam.core.arrays import FloatArray, IntArray, cross2, first_of_runs, ranges
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 
@@ -24,13 +24,15 @@ THINNED = 0.35
 class Outlines:
     """Samples of the outlines of all charts, each about its chart's centre in the units of the uv given.
 
-    points: (k, 2). start, end: (k, 2) the edge each lies on. chart: (k,) ascending.
+    points: (k, 2). start, end: (k, 2) the edge each lies on. chart: (k,) ascending. step: between samples of an
+    edge, at most.
     """
 
     points: FloatArray
     start: FloatArray
     end: FloatArray
     chart: IntArray
+    step: float
 
 
 def sample_outlines(shapes: Shapes, step: float) -> Outlines:
@@ -47,17 +49,21 @@ def sample_outlines(shapes: Shapes, step: float) -> Outlines:
     new = np.ones(len(order), bool)
     new[1:] = (cell[1:] != cell[:-1]).any(1) | (chart[order[1:]] != chart[order[:-1]])
     first = np.sort(order[new])
-    return Outlines(points[first], start[edge[first]], end[edge[first]], chart[first])
+    return Outlines(points[first], start[edge[first]], end[edge[first]], chart[first], step)
 
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Pairs of points that come near each other: chart i at p, chart j at q (both (k, 2), page texels)."""
+    """Pairs of points that come near each other: chart i at p, chart j at q (both (k, 2), page texels).
+
+    crossing: whether outlines of two charts cross somewhere.
+    """
 
     i: IntArray
     j: IntArray
     p: FloatArray
     q: FloatArray
+    crossing: bool = False
 
 
 def to_world(placement: Placement, chart: IntArray, points: FloatArray) -> FloatArray:
@@ -89,6 +95,7 @@ def find_contacts(
     chart = outlines.chart[some]
     pairs = pairs[chart[pairs[:, 0]] != chart[pairs[:, 1]]]
     a, b = some[pairs[:, 0]], some[pairs[:, 1]]
+    crossing = _cross(placement, outlines, world, a, b)
     kept = _nearest_of_squares(outlines.chart, world, a, b, side)
     a, b = a[kept], b[kept]
     i, j = outlines.chart[a], outlines.chart[b]
@@ -97,7 +104,22 @@ def find_contacts(
     closer = ((world[a] - on_j) ** 2).sum(1) <= ((on_i - world[b]) ** 2).sum(1)
     p = np.where(closer[:, None], world[a], on_i)
     q = np.where(closer[:, None], on_j, world[b])
-    return Contacts(i, j, p, q)
+    return Contacts(i, j, p, q, crossing)
+
+
+def _cross(
+    placement: Placement, outlines: Outlines, world: FloatArray, a: IntArray, b: IntArray
+) -> bool:
+    """Whether edges on which samples a and b (k,) lie cross: where two edges do, samples of both are near."""
+    reach = outlines.step * placement.scale
+    near = np.flatnonzero(((world[a] - world[b]) ** 2).sum(1) <= reach**2)
+    ends = []
+    for sample in (a[near], b[near]):
+        chart = outlines.chart[sample]
+        ends += [to_world(placement, chart, x[sample]) for x in (outlines.start, outlines.end)]
+    p, q, r, s = ends
+    sides = [cross2(q - p, r - p), cross2(q - p, s - p), cross2(s - r, p - r), cross2(s - r, q - r)]
+    return bool(((sides[0] * sides[1] < 0) & (sides[2] * sides[3] < 0)).any())
 
 
 def _pages_apart(

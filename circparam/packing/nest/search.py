@@ -8,6 +8,7 @@ their spectra are made once; a larger scale of the charts is a smaller page on t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -105,7 +106,8 @@ def make_board(
     return Board(masks, spectra, cell, side)
 
 
-def _blur(side: int, sigma: float) -> FloatArray:
+@lru_cache(maxsize=64)
+def blur_transfer(side: int, sigma: float) -> FloatArray:
     """Transfer function of a Gaussian of ``sigma`` cells on the FFT grid, (side, side // 2 + 1)."""
     f0, f1 = sf.fftfreq(side)[:, None], sf.rfftfreq(side)[None]
     return np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
@@ -128,7 +130,7 @@ def lay_out(
     size = board.side
     grid = np.ones((pages, size, size), np.float32)
     grid[:, :side, :side] = 0
-    blur = _blur(size, sigma)
+    blur = blur_transfer(size, sigma)
     mask, row, column, page = (np.zeros(n, np.int64) for _ in range(4))
     spectra: list[Spectrum] = [sf.rfft2(g) for g in grid]
     for c in order.tolist():

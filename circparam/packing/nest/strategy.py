@@ -20,6 +20,7 @@ from circparam.packing.nest.search import (
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_square_angles
 from circparam.packing.placement import PackTask, Placement
+from circparam.packing.straight import Straight, straight_charts
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,9 @@ class Schedule:
     shelf_below: of many charts, rows of boxes are compacted only where nothing reached that much more than
         their scale.
     lone_rounds: rounds of the search for the angle of a single chart, each four times finer.
+    askew: share of the side of a page beyond which a straight chart may lie as it fits best.
+    straight_cost: share of what is covered that straight charts along the axes may cost; told from the search,
+        with ``straight_budget`` times its budget, where they have ``straight_area`` of the area.
     """
 
     hoped_share: float = 0.68
@@ -69,6 +73,10 @@ class Schedule:
     rows: float = 250_000
     shelf_below: float = 1.03
     lone_rounds: int = 8
+    askew: float = 0.5
+    straight_cost: float = 0.02
+    straight_budget: float = 0.5
+    straight_area: float = 0.05
 
 
 SCHEDULE = Schedule()
@@ -90,22 +98,43 @@ def nested(
     if shapes.n == 1:
         return _alone(shapes, options)
     layouts = _searched(task)
+    layouts, straight = _along_axes(task, layouts)
     if shapes.n <= SCHEDULE.compacted_up_to:
-        compacted = _compacted(task, layouts, skyline, shelf)
+        compacted = _compacted(task, layouts, (skyline, shelf), straight)
         if compacted is not None:
             return compacted
     return layouts[0] if layouts else None
 
 
+def _along_axes(
+    task: PackTask, layouts: list[Placement]
+) -> tuple[list[Placement], Straight | None]:
+    """Layouts with straight charts along the axes where that costs little, and those charts; else as given."""
+    shapes, options = task.shapes, task.options
+    if options.rotate != "free" or not layouts:
+        return layouts, None
+    side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / options.pages))
+    straight = straight_charts(shapes, SCHEDULE.askew * side)
+    if shapes.area[straight.counts].sum() < SCHEDULE.straight_area * shapes.area.sum():
+        return layouts, None
+    along = _searched(task, straight)
+    least = layouts[0].scale * np.sqrt(1 - SCHEDULE.straight_cost)
+    return (along, straight) if along and along[0].scale >= least else (layouts, None)
+
+
 def _compacted(
-    task: PackTask, layouts: list[Placement], skyline: Placement | None, shelf: Placement | None
+    task: PackTask,
+    layouts: list[Placement],
+    plain: tuple[Placement | None, Placement | None],
+    straight: Straight | None,
 ) -> Placement | None:
-    """The best layout grown until it locks; None where none passes the check."""
+    """The best layout grown until it locks; None where none passes the check. plain: skyline and shelf."""
+    skyline, shelf = plain
     shapes, options = task.shapes, task.options
     few = shapes.n <= SCHEDULE.few
     part = min(1.0, 4 * options.effort)
     budget = Budget(SCHEDULE.rows * max(part, 0.25), lambda: task.monitor.expired)
-    growth = Growth(shapes, options, budget)
+    growth = Growth(shapes, options, budget, straight)
     starts = layouts[: SCHEDULE.kept if shapes.n <= SCHEDULE.very_few else 1]
     starts += [skyline] if skyline is not None else []
     if not few:
@@ -137,6 +166,13 @@ def _alone(shapes: Shapes, options: PackOptions) -> Placement:
     box = shapes.boxes(angle)
     side = float((box[:, 2:] - box[:, :2]).max())
     scale = (options.resolution - 2 * options.border) / side
+    straight = straight_charts(shapes, np.inf)
+    if options.rotate == "free" and straight.counts.all():
+        along = shapes.boxes(straight.angle)
+        longer = float((along[:, 2:] - along[:, :2]).max()) / side
+        if longer**2 <= 1 + SCHEDULE.straight_cost:
+            angle, box, side = straight.angle, along, side * longer
+            scale = (options.resolution - 2 * options.border) / side
     middle = (box[:, 2:] + box[:, :2]) / 2
     offset = options.resolution / 2 - middle * scale
     return Placement(scale, angle, offset, np.zeros(1, np.int64))
@@ -146,8 +182,11 @@ def _steps(most: int, part: float) -> int:
     return max(2, round(most * part))
 
 
-def _searched(task: PackTask) -> list[Placement]:
-    """Layouts of the search on the grid, best first; empty where it found none."""
+def _searched(task: PackTask, straight: Straight | None = None) -> list[Placement]:
+    """Layouts of the search on the grid, best first; empty where it found none.
+
+    straight: charts that lie along the axes in all of them.
+    """
     shapes, options = task.shapes, task.options
     # several pages share the cells of one, so that the work stays the same
     few = shapes.n <= SCHEDULE.few
@@ -160,10 +199,14 @@ def _searched(task: PackTask) -> list[Placement]:
     box = shapes.boxes(least_square_angles(shapes, options.rotate))
     widest = float((box[:, 2:] - box[:, :2]).max())
     density = float(min(SCHEDULE.hoped_share, 0.97 * shapes.area.sum() / widest**2 / options.pages))
+    operations *= 1.0 if straight is None else SCHEDULE.straight_budget
     budget = Budget(operations * options.effort, lambda: task.monitor.expired)
     for _ in range(SCHEDULE.tries):
         cell = cell_size(shapes, options, cells, density)
         angles = chart_angles(shapes, options, cell, 64 if shapes.n <= SCHEDULE.very_few else 24)
+        if straight is not None:
+            for c in np.flatnonzero(straight.counts).tolist():
+                angles[c] = straight.angle[c] + np.arange(4) * (np.pi / 2)
         board = make_board(shapes, options, angles, cells, density)
         found = search(board, shapes, options, cells, budget)
         if found:

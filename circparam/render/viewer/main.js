@@ -79,6 +79,7 @@ async function start() {
   $("seams").addEventListener("change", (event) => ((state.seams = event.target.checked), redraw()));
   wireModes(meta, state, redraw);
   wireSliders(meta, state, redraw);
+  wireMorphs(meta, mesh, renderer, moved);
   loadImages(meta, renderer, redraw);
   canvas.addEventListener("webglcontextlost", () => fail("the graphics driver was reset: reload the page"));
   new ResizeObserver(moved).observe(stage);

@@ -73,6 +73,7 @@ class Renderer {
     this.ground = program(gl, GROUND_VERTEX, GROUND_FRAGMENT);
     this.corners = mesh.index.length;
     this.seams = mesh.seams.length;
+    this.buffers = [];
     this.faces = this.vertexArray(cornerBuffer(mesh), 20, 0, [
       [3, gl.UNSIGNED_SHORT, 0], [2, gl.UNSIGNED_SHORT, 8], [2, gl.UNSIGNED_BYTE, 12],
       [1, gl.UNSIGNED_INT, 16], [1, gl.UNSIGNED_SHORT, 6],
@@ -102,7 +103,8 @@ class Renderer {
   vertexArray(bytes, stride, divisor, attributes, whole) {
     const gl = this.gl, array = gl.createVertexArray();
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    this.buffers.push(gl.createBuffer());
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.at(-1));
     gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
     attributes.forEach(([size, type, offset], i) => {
       gl.enableVertexAttribArray(i);
@@ -112,6 +114,15 @@ class Renderer {
     });
     gl.bindVertexArray(null);
     return array;
+  }
+
+  /* The same faces with other positions and normals. */
+  setGeometry(mesh) {
+    const gl = this.gl;
+    [cornerBuffer(mesh), seamBuffer(mesh)].forEach((bytes, k) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[k]);
+      gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.DYNAMIC_DRAW);
+    });
   }
 
   texture(wrap, mipmaps) {

@@ -12,6 +12,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.copies import find_copies, spread_copies
+from circparam.seams.hard.exact import prefer_exact
 from circparam.seams.hard.regions import seam_prices
 from circparam.seams.hard.unroll import layers, slits, straight, unroll
 from circparam.seams.options import SeamOptions
@@ -29,7 +30,7 @@ FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30, bound=1 + 1e-6)
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60, bound=1 + 1e-6)
 MARGIN = 0.001  # share of the root of its area that parts of one chart keep apart
 COILED = 0.9  # of the excess of the bound over 1: how far strips that lie straight are relaxed
-EYESORE = 2.0  # what a seam in a flat counts on top of its length when two atlases are compared
+EYESORE = 4.0  # what a seam in a flat counts on top of its length when two atlases are compared
 WORK = 16.0  # times the faces of the surface: what the trials of merging may hold in all
 SPLITS = 16  # rounds of splitting regions that break the bound
 
@@ -47,50 +48,54 @@ def hard_atlas(
     Of components that are copies of each other one is worked on, and the others get the same charts.
     """
     copies = find_copies(surface)
+    whole = Atlas(surface, np.zeros(len(surface.edges), bool), prices=seam_prices(surface))
     if copies.first.all():
-        return _decided(surface, bound, options, worker, monitor, notes)
-    part = surface.part(copies.first)
-    atlas = spread_copies(surface, copies, _decided(part, bound, options, worker, monitor, notes))
+        return _decided(whole, bound, options, worker, monitor, notes)
+    part = _decided(whole.part(copies.first), bound, options, worker, monitor, notes)
+    atlas = spread_copies(surface, copies, part)
     cut_mesh = atlas.cut_mesh()
     bad = judge(cut_mesh, atlas.gather(cut_mesh)).bad(bound)[cut_mesh.chart]
     bad &= ~copies.first
     if bad.any():  # copies are not exact: these need charts of their own
-        whole = surface.whole_components(bad)
-        own = _decided(surface.part(whole), bound, options, worker, monitor, notes)
-        atlas.put(whole, own)
-    atlas.prices = seam_prices(surface)
+        own = surface.whole_components(bad)
+        atlas.put(own, _decided(whole.part(own), bound, options, worker, monitor, notes))
+    atlas.prices = whole.prices
     return atlas
 
 
 def _decided(
-    surface: Surface,
+    atlas: Atlas,
     bound: float,
     options: SeamOptions,
     worker: Worker,
     monitor: Monitor,
     notes: list[str],
 ) -> Atlas:
-    """The atlas of a hard surface, component by component at the same time."""
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=seam_prices(surface))
-    graph = dual_graph(surface, atlas.flat)
+    """Cut and lay out a hard surface that has no seams yet, all components at the same time."""
+    graph = dual_graph(atlas.surface, atlas.flat)
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
-        merger = Merger(
-            atlas,
-            MergeOptions(bound, margin=MARGIN, rigid=True, work=WORK),
-            np.zeros(len(atlas.cut), bool),
-            worker,
-        )
-        merger.run(monitor)
+        start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
+        merging = MergeOptions(bound, margin=MARGIN, rigid=True, work=WORK)
+        Merger(atlas, merging, np.zeros(len(atlas.cut), bool), worker).run(monitor)
     with monitor.stage("enforce"):
         layouts = settled(atlas, monitor)
         enforce(atlas, graph, layouts, bound, FINAL, monitor)
+    with monitor.stage("charts"):
+        prefer_exact(atlas, start, merging, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            merging = MergeOptions(bound, margin=MARGIN, rigid=True)
-            left = absorb(atlas, merging, options.min_chart_faces, monitor)
+            absorbing = MergeOptions(bound, margin=MARGIN, rigid=True)
+            left = absorb(atlas, absorbing, options.min_chart_faces, monitor)
             notes += small_note(left, options.min_chart_faces)
     return atlas
+
+
+def with_seams(atlas: Atlas) -> BoolArray:
+    """(m,) bool: faces of components that are cut."""
+    beside = np.zeros(len(atlas.surface.faces), bool)
+    beside[atlas.surface.edges[atlas.cut, 0] // 3] = True
+    return atlas.surface.whole_components(beside)
 
 
 def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float) -> BoolArray:

@@ -7,7 +7,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
-from circparam.seams.hard.regions import FLAT, flats, seam_prices, turns
+from circparam.seams.hard.regions import FLAT, flats, turns
 from circparam.seams.segmentation.shorten import sharp_prices
 
 BENDS = 4 * FLAT  # mean turn of the edges round a flat, from which on it stands out
@@ -65,16 +65,21 @@ def flat_prices(surface: Surface) -> SeamPrices:
     return SeamPrices(price, flat, none, none)
 
 
-def hard_prices(surface: Surface, hard: BoolArray) -> SeamPrices:
-    """The prices of hard surfaces on components that were laid out as such ((m,) bool), none on others."""
-    prices = seam_prices(surface)
-    here = hard[surface.edges[:, 0] // 3]
-    return SeamPrices(
-        np.where(here, prices.price, sharp_prices(surface)),
-        prices.flat & here,
-        prices.sharp & here,
-        prices.crease & here,
-    )
+def hard_prices(surface: Surface, parts: list[tuple[BoolArray, Atlas]]) -> SeamPrices:
+    """The prices of components that were laid out as hard ones, none on others.
+
+    parts: [((m,) bool: faces, the atlas of those, with its prices)].
+    """
+    none = np.zeros(len(surface.edges), bool)
+    out = SeamPrices(sharp_prices(surface), none, none.copy(), none.copy())
+    for faces, atlas in parts:
+        if atlas.prices is not None:
+            inside = faces[surface.edges // 3].all(1)
+            out.price[inside] = atlas.prices.price
+            out.flat[inside] = atlas.prices.flat
+            out.sharp[inside] = atlas.prices.sharp
+            out.crease[inside] = atlas.prices.crease
+    return out
 
 
 def with_hard_prices(atlas: Atlas) -> BoolArray:

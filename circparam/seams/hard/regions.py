@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_min, group_sum
@@ -40,6 +42,7 @@ FEW, PARTS = (
 LARGE = 32  # faces of a region in the mean, from which on it is none of a round shape of few
 CRUMBS = 0.01  # of the area: less of hard surfaces than that is taken as organic
 SURE_FLATS, SURE_REGIONS = 0.6, 0.75  # and from which on there is no doubt
+ALL_REGIONS = 0.9  # likewise, of regions between sharp edges
 
 
 def face_heights(surface: Surface) -> tuple[FloatArray, FloatArray]:
@@ -128,47 +131,75 @@ def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:
     return np.where(rim, np.pi, 2 * np.pi) - total, rim
 
 
+@dataclass(frozen=True, eq=False)
+class _Bounded:
+    """Regions bounded by edges that turn more than some angle, summed over components.
+
+    unrolls: share of the area in regions that hold hardly any curvature. regions: their number. creases: length
+    of the edges between them; blunt: of it where they turn by less than BLUNT.
+    """
+
+    unrolls: FloatArray
+    regions: IntArray
+    creases: FloatArray
+    blunt: FloatArray
+
+    @staticmethod
+    def of(surface: Surface, angle: FloatArray, limit: float) -> _Bounded:
+        """angle: (e,) of every edge."""
+        fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
+        n, component = surface.components
+        total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
+        inner = angle < limit
+        _, corners = corner_classes(len(surface.faces), surface.edges[inner])
+        count, region = components(len(surface.faces), fi[inner], fj[inner])
+        cut_mesh = CutMesh(corners, surface.rest_triangles, region, surface.edges[inner])
+        defect, rim = curvature(cut_mesh)
+        bent = group_sum(np.where(rim, 0.0, np.abs(defect)), cut_mesh.vertex_chart, count)
+        unrolls = group_sum(surface.areas * (bent < CURVED)[region], component, n) / total
+        _, first = np.unique(region, return_index=True)
+        of, length = component[fi[~inner]], surface.edge_lengths[~inner]
+        return _Bounded(
+            unrolls,
+            np.bincount(component[first], minlength=n),
+            group_sum(length, of, n),
+            group_sum(length * (angle[~inner] < BLUNT), of, n),
+        )
+
+
 def hardness(surface: Surface) -> IntArray:
     """(m,) ORGANIC, DOUBTFUL or HARD: what the component of each face is, by measurement.
 
     Hard surfaces have much of their area in flats of several faces, or in regions bounded by creases that hold
     hardly any curvature, and their creases are sharp: where most of them are blunt, it may be a round shape of
-    few faces. Scans and organic shapes have neither; a soup of tiny regions has no parts worth keeping whole.
+    few faces, unless all of it unrolls between its sharp edges alone. Scans and organic shapes have neither; a
+    soup of tiny regions has no parts worth keeping whole.
     """
-    m = len(surface.faces)
-    fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
     n, component = surface.components
     angle, _ = turns(surface)
-    area = surface.areas
-    total = np.maximum(group_sum(area, component, n), 1e-300)
+    total = np.maximum(group_sum(surface.areas, component, n), 1e-300)
     flat, _ = flats(surface, angle)
     in_flat = (np.bincount(flat) >= FLAT_FACES)[flat]
-    share = group_sum(area * in_flat, component, n) / total
-    inner = angle < CREASE
-    _, corners = corner_classes(m, surface.edges[inner])
-    count, region = components(m, fi[inner], fj[inner])
-    cut_mesh = CutMesh(corners, surface.rest_triangles, region, surface.edges[inner])
-    defect, rim = curvature(cut_mesh)
-    bent = group_sum(np.where(rim, 0.0, np.abs(defect)), cut_mesh.vertex_chart, count)
-    unrolls = group_sum(area * (bent < CURVED)[region], component, n) / total
-    _, first = np.unique(region, return_index=True)
-    regions = np.bincount(component[first], minlength=n)
+    share = group_sum(surface.areas * in_flat, component, n) / total
     size = np.bincount(component, minlength=n)
+    found = _Bounded.of(surface, angle, CREASE)
+    regions, creases, blunt = found.regions, found.creases, found.blunt
     scraps = (regions > MANY) & (regions * SCRAPS > size)
     whole = (regions <= FEW) | (regions * PARTS <= size)
-    of, length = component[fi[~inner]], surface.edge_lengths[~inner]
-    creases = group_sum(length, of, n)
-    blunt = group_sum(length * (angle[~inner] < BLUNT), of, n)
-    candidate = (share >= HARD_FLATS) | ((creases > 0) & (unrolls >= HARD_REGIONS) & ~scraps)
-    clear = (share >= SURE_FLATS) | ((unrolls >= SURE_REGIONS) & whole)
+    candidate = (share >= HARD_FLATS) | ((creases > 0) & (found.unrolls >= HARD_REGIONS) & ~scraps)
+    clear = (share >= SURE_FLATS) | ((found.unrolls >= SURE_REGIONS) & whole)
     # no round shape of few faces has so much in flats of several, or regions so large that unroll
-    plain = (share >= SURE_FLATS) | ((unrolls >= SURE_REGIONS) & (regions * LARGE <= size))
+    plain = (share >= SURE_FLATS) | ((found.unrolls >= SURE_REGIONS) & (regions * LARGE <= size))
     plain &= blunt < (1 - HARDLY) * creases
     sure = plain | (blunt < MOSTLY * creases) & (clear | (blunt < HARDLY * creases))
-    found = np.where(candidate, np.where(sure, HARD, DOUBTFUL), ORGANIC)
-    if total[found != ORGANIC].sum() < CRUMBS * total.sum():
-        found[:] = (
-            ORGANIC  # a few fragments beside an organic shape are not worth a way of their own
-        )
-    result: IntArray = found[component]
+    if (candidate & ~sure).any():
+        # a tube of few sides has blunt creases along it, and unrolls
+        parts = _Bounded.of(surface, angle, SHARP)
+        sharp = (parts.creases > 0) & (parts.blunt < HARDLY * parts.creases)
+        sure |= sharp & (parts.unrolls >= ALL_REGIONS) & (parts.regions * PARTS <= size)
+    kind = np.where(candidate, np.where(sure, HARD, DOUBTFUL), ORGANIC)
+    if total[kind != ORGANIC].sum() < CRUMBS * total.sum():
+        # a few fragments beside an organic shape are not worth a way of their own
+        kind[:] = ORGANIC
+    result: IntArray = kind[component]
     return result

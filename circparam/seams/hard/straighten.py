@@ -20,16 +20,21 @@ from circparam.geometry.distortion import face_stretch
 from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
-from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.layout import ChartLayouts, judge
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.weigh import Limits, share_over
+from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.poisson import from_jacobians
 
 RINGS = 2  # edges that a seam moves at most
+EASED, MET = 3.0, 0.98  # of the excess of the bound over 1: what is relaxed, and how far
+EASE = RelaxOptions(tolerance=1e-4, max_iterations=12)
 TRIES = 8  # rounds of moves; from the second on at most one beside a chart
 UNTANGLE = 4  # rounds of laying faces that moved beside their neighbours
+WORK, FREE = 1.5, 10_000  # faces of all tries: times those of the surface, and so many more
 BACK = 3  # times that moves beside charts that they spoil are taken back
 MOVES = 8  # times that single faces are handed over
+AGAIN = 1e-3  # of the cost of all seams: what a move must gain to be tried a second time
 WORTH = 0.01  # of the dearest edge of a face, below which it stays
 
 
@@ -43,6 +48,8 @@ def straighten(atlas: Atlas, limits: Limits, monitor: Monitor) -> None:
     """
     if not atlas.cut.any() or monitor.expired:
         return
+    cut, unit, gain = _flats_in_one(atlas)
+    _adopt(atlas, cut, unit, gain, limits, monitor)
     proposal = propose(atlas, RINGS)
     old, new = proposal.costs(atlas.lengths)
     gain = old - new
@@ -75,21 +82,45 @@ def _adopt(
     """
     changed = np.flatnonzero(atlas.cut != cut)
     unit = unit[changed]
-    _, chart = atlas.charts()
-    before, uv = atlas.open()
-    over = share_over(before, face_stretch(before, uv), limits.most).sum()
-    limits = replace(limits, allowed=max(float(over), limits.allowed))
-    sides = chart[atlas.surface.edges[changed] // 3]
+    total = atlas.lengths[atlas.cut].sum()
+    faces = atlas.surface.edges[changed] // 3
+    sides = atlas.charts()[1][faces]
     left = np.unique(unit)
+    work = WORK * len(atlas.corners) + FREE
     for turn in range(TRIES):
-        if len(left) == 0 or monitor.expired:
+        if len(left) == 0 or work < 0 or monitor.expired:
             break
         pick = left
         if turn:
             here = np.isin(unit, left)
             pick = _one_a_chart(unit[here], sides[here], gain)
-        good = _attempt(atlas, changed, unit, pick, limits)
+        moving = np.isin(unit, pick)
+        good, size = _tried(atlas, changed[moving], unit[moving], limits)
+        work -= size
         left = np.setdiff1d(left, pick if turn else good)
+        left = left[gain[left] > AGAIN * total]
+
+
+def _tried(atlas: Atlas, changed: IntArray, unit: IntArray, limits: Limits) -> tuple[IntArray, int]:
+    """Move units on the charts that they touch alone. changed: their edges.
+
+    Returns (those that were moved, the number of faces of those charts).
+    """
+    n, chart = atlas.charts()
+    touched = np.zeros(n, bool)
+    touched[chart[atlas.surface.edges[changed] // 3]] = True
+    here = touched[chart]
+    part = atlas.part(here)
+    inside = np.cumsum(here[atlas.surface.edges // 3].all(1)) - 1
+    before, uv = atlas.open()
+    far = before.areas * (face_stretch(before, uv) > limits.most)
+    total = before.areas.sum()
+    most = max(far.sum(), limits.allowed * total) - far[~here].sum()
+    limits = replace(limits, allowed=float(most / before.areas[here].sum()))
+    moved = _attempt(part, inside[changed], unit, np.unique(unit), limits)
+    if len(moved):
+        atlas.put(here, part)
+    return moved, len(part.corners)
 
 
 def _one_a_chart(unit: IntArray, sides: IntArray, gain: FloatArray) -> IntArray:
@@ -146,14 +177,29 @@ def _laid_again(atlas: Atlas, old_cut: BoolArray, chart: IntArray, limits: Limit
         uv, _ = from_jacobians(
             sub, targets_from(atlas, gradients)[:, :, fid], UNTANGLE, held=(held, uv[held])
         )
+    uv, energies = _eased(sub, uv, limits.bound, atlas)
     atlas.corners[fid] = uv[sub.faces]
-    bad[which] = judge(sub, uv).bad(limits.bound)
+    bad[which] = energies.bad(limits.bound)
     if not bad.any():
         _, whole = atlas.open()
         stretch = face_stretch(cut_mesh, whole)
         if share_over(cut_mesh, stretch, limits.most).sum() > limits.allowed:
             bad[cut_mesh.chart[moved & (stretch > limits.most)]] = True
     return bad[cut_mesh.chart]
+
+
+def _eased(
+    cut_mesh: CutMesh, uv: FloatArray, bound: float, atlas: Atlas
+) -> tuple[FloatArray, ChartLayouts]:
+    """Relax charts that miss the bound by little until they meet it; those of hard surfaces stay."""
+    layouts = judge(cut_mesh, uv)
+    near = ~(layouts.energy <= bound) & (layouts.energy <= 1 + EASED * (bound - 1))
+    near &= ~layouts.overlapping
+    if atlas.prices is None or atlas.prices.sharp.any() or not near.any():
+        return uv, layouts
+    sub, vid, _ = cut_mesh.subset(near)
+    uv[vid] = relax(sub, uv[vid], replace(EASE, bound=1 + MET * (bound - 1))).uv
+    return uv, judge(cut_mesh, uv)
 
 
 def _moved(atlas: Atlas, old_cut: BoolArray, chart: IntArray) -> BoolArray:
@@ -178,6 +224,43 @@ def _torn(cut_mesh: CutMesh, chart: IntArray, moved: BoolArray) -> BoolArray:
     parted = np.bincount(pairs[1]) > 1
     bad[pairs[0][parted[pairs[1]]]] = True
     return bad
+
+
+def _flats_in_one(atlas: Atlas) -> tuple[BoolArray, IntArray, FloatArray]:
+    """((e,) seams when each flat is in the chart that has most of it, (e,) flat beside, (flats,) gain of that).
+
+    Only flats that gain by it change: a seam round part of one is longer than the one across it was.
+    """
+    surface, flat = atlas.surface, atlas.flat
+    m, fi, fj = len(surface.faces), surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
+    if flat is None or not (atlas.cut & flat).any():
+        return atlas.cut, np.zeros(len(atlas.cut), np.int64), np.zeros(1)
+    n, label = components(m, fi[flat], fj[flat])
+    _, chart = atlas.charts()
+    most = _main_of(label, chart, surface.areas)[label]
+    moved = most != chart
+    after = np.where(moved[fi] | moved[fj], most[fi] != most[fj], atlas.cut)
+    # an edge beside two flats that change is counted for both: that errs to either side
+    change = np.where(after, 0.0, atlas.lengths) - np.where(atlas.cut, 0.0, atlas.lengths)
+    change[after == atlas.cut] = 0.0
+    gain = group_sum(np.where(moved[fi], change, 0.0), label[fi], n)
+    other = moved[fj] & ~(moved[fi] & (label[fi] == label[fj]))
+    gain += group_sum(np.where(other, change, 0.0), label[fj], n)
+    good = gain > 0
+    most = np.where(good[label], most, chart)
+    moved = most != chart
+    after = np.where(moved[fi] | moved[fj], most[fi] != most[fj], atlas.cut)
+    return after & ~surface.locked, np.where(moved[fi], label[fi], label[fj]), gain
+
+
+def _main_of(label: IntArray, chart: IntArray, areas: FloatArray) -> IntArray:
+    """(labels,) the chart that has most of the area of each label."""
+    width = int(chart.max()) + 1
+    pairs, inverse = np.unique(label * width + chart, return_inverse=True)
+    area = group_sum(areas, inverse.reshape(-1), len(pairs))
+    of = pairs // width
+    order = np.lexsort((np.arange(len(pairs)), -area, of))
+    return np.asarray(pairs[order[first_of_runs(of[order])]] % width)
 
 
 def _handed_over(atlas: Atlas) -> BoolArray:

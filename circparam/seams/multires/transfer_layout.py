@@ -13,7 +13,6 @@ from circparam.core.arrays import (
     first_of_runs,
     group_count,
     group_sum,
-    ranges,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.geometry.gradient_transfer import (
@@ -79,16 +78,19 @@ def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
     face = np.flatnonzero(cell >= 0)
     centre = coarse.points[coarse.faces].mean(1)
     size = float(np.sqrt(coarse.areas.mean()))
-    for part in np.array_split(face, max(1, len(face) // 300_000)):
-        k = degree[cell[part]]
-        f = np.repeat(part, k)
-        candidate = order[np.repeat(first[cell[part]], k) + ranges(k)] // 3
-        here = fine.points[fine.faces[f]].mean(1)
-        apart = np.linalg.norm(centre[candidate] - here, axis=1) / size
-        turn = 1 - (coarse.normals[candidate] * fine.normals[f]).sum(1)
-        best = np.lexsort((apart + 0.5 * turn, f))
-        start = first_of_runs(f[best])
-        out[f[best][start]] = candidate[best][start]
+    a, b, c = fine.faces.T
+    here = (fine.points[a] + fine.points[b] + fine.points[c]) / 3
+    best = np.full(len(fine.faces), np.inf)
+    for turn in range(
+        int(degree.max(initial=0))
+    ):  # the k-th face round each cell, all cells at once
+        face = face[degree[cell[face]] > turn]
+        candidate = order[first[cell[face]] + turn] // 3
+        apart = np.sqrt(((centre[candidate] - here[face]) ** 2).sum(1)) / size
+        apart += 0.5 * (1 - (coarse.normals[candidate] * fine.normals[face]).sum(1))
+        nearer = apart < best[face]
+        best[face[nearer]] = apart[nearer]
+        out[face[nearer]] = candidate[nearer]
     return out
 
 
@@ -107,10 +109,15 @@ def match_charts(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> Transfe
     n, chart = fine.charts()
     label = np.where(near >= 0, coarse_chart[near], -1)
     ok = label >= 0
-    nc = int(coarse_chart.max()) + 1
-    shared = group_sum(fine.surface.areas[ok], chart[ok] * nc + label[ok], n * nc).reshape(n, nc)
-    main = shared.argmax(1)
-    area = shared.max(1)
+    # not as a table of both: thousands of components would make millions of pairs
+    width = int(coarse_chart.max()) + 1
+    pairs, inverse = np.unique(chart[ok] * width + label[ok], return_inverse=True)
+    shared = group_sum(fine.surface.areas[ok], inverse.reshape(-1), len(pairs))
+    of = pairs // width
+    order = np.lexsort((-shared, of))
+    best = order[first_of_runs(of[order])]
+    main, area = np.zeros(n, np.int64), np.zeros(n)
+    main[of[best]], area[of[best]] = pairs[best] % width, shared[best]
     order = np.lexsort((-area, main))
     real = np.zeros(n, bool)
     real[order[first_of_runs(main[order])]] = True

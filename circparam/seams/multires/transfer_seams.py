@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys, first_of_runs
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    edge_keys,
+    first_of_runs,
+    group_count,
+)
 from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 from circparam.seams.multires.decimate import Proxy
@@ -12,11 +21,19 @@ from circparam.seams.segmentation.paths import Bands, Chains, chains_of, route
 from circparam.seams.segmentation.shorten import bands, edge_costs
 
 RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by attempt
+NEAR_RINGS = (
+    1,
+    0,
+    2,
+)  # from a surface with hardly fewer faces, along whose edges paths would zigzag
 HALVINGS = 4  # of a chain that found no path
 
 
-def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas) -> int:
-    """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found."""
+def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas, rings: tuple[int, ...] = RINGS) -> int:
+    """Cut the fine surface along shortest paths in the cells of the coarse seams; returns paths not found.
+
+    rings: cells beside a seam's own that its path may use, attempt by attempt.
+    """
     surface = coarse.surface
     n = len(surface.points)
     flat = surface.faces.ravel()
@@ -32,8 +49,14 @@ def transfer_seams(coarse: Atlas, proxy: Proxy, fine: Atlas) -> int:
     chains = chains_of(a, b, n, boundary)
     router = _Router(fine, proxy, (flat, along), boundary, chains)
     left = chains
-    for rings in RINGS:
-        left = router.cut(left, rings)
+    if rings[0] > 0:  # where nothing was decimated, seams are taken over as they are
+        single = group_count(proxy.cell[proxy.cell >= 0], n) == 1
+        own = single[chains.start] & single[chains.end]
+        own[chains.chain[~single[chains.vertex]]] = False
+        found = router.cut(_some_chains(chains, np.flatnonzero(own)), 0)
+        left = _joined(_some_chains(chains, np.flatnonzero(~own)), found)
+    for wide in rings:
+        left = router.cut(left, wide)
     for _ in range(HALVINGS):
         # a long path that fails as a whole may fail in one place only: its halves are tried alone
         left = _halves(left)
@@ -166,6 +189,19 @@ def _some_chains(chains: Chains, which: IntArray) -> Chains:
         chains.position[inner],
         chains.size[which],
     )
+
+
+def _joined(first: Chains, second: Chains) -> Chains:
+    """Chains of both, those of the second behind those of the first."""
+    if len(second.start) == 0:
+        return first
+    number = second.chain + len(first.start)
+    parts = zip(
+        dataclasses.astuple(first),
+        (second.start, second.end, second.vertex, number, second.position, second.size),
+        strict=True,
+    )
+    return Chains(*(np.r_[a, b] for a, b in parts))
 
 
 def _fine_bands(

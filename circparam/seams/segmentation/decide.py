@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,12 +37,17 @@ SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge wh
 RISE = 1e-3  # share of the mean distortion that fewer charts and shorter seams may cost: nobody sees it
 LONGER = 0.01  # share by which seams may be longer that part fewer charts
 LAST_WORK = 1.0  # times the faces of the surface that unions for it may have together
+BARREN = (
+    20_000  # faces of trials, from which on a round without a union is the last for hard surfaces
+)
 LAST_FACES = 100_000  # larger unions than that are not tried for it
 NEARLY_FLAT = 6.0  # energy of the map onto a circle, up to which a component may need no seam
 NEAR_MISS = 1.3  # times the bound's excess over 1, up to which it may need no more than a slit
 FEW_STEPS = 15  # that maps onto a circle need which are nearly flat: of ten meshes 11 at most
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may not overlap
+# share by which a start costs more when it has merged, from which it is given up: of 15 meshes none of them won
+BEHIND = 0.1
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
 HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
@@ -105,26 +109,55 @@ def nearly_flat_components(atlas: Atlas, bound: float) -> BoolArray:
 def best_of_starts(
     surface: Surface, bound: float, margin: float, worker: Worker, monitor: Monitor
 ) -> Atlas:
-    """Grow, merge and shorten charts: the best of a few starts where that is cheap."""
+    """Grow, merge and shorten charts: the best of a few starts where that is cheap.
+
+    Starts that are clearly behind when they have merged are not gone on with.
+    """
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
     # so many holes and handles cut the surface up that regions hardly matter
     if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
         seeds = seeds[:1]
     if len(seeds) == 1:
-        return grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
+        start = grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
+        return shortened(start, bound, margin, monitor)
     tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
-    starts = [Atlas(surface, *s) for s in worker.map(decide_once, tasks, monitor) if s]
-    cost = [c.seam_length + CHART_COST * c.charts()[0] for c in starts]
-    return starts[int(np.argmin(cost))]
+    starts = [s for s in worker.map(start_once, tasks, monitor) if s]
+    cost = np.array([_cost(s.merger.atlas) for s in starts])
+    near = np.flatnonzero(cost <= (1 + BEHIND) * cost.min())
+    if monitor.expired:
+        near = np.array([int(cost.argmin())])
+    done = worker.map(shorten_once, [(starts[k], bound, margin) for k in near], monitor)
+    ends = [Atlas(surface, *one) for one in done]
+    return ends[int(np.argmin([_cost(end) for end in ends]))]
 
 
-def decide_once(
+def _cost(atlas: Atlas) -> float:
+    """What starts are compared by."""
+    return atlas.seam_length + CHART_COST * atlas.charts()[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Charts that have merged, and what the merging has learnt. crowd: they came from very many."""
+
+    merger: Merger
+    crowd: bool
+
+
+def start_once(
     surface: Surface, bound: float, margin: float, seeds: int, needed: bool, monitor: Monitor
-) -> tuple[BoolArray, FloatArray] | None:
-    """(cut, corners) of one start; None where it is not needed and there is no time for it."""
+) -> Start | None:
+    """One start; None where it is not needed and there is no time for it."""
     if monitor.expired and not needed:
         return None
-    atlas = grow_and_merge(surface, bound, margin, seeds, None, monitor)
+    return grow_and_merge(surface, bound, margin, seeds, None, monitor)
+
+
+def shorten_once(
+    start: Start, bound: float, margin: float, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """(cut, corners) of a start when its seams are short."""
+    atlas = shortened(start, bound, margin, monitor)
     return atlas.cut, atlas.corners
 
 
@@ -135,8 +168,8 @@ def grow_and_merge(
     seeds: int,
     worker: Worker | None,
     monitor: Monitor,
-) -> Atlas:
-    """Grow charts round so many seeds, split what is bad, merge, shorten, merge again.
+) -> Start:
+    """Grow charts round so many seeds, split what is bad, merge.
 
     worker: lays half of the charts out where there is nothing better for it to do.
     """
@@ -164,13 +197,20 @@ def grow_and_merge(
     fixed = np.zeros(len(atlas.cut), bool)
     merger = Merger(atlas, MergeOptions(bound, margin=margin), fixed, worker)
     merger.run(monitor)
+    return Start(merger, crowd)
+
+
+def shortened(start: Start, bound: float, margin: float, monitor: Monitor) -> Atlas:
+    """Shorten the seams, merge again, and shorten once more where that changed anything."""
+    merger, atlas = start.merger, start.merger.atlas
     _, before = atlas.charts()
-    arcs = arcs_of(atlas, before)
-    steps = HASTY if crowd else FAIR
+    arcs, was = arcs_of(atlas, before), atlas.cut.copy()
+    steps = HASTY if start.crowd else FAIR
     shorten_seams(atlas, bound, steps, 3, margin=margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
-    shorten_seams(atlas, bound, steps, 1, margin=margin)
+    if (atlas.cut != was).any():
+        shorten_seams(atlas, bound, steps, 1, margin=margin)
     return atlas
 
 
@@ -185,9 +225,25 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
     pieces, _ = atlas.surface.components
     if not pieces < n <= CROWD or monitor.expired:
         return
-    how: dict[str, Any] = {"faces": LAST_FACES, "work": LAST_WORK, "rise": RISE, "zip": False}
-    options = MergeOptions(bound, margin=margin, cone=SHORT_ARCS, **how)
-    Merger(atlas, options, np.zeros(len(atlas.cut), bool)).run(monitor)
+    options = MergeOptions(
+        bound,
+        margin=margin,
+        cone=SHORT_ARCS,
+        zip=False,
+        faces=LAST_FACES,
+        work=LAST_WORK,
+        rise=RISE,
+    )
+    merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool))
+    if atlas.prices is None:
+        merger.run(monitor)
+        return
+    # charts of hard surfaces were tried with all arcs at once too: where a round finds nothing, hardly one does
+    while merger.work <= merger.limit and not monitor.expired:
+        merged = merger.tally["merged"]
+        going = merger.round(monitor)
+        if not going or (merger.tally["merged"] == merged and merger.work > BARREN):
+            break
 
 
 def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:

@@ -14,6 +14,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_max,
     group_sum,
+    sorted_distinct,
 )
 from circparam.core.graph import components, distances, nearest, undirected
 from circparam.mesh.atlas import Atlas
@@ -89,7 +90,7 @@ def grow(
         if turn == rounds:
             break
         between = region[tail] != region[head]
-        rim = np.unique(np.r_[tail[between], head[between]])
+        rim = sorted_distinct(np.r_[tail[between], head[between]])
         if len(rim) == 0:
             break
         inner = undirected(n, tail[~between], head[~between], step[~between])

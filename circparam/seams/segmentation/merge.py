@@ -6,7 +6,7 @@ about one relaxation of the surface however many charts there are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -334,12 +334,13 @@ class Merger:
         """Lay unions out; many faces in parts, by all processes."""
         cut_mesh = unions.cut_mesh
         crowd = cut_mesh.n_charts > MANY
+        options = replace(self.options, room=self.room)
         if self.worker is None:
-            return lay_out(unions, self.options, crowd, monitor)
+            return lay_out(unions, options, crowd, monitor)
         tried = Tried.nothing(cut_mesh)
         parts = chart_parts(cut_mesh)
         tasks = [
-            (Unions(sub, unions.corners[fid], unions.in_right[fid]), self.options, crowd)
+            (Unions(sub, unions.corners[fid], unions.in_right[fid]), options, crowd)
             for _, sub, _, fid in parts
         ]
         done = self.worker.map(lay_out, tasks, monitor)

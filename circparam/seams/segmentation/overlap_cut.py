@@ -58,7 +58,9 @@ def split_layers(
         # what lies far from the smaller part stays with the larger one
         reach = NEAR * np.sqrt(_cell_areas(graph, layouts)[source].sum())
         close = np.isfinite(distances(links, source, reach))
-        side = _minimum_cut(graph, inner, cost, source, sink, close & ~off)
+        close &= ~off
+        close[sink] = False
+        side = minimum_cut(graph, inner, cost, source, close)
         off |= side
         new = inner & (side[graph.tail] != side[graph.head])
         atlas.cut |= new
@@ -196,20 +198,17 @@ def _widened(graph: DualGraph, inner: BoolArray, cells: IntArray, apart: IntArra
     return np.flatnonzero(out | (ring & ~close))
 
 
-def _minimum_cut(
-    graph: DualGraph,
-    use: BoolArray,
-    cost: FloatArray,
-    source: IntArray,
-    sink: IntArray,
-    near: BoolArray,
+def minimum_cut(
+    graph: DualGraph, use: BoolArray, cost: FloatArray, source: IntArray, near: BoolArray
 ) -> BoolArray:
     """(cells,) bool: on the side of the sources when the cheapest edges between both are cut.
 
-    near: (cells,) bool, all others count as sinks. Maximum flow by Dinic's algorithm (SciPy); capacities are
+    use: (e,) bool edges that join cells. cost: (e,) of every edge. source: cells. near: (cells,) bool, all
+    others but the sources are sinks. Maximum flow by Dinic's algorithm (SciPy); capacities are
     costs in whole numbers.
     """
-    near[source], near[sink] = True, False
+    near = near.copy()
+    near[source] = True
     count = int(near.sum())
     number = np.full(graph.n, count)  # all sinks are one
     number[near] = np.arange(count)

@@ -46,7 +46,7 @@ def shorten_seams(
     work.keep(take)
     open_chains = np.flatnonzero(~take & (gain > WORTH_IT * seams))
     for _ in range(ROUNDS):
-        if len(open_chains) == 0:
+        if len(open_chains) == 0 or (frail & work.beyond_help(open_chains)).any():
             break
         pick = matching(
             gain[open_chains], left[open_chains], right[open_chains], work.start.n_charts
@@ -132,6 +132,16 @@ class _Shortening:
         start = self.start
         was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices)
         return lay_out_again(was, start.chart, self.options, self.margin).bad(self.bound)
+
+    def beyond_help(self, chains: IntArray) -> BoolArray:
+        """(n,) bool: untouched charts that none of these chains lies beside, on its old path or its new one."""
+        proposal, start = self.proposal, self.start
+        choice = np.zeros(proposal.n + 1, bool)  # the last entry stands for −1
+        choice[chains] = True
+        out = self.untouched()
+        beside = self.atlas.surface.edges[choice[proposal.old] | choice[proposal.new]] // 3
+        out[start.chart[beside]] = False
+        return out
 
     def untouched(self) -> BoolArray:
         """(n,) bool: charts that the last attempt left as they were at first."""

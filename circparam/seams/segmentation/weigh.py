@@ -34,12 +34,14 @@ GROWTH = 1.25  # times so much more a round
 class Limits:
     """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of
     the surface may exceed. spared: of that share, how much the worst faces may have that are left as they are.
+    near: share of the root of a chart's area that moves round such faces at first.
     """
 
     bound: float
     most: float
     allowed: float = AIMED * TAIL
     spared: float = SPARED
+    near: float = NEAR
 
     def without(self, over: float, whole: CutMesh, part: CutMesh) -> Limits:
         """For a part of the surface, where the other parts use so much of the share."""
@@ -78,7 +80,7 @@ def even_out(
         heavier = weight * np.maximum(stretch / (1 + AIM * (most - 1)), 1.0) ** POWER
         heavier[spared] = 1.0
         weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
-        reach = np.where(small, np.inf, NEAR * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
+        reach = np.where(small, np.inf, limits.near * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
         at = _relaxed_near(cut_mesh, at, weight, np.where(active, reach, 0.0))
         stretch = face_stretch(cut_mesh, at)
         over = share_over(cut_mesh, stretch, most)

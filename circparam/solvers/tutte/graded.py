@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, sorted_distinct
 from circparam.core.graph import distances, undirected
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import best_chart_scales, measure
@@ -123,7 +123,7 @@ def boundary_depth(cut_mesh: CutMesh) -> FloatArray:
     """(n_vertices,) number of edges between a vertex and the outer boundary of its chart."""
     loops = cut_mesh.loops
     h = loops.half_edges[loops.outer[loops.loop_of]]
-    source = np.unique(cut_mesh.faces.ravel()[h])
+    source = sorted_distinct(cut_mesh.faces.ravel()[h])
     i = cut_mesh.faces.ravel()
     j = cut_mesh.faces[:, [1, 2, 0]].ravel()
     n = cut_mesh.n_vertices

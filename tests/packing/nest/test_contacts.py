@@ -135,3 +135,16 @@ def test_far_charts_have_no_contacts():
     near = find_contacts(at([0, 0], [9, 0]), samples, 7.2)
     assert least_distance(near) == pytest.approx(7.0)
     assert len(find_contacts(at([0, 0], [0, 0], page=[0, 1]), samples, 7.2).i) == 0
+
+
+@pytest.mark.parametrize("step", [0.05, 0.3, 1.5])
+def test_a_tip_through_a_neighbour_is_seen_at_any_step(step):
+    """A needle and a wall of two long edges, wherever the samples of both happen to lie."""
+    wall = np.array([[-5.0, 0], [5, 0], [5, 0.2], [-5, 0.2]])
+    needle = np.array([[-0.1, 0.0], [0.1, 0], [0.0, 3]])
+    for x in np.linspace(-3, 3, 7):
+        for foot, crossing in ((-1.7, True), (-2.9, True), (-3.05, False), (0.7, False)):
+            # places are those of the middles: 0.1 above the wall's foot, 1.5 above the needle's
+            here = at([0, 0.1], [x, foot + 1.5])
+            found = find_contacts(here, outlines(wall, needle, step=step), 3.0, 1.0)
+            assert found.crossing == crossing

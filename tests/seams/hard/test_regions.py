@@ -162,3 +162,12 @@ def test_edges_of_a_box_are_sharp_and_creases() -> None:
     assert not concave[angle > 1].any()
     assert prices.price[angle > 1] == pytest.approx(0.4)
     assert prices.price[angle < 1] == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("around", [13, 15, 17])
+def test_tubes_of_few_sides_are_hard_however_blunt_the_edges_along_them(around) -> None:
+    """Between its rims, which are sharp, the mantle unrolls."""
+    part = lathe(np.array([[0.6, 0.0], [1.0, 0.0], [1.0, 0.5], [0.6, 0.5]]), around)
+    surface = surface_of(part.points, part.faces)
+    assert 2 * np.pi / around > np.radians(20)  # its mantle is creased
+    assert (hardness(surface) == HARD).all()

@@ -14,13 +14,20 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.hard.flats import flat_prices
-from circparam.seams.hard.straighten import straighten
+from circparam.seams.hard.straighten import _eased, straighten
 from circparam.seams.segmentation.grow import dual_graph, make_disks
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.weigh import Limits, share_over
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
-from tests.support.atlases import as_it_lies, cut_between, energies, middles, surface_of
+from tests.support.atlases import (
+    as_it_lies,
+    cut_between,
+    energies,
+    middles,
+    relaxed,
+    surface_of,
+)
 
 BOUND = 1.05
 LIMITS = Limits(BOUND, 2.0)
@@ -173,3 +180,59 @@ def test_nothing_moves_without_time_or_without_seams() -> None:
     whole = priced(as_it_lies(cut_between(atlas.surface, np.zeros(len(atlas.surface.faces)))))
     straighten(whole, LIMITS, Monitor())
     assert not whole.cut.any()
+
+
+def folded(angle: float) -> Atlas:
+    """A sheet folded along two lines, cut in two charts across the middle of its three flats."""
+    points, faces = shapes.grid(25, 9)
+    points = (points - points.min(0)) / np.ptp(points[:, 0])
+    plane = surface_of(points, faces)
+    flat = as_it_lies(cut_between(plane, middles(plane)[:, 0] > 0.5))
+    x = points[:, 0]
+    bent = np.maximum(x - 2 / 3, 0.0), np.maximum(1 / 3 - x, 0.0)
+    c, s = np.cos(angle), np.sin(angle)
+    there = np.clip(x, 1 / 3, 2 / 3) + c * bent[0] - c * bent[1]
+    surface = surface_of(np.stack([there, points[:, 1], -s * (bent[0] + bent[1])], 1), faces)
+    return Atlas(surface, flat.cut, flat.corners, flat_prices(surface))
+
+
+def test_a_seam_far_inside_a_flat_leaves_it_at_once() -> None:
+    """The next edge of the flat is further away than a chain moves; all of the smaller part goes over."""
+    atlas = folded(0.7)
+    assert atlas.flat is not None
+    assert (atlas.cut & atlas.flat).any()
+    before = paid(atlas)
+    straighten(atlas, LIMITS, Monitor())
+    assert not (atlas.cut & atlas.flat).any()
+    assert atlas.cut.any()
+    assert paid(atlas) < before
+    assert atlas.charts()[0] == 2
+    assert joined(atlas)
+    cut_mesh, uv = atlas.open()
+    assert energies(cut_mesh, uv) == pytest.approx(np.ones(cut_mesh.n_charts), abs=1e-9)
+
+
+def test_a_flat_stays_in_two_charts_where_the_way_round_it_costs_more() -> None:
+    atlas = folded(0.7)
+    assert atlas.prices is not None
+    rim = ~atlas.prices.flat & ~atlas.cut
+    dear = SeamPrices(np.where(rim, 9.0, 1.0), atlas.prices.flat, rim & False, rim & False)
+    atlas = Atlas(atlas.surface, atlas.cut, atlas.corners, dear)
+    count, cut = atlas.cut.sum(), atlas.cut.copy()
+    straighten(atlas, LIMITS, Monitor())
+    assert atlas.cut.sum() == count
+    assert np.array_equal(atlas.cut, cut)
+
+
+@pytest.mark.parametrize("hard", [False, True])
+def test_charts_that_miss_the_bound_by_little_are_relaxed_unless_they_are_hard(hard) -> None:
+    atlas, least = relaxed(shapes.bumped_disk())
+    bound = 1 + 1.2 * (least - 1)
+    cut_mesh, uv = atlas.open()
+    worse = uv * [1.15, 0.92]
+    above = energies(cut_mesh, worse)[0]
+    assert bound < above < 1 + 3 * (bound - 1)
+    edges = np.full(len(atlas.cut), hard)
+    atlas.prices = SeamPrices(np.ones(len(edges)), ~edges, edges, edges)
+    _, laid = _eased(cut_mesh, worse.copy(), bound, atlas)
+    assert laid.energy[0] == pytest.approx(above) if hard else laid.energy[0] <= bound

@@ -81,3 +81,43 @@ def test_a_chain_that_spoils_its_charts_goes_back_and_the_others_stay(monkeypatc
     assert np.array_equal(atlas.cut[in_second], was[in_second])
     assert np.array_equal(atlas.corners[m:], corners[m:])
     assert not np.array_equal(atlas.cut[~in_second], was[~in_second])
+
+
+def test_no_chain_is_tried_again_where_none_can_help_a_frail_chart(monkeypatch) -> None:
+    """A chart with nothing to shorten is bad as soon as it is laid out: all stays, so nothing needs trying."""
+    atlas = sheets((True, False))
+    m = len(atlas.surface.faces) // 2
+    was, corners = atlas.cut.copy(), atlas.corners.copy()
+    laid_out = module.lay_out_again
+
+    def all_bad(part: Atlas, *rest, **named):
+        now = laid_out(part, *rest, **named)
+        now.energy[:] = np.inf
+        return now
+
+    tried: list[int] = []
+    matched = module.matching
+
+    def counted(*given):
+        tried.append(len(given[0]))
+        return matched(*given)
+
+    monkeypatch.setattr(module, "lay_out_again", all_bad)
+    monkeypatch.setattr(module, "matching", counted)
+    shorten_seams(atlas, 1.01, FINE)
+    assert tried == []
+    np.testing.assert_array_equal(atlas.cut, was)
+    np.testing.assert_array_equal(atlas.corners, corners)
+
+    def moved_bad(part: Atlas, *rest, **named):
+        """As above, but what lies in the straight sheet is good: nothing forbids another try."""
+        now = all_bad(part, *rest, **named)
+        if len(part.surface.faces) > m:
+            now.energy[2:] = 1.0
+        return now
+
+    monkeypatch.setattr(module, "lay_out_again", moved_bad)
+    sheet = sheets((True, False))
+    sheet.corners[:] = corners
+    shorten_seams(sheet, 1.01, FINE)
+    assert tried == [1], "the frail charts have a chain that may help them"

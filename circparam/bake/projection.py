@@ -1,0 +1,225 @@
+"""Where each texel of one surface lies on another: along its smooth normal within a cage, or by a map.
+
+Light falls in from the cage: from D above the low surface along its smooth normal to D below it, and the first
+face of the source that looks the same way is met. A ray that meets none takes the closest point of such a face
+within twice the cage, and where there is none the texel stays empty and is grown over like padding.
+With a map the target is first moved onto the source, every vertex to its place; what is met nearest counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circparam.bake.sampling import Closest, Paint
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError
+from circparam.formats.document import Document
+from circparam.geometry.rays import BoxTree, first_hits
+from circparam.geometry.shading import Frames, corner_normals, frames, unit
+from circparam.maps.pair import moved
+from circparam.maps.surface_map import SurfaceMap
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.render.scene import row_labels
+
+CAGE = 0.02  # of the diagonal of the target's bounding box
+FILL = 2.0  # cages, within which a ray that misses takes the closest point
+BLOCK = 200_000  # texels at once
+LOST = 0.5  # share of texels without a place from which a map is no map of these surfaces
+SHARP = 40.0  # degrees: where the source's own normals are unknown, faces across sharper edges stay apart
+# places in a face at which the range of heights is sought
+PROBES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2], [3, 3, 0], [3, 0, 3], [0, 3, 3]]) / 6
+
+
+@dataclass(frozen=True, eq=False)
+class Landed:
+    """face: (p,) of the source, −1 for none. bary: (p, 3). height: (p,) along the normal. normal: (p, 3)."""
+
+    face: IntArray
+    bary: FloatArray
+    height: FloatArray
+
+
+@dataclass
+class Tally:
+    """How many texels were sought, and of those how many rays met nothing and how many stayed empty."""
+
+    sought: int = 0
+    missed: int = 0
+    empty: int = 0
+
+    def share(self, count: int) -> float:
+        """A part of the texels that were sought."""
+        return count / max(self.sought, 1)
+
+
+class Projection:
+    """Places of a target's texels on a source.
+
+    corners: (m, 3, 3) of the target as it is projected: with a map, on the source. reach: (m,) of the cage.
+    """
+
+    def __init__(
+        self, target: Mesh, source: Mesh, cage: float | None, mapped: SurfaceMap | None = None
+    ) -> None:
+        """cage: D in units of the mesh, None for a share CAGE of its size. mapped: from target to source."""
+        points = target.points if mapped is None else moved(mapped, target, source)
+        self.source = source
+        self.mapped = mapped is not None
+        self.corners = points[target.faces]
+        self.vertex = row_labels(target.points)[target.faces]
+        self.normals = corner_normals(self.corners, self.vertex)
+        if mapped is None:
+            size = float(np.linalg.norm(np.ptp(target.points[target.faces].reshape(-1, 3), axis=0)))
+            self.cage = CAGE * size if cage is None else cage
+            self.reach = np.full(len(target.faces), self.cage)
+        else:  # a face may cut through what is curved between its corners, by less than it is wide
+            sides = self.corners - self.corners[:, [1, 2, 0]]
+            self.reach = np.linalg.norm(sides, axis=2).max(1)
+            self.cage = float(self.reach.max())
+        self.tree = BoxTree(source.points[source.faces])
+        self.tally = Tally()
+
+    @cached_property
+    def closest(self) -> Closest:
+        """Closest points of the source, for rays that miss."""
+        return Closest(self.source.points, self.source.faces)
+
+    def find(self, face: IntArray, bary: FloatArray) -> Landed:
+        """The places of texels: face (p,) and barycentric coordinates (p, 3) on the target."""
+        place = np.einsum("pk,pkc->pc", bary, self.corners[face])
+        normal = unit(np.einsum("pk,pkc->pc", bary, self.normals[face]))
+        hits = first_hits(self.tree, place, normal, self.reach[face], nearest=self.mapped)
+        missed = np.flatnonzero(hits.face < 0)
+        self.tally.sought += len(face)
+        self.tally.missed += len(missed)
+        if len(missed) == 0:
+            return Landed(hits.face, hits.bary, hits.t)
+        there, at, distance = self.closest.find(place[missed], normal[missed])
+        far = np.inf if self.mapped else FILL * self.cage
+        there = np.where(distance <= far, there, -1)
+        hits.face[missed], hits.bary[missed] = there, at
+        corners = self.source.points[self.source.faces[np.maximum(there, 0)]]
+        on = np.einsum("pk,pkc->pc", at, corners)
+        hits.t[missed] = ((on - place[missed]) * normal[missed]).sum(1)
+        self.tally.empty += int(np.count_nonzero(there < 0))
+        return Landed(hits.face, hits.bary, hits.t)
+
+    def height_range(self, layout: UVMap) -> float:
+        """The height that white stands for, black for its opposite: the cage, or what the map's texels need."""
+        if not self.mapped:
+            return self.cage
+        face = np.repeat(np.flatnonzero((layout.uv_faces >= 0).all(1)), len(PROBES))
+        landed = self.find(face, np.tile(PROBES, (len(face) // len(PROBES), 1)))
+        self.tally = Tally()
+        return max(float(np.abs(landed.height[landed.face >= 0]).max(initial=0)) * 1.25, 1e-12)
+
+    def told(self) -> str:
+        """How many rays met nothing, and what came of them."""
+        tally = self.tally
+        missed, empty = (100 * tally.share(count) for count in (tally.missed, tally.empty))
+        return (
+            f"{missed:.2g} % of the rays meet nothing within the cage of {self.cage:.4g}: {missed - empty:.2g} "
+            f"% take the closest point, {empty:.2g} % are left to the padding; a larger --cage may meet more"
+        )
+
+    def check(self) -> None:
+        """Raises InputError where hardly any texel found its place: what was given does not belong together."""
+        tally = self.tally
+        if self.mapped and tally.share(tally.missed) > LOST:
+            raise InputError(
+                "the map turns the surface over: one of the two is mirrored or wound the other way; turn it, "
+                "and make the map again"
+            )
+        if tally.empty == tally.sought:
+            raise InputError(
+                f"no ray meets the source within the cage of {self.cage:.4g}: the surfaces lie apart or are "
+                "wound in opposite ways; move or turn one, or give a larger --cage"
+            )
+
+
+def in_blocks(paint: Paint) -> Paint:
+    """The same paint, some hundred thousand texels at a time: bounds the memory."""
+
+    def painted(face: IntArray, bary: FloatArray) -> FloatArray:
+        cuts = range(0, len(face), BLOCK)
+        return np.concatenate([paint(face[k : k + BLOCK], bary[k : k + BLOCK]) for k in cuts])
+
+    return painted
+
+
+def through(projection: Projection, paint: Paint, channels: int) -> Paint:
+    """What a paint of the source shows at the places of the target's texels; NaN where there is none."""
+
+    def painted(face: IntArray, bary: FloatArray) -> FloatArray:
+        landed = projection.find(face, bary)
+        out = np.full((len(face), channels), np.nan)
+        on = landed.face >= 0
+        out[on] = paint(landed.face[on], landed.bary[on])
+        return out
+
+    return in_blocks(painted)
+
+
+def normal_paint(
+    projection: Projection, target: Document, layout: UVMap, source: Document
+) -> Paint:
+    """The normals of the source in the tangent space of the target, x y z as red green blue, +Y up.
+
+    The target's normals are those of its file (glTF), else smooth; with a map they are those of the target
+    moved onto the source, so that a normal turns with the surface that carries it.
+    """
+    seen = source.normals()
+    if seen is None:
+        label = row_labels(source.mesh.points)[source.mesh.faces]
+        seen = corner_normals(source.mesh.points[source.mesh.faces], label, SHARP)
+    space = target_frames(projection, target, layout)
+
+    def painted(face: IntArray, bary: FloatArray) -> FloatArray:
+        landed = projection.find(face, bary)
+        out = np.full((len(face), 3), np.nan)
+        on = landed.face >= 0
+        normal = np.einsum("pk,pkc->pc", landed.bary[on], seen[landed.face[on]])
+        out[on] = 0.5 + 0.5 * space.into(face[on], bary[on], unit(normal))
+        return out
+
+    return in_blocks(painted)
+
+
+def target_frames(projection: Projection, target: Document, layout: UVMap) -> Frames:
+    """The frames in which normals are told: the target's own, or those it has moved onto the source."""
+    if not projection.mapped:
+        return own_frames(target, layout)
+    return _frames(projection.corners, projection.vertex, projection.normals, layout)
+
+
+def own_frames(target: Document, layout: UVMap, own: FloatArray | None = None) -> Frames:
+    """The frames in which a viewer reads the normals of a mesh.
+
+    own: (m, 3, 3) of its corners; None takes those of its file, or smooth ones.
+    """
+    mesh = target.mesh
+    corners, vertex = mesh.points[mesh.faces], row_labels(mesh.points)[mesh.faces]
+    own = target.normals() if own is None else own
+    normal = corner_normals(corners, vertex) if own is None else own
+    return _frames(corners, vertex, normal, layout)
+
+
+def _frames(corners: FloatArray, vertex: IntArray, normal: FloatArray, layout: UVMap) -> Frames:
+    """Tangent frames of corners that share position and uv."""
+    uv_faces = np.maximum(layout.uv_faces, 0)
+    label = vertex * (len(layout.uv) + 1) + row_labels(layout.uv)[uv_faces]
+    return frames(corners, layout.uv[uv_faces], label, normal)
+
+
+def height_paint(projection: Projection, reach: float) -> Paint:
+    """Heights along the target's smooth normals, from −reach (black) to +reach (white)."""
+
+    def painted(face: IntArray, bary: FloatArray) -> FloatArray:
+        landed = projection.find(face, bary)
+        height = np.where(landed.face >= 0, landed.height, np.nan)
+        return (0.5 + 0.5 * height / reach)[:, None]
+
+    return in_blocks(painted)

@@ -1,0 +1,79 @@
+"""``circparam morph``: one mesh as a morph target of another, in a GLB that plays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from circparam.cli import common, progress
+from circparam.cli.paths import check_place
+from circparam.errors import OptionError
+
+_EPILOG = """\b
+Examples:
+  circparam map a.obj b.obj -o map.npz
+  circparam morph a.obj b.obj --map map.npz -o morph.glb
+  circparam morph a_uv.glb b.glb --map map.npz --frames 30 -o morph.glb
+  circparam view morph.glb -o morph.html                a page with a slider
+"""
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("first", type=common.MESH, metavar="A")
+@click.argument("second", type=common.MESH, metavar="B")
+@click.option(
+    "--map",
+    "mapped",
+    type=common.FILE,
+    metavar="MAP",
+    required=True,
+    help="The map between both, made by circparam map (.npz), either way round.",
+)
+@click.option(
+    "--output",
+    "-o",
+    type=common.FILE,
+    metavar="FILE",
+    required=True,
+    help="A name that ends in .glb.",
+)
+@click.option(
+    "--frames",
+    type=int,
+    default=13,
+    show_default=True,
+    metavar="N",
+    help="Key frames of the animation from A to B; it comes back the same way.",
+)
+@common.library_option("reader")
+@common.overwrite
+@common.json_option
+@common.quiet
+def command(first: str, second: str, **given: Any) -> None:
+    """Write A as a GLB with B as a morph target, and an animation from A to B and back.
+
+    The faces, uv, materials and textures are those of A; its vertices move to their places on B, and normals
+    move along. Any viewer of glTF plays it; circparam view makes a page with a slider.
+    """
+    from circparam.core.files import write_files
+    from circparam.formats.io import read
+    from circparam.maps.morph import morph
+    from circparam.maps.surface_map import load_map
+
+    path = Path(given["output"])
+    if path.suffix.lower() != ".glb":
+        raise OptionError(f"{path}: morph targets are written into .glb: end the name in it")
+    check_place(str(path), given["overwrite"])
+    mapped = load_map(given["mapped"])
+    a, b = (read(mesh, reader=given["reader"]) for mesh in (first, second))
+    made = morph(a, b, mapped, given["frames"])
+    write_files({path: made.data}, overwrite=True)
+    for line in [*a.warnings, *b.warnings, *made.warnings, *made.notes]:
+        progress.warn(f"{first}: {line}", given["quiet"])
+    report = {"schema": "circparam/morph/1", "input": [first, second], "output": str(path)}
+    if given["as_json"]:
+        common.echo_json({**report, **made.report, "notes": [*made.warnings, *made.notes]})
+    elif not given["quiet"]:
+        click.echo(str(path))

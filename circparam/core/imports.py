@@ -1,0 +1,27 @@
+"""Modules that others ask for and nobody uses here: they load when somebody does."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import LazyLoader, find_spec, module_from_spec
+
+# for building and for testing extensions: a tenth of what an unwrap imports
+UNUSED = ("numpy.f2py", "numpy.testing")
+
+
+def put_off() -> None:
+    """Let those modules of NumPy load at their first use, where nobody has loaded them yet.
+
+    SciPy takes every public name of NumPy (``from numpy import *``), and NumPy loads these when their names are
+    asked for. For processes of our own only: what a caller of the library imports is his affair.
+    """
+    for name in UNUSED:
+        spec = None if name in sys.modules else find_spec(name)
+        if spec is None or spec.loader is None:
+            continue
+        spec.loader = LazyLoader(spec.loader)
+        module = module_from_spec(spec)
+        sys.modules[name] = module
+        spec.loader.exec_module(module)
+        package, _, tail = name.rpartition(".")
+        setattr(sys.modules[package], tail, module)

@@ -1,0 +1,25 @@
+"""A vertex for each normal that a vertex has, for formats in which a vertex has one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.document import Document
+
+
+def split_by_normal(document: Document, normal: FloatArray) -> tuple[Document, IntArray]:
+    """The document with vertices split along edges that are shaded sharp, and (k,) the vertex each one was.
+
+    normal: (m, 3, 3) of the corners. The document can only be exported, not written back into its own file.
+    """
+    mesh = document.mesh
+    _, side = np.unique(np.round(normal.reshape(-1, 3), 4) + 0.0, axis=0, return_inverse=True)
+    key = mesh.faces.ravel() * (int(side.max()) + 1) + side.reshape(-1)
+    _, first, label = np.unique(key, return_index=True, return_inverse=True)
+    vertex = mesh.faces.ravel()[first]
+    split = replace(mesh, points=mesh.points[vertex], faces=label.reshape(mesh.faces.shape))
+    features = tuple(name for name in document.features if name != "normals")
+    return replace(document, mesh=split, features=features), vertex

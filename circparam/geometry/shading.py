@@ -1,0 +1,113 @@
+"""Shading frames as viewers have them: smooth normals, and the tangents of MikkTSpace, at every corner.
+
+Tangent space by the rule that glTF names (2.0, 3.7.2.1): at a corner t is the direction of growing u made
+perpendicular to the normal n, averaged by angle over the faces that share position and uv there, and the
+bitangent is w · n × t with w = +1 where the uv are wound as the surface, −1 where they are mirrored (Mikkelsen
+2008). v points up, so a normal map made with these has green up, as glTF wants it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Of every corner: normal (m, 3, 3), tangent (m, 3, 3), unit; sign (m,) of each face's uv, ±1."""
+
+    normal: FloatArray
+    tangent: FloatArray
+    sign: FloatArray
+
+    @property
+    def bitangent(self) -> FloatArray:
+        """(m, 3, 3) w · n × t."""
+        result: FloatArray = self.sign[:, None, None] * np.cross(self.normal, self.tangent)
+        return result
+
+    def into(self, face: IntArray, bary: FloatArray, direction: FloatArray) -> FloatArray:
+        """Directions (p, 3) in the frames of places: (p, 3) unit, x along t, y along w n × t, z along n.
+
+        A frame inside a face is that of its corners, interpolated, each of its three axes normalised, as
+        viewers of glTF do it; it need not be orthogonal, so what they decode is what was given.
+        """
+        t, b, n = (
+            unit(np.einsum("pk,pkc->pc", bary, axis[face]))
+            for axis in (self.tangent, self.bitangent, self.normal)
+        )
+        bn, nt, tb = np.cross(b, n), np.cross(n, t), np.cross(t, b)
+        whole = (t * bn).sum(1, keepdims=True)
+        out = np.stack([(direction * axis).sum(1) for axis in (bn, nt, tb)], 1)
+        return unit(out * np.where(whole < 0, -1.0, 1.0))
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    """(..., 3) vectors of length 1; those of length 0 stay."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    out: FloatArray = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    return out
+
+
+def corner_angles_of(corners: FloatArray) -> FloatArray:
+    """(m, 3) angles of triangles (m, 3, 3), 0 where a side has no length."""
+    a = unit(corners[:, [1, 2, 0]] - corners)
+    b = unit(corners[:, [2, 0, 1]] - corners)
+    angle: FloatArray = np.arctan2(np.linalg.norm(np.cross(a, b), axis=2), (a * b).sum(2))
+    return angle
+
+
+def corner_normals(corners: FloatArray, vertex: IntArray, sharp: float = 180.0) -> FloatArray:
+    """(m, 3, 3) unit normals: the face normals round each vertex weighted by angle (Thürmer, Wüthrich 1998).
+
+    corners: (m, 3, 3). vertex: (m, 3) labels, equal where corners share a vertex. sharp: a corner whose face is
+    turned further than this from the mean, degrees, keeps the normal of its face.
+    """
+    flat = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    weight = corner_angles_of(corners)[..., None] * flat[:, None]
+    smooth = unit(_by_group(weight.reshape(-1, 3), vertex.ravel())).reshape(corners.shape)
+    whole = np.broadcast_to(flat[:, None], smooth.shape)
+    own = (smooth * whole).sum(2) < np.cos(np.radians(sharp)) if sharp < 180 else np.zeros(1, bool)
+    own = own | ((smooth == 0).all(2))
+    return np.where(own[..., None], whole, smooth)
+
+
+def frames(corners: FloatArray, uv: FloatArray, vertex: IntArray, normal: FloatArray) -> Frames:
+    """The frames of a mesh with its layout.
+
+    corners: (m, 3, 3). uv: (m, 3, 2), v up. vertex: (m, 3) labels, equal where position and uv are shared.
+    normal: (m, 3, 3) unit. Where the uv of a vertex have no direction, t is any direction across n.
+    """
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    d1, d2 = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    area = cross2(d1, d2)
+    sign = np.where(area < 0, -1.0, 1.0)
+    along = unit(d2[:, 1:] * e1 - d1[:, 1:] * e2) * (sign * (area != 0))[:, None]
+
+    def across(vectors: FloatArray) -> FloatArray:
+        out = np.broadcast_to(vectors, normal.shape)
+        return unit(out - (out * normal).sum(2, keepdims=True) * normal)
+
+    a, b = across(corners[:, [1, 2, 0]] - corners), across(corners[:, [2, 0, 1]] - corners)
+    angle = np.arccos(np.clip((a * b).sum(2), -1, 1))
+    weight = (angle[..., None] * across(along[:, None])).reshape(-1, 3)
+    # mirrored faces at a vertex have a frame of their own, and so have corners with another normal
+    _, side = np.unique(np.round(normal.reshape(-1, 3), 6), axis=0, return_inverse=True)
+    key = 2 * (vertex.ravel() * (int(side.max()) + 1) + side.reshape(-1)) + np.repeat(sign > 0, 3)
+    tangent = across(_by_group(weight, key).reshape(normal.shape))
+    none = (tangent == 0).all(2)
+    spare = across(np.eye(3)[np.abs(normal).argmin(2)])
+    return Frames(normal, np.where(none[..., None], spare, tangent), sign)
+
+
+def _by_group(rows: FloatArray, group: IntArray) -> FloatArray:
+    """(k, 3) rows replaced by the sum of the rows of their group."""
+    _, label = np.unique(group, return_inverse=True)
+    label = label.reshape(-1)
+    n = int(label.max()) + 1
+    total = np.stack([group_sum(rows[:, k], label, n) for k in range(3)], 1)
+    out: FloatArray = total[label]
+    return out

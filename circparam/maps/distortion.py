@@ -1,0 +1,56 @@
+"""How far a map between two surfaces is from an isometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.mesh.cut_mesh import rest_triangles_of
+
+DEGENERATE = 1e-12  # area over the square of the longest edge below which a face has no shape
+LARGEST = 1e12  # what an energy counts as at most: faces that a map makes a line of have none
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Symmetric Dirichlet energy / 4 of every face, both surfaces at the scale that is best: 1 for an isometry.
+
+    mean: by area. p95, p99: what so much of the area does not exceed. largest.
+    """
+
+    mean: float
+    p95: float
+    p99: float
+    largest: float
+
+    def as_dict(self) -> dict[str, float]:
+        """Plain numbers."""
+        return {"mean": self.mean, "p95": self.p95, "p99": self.p99, "max": self.largest}
+
+
+def distortion(points: FloatArray, faces: IntArray, images: FloatArray) -> Distortion:
+    """Of the map that takes every face to the flat triangle of the images (n, 3) of its corners."""
+    rest, there = rest_triangles_of(points[faces]), rest_triangles_of(images[faces])
+    longest = ((rest - np.roll(rest, 1, 1)) ** 2).sum(2).max(1)
+    area = rest[:, 1, 0] * rest[:, 2, 1] / 2
+    live: BoolArray = area > DEGENERATE * longest
+    if not live.any():
+        return Distortion(1.0, 1.0, 1.0, 1.0)
+    rest, there, area = rest[live], np.nan_to_num(there[live]), area[live]
+    # both triangles have their first edge along x: J is upper triangular
+    a = there[:, 1, 0] / rest[:, 1, 0]
+    d = there[:, 2, 1] / rest[:, 2, 1]
+    b = (there[:, 2, 0] - a * rest[:, 2, 0]) / rest[:, 2, 1]
+    square = a * a + b * b + d * d
+    with np.errstate(divide="ignore"):
+        inverse = np.minimum(square / np.maximum((a * d) ** 2, 1e-300), LARGEST)
+    scale = np.sqrt((area * inverse).sum() / max(float((area * square).sum()), 1e-300))
+    energy = (square * scale + inverse / scale) / 4
+    order = np.argsort(energy, kind="stable")
+    share = np.cumsum(area[order]) / area.sum()
+    at = [energy[order[min(int(np.searchsorted(share, s)), len(order) - 1)]] for s in (0.95, 0.99)]
+    return Distortion(
+        float((energy * area).sum() / area.sum()), float(at[0]), float(at[1]), float(energy.max())
+    )

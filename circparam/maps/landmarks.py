@@ -1,0 +1,312 @@
+"""Landmarks: pairs of vertices that a map must take to each other, given, on boundaries, or guessed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError, TopologyError
+from circparam.maps.sides import Side
+
+SAMPLES = 64  # places along a boundary at which two boundaries are compared
+MIRRORED = 0.5  # a reflection that fits the landmarks so many times better than a rotation is taken for one
+FLAT = 0.1  # and fits them to this share of the size at least
+GUESSED = 8  # landmarks that are guessed
+TRUST = 0.03  # mean distance of the aligned surfaces, in sizes, up to which a guess is made
+ROUNDS = 12  # of the alignment by closest points
+
+
+@dataclass
+class Landmarks:
+    """a, b (k,): vertices of the sheets that correspond. exact (k,): whether they were asked for, not helpers.
+
+    corners[l]: the landmarks on boundary l, in order along it. tips (b,): the landmark over each boundary.
+    notes: what was assumed.
+    """
+
+    a: list[int] = field(default_factory=list)
+    b: list[int] = field(default_factory=list)
+    exact: list[bool] = field(default_factory=list)
+    corners: list[list[int]] = field(default_factory=list)
+    tips: list[int] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, a: int, b: int, exact: bool) -> int:
+        """A further pair; returns its number."""
+        self.a.append(int(a))
+        self.b.append(int(b))
+        self.exact.append(exact)
+        return len(self.a) - 1
+
+
+def given_landmarks(pairs: IntArray, a: Side, b: Side) -> Landmarks:
+    """Landmarks from pairs (k, 2) of vertex numbers of the meshes, counted from 0.
+
+    Raises InputError where a number names no vertex of a face, or two lines name the same.
+    """
+    out = Landmarks()
+    seen: tuple[dict[int, int], dict[int, int]] = ({}, {})
+    for line, pair in enumerate(np.asarray(pairs, np.int64).reshape(-1, 2).tolist(), 1):
+        found = []
+        for side, number, before in zip((a, b), pair, seen, strict=True):
+            if not 0 <= number < len(side.vertex):
+                raise InputError(
+                    f"landmark {line}: {side.name} has no vertex {number} (it has 0 to {len(side.vertex) - 1})"
+                )
+            vertex = int(side.vertex[number])
+            if vertex < 0:
+                raise InputError(f"landmark {line}: no face of {side.name} uses vertex {number}")
+            if vertex in before:
+                raise InputError(
+                    f"landmark {line}: vertex {number} of {side.name} is that of landmark {before[vertex]} "
+                    "already; leave one of them out"
+                )
+            before[vertex] = line
+            found.append(vertex)
+        on = a.on_boundary[found[0]] >= 0, b.on_boundary[found[1]] >= 0
+        if on[0] != on[1]:
+            where = (a.name, b.name) if on[0] else (b.name, a.name)
+            raise InputError(
+                f"landmark {line}: it is on a boundary of {where[0]} and inside {where[1]}; "
+                "both must be on a boundary, or none"
+            )
+        out.add(found[0], found[1], True)
+    return out
+
+
+def points_of(side: Side, vertices: list[int]) -> FloatArray:
+    """(k, 3) their positions, in units of the root of the area."""
+    result: FloatArray = side.sheet.points[vertices] / np.sqrt(side.area)
+    return result
+
+
+def aligned(p: FloatArray, q: FloatArray, mirror: bool = False) -> tuple[float, FloatArray]:
+    """(root mean square distance, (3, 4) motion of p) of the rigid motion that brings p (k, 3) nearest to q.
+
+    mirror: the best one with a reflection (Kabsch 1976; Umeyama 1991).
+    """
+    cp, cq = p.mean(0), q.mean(0)
+    u, _, vt = np.linalg.svd((p - cp).T @ (q - cq))
+    sign = np.linalg.det(u) * np.linalg.det(vt) * (-1 if mirror else 1)
+    turn = (u * [1.0, 1.0, np.sign(sign)]) @ vt
+    error = float(np.sqrt((((p - cp) @ turn - (q - cq)) ** 2).sum(1).mean()))
+    return error, np.column_stack([turn.T, cq - turn.T @ cp])
+
+
+def refuse_mirrored(marks: Landmarks, a: Side, b: Side) -> None:
+    """Raise TopologyError where the landmarks say that one surface is the mirror image of the other."""
+    if sum(marks.exact) < 4:
+        return
+    use = [k for k, exact in enumerate(marks.exact) if exact]
+    p = points_of(a, [marks.a[k] for k in use])
+    q = points_of(b, [marks.b[k] for k in use])
+    straight, mirrored = aligned(p, q)[0], aligned(p, q, mirror=True)[0]
+    size = float(np.linalg.norm(np.ptp(q, axis=0)))
+    if mirrored < MIRRORED * straight and mirrored < FLAT * size:
+        raise TopologyError(
+            f"{b.name} looks like a mirror image of {a.name}: a reflection fits the landmarks "
+            f"{straight / max(mirrored, 1e-300):.3g} times better than a rotation; "
+            "say --mirrored, or check the landmarks"
+        )
+
+
+def add_boundaries(marks: Landmarks, a: Side, b: Side) -> None:
+    """Match the boundaries; give each at least three corners and a landmark at its tip.
+
+    Raises InputError where it is not clear which boundary belongs to which, or their landmarks come in
+    another order.
+    """
+    partner = _partners(marks, a, b)
+    for k, j in enumerate(partner):
+        marks.corners.append(_corners(marks, a, b, k, j))
+        marks.tips.append(marks.add(int(a.tips[k]), int(b.tips[j]), False))
+
+
+def _partners(marks: Landmarks, a: Side, b: Side) -> list[int]:
+    """The boundary of b that each boundary of a belongs to."""
+    partner = [-1] * len(a.loops)
+    for line, (u, v) in enumerate(zip(marks.a, marks.b, strict=True), 1):
+        k, j = int(a.on_boundary[u]), int(b.on_boundary[v])
+        if k < 0:
+            continue
+        if partner[k] not in (-1, j) or (partner[k] == -1 and j in partner):
+            raise InputError(
+                f"landmark {line}: other landmarks of its boundary lie on another boundary of {b.name}"
+            )
+        partner[k] = j
+    free = [k for k, j in enumerate(partner) if j < 0]
+    left = [j for j in range(len(b.loops)) if j not in partner]
+    if len(free) > 1:
+        raise InputError(
+            f"{len(free)} boundaries have no landmark, so it is not clear which belongs to which: "
+            "give a landmark on each but one"
+        )
+    for k, j in zip(free, left, strict=True):
+        partner[k] = j
+    return partner
+
+
+def _places(side: Side, loop: IntArray) -> FloatArray:
+    """(n,) share of the length of a boundary at which each of its vertices lies, from 0."""
+    p = side.sheet.points[loop]
+    step = np.linalg.norm(np.roll(p, -1, 0) - p, axis=1)
+    result: FloatArray = (np.cumsum(step) - step) / step.sum()
+    return result
+
+
+def _corners(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> list[int]:
+    """The landmarks on a pair of boundaries, in order, with helpers where there are fewer than three."""
+    loop_a, loop_b = a.loops[k], b.loops[j]
+    at_a, at_b = _places(a, loop_a), _places(b, loop_b)
+    index_a = {int(v): n for n, v in enumerate(loop_a)}
+    index_b = {int(v): n for n, v in enumerate(loop_b)}
+    own = [n for n, v in enumerate(marks.a) if v in index_a]
+    own.sort(key=lambda n: index_a[marks.a[n]])
+    order = [index_b[marks.b[n]] for n in own]
+    turns = sum(order[n] > order[(n + 1) % len(own)] for n in range(len(own)))
+    if len(own) > 2 and turns != 1:
+        reverse = turns == len(own) - 1
+        raise InputError(
+            "the landmarks on a boundary come in the opposite order on the two surfaces: "
+            "say --mirrored, or check them"
+            if reverse
+            else "the landmarks on a boundary come in another order on the two surfaces: "
+            "paths between them would cross"
+        )
+    if len(own) >= 3:
+        return own
+    if not own:
+        begin_a, begin_b = 0, _best_start(marks, a, b, k, j)
+        marks.notes.append(
+            "a boundary has no landmark: it was begun where the rigid alignment of the two boundaries is best"
+        )
+        own = [marks.add(int(loop_a[begin_a]), int(loop_b[begin_b]), False)]
+    span = 3 if len(own) == 1 else 2
+    out = []
+    for n, mark in enumerate(own):
+        out.append(mark)
+        after = own[(n + 1) % len(own)]
+        ra = _between(at_a, index_a[marks.a[mark]], index_a[marks.a[after]], span)
+        rb = _between(at_b, index_b[marks.b[mark]], index_b[marks.b[after]], span)
+        out += [
+            marks.add(int(loop_a[x]), int(loop_b[y]), False) for x, y in zip(ra, rb, strict=True)
+        ]
+    return out
+
+
+def _between(at: FloatArray, start: int, end: int, span: int) -> list[int]:
+    """Entries of a boundary that divide the way from one entry to another (or round) into ``span`` parts."""
+    n = len(at)
+    count = (end - start) % n or n
+    if count < span:
+        raise TopologyError(
+            "a boundary has too few vertices between two landmarks to be divided: "
+            "subdivide the mesh, or move a landmark"
+        )
+    way = (at[(start + np.arange(count + 1)) % n] - at[start]) % 1.0
+    way[-1] = way[-1] or 1.0
+    out, last = [], 0
+    for k in range(1, span):
+        goal = way[-1] * k / span
+        pick = int(np.abs(way - goal).argmin())
+        last = min(max(pick, last + 1), count - (span - k))
+        out.append((start + last) % n)
+    return out
+
+
+def _sampled(side: Side, loop: IntArray, begin: float) -> FloatArray:
+    """(SAMPLES, 3) points along a boundary, evenly by length, from a share of its length on."""
+    p = side.sheet.points[loop] / np.sqrt(side.area)
+    at = np.r_[_places(side, loop), 1.0]
+    closed = np.concatenate([p, p[:1]])
+    t = (begin + np.arange(SAMPLES) / SAMPLES) % 1.0
+    return np.stack([np.interp(t, at, closed[:, d]) for d in range(3)], 1)
+
+
+def _best_start(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> int:
+    """The entry of boundary j of b that belongs to entry 0 of boundary k of a, by the best rigid alignment."""
+    own = _sampled(a, a.loops[k], 0.0)
+    known_a, known_b = points_of(a, marks.a), points_of(b, marks.b)
+    at = _places(b, b.loops[j])
+    best, chosen = np.inf, 0
+    for n in range(SAMPLES):
+        other = _sampled(b, b.loops[j], n / SAMPLES)
+        error, _ = aligned(
+            np.concatenate([own, *[known_a] * 4]), np.concatenate([other, *[known_b] * 4])
+        )
+        if error < best - 1e-12:
+            gap = np.abs(at - n / SAMPLES)
+            best, chosen = error, int(np.minimum(gap, 1 - gap).argmin())
+    return chosen
+
+
+def guess(a: Side, b: Side) -> Landmarks:
+    """Landmarks for two closed surfaces that lie alike: far-apart vertices of a and what is nearest to them
+    on b.
+
+    The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
+    fit well
+    enough for that to be trusted.
+    """
+    p = points_of(a, list(range(a.n)))
+    q = points_of(b, list(range(b.n)))
+    error, moved = _best_motion(p, q)
+    size = float(np.linalg.norm(np.ptp(q, axis=0)))
+    if error > TRUST * size:
+        raise InputError(
+            f"no landmarks, and {a.name} and {b.name} are too unlike to guess any "
+            f"(mean distance {100 * error / size:.2g} % of the size when aligned, "
+            f"{100 * TRUST:g} % at most): give --landmarks with 3 or more pairs of vertices"
+        )
+    chosen = [int(np.linalg.norm(moved - moved.mean(0), axis=1).argmax())]
+    distance = np.full(len(p), np.inf)
+    while len(chosen) < min(GUESSED, len(p)):
+        distance = np.minimum(distance, np.linalg.norm(p - p[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+    nearest: list[int] = np.asarray(cKDTree(q).query(moved[chosen])[1]).tolist()
+    out = Landmarks()
+    for u, v in zip(chosen, nearest, strict=True):
+        if v not in out.b and u not in out.a:
+            out.add(u, v, False)
+    if len(out.a) < 4:
+        raise InputError(
+            "no landmarks, and none could be guessed: give --landmarks with 3 or more pairs"
+        )
+    out.notes.append(
+        f"{len(out.a)} landmarks guessed from the alignment of the surfaces "
+        f"(mean distance {100 * error / size:.2g} % of the size)"
+    )
+    return out
+
+
+def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
+    """(mean distance both ways, p moved) after aligning axes of inertia in all proper ways, then closest
+    points.
+    """
+    axes_p, axes_q = (np.linalg.svd(x - x.mean(0), full_matrices=False)[2] for x in (p, q))
+    step_p, step_q = (x[:: max(1, len(x) // 2000)] for x in (p, q))
+    tree = cKDTree(q)
+    best, motion = np.inf, np.column_stack([np.eye(3), np.zeros(3)])
+    signs = [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]
+    orders = [(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)]
+    starts = [np.column_stack([np.eye(3), q.mean(0) - p.mean(0)])]
+    for order in orders:
+        odd = -1 if np.linalg.det(np.eye(3)[list(order)]) < 0 else 1
+        for s in signs:
+            turn = axes_q.T @ (np.array(s)[:, None] * odd * axes_p[list(order)])
+            turn *= np.sign(np.linalg.det(turn))
+            starts.append(np.column_stack([turn, q.mean(0) - turn @ p.mean(0)]))
+    for start in starts:
+        now = start
+        for _ in range(ROUNDS):
+            moved = step_p @ now[:, :3].T + now[:, 3]
+            now = aligned(step_p, q[tree.query(moved)[1]])[1]
+        moved = step_p @ now[:, :3].T + now[:, 3]
+        there = float(np.mean(tree.query(moved)[0]))
+        error = (there + float(np.mean(cKDTree(moved).query(step_q)[0]))) / 2
+        if error < best - 1e-9:
+            best, motion = error, now
+    return best, p @ motion[:, :3].T + motion[:, 3]

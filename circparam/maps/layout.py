@@ -1,0 +1,166 @@
+"""The same triangulation of the landmarks on two surfaces: arcs that do not cross, in the same order round
+each.
+
+Arcs are laid on both surfaces together, short ones first (Praun, Sweldens and Schröder 2001, "Consistent mesh
+parameterizations"): at first those that join what hangs not yet together, so that no arc closes in
+a landmark on one surface alone, then those that cut the regions between the arcs down to triangles. Every arc
+leaves and enters its landmarks between the same two arcs on both surfaces, so the two layouts are the
+same, whatever the shapes.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from circparam.core.arrays import IntArray
+from circparam.errors import TopologyError
+from circparam.maps.tracing import Traced, Tracer
+
+PATIENCE = 1.2  # an arc that has grown by less than this since it was queued is laid at once
+
+
+class Both(NamedTuple):
+    """The two paths of an arc."""
+
+    a: Traced
+    b: Traced
+
+    def cost(self, scales: tuple[float, float]) -> float:
+        """Their lengths, each in units of its surface."""
+        return self.a.length / scales[0] + self.b.length / scales[1]
+
+
+@dataclass
+class Layout:
+    """A triangulation of k landmarks on two sheets.
+
+    tracers: the arcs on each. ends[arc]: the landmarks that it joins; arc ^ 1 is the same read backwards.
+    around[i]: the arcs that leave landmark i, counter-clockwise.
+    """
+
+    tracers: tuple[Tracer, Tracer]
+    scales: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        k = len(self.tracers[0].marks)
+        self.ends: list[tuple[int, int]] = []
+        self.around: list[list[int]] = [[] for _ in range(k)]
+        self._group = list(range(k))
+
+    @property
+    def k(self) -> int:
+        """Number of landmarks."""
+        return len(self.around)
+
+    def lay(self, i: int, j: int, both: Both) -> None:
+        """Add an arc from landmark i to landmark j."""
+        arc = len(self.ends)
+        self.ends += [(i, j), (j, i)]
+        for at, name, sector in ((i, arc, both.a.sectors[0]), (j, arc ^ 1, both.a.sectors[1])):
+            ring = self.around[at]
+            ring.insert(ring.index(sector) + 1 if sector >= 0 else 0, name)
+        for tracer, path in zip(self.tracers, both, strict=True):
+            tracer.lay(arc, path.vertices, i, j)
+        old, new = self._group[j], self._group[i]
+        self._group = [new if g == old else g for g in self._group]
+
+    def connected(self, i: int, j: int) -> bool:
+        """Whether arcs lead from landmark i to j."""
+        return self._group[i] == self._group[j]
+
+    def after(self, arc: int) -> int:
+        """The arc that follows round the region on the left."""
+        j = self.ends[arc][1]
+        ring = self.around[j]
+        return ring[ring.index(arc ^ 1) - 1]
+
+    def regions(self) -> list[list[int]]:
+        """The regions between the arcs: the arcs round each, the region on their left."""
+        seen = [False] * len(self.ends)
+        out = []
+        for first in range(len(self.ends)):
+            if seen[first]:
+                continue
+            region, arc = [], first
+            while not seen[arc]:
+                seen[arc] = True
+                region.append(arc)
+                arc = self.after(arc)
+            out.append(region)
+        return out
+
+    def lay_known(self, i: int, j: int, a: IntArray, b: IntArray) -> None:
+        """Add an arc whose two paths (vertices from landmark i to landmark j) are known."""
+        both = Both(
+            *(
+                Traced(
+                    path,
+                    0.0,
+                    (tracer.sector_of(i, int(path[1])), tracer.sector_of(j, int(path[-2]))),
+                )
+                for tracer, path in zip(self.tracers, (a, b), strict=True)
+            )
+        )
+        self.lay(i, j, both)
+
+    def triangulate(self) -> None:
+        """Lay arcs until every region is a triangle. Raises TopologyError where no arc can be laid any more."""
+        for tracer in self.tracers:
+            tracer.split_chords()
+        pairs = [(i, j) for i in range(self.k) for j in range(i)]
+        laid = {frozenset(e) for e in self.ends}
+        pairs = [p for p in pairs if frozenset(p) not in laid]
+        self._greedy(pairs, joining=True)
+        laid = {frozenset(e) for e in self.ends}
+        self._greedy([p for p in pairs if frozenset(p) not in laid], joining=False)
+        if any(len(r) != 3 for r in self.regions()):
+            raise TopologyError(
+                "the landmarks have no common layout: the paths between them would cross on one of the "
+                "surfaces; check that each line names the same place on both, or leave out the last ones added"
+            )
+
+    def _greedy(self, pairs: list[tuple[int, int]], joining: bool) -> None:
+        """Lay what costs least of the pairs, until none is left; costs only grow as arcs are laid."""
+        a, b = self.tracers
+        queue = [
+            (a.distance[i, j] / self.scales[0] + b.distance[i, j] / self.scales[1], i, j)
+            for i, j in pairs
+        ]
+        heapq.heapify(queue)
+        while queue and len(self.ends) < 2 * (3 * self.k - 6):
+            cost, i, j = heapq.heappop(queue)
+            if joining and self.connected(i, j):
+                continue
+            if not joining and not self._share_region(i, j):
+                continue
+            both = self._paths(i, j)
+            if both is None:
+                continue
+            real = both.cost(self.scales)
+            if queue and real > PATIENCE * max(cost, queue[0][0]):
+                heapq.heappush(queue, (real, i, j))
+                continue
+            self.lay(i, j, both)
+            for tracer in self.tracers:
+                tracer.split_chords()
+
+    def _share_region(self, i: int, j: int) -> bool:
+        return any({i, j} <= {self.ends[arc][0] for arc in region} for region in self.regions())
+
+    def _paths(self, i: int, j: int) -> Both | None:
+        """The cheapest of: both free, one free and the other in the same sectors."""
+        a, b = self.tracers
+        free_a, free_b = a.path(i, j), b.path(i, j)
+        if free_a is None or free_b is None:
+            return None
+        if free_a.sectors == free_b.sectors:
+            return Both(free_a, free_b)
+        led_b, led_a = b.path(i, j, free_a.sectors), a.path(i, j, free_b.sectors)
+        found = []
+        if led_b is not None:
+            found.append(Both(free_a, led_b))
+        if led_a is not None:
+            found.append(Both(led_a, free_b))
+        return min(found, key=lambda x: x.cost(self.scales)) if found else None

@@ -1,0 +1,162 @@
+"""Turn single faces of a sheet on the sphere back: their surroundings are mapped anew by convex
+combinations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
+from circparam.core.graph import components
+from circparam.core.linalg import Factor
+from circparam.maps.cones import all_counter_clockwise
+from circparam.maps.sheet import Sheet
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
+from circparam.solvers.untangle import untangle
+
+PATCHES = (4, 8, 2, 12)  # rings of a patch that is untangled, tried in turn
+WIDTHS = (0, 1, 2, 3, 5, 8, 12)  # rings round a face that is turned over, tried in turn
+TRIES = 2  # of every width; what is mended leaves others to mend
+
+
+def row_weights(sheet: Sheet, weights: str) -> FloatArray:
+    """(3m,) weights of all half-edges of a row of WEIGHTS, those that leave a vertex of sum 1."""
+    w = half_edge_weights(sheet.cut_mesh, WEIGHTS[weights].function)
+    start = sheet.faces.ravel()
+    result: FloatArray = w / group_sum(w, start, sheet.n)[start]
+    return result
+
+
+def widened(faces: IntArray, vertices: BoolArray, rings: int) -> BoolArray:
+    """(n,) bool: vertices, and those within so many rings round them."""
+    out = vertices.copy()
+    for _ in range(rings):
+        more = out.copy()
+        more[faces[out[faces].any(1)]] = True
+        out = more
+    return out
+
+
+def mend(sheet: Sheet, sphere: FloatArray, fixed: BoolArray) -> tuple[FloatArray, int]:
+    """(directions (n, 3) with fewer faces turned over, how many are left). fixed (n,): vertices that stay.
+
+    Each patch of faces that are turned over is treated for itself, and only what helps is kept.
+    """
+    weights: FloatArray | None = None
+    q = sphere
+    for rings in WIDTHS:
+        for _ in range(TRIES):
+            bad = ~all_counter_clockwise(q, sheet.faces)
+            if not bad.any():
+                return q, 0
+            if weights is None:
+                weights = row_weights(sheet, "mean-value")
+            seed = np.zeros(sheet.n, bool)
+            seed[sheet.faces[bad]] = True
+            free = widened(sheet.faces, seed, rings) & ~fixed
+            q = _kept(sheet, q, _filled(sheet, q, free, weights), free)
+    for rings in PATCHES:
+        q = _untangled(sheet, q, fixed, rings)
+    return q, int((~all_counter_clockwise(q, sheet.faces)).sum())
+
+
+def _untangled(sheet: Sheet, q: FloatArray, fixed: BoolArray, rings: int) -> FloatArray:
+    """Patches round what is left, seen from the centre of the sphere in a plane, by the foldover-free
+    energy.
+    """
+    bad = ~all_counter_clockwise(q, sheet.faces)
+    if not bad.any():
+        return q
+    seed = np.zeros(sheet.n, bool)
+    seed[sheet.faces[bad]] = True
+    near = widened(sheet.faces, seed, rings)
+    inside = near[sheet.faces].all(1)
+    twin = sheet.twin
+    h = np.arange(len(twin))
+    inner = np.repeat(inside, 3) & np.repeat(inside, 3)[twin] & (h < twin)
+    _, label = components(len(sheet.faces), h[inner] // 3, twin[inner] // 3)
+    out = q.copy()
+    for patch in np.unique(label[bad]).tolist():
+        f = np.flatnonzero((label == patch) & inside)
+        vertices, local = np.unique(sheet.faces[f], return_inverse=True)
+        centre = q[vertices].mean(0)
+        centre /= np.linalg.norm(centre)
+        high = q[vertices] @ centre
+        if (high < 0.1).any():
+            continue
+        frame = np.linalg.svd(centre[None])[2][1:]
+        frame[1] *= np.sign(np.linalg.det(np.stack([frame[0], frame[1], centre])))
+        uv = (q[vertices] @ frame.T) / high[:, None]
+        part = _part(sheet, f, local.reshape(-1, 3))
+        scale = (
+            np.abs(
+                cross2(
+                    uv[part.faces[:, 1]] - uv[part.faces[:, 0]],
+                    uv[part.faces[:, 2]] - uv[part.faces[:, 0]],
+                )
+            ).sum()
+            / 2
+        )
+        unit = np.sqrt(float(part.areas.sum()) / max(scale, 1e-300))
+        held = fixed[vertices].copy()
+        held[part.faces.ravel()[part.boundary]] = True
+        found, _ = untangle(part, uv * unit, held)
+        new = (found / unit) @ frame + centre
+        new[held] = q[vertices][held]
+        out[vertices] = new / np.linalg.norm(new, axis=1)[:, None]
+        out[vertices[held]] = q[vertices[held]]
+    return out
+
+
+def _part(sheet: Sheet, faces: IntArray, local: IntArray) -> CutMesh:
+    """Some faces of a sheet as one chart; local: their vertices numbered anew."""
+    number = np.full(len(sheet.faces), -1)
+    number[faces] = np.arange(len(faces))
+    h = (3 * faces[:, None] + np.arange(3)).ravel()
+    other = sheet.twin[h]
+    inner = (number[other // 3] >= 0) & (h < other)
+    pairs = np.stack([h[inner], other[inner]], 1)
+    return CutMesh(
+        local,
+        sheet.cut_mesh.rest_triangles[faces],
+        np.zeros(len(faces), np.int64),
+        3 * number[pairs // 3] + pairs % 3,
+    )
+
+
+def _filled(sheet: Sheet, q: FloatArray, free: BoolArray, weights: FloatArray) -> FloatArray:
+    """The free vertices as weighted means of their neighbours, on the sphere."""
+    i, j = sheet.faces.ravel(), sheet.faces[:, [1, 2, 0]].ravel()
+    use = free[i]
+    i, j, w = i[use], j[use], weights[use]
+    number, n = np.cumsum(free) - 1, int(free.sum())
+    if n == 0:
+        return q
+    inner = free[j]
+    matrix = sps.identity(n, format="csr") - sps.csr_matrix(
+        (w[inner], (number[i[inner]], number[j[inner]])), shape=(n, n)
+    )
+    value = w[~inner][:, None] * q[j[~inner]]
+    b = np.stack([group_sum(value[:, d], number[i[~inner]], n) for d in range(3)], 1)
+    out = q.copy()
+    new = Factor(matrix).solve(b)
+    out[free] = new / np.maximum(np.linalg.norm(new, axis=1), 1e-300)[:, None]
+    return out
+
+
+def _kept(sheet: Sheet, q: FloatArray, new: FloatArray, free: BoolArray) -> FloatArray:
+    """``new`` on every patch of free vertices where fewer faces are turned over than before."""
+    i, j = sheet.faces.ravel(), sheet.faces[:, [1, 2, 0]].ravel()
+    both = free[i] & free[j]
+    count, label = components(sheet.n, i[both], j[both])
+    touched = free[sheet.faces].any(1)
+    f = sheet.faces[touched]
+    of = np.where(free[f], label[f], -1).max(1)
+    before = np.bincount(of[~all_counter_clockwise(q, f)], minlength=count)
+    after = np.bincount(of[~all_counter_clockwise(new, f)], minlength=count)
+    take = free & (after < before)[label]
+    out = q.copy()
+    out[take] = new[take]
+    return out

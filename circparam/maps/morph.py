@@ -1,0 +1,113 @@
+"""One mesh as a morph of another: the connectivity, uv and looks of A, moved onto B by a map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document
+from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.gltf.dressing import dressed
+from circparam.formats.gltf.morphing import Target, with_morph
+from circparam.geometry.shading import corner_normals, unit
+from circparam.maps.pair import MIRRORED, moved, oriented, turned_over
+from circparam.maps.surface_map import SurfaceMap
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.weld import weld_map
+
+FRAMES = 13  # key frames from A to B: a piece of the curve turns by 7° at most
+MOST_FRAMES = 10_000
+SECONDS = 2.0  # from A to B, and back
+
+
+@dataclass(frozen=True, eq=False)
+class Morphed:
+    """data: the GLB. report: figures for JSON. notes, warnings: what is told."""
+
+    data: bytes
+    report: dict[str, Any]
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+def morph(a: Document, b: Document, mapped: SurfaceMap, frames: int = FRAMES) -> Morphed:
+    """A GLB of A with B as its morph target, and an animation from A to B and back.
+
+    mapped: between A and B, either way round. frames: key frames from A to B, 2 to 10,000. uv, materials and
+    textures of A stay. Raises OptionError for frames out of range, InputError where the map was made for other
+    meshes or turns the surface over, or where A has morph targets of its own.
+    """
+    if not 2 <= frames <= MOST_FRAMES:
+        raise OptionError(f"--frames {frames}: give 2 to {MOST_FRAMES} key frames")
+    mapped = oriented(mapped, a, b)
+    over = turned_over(mapped, a.mesh, b.mesh)
+    if over.mean() > MIRRORED:
+        raise InputError(
+            f"{b.source.name}: the map turns {100 * over.mean():.0f} % of the faces over: one of the two "
+            "meshes looks mirrored or wound the other way; turn it, and make the map again"
+        )
+    ends = moved(mapped, a.mesh, b.mesh)
+    base = dressed(a)
+    points = ends[base.vertex]
+    normals = vertex_normals(base.document, points, base.normals)
+    times, weights = key_frames(frames)
+    target = Target(points, normals, times, weights, _stem(b), base.colours)
+    far = np.linalg.norm(ends - a.mesh.points, axis=1)[np.unique(a.mesh.faces)]
+    report = {
+        "vertices": len(base.document.mesh.points),
+        "faces": len(a.mesh.faces),
+        "frames": frames,
+        "seconds": float(times[-1]),
+        "moved_mean": float(far.mean()),
+        "moved_max": float(far.max()),
+        "reversed": int(over.sum()),
+    }
+    return Morphed(with_morph(base.document, target), report, base.notes, base.warnings)
+
+
+def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:
+    """Times and weights from A to B and back: slow at both ends, so that it plays in a loop without a jerk."""
+    t = np.linspace(0, 1, frames)
+    weight = np.round(0.5 - 0.5 * np.cos(np.pi * t), 9)
+    times = SECONDS * np.concatenate([t, 2 - t[-2::-1]])
+    return times, np.concatenate([weight, weight[-2::-1]])
+
+
+def vertex_normals(
+    document: GltfDocument, points: FloatArray, own: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) normals before and after; edges that the file shades sharp stay sharp.
+
+    own: (m, 3, 3) of the corners; None takes those of the tree, or smooth ones.
+    """
+    mesh = document.mesh
+    weld = weld_map(mesh)[mesh.faces]
+    own = document.normals() if own is None else own
+    label = weld if own is None else _sharper(weld, own)
+    before = corner_normals(mesh.points[mesh.faces], label) if own is None else own
+    after = corner_normals(points[mesh.faces], label)
+    return _of_vertices(mesh, before), _of_vertices(mesh, after)
+
+
+def _sharper(weld: IntArray, normal: FloatArray) -> IntArray:
+    """Labels of corners that share a point and a normal."""
+    _, side = np.unique(np.round(normal.reshape(-1, 3), 4) + 0.0, axis=0, return_inverse=True)
+    out: IntArray = weld * (int(side.max()) + 1) + side.reshape(weld.shape)
+    return out
+
+
+def _of_vertices(mesh: Mesh, corners: FloatArray) -> FloatArray:
+    """(n, 3) the value of a corner for each vertex."""
+    out = np.zeros((len(mesh.points), 3))
+    out[mesh.faces.ravel()] = corners.reshape(-1, 3)
+    return unit(out)
+
+
+def _stem(document: Document) -> str:
+    """A name for the target."""
+    name = document.path.stem if document.path is not None else "target"
+    return name.encode("utf-8", "replace").decode()

@@ -1,0 +1,160 @@
+"""A closed working mesh of genus 0: one side of a map, its boundaries closed by cones, its edges split at
+will.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """points (n, 3); faces (m, 3), closed, wound counter-clockwise seen from outside.
+
+    parent (m,): the face of the surface that each face is a part of, −1 where it closes a boundary.
+    corners (m, 3, 3): barycentric coordinates of its corners in that face. The vertices of the surface come
+    first, then the tips of the cones over its boundaries, then those that split edges.
+    """
+
+    points: FloatArray
+    faces: IntArray
+    parent: IntArray
+    corners: FloatArray
+
+    @property
+    def n(self) -> int:
+        """Number of vertices."""
+        return len(self.points)
+
+    @cached_property
+    def _sorted(self) -> tuple[IntArray, IntArray]:
+        """Half-edges by the key start · n + end: (keys ascending, half-edges)."""
+        key = self.faces.ravel() * self.n + self.faces[:, [1, 2, 0]].ravel()
+        order = np.argsort(key, kind="stable")
+        return key[order], order
+
+    def half_edges(self, start: IntArray, end: IntArray) -> IntArray:
+        """(k,) the half-edge from each start to each end; −1 where there is none."""
+        keys, order = self._sorted
+        asked = np.asarray(start) * self.n + np.asarray(end)
+        at = np.minimum(np.searchsorted(keys, asked), len(keys) - 1)
+        return np.where(keys[at] == asked, order[at], -1)
+
+    @cached_property
+    def twin(self) -> IntArray:
+        """(3m,) the half-edge on the other side of each."""
+        return self.half_edges(self.faces[:, [1, 2, 0]].ravel(), self.faces.ravel())
+
+    @cached_property
+    def first_out(self) -> IntArray:
+        """(n,) one half-edge that leaves each vertex."""
+        out = np.full(self.n, -1)
+        flat = self.faces.ravel()
+        out[flat[::-1]] = np.arange(len(flat))[::-1]
+        return out
+
+    @property
+    def simple(self) -> bool:
+        """Whether it is closed and no two edges join the same two vertices."""
+        keys = self._sorted[0]
+        return bool((self.twin >= 0).all() and (keys[1:] != keys[:-1]).all())
+
+    def ring(self, vertex: int) -> list[int]:
+        """The neighbours of a vertex, counter-clockwise."""
+        flat, twin = self.faces.ravel(), self.twin
+        first = h = int(self.first_out[vertex])
+        out = []
+        while True:
+            out.append(int(flat[h - 2 if h % 3 == 2 else h + 1]))
+            h = int(twin[h + 2 if h % 3 == 0 else h - 1])
+            if h == first:
+                return out
+
+    @cached_property
+    def edge_lengths(self) -> FloatArray:
+        """(3m,) length of each half-edge."""
+        d = self.points[self.faces[:, [1, 2, 0]].ravel()] - self.points[self.faces.ravel()]
+        return np.asarray(np.linalg.norm(d, axis=1))
+
+    @cached_property
+    def cut_mesh(self) -> CutMesh:
+        """As methods see it: one chart without a boundary."""
+        h = np.arange(3 * len(self.faces))
+        lower = h < self.twin
+        return CutMesh(
+            self.faces,
+            rest_triangles_of(self.points[self.faces]),
+            np.zeros(len(self.faces), np.int64),
+            np.stack([h[lower], self.twin[lower]], 1),
+        )
+
+    def split(
+        self, half_edges: BoolArray, share: FloatArray | None = None
+    ) -> tuple[Sheet, IntArray]:
+        """The marked edges ((3m,) bool on both half-edges) split into two each.
+
+        share: (3m,) how far along each half-edge, half where None. Returns (sheet, (edges, 2): the key low ·
+        n + high of the ends
+        of every edge that was split, ascending, and the vertex that splits it).
+        """
+        sheet, marked, n = self, half_edges, self.n
+        share = np.full(len(marked), 0.5) if share is None else share
+        middles = [np.zeros((0, 2), np.int64)]
+        while marked.any():
+            h = np.arange(len(marked))
+            number = np.where(marked, np.minimum(h, sheet.twin), len(marked))
+            lowest = np.repeat(number.reshape(-1, 3).min(1), 3)
+            own = marked & (number == lowest)
+            now = own & own[sheet.twin]  # at most one edge of a face at a time
+            lower = np.flatnonzero(now & (h < sheet.twin))
+            i, j = sheet.faces.ravel()[lower], sheet.faces.ravel()[next_half_edge(lower)]
+            key = np.minimum(i, j) * n + np.maximum(i, j)
+            middles.append(np.stack([key, sheet.n + np.arange(len(lower))], 1))
+            sheet, marked, share = sheet._split_apart(now, marked, share)
+        found = np.concatenate(middles)
+        return sheet, found[np.argsort(found[:, 0], kind="stable")]
+
+    def _split_apart(
+        self, now: BoolArray, marked: BoolArray, share: FloatArray
+    ) -> tuple[Sheet, BoolArray, FloatArray]:
+        """Split edges of which no face has two; returns (sheet, what of ``marked`` is left, its shares)."""
+        h = np.flatnonzero(now)
+        lower = np.minimum(h, self.twin[h])
+        edges, index = np.unique(lower, return_inverse=True)
+        flat = self.faces.ravel()
+        middle = self.n + index
+        a, b = flat[edges], flat[next_half_edge(edges)]
+        f, k = h // 3, h % 3
+        ahead = (k + 1) % 3
+        rows = np.arange(len(h))
+        t = share[h][:, None]
+        # a b c becomes a m c, in its place, and m b c, at the end
+        faces, corners = self.faces.copy(), self.corners.copy()
+        new_faces, new_corners = self.faces[f].copy(), self.corners[f].copy()
+        between = (1 - t) * self.corners[f, k] + t * self.corners[f, ahead]
+        faces[f, ahead] = middle
+        corners[f, ahead] = between
+        new_faces[rows, k] = middle
+        new_corners[rows, k] = between
+        left, shares = marked.reshape(-1, 3).copy(), share.reshape(-1, 3).copy()
+        new_left, new_shares = np.zeros((len(h), 3), bool), np.full((len(h), 3), 0.5)
+        new_left[rows, ahead], new_shares[rows, ahead] = left[f, ahead], shares[f, ahead]
+        left[f, k] = left[f, ahead] = False
+        s = share[edges][:, None]
+        sheet = Sheet(
+            np.concatenate([self.points, (1 - s) * self.points[a] + s * self.points[b]]),
+            np.concatenate([faces, new_faces]),
+            np.concatenate([self.parent, self.parent[f]]),
+            np.concatenate([corners, new_corners]),
+        )
+        return (
+            sheet,
+            np.concatenate([left, new_left]).ravel(),
+            np.concatenate([shares, new_shares]).ravel(),
+        )

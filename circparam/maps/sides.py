@@ -1,0 +1,176 @@
+"""A mesh as one side of a map: what it must be, and the closed sheet that stands for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.words import counted
+from circparam.errors import TopologyError
+from circparam.maps.sheet import Sheet
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.mesh.surface import Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A connected surface of genus 0, with or without boundaries.
+
+    name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices
+    those of the
+    surface. tips (b,): the vertex that closes each boundary. loops: the vertices of each boundary, in order
+    with the
+    surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face uses it. scale: by what
+    the points of the
+    surface are those of the mesh. winding (m, 3): the corner of the file that each corner of a face is.
+    notes: what was repaired.
+    """
+
+    name: str
+    mesh: Mesh
+    surface: Surface
+    sheet: Sheet
+    tips: IntArray
+    loops: list[IntArray]
+    vertex: IntArray
+    scale: float
+    winding: IntArray
+    notes: list[str]
+
+    @property
+    def n(self) -> int:
+        """Number of vertices of the surface."""
+        return len(self.surface.vertex_points)
+
+    @cached_property
+    def size(self) -> float:
+        """Diagonal of the box round it, in units of the sheet."""
+        return float(np.linalg.norm(np.ptp(self.surface.vertex_points, axis=0)))
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the surface, in units of the sheet."""
+        return float(self.surface.areas.sum())
+
+    @cached_property
+    def on_boundary(self) -> IntArray:
+        """(n,) which boundary a vertex of the surface is on, −1 where none."""
+        out = np.full(self.n, -1)
+        for k, loop in enumerate(self.loops):
+            out[loop] = k
+        return out
+
+
+def side_of(mesh: Mesh, name: str, mirrored: bool = False, weld: float = 0.0) -> Side:
+    """Prepare one side of a map. mirrored: read every face the other way round.
+
+    Raises TopologyError where the mesh is no single surface of genus 0 whose edges have two faces at most.
+    """
+    surface, report = repair(mesh, RepairOptions(weld))
+    if mirrored:
+        surface = _mirrored(surface)
+    cut_mesh = _checked(surface, name)
+    loops = [
+        cut_mesh.faces.ravel()[cut_mesh.loops.half_edges[a:b]]
+        for a, b in zip(cut_mesh.loops.start[:-1], cut_mesh.loops.start[1:], strict=True)
+    ]
+    sheet, tips = closed_sheet(cut_mesh.faces, surface.vertex_points, loops)
+    if not sheet.simple:
+        raise TopologyError(
+            f"{name}: two edges join the same two vertices, so no path is known by its vertices; "
+            "subdivide or weld it first"
+        )
+    vertex = np.full(len(mesh.points), -1)
+    solved = surface.corner_vertex
+    winding = np.where(surface.reversed_faces[:, None], [[0, 2, 1]], [[0, 1, 2]])
+    file_corners = np.take_along_axis(mesh.faces[surface.source], winding, 1)
+    vertex[file_corners] = solved
+    missing = (vertex < 0) & (report.weld != np.arange(len(vertex)))
+    vertex[missing] = vertex[report.weld[missing]]
+    return Side(
+        name,
+        mesh,
+        surface,
+        sheet,
+        tips,
+        loops,
+        vertex,
+        report.scale,
+        winding,
+        list(report.messages),
+    )
+
+
+def _mirrored(surface: Surface) -> Surface:
+    """The surface with every face wound the other way; corners 1 and 2 change places."""
+    turn = np.array([2, 1, 0])
+    edges = surface.edges // 3 * 3 + turn[surface.edges % 3]
+    edges = np.sort(edges, 1)
+    order = np.argsort(edges[:, 0], kind="stable")
+    return Surface(
+        surface.points,
+        surface.faces[:, [0, 2, 1]],
+        surface.source,
+        ~surface.reversed_faces,
+        edges[order],
+        surface.locked[order],
+    )
+
+
+def _checked(surface: Surface, name: str) -> CutMesh:
+    """The uncut mesh of a surface that a map can be made for."""
+    number, _ = surface.components
+    if number != 1:
+        raise TopologyError(
+            f"{name}: it has {number} connected parts and a map needs one: split the file"
+        )
+    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    loops = len(cut_mesh.loops.chart)
+    genus = int(2 - loops - cut_mesh.euler()[0]) // 2
+    if genus:
+        raise TopologyError(
+            f"{name}: genus {genus} with {counted(loops, 'boundary')}; maps are made between "
+            "surfaces of genus 0 (spheres and disks, with or without holes): "
+            "cut both open along corresponding loops first"
+        )
+    return cut_mesh
+
+
+def closed_sheet(
+    faces: IntArray, points: FloatArray, loops: list[IntArray]
+) -> tuple[Sheet, IntArray]:
+    """(the surface with a cone over each boundary, (b,) the tip of each)."""
+    m, n = len(faces), len(points)
+    tips, more = [], []
+    for k, loop in enumerate(loops):
+        p = points[loop]
+        middle = p.mean(0)
+        area = np.cross(p - middle, np.roll(p, -1, 0) - middle).sum(0) / 2
+        length = float(np.linalg.norm(np.roll(p, -1, 0) - p, axis=1).sum())
+        size = float(np.linalg.norm(area))
+        out = area / size if size > 1e-6 * length**2 else np.array([0.0, 0.0, 1.0])
+        tips.append(middle - out * length / (2 * np.pi))
+        after = np.roll(loop, -1)
+        more.append(np.stack([after, loop, np.full(len(loop), n + k)], 1))
+    closing = sum(len(x) for x in more)
+    sheet = Sheet(
+        np.concatenate([points, np.array(tips).reshape(-1, 3)]),
+        np.concatenate([faces, *more]),
+        np.r_[np.arange(m), np.full(closing, -1)],
+        np.broadcast_to(np.eye(3), (m + closing, 3, 3)).copy(),
+    )
+    return sheet, n + np.arange(len(loops))
+
+
+def require_same(a: Side, b: Side) -> None:
+    """Raise TopologyError unless both have as many boundaries."""
+    if len(a.loops) != len(b.loops):
+        raise TopologyError(
+            f"{a.name} has {counted(len(a.loops), 'boundary')} and {b.name} {len(b.loops)}: "
+            "a map needs the same topology; close holes, or cut the other open"
+        )

@@ -1,0 +1,163 @@
+"""Straighter arcs: two patches at a time are mapped onto a square, and its diagonal becomes the arc between
+them.
+
+A shortest path along edges zigzags, and a patch whose boundary zigzags is sheared where it is laid straight.
+The diagonal of
+a convex map runs over the surface as smoothly as the map is; edges are split where it crosses them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.core.linalg import Factor
+from circparam.maps.layout import Layout
+from circparam.maps.mend import row_weights
+from circparam.maps.tracing import Tracer, shares
+
+NEAREST = 0.05  # of an edge: how near to its ends it is split
+
+
+def straighten(layout: Layout, weights: str, first: int) -> None:
+    """Replace the arcs from number ``first`` on by diagonals, on both sheets, in place."""
+    for arcs in _rounds(layout, first):
+        for tracer in layout.tracers:
+            _Straightener(tracer, layout, arcs).run(weights)
+            tracer.split_chords()
+
+
+def _rounds(layout: Layout, first: int) -> list[list[int]]:
+    """Arcs to replace together: of each region one at most, and only between regions that make a
+    quadrilateral.
+    """
+    region_of = {arc: n for n, r in enumerate(layout.regions()) for arc in r}
+    left = [a for a in range(first, len(layout.ends), 2) if len(set(_quad(layout, a))) == 4]
+    out = []
+    while left:
+        taken: set[int] = set()
+        now = []
+        for arc in left:
+            pair = {region_of[arc], region_of[arc ^ 1]}
+            if not pair & taken:
+                taken |= pair
+                now.append(arc)
+        out.append(now)
+        left = [arc for arc in left if arc not in now]
+    return out
+
+
+def _quad(layout: Layout, arc: int) -> list[int]:
+    """The landmarks round the two regions of an arc, counter-clockwise from its start."""
+    i, j = layout.ends[arc]
+    return [i, layout.ends[layout.after(arc ^ 1)][1], j, layout.ends[layout.after(arc)][1]]
+
+
+class _Straightener:
+    """Some arcs of one sheet, whose pairs of patches do not touch each other. pair (m,): of each face, −1
+    elsewhere.
+    """
+
+    def __init__(self, tracer: Tracer, layout: Layout, arcs: list[int]) -> None:
+        self.tracer, self.layout, self.arcs, self.sheet = tracer, layout, arcs, tracer.sheet
+        n = self.sheet.n
+        regions = layout.regions()
+        region_of = {arc: k for k, r in enumerate(regions) for arc in r}
+        name = np.full(len(regions), -1)
+        keys, places = [], []
+        for pair, arc in enumerate(arcs):
+            name[[region_of[arc], region_of[arc ^ 1]]] = pair
+            for side, corner, after in zip(
+                self._sides(arc), _CORNERS, np.roll(_CORNERS, -1, 0), strict=True
+            ):
+                path = tracer.arcs[side]
+                t = shares(tracer, path)[:, None]
+                keys.append(pair * n + path)
+                places.append((1 - t) * corner + t * after)
+        self.pair = name[tracer.regions(regions)]
+        key, index = np.unique(np.concatenate(keys), return_index=True)
+        self.key, self.place = key, np.concatenate(places)[index]
+
+    def _sides(self, arc: int) -> list[int]:
+        """The arcs round the pair, counter-clockwise from its start: two of the right patch, two of the
+        left.
+        """
+        right, left = self.layout.after(arc ^ 1), self.layout.after(arc)
+        return [right, self.layout.after(right), left, self.layout.after(left)]
+
+    def run(self, weights: str) -> None:
+        """Lay the new arcs."""
+        sheet, n = self.sheet, self.sheet.n
+        uv, of = self._flat(weights)
+        h = np.flatnonzero((self.pair >= 0).repeat(3))
+        h = h[h < sheet.twin[h]]
+        pair = self.pair[h // 3]
+        same = self.pair[sheet.twin[h] // 3] == pair
+        h, pair = h[same], pair[same]
+        a, b = sheet.faces.ravel()[h], sheet.faces[:, [1, 2, 0]].ravel()[h]
+        pa, pb = self._at(uv, of, pair, a), self._at(uv, of, pair, b)
+        sa, sb = pa[:, 0] - pa[:, 1], pb[:, 0] - pb[:, 1]
+        ends = np.array([self.layout.ends[arc] for arc in self.arcs])
+        ends = self.tracer.marks[ends][pair]
+        cross = ((sa > 0) != (sb > 0)) & (a[:, None] != ends).all(1) & (b[:, None] != ends).all(1)
+        h, pair, a, b = h[cross], pair[cross], a[cross], b[cross]
+        t = sa[cross] / (sa[cross] - sb[cross])
+        along = ((1 - t)[:, None] * pa[cross] + t[:, None] * pb[cross]).sum(1)
+        ratio = np.clip(t, NEAREST, 1 - NEAREST)
+        marked: BoolArray = np.zeros(3 * len(sheet.faces), bool)
+        share = np.full(3 * len(sheet.faces), 0.5)
+        marked[h] = marked[sheet.twin[h]] = True
+        share[h], share[sheet.twin[h]] = ratio, 1 - ratio
+        new, middle = sheet.split(marked, share)
+        self.tracer.renew(new)
+        vertex = middle[np.searchsorted(middle[:, 0], np.minimum(a, b) * n + np.maximum(a, b)), 1]
+        order = np.lexsort((along, pair))
+        for number, arc in enumerate(self.arcs):
+            own = order[pair[order] == number]
+            i, j = self.tracer.marks[list(self.layout.ends[arc])]
+            path = np.concatenate([[i], vertex[own], [j]])
+            if (new.half_edges(path[:-1], path[1:]) >= 0).all():
+                self.tracer.replace(arc, path, *self.layout.ends[arc])
+        self.tracer.mark_arcs()
+
+    def _flat(self, weights: str) -> tuple[FloatArray, IntArray]:
+        """((n, 2) places of the free vertices in the square of their pair, (n,) that pair, −1 for those not
+        free).
+        """
+        sheet = self.sheet
+        i, j = sheet.faces.ravel(), sheet.faces[:, [1, 2, 0]].ravel()
+        low, high = np.full(sheet.n, len(self.arcs)), np.full(sheet.n, -1)
+        np.minimum.at(low, i, np.repeat(self.pair, 3))
+        np.maximum.at(high, i, np.repeat(self.pair, 3))
+        free = (low == high) & (high >= 0)
+        free[self.tracer.marks] = False
+        w = row_weights(sheet, weights)
+        use = free[i]
+        i, j, w = i[use], j[use], w[use]
+        number, n = np.cumsum(free) - 1, int(free.sum())
+        inner = free[j]
+        matrix = sps.identity(n, format="csr") - sps.csr_matrix(
+            (w[inner], (number[i[inner]], number[j[inner]])), shape=(n, n)
+        )
+        of = np.where(free, high, -1)
+        at = self._known(of[i[~inner]], j[~inner])
+        value = w[~inner][:, None] * at
+        b = np.stack([group_sum(value[:, d], number[i[~inner]], n) for d in range(2)], 1)
+        uv = np.zeros((sheet.n, 2))
+        uv[free] = Factor(matrix).solve(b)
+        return uv, of
+
+    def _known(self, pair: IntArray, vertices: IntArray) -> FloatArray:
+        """(k, 2) places of vertices on the boundary of a pair."""
+        found: FloatArray = self.place[np.searchsorted(self.key, pair * self.sheet.n + vertices)]
+        return found
+
+    def _at(self, uv: FloatArray, of: IntArray, pair: IntArray, vertices: IntArray) -> FloatArray:
+        out = uv[vertices]
+        fixed = of[vertices] < 0
+        out[fixed] = self._known(pair[fixed], vertices[fixed])
+        return out
+
+
+_CORNERS = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])

@@ -1,0 +1,121 @@
+"""A run that is stopped goes on after its seams, which are most of the work: they are kept in a folder.
+
+The name of the file is a hash of all that the seams depend on: the version, the mesh with its uv, the options.
+So a folder may serve many meshes, and what belongs to another mesh, version or option is never taken by
+mistake: it is not looked at. The file goes when its run has ended well.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from circparam._version import __version__
+from circparam.core.fields import specs
+from circparam.core.files import write_files
+from circparam.core.monitor import Monitor
+from circparam.errors import OutputError
+from circparam.pipeline.job import Job
+from circparam.pipeline.options import Options
+from circparam.seams.options import Seams
+
+# options that change no seam, or the checkpoint itself
+_NO_MATTER = ("jobs", "timeout", "overwrite", "format", "checkpoint")
+
+
+def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) -> Seams:
+    """The seams that an earlier run has kept, else those that are found now, which are kept.
+
+    Seams that were found in a hurry are not kept: they depend on the clock. Raises OutputError where the folder
+    cannot be written to.
+    """
+    path = place(job)
+    if path is None:
+        return find(job, monitor)
+    kept, damaged = _read(path, job)
+    if kept is not None:
+        return kept
+    seams = find(job, monitor)
+    if not monitor.hurried:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{path.parent}: no folder for checkpoints ({error.strerror or error})"
+            ) from None
+        write_files({path: _packed(seams)}, overwrite=True)
+    note = f"{path}: the checkpoint was damaged; the seams were found anew"
+    return replace(seams, notes=[*seams.notes, note]) if damaged else seams
+
+
+def forget(job: Job) -> None:
+    """The run has ended well: what was kept of it is of no more use."""
+    path = place(job)
+    if path is not None:
+        path.unlink(missing_ok=True)
+
+
+def place(job: Job) -> Path | None:
+    """Where the seams of this mesh with these options are kept; None where nobody asked."""
+    if job.options.checkpoint is None:
+        return None
+    return Path(job.options.checkpoint) / f"{_key(job)}.circparam.npz"
+
+
+def _key(job: Job) -> str:
+    """A hash of all that the seams depend on."""
+    digest = hashlib.sha256(f"circparam {__version__} {job.target}".encode())
+
+    def add(value: object) -> None:
+        if isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype} {value.shape}".encode())
+            digest.update(value.tobytes())
+        else:
+            digest.update(repr(value).encode())
+
+    for name in specs(Options):
+        if name not in _NO_MATTER:
+            digest.update(name.encode())
+            add(getattr(job.options, name))
+    mesh = job.document.mesh
+    for part in (mesh.points, mesh.faces, mesh.polygons, mesh.groups):
+        add(part)
+    for number in job.document.uv_sets:
+        uvmap = job.document.uv(number)
+        for part in () if uvmap is None else (uvmap.uv, uvmap.uv_faces):
+            add(part)
+    return digest.hexdigest()[:32]
+
+
+def _packed(seams: Seams) -> bytes:
+    """The seams as an npz file."""
+    out = io.BytesIO()
+    notes = np.array(seams.notes, dtype=np.str_)
+    if seams.uv is None:
+        np.savez(out, cut=seams.cut, notes=notes)
+    else:
+        np.savez(out, cut=seams.cut, notes=notes, uv=seams.uv)
+    return out.getvalue()
+
+
+def _read(path: Path, job: Job) -> tuple[Seams | None, bool]:
+    """(the seams of a file, None where there are none; whether there was a file that made no sense)."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            cut, notes = file["cut"], [str(note) for note in file["notes"]]
+            uv = file["uv"] if "uv" in file.files else None
+    except FileNotFoundError:
+        return None, False
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None, True
+    surface = job.surface
+    fits = cut.shape == (len(surface.edges),) and cut.dtype == bool
+    if not fits or (uv is not None and uv.shape != (len(surface.faces), 3, 2)):
+        return None, True
+    return Seams(cut, uv, notes), False

@@ -1,0 +1,196 @@
+"""Chords: straight cuts through a chart from boundary to boundary, and what its parts look like then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, next_half_edge, ranges
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.packing.nest.masks import chart_masks
+
+ANCHORS = 72  # points of an outline between which chords are tried
+ANGLES = 16  # of bounding boxes, in a quarter turn
+STEPS = 24  # places of a chord that must lie inside
+RASTER = 96  # cells along the longer side of a chart, in which is looked up what lies inside
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """One chart as closed polygons with some of its boundary vertices.
+
+    chart: its number. vertex: (k,) vertices of the cut mesh along the outer loop, p: (k, 2) their uv. holes:
+    the corners (h, 2) of each.
+    """
+
+    chart: int
+    vertex: IntArray
+    p: FloatArray
+    holes: list[FloatArray]
+
+    @cached_property
+    def edges(self) -> tuple[FloatArray, FloatArray]:
+        """Starts and ends (e, 2) of the edges of all loops."""
+        return closed([self.p, *self.holes])
+
+    @cached_property
+    def fans(self) -> FloatArray:
+        """(k,) signed areas between the origin and each edge of the outer loop."""
+        return cross2(self.p, np.roll(self.p, -1, axis=0)) / 2
+
+    @property
+    def area(self) -> float:
+        """Area inside, holes left out."""
+        start, end = self.edges
+        return float(cross2(start, end).sum() / 2)
+
+
+def closed(loops: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Starts and ends (e, 2) of the edges of closed polygons."""
+    return np.concatenate(loops), np.concatenate([np.roll(q, -1, axis=0) for q in loops])
+
+
+def outlines(cut_mesh: CutMesh, uv: FloatArray, which: IntArray, step: float) -> list[Outline]:
+    """The outlines of some charts, in their order; corners ``step`` apart, charts without three left out."""
+    loops = cut_mesh.loops
+    vertex = cut_mesh.faces.ravel()[loops.half_edges]
+    p = uv[vertex]
+    end = uv[cut_mesh.faces.ravel()[next_half_edge(loops.half_edges)]]
+    length = np.sqrt(((end - p) ** 2).sum(1))
+    at = np.cumsum(length) - length
+    at -= at[loops.start[:-1]][loops.loop_of]
+    rung = np.floor(at / step)
+    kept = np.r_[True, (rung[1:] != rung[:-1]) | (loops.loop_of[1:] != loops.loop_of[:-1])]
+    out = []
+    outer = np.flatnonzero(loops.outer)
+    of = np.full(cut_mesh.n_charts, -1)
+    of[loops.chart[outer]] = outer
+    for chart, loop in zip(which.tolist(), of[which].tolist(), strict=True):
+        mine = np.flatnonzero(loops.chart == chart)
+        parts = [slice(int(loops.start[k]), int(loops.start[k + 1])) for k in mine]
+        q = {int(k): p[s][kept[s]] for k, s in zip(mine, parts, strict=True)}
+        part = slice(int(loops.start[loop]), int(loops.start[loop + 1]))
+        holes = [c for k, c in q.items() if k != loop and len(c) > 2]
+        if len(q[loop]) > 2:
+            v = vertex[part][kept[part]]
+            out.append(Outline(chart, v, q[loop], holes))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Chords:
+    """Chords of one outline from corner i to corner j, i < j: all (c,).
+
+    length: of each. least: area of the smaller part. box: sum of the least bounding boxes of both parts.
+    square: side of the smallest square that holds either part.
+    """
+
+    outline: Outline
+    i: IntArray
+    j: IntArray
+    length: FloatArray
+    least: FloatArray
+    box: FloatArray
+    square: FloatArray
+
+    def ends(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Both ends of chord k, each (2,)."""
+        return self.outline.p[self.i[k]], self.outline.p[self.j[k]]
+
+
+def split(outline: Outline, i: int, j: int) -> tuple[Outline, Outline]:
+    """Both parts of an outline, cut from corner i to corner j > i."""
+    ahead = np.arange(i, j + 1)
+    back = np.r_[np.arange(j, len(outline.p)), np.arange(i + 1)]
+    inside = [_holds(outline.p[ahead], hole[0]) for hole in outline.holes]
+    first, second = (
+        Outline(
+            outline.chart,
+            outline.vertex[part],
+            outline.p[part],
+            [h for h, x in zip(outline.holes, inside, strict=True) if x is which],
+        )
+        for part, which in ((ahead, True), (back, False))
+    )
+    return first, second
+
+
+def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
+    """Chords between points of an outline that run inside: for each point the shortest ones."""
+    p = outline.p
+    pick = np.unique(np.linspace(0, len(p), anchors, endpoint=False).astype(np.int64))
+    k = len(pick)
+    q = p[pick]
+    gap = np.sqrt(((q[:, None] - q[None]) ** 2).sum(2))
+    apart = np.abs(np.arange(k)[:, None] - np.arange(k)[None])
+    apart = np.minimum(apart, k - apart)
+    # from each point the ends that are nearer than those beside them, and those nearer than from points beside
+    far = np.where(apart < 2, np.inf, gap)
+    near = (far <= np.roll(far, 1, 1)) & (far <= np.roll(far, -1, 1))
+    near |= near.T
+    i, j = np.nonzero(np.triu(near & np.isfinite(far)))
+    inside = _inside(outline, q[i], q[j])
+    i, j = i[inside], j[inside]
+    total = float(outline.fans.sum())
+    cumulative = np.r_[0.0, np.cumsum(outline.fans)]
+    first = cumulative[pick[j]] - cumulative[pick[i]] + cross2(q[j], q[i]) / 2
+    box, square = _extents(p, pick)
+    over = j - i - 1
+    back = k - (j - i) - 1
+    return Chords(
+        outline,
+        pick[i],
+        pick[j],
+        gap[i, j],
+        np.minimum(first, total - first),
+        box[i, over] + box[j, back],
+        np.maximum(square[i, over], square[j, back]),
+    )
+
+
+def _inside(outline: Outline, a: FloatArray, b: FloatArray) -> BoolArray:
+    """(c,) bool: the chord from a to b runs inside but for its ends."""
+    start, end = outline.edges
+    low = start.min(0)
+    cell = float(np.ptp(start, axis=0).max()) / RASTER
+    masks = chart_masks((start - low) / cell, (end - low) / cell, np.zeros(1), 0.0)
+    filled = masks.cells[0]
+    t = (np.arange(STEPS) + 0.5) / STEPS
+    at = a[:, None] * (1 - t)[None, :, None] + b[:, None] * t[None, :, None]
+    cells = np.floor((at - low) / cell - masks.low[0]).astype(np.int64)
+    y = np.clip(cells[..., 1], 0, filled.shape[0] - 1)
+    x = np.clip(cells[..., 0], 0, filled.shape[1] - 1)
+    return np.asarray(filled[y, x].all(1))
+
+
+def _extents(p: FloatArray, pick: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Of the boundary from anchor i over l + 1 pieces, at [i, l]: its least box (area), least square (side)."""
+    k = len(pick)
+    t = np.arange(ANGLES) * (np.pi / 2 / ANGLES)
+    along = np.stack(
+        [p @ np.stack([np.cos(t), np.sin(t)]), p @ np.stack([-np.sin(t), np.cos(t)])], -1
+    )
+    count = np.diff(np.r_[pick, pick[0] + len(p)]) + 1
+    index = (np.repeat(pick, count) + ranges(count)) % len(p)
+    start = np.cumsum(count) - count
+    high, low = np.maximum.reduceat(along[index], start), np.minimum.reduceat(along[index], start)
+    box, square = np.zeros((k, k)), np.zeros((k, k))
+    top, bottom = high.copy(), low.copy()
+    for length in range(k):
+        size = top - bottom
+        box[:, length] = size.prod(-1).min(-1)
+        square[:, length] = size.max(-1).min(-1)
+        following = (np.arange(k) + length + 1) % k
+        top, bottom = np.maximum(top, high[following]), np.minimum(bottom, low[following])
+    return box, square
+
+
+def _holds(polygon: FloatArray, point: FloatArray) -> bool:
+    """Whether a point lies in a polygon (k, 2)."""
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    crossed = (a[:, 1] > point[1]) != (b[:, 1] > point[1])
+    rise = np.where(crossed, b[:, 1] - a[:, 1], 1.0)
+    x = a[:, 0] + (point[1] - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
+    return bool((crossed & (x > point[0])).sum() % 2)

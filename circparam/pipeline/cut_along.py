@@ -1,0 +1,135 @@
+"""Cuts along chords of a layout, made along edges of the mesh: the shortest way near each chord."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys, next_half_edge
+from circparam.core.graph import nearest
+from circparam.geometry.distortion import chart_distortion
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh, not_disks
+
+BAND = 0.2  # of a chord's length: how far from it the way along edges may run
+EDGES = 4.0  # and so many edges besides
+ENDS = (0.35, 0.1, 0.0)  # of a chord's length: how far from its ends the way may begin and end
+ALIKE = 1.6  # ratio of the areas that the chord and the way cut off
+
+
+@dataclass(frozen=True, eq=False)
+class Chord:
+    """A straight cut through a chart from start to end (2,), in the uv of its atlas. chart: (m,) bool, its
+    faces before any cut. least: area of the smaller part that it leaves, in space."""
+
+    chart: BoolArray
+    start: FloatArray
+    end: FloatArray
+    least: float
+
+
+def cut_along(
+    atlas: Atlas, chord: Chord, costs: FloatArray, bound: float, least_faces: int = 1
+) -> Atlas | None:
+    """The atlas cut along edges near a chord; None where that does not leave two disks below the bound.
+
+    costs: (e,) of a seam along each edge, infinite where there may be none. least_faces: of either part. The
+    way begins and ends on a boundary near the ends of the chord, wherever it is shortest; layouts stay as they
+    are.
+    """
+    cut_mesh, uv = atlas.open()
+    for ends in ENDS:
+        path = _path(atlas, cut_mesh, uv, chord, costs, ends)
+        if path is None:
+            continue
+        cut = atlas.cut.copy()
+        cut[path] = True
+        after = Atlas(atlas.surface, cut, atlas.corners, atlas.prices)
+        faces = cut_mesh.chart == cut_mesh.chart[atlas.surface.edges[path[0], 0] // 3]
+        if _allowed(after, faces, chord.least, bound, least_faces):
+            return after
+    return None
+
+
+def _path(
+    atlas: Atlas,
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    chord: Chord,
+    costs: FloatArray,
+    ends: float,
+) -> IntArray | None:
+    """Edges of the cheapest way near a chord; None where there is none."""
+    s, flat = atlas.surface, cut_mesh.faces.ravel()
+    edge = np.flatnonzero(~atlas.cut & np.isfinite(costs) & chord.chart[s.edges[:, 0] // 3])
+    h = s.edges[edge, 0]
+    a, b = flat[h], flat[next_half_edge(h)]
+    length = float(np.linalg.norm(chord.end - chord.start))
+    step = float(np.median(np.linalg.norm(uv[a] - uv[b], axis=1))) if len(edge) else 0.0
+    away = _distance(uv, chord.start, chord.end)
+    near = away <= BAND * length + EDGES * step
+    edge, a, b = (x[near[a] & near[b]] for x in (edge, a, b))
+    rim = np.zeros(cut_mesh.n_vertices, bool)
+    rim[flat[cut_mesh.boundary]] = True
+    reach = ends * length + (step if ends else 0.0)
+    starts, goals = (_beside(cut_mesh, uv, p, reach) for p in (chord.start, chord.end))
+    if not len(edge) or not len(starts) or not len(goals):
+        return None
+    # along the boundary it would tear fragments off: each vertex there costs more than any way round
+    cost = costs[edge] + costs[edge].sum() * (rim[a].astype(float) + rim[b])
+    n = cut_mesh.n_vertices
+    distance, before, _ = nearest(
+        sps.csr_matrix((cost, (a, b)), shape=(n, n)), starts, symmetric=False
+    )
+    path = [int(goals[np.argmin(distance[goals])])]
+    if not 0 < distance[path[0]] < np.inf:
+        return None
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    q = np.array(path)
+    along: IntArray = edge[np.isin(edge_keys(a, b, n), edge_keys(q[1:], q[:-1], n))]
+    return along
+
+
+def _beside(cut_mesh: CutMesh, uv: FloatArray, place: FloatArray, reach: float) -> IntArray:
+    """Boundary vertices at a place (2,) in uv, with those no further than ``reach`` along their loops."""
+    loops, flat = cut_mesh.loops, cut_mesh.faces.ravel()
+    vertex = flat[loops.half_edges]
+    here = np.flatnonzero((uv[vertex] == place).all(1))
+    length = np.linalg.norm(uv[flat[next_half_edge(loops.half_edges)]] - uv[vertex], axis=1)
+    ends = np.cumsum(length)
+    found = [vertex[here]]
+    for k in here.tolist():
+        loop = int(np.searchsorted(loops.start, k, side="right")) - 1
+        part = slice(int(loops.start[loop]), int(loops.start[loop + 1]))
+        at = ends[part] - length[part]
+        away = np.abs(at - at[k - part.start])
+        around = float(length[part].sum())
+        found.append(vertex[part][np.minimum(away, around - away) <= reach])
+    return np.unique(np.concatenate(found))
+
+
+def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """(k,) distance of points (k, 2) from a segment."""
+    d = end - start
+    t = np.clip(((points - start) @ d) / max(float(d @ d), 1e-300), 0.0, 1.0)
+    result: FloatArray = np.linalg.norm(points - start - t[:, None] * d, axis=1)
+    return result
+
+
+def _allowed(atlas: Atlas, faces: BoolArray, least: float, bound: float, least_faces: int) -> bool:
+    """Whether these faces ((m,) bool, a chart before) are two charts now as they should be.
+
+    Both disks (holes allowed) of ``least_faces``, neither above the bound, the smaller of about the area
+    ``least``.
+    """
+    after, uv = atlas.open()
+    parts, count = np.unique(after.chart[faces], return_counts=True)
+    if len(parts) != 2 or count.min() < least_faces or not_disks(after)[parts].any():
+        return False
+    area = float(after.chart_areas[parts].min())
+    if not least / ALIKE < area < least * ALIKE:
+        return False
+    return bool((chart_distortion(after, uv)[parts] <= bound).all())

@@ -1,0 +1,64 @@
+"""Whether a mesh fits a bound on the memory: known before the work, from what meshes of its kind have taken."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+from circparam.core import pool, workers
+from circparam.core.monitor import Monitor
+from circparam.errors import NoResultError
+from circparam.pipeline.options import Options
+
+# Bytes a face at the highest point, besides what is held when the mesh has been read: 2200 to 2300 on scans of
+# 0.3 to 0.7 million faces (while charts are carried to the mesh), 1450 on one of floaters.
+FACE = 2_250
+LIKELY = 0.65  # of that: what no mesh has got by with less of
+KNOWN = (
+    50_000  # faces from which on that is known; smaller meshes need hardly more than the libraries
+)
+GIGABYTE = 1e9
+
+
+def memory_limit() -> int | None:
+    """Bytes of address space that this process and its workers may have; None where nothing bounds them."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    current = pool.current()
+    if current is not None and current.limit is not None:
+        return current.limit[0]
+    soft = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if soft == resource.RLIM_INFINITY else soft
+
+
+def held() -> int:
+    """Bytes of address space that this process has now; 0 where the system does not tell."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        return pages * os.sysconf("SC_PAGE_SIZE")
+    return 0
+
+
+def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> None:
+    """Do without workers where the memory is not enough for them too.
+
+    Raises NoResultError where a mesh of so many faces has no chance under the bound, with what it would need.
+    """
+    if options.cut != "charts" or faces < KNOWN:
+        return
+    limit = memory_limit()
+    if limit is None:
+        return
+    need = held() + FACE * faces
+    if limit < held() + LIKELY * FACE * faces:
+        wanted = need / GIGABYTE
+        raise NoResultError(
+            f"{name}: {faces:,} faces take about {wanted:.1f} GB, and the bound is {limit / GIGABYTE:.1f} GB: "
+            f"give --max-memory {wanted + 0.1:.1f}G or more, or a smaller mesh"
+        )
+    if limit < need * pool.WORKER_SHARE / (pool.WORKER_SHARE - 1):
+        workers.stop()  # what they have of the memory is needed here
+        monitor.jobs = 1

@@ -1,0 +1,337 @@
+"""Charts of organic surfaces: decided on a coarse proxy, and those of large surfaces level by level."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker, in_parts
+from circparam.geometry.distortion import face_stretch
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+from circparam.seams.crumbs import crumb_atlas, crumbs
+from circparam.seams.hidden import hiding_prices
+from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
+from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
+from circparam.seams.multires.transfer_layout import (
+    drop_slivers,
+    fine_targets,
+    nearest_coarse_face,
+    separate,
+)
+from circparam.seams.multires.transfer_seams import NEAR_RINGS, RINGS, transfer_seams
+from circparam.seams.options import SeamOptions
+from circparam.seams.segmentation.decide import (
+    ANY_BOUND,
+    CHART_COST,
+    LOOPS,
+    better_in_all,
+    decide,
+    merge_on,
+    nearly_flat_components,
+)
+from circparam.seams.segmentation.enforce import FINAL, enforce, relaxed_layouts
+from circparam.seams.segmentation.grow import (
+    DualGraph,
+    dual_graph,
+    make_disks,
+)
+from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.unions import MergeOptions
+from circparam.seams.segmentation.weigh import Limits, share_over
+from circparam.solvers.newton import RelaxOptions
+from circparam.solvers.poisson import from_jacobians
+
+DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
+WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
+SHARED_FACES = 500  # from this size on starts are shared with other processes
+REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
+REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
+MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
+PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
+TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
+VISIBLE = 30.0  # as many: with less left there are no prices of hidden places, charts need the time
+DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
+SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
+STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
+STRICT = 1.05  # bound up to which seams are added for that
+LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
+LEAST_LEVEL, LEVEL_RATIO = (
+    60_000,
+    12,
+)  # faces of a level, and at most so many times fewer than before
+OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
+LEVEL_SLACK = (
+    0.08  # as SLACK, for the mesh after a level: less is given back by splitting large charts
+)
+TRIED_TWICE = 25_000  # faces, up to which charts merged on the proxy are tried as well
+NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
+LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
+LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
+
+
+def grown_atlas(
+    surface: Surface,
+    bound: float,
+    options: SeamOptions,
+    monitor: Monitor,
+    notes: list[str],
+    target: int | None = None,
+) -> Atlas:
+    """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
+
+    Components that need no seam are told on the surface itself: a proxy is never quite as flat.
+    """
+    worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
+    if options.max_charts is None and options.min_chart_faces == 1:
+        tiny = crumbs(surface)
+        if tiny.any():
+            atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+            atlas.put(tiny, crumb_atlas(surface.part(tiny), bound, worker, monitor))
+            if not tiny.all():
+                rest = surface.part(~tiny)
+                atlas.put(~tiny, grown_atlas(rest, bound, options, monitor, notes, target))
+            return atlas
+    atlas, bent = Atlas(surface, np.zeros(len(surface.edges), bool)), np.ones(1, bool)
+    if len(surface.faces) > DIRECT_FACES:
+        with monitor.stage("charts"):
+            bent = ~nearly_flat_components(atlas, bound)
+    if bent.all():
+        decided = _decided(surface, bound, options, worker, monitor, target)
+    else:
+        decided = Decided(atlas, dual_graph(surface))
+        if bent.any():
+            part = _decided(surface.part(bent), bound, options, worker, monitor, target)
+            atlas.put(bent, part.atlas)
+            decided = decided._replace(relaxing=part.relaxing)
+    finish(decided, bound, options, worker, monitor, notes)
+    if decided.other is None:
+        return decided.atlas
+    finish(decided._replace(atlas=decided.other), bound, options, worker, monitor, [])
+    for one in (decided.atlas, decided.other):
+        merge_on(one, bound, MARGIN / 2, monitor)
+    return decided.other if better_in_all(decided.other, decided.atlas) else decided.atlas
+
+
+class Decided(NamedTuple):
+    """An atlas whose seams are decided: its dual graph, and how far its layout is from relaxed."""
+
+    atlas: Atlas
+    graph: DualGraph
+    relaxing: RelaxOptions = FINAL
+    other: Atlas | None = None  # the same, merged on
+
+
+def finish(
+    decided: Decided,
+    bound: float,
+    options: SeamOptions,
+    worker: Worker,
+    monitor: Monitor,
+    notes: list[str],
+) -> None:
+    """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
+    atlas = decided.atlas
+    make_disks(atlas, decided.graph)
+    with monitor.stage("enforce"):
+        count, chart = atlas.charts()
+        # where the number of charts counts more than the bound, only what overlaps is split
+        to_bound = bound if options.max_charts is None else ANY_BOUND
+        parts = in_parts(chart)
+        tasks = [(atlas.part(faces), to_bound, decided.relaxing) for faces in parts]
+        for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
+            atlas.put(faces, part)
+        if atlas.charts()[0] > count:
+            regroup(atlas, bound, worker, monitor)
+    if options.min_chart_faces > 1:
+        with monitor.stage("charts"):
+            merging, least = MergeOptions(bound, margin=MARGIN / 2), options.min_chart_faces
+            notes += small_note(absorb(atlas, merging, least, monitor), least)
+
+
+def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor) -> Atlas:
+    """Relax charts, and hold them to a bound."""
+    with monitor.stage("relax"):
+        layouts = relaxed_layouts(atlas, options, monitor)
+    enforce(atlas, dual_graph(atlas.surface), layouts, bound, FINAL, monitor)
+    return atlas
+
+
+def _decided(
+    surface: Surface,
+    bound: float,
+    options: SeamOptions,
+    worker: Worker,
+    monitor: Monitor,
+    target: int | None = None,
+) -> Decided:
+    """Seams before the last relaxation, decided on the surface or on its proxy (of ``target`` faces)."""
+    if complexity(surface) > LOOPS:
+        closed = close_small_holes(surface)
+        if complexity(closed) <= complexity(surface) / 2:
+            found = _decided(closed, bound, options, worker, monitor)
+            return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
+    count, graph = len(surface.faces), dual_graph(surface)
+    if count > LEVEL_FACES and options.max_charts is None:
+        return Decided(_from_level(surface, graph, bound, options, worker, monitor), graph, LOCAL)
+    proxy = None
+    with monitor.stage("charts"):
+        if count > DIRECT_FACES:
+            target = target or proxy_faces(surface)
+            proxy = decimate(surface, target) if target < count else None
+        if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
+            atlas = decide(surface, bound, MARGIN, options.max_charts, worker, monitor)
+            return Decided(atlas, graph)
+        inner = 1 + (bound - 1) * (1 - SLACK)
+        rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
+        with monitor.holding(rest, least=DECIDING):
+            coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
+            other = Atlas(coarse.surface, coarse.cut, coarse.corners)
+            if count <= TRIED_TWICE and options.max_charts is None and options.min_chart_faces == 1:
+                merge_on(other, inner, 0.0, monitor)
+            fewer = other.charts()[0] < coarse.charts()[0]
+    with monitor.stage("carry"):
+        # prices have done their part: paths that heed them edge by edge are longer, and cost charts
+        blind = dataclasses.replace(surface, price=None)
+        second = transfer_to_fine(blind, graph, other, proxy) if fewer else None
+        return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph, other=second)
+
+
+def _from_level(
+    surface: Surface,
+    graph: DualGraph,
+    bound: float,
+    options: SeamOptions,
+    worker: Worker,
+    monitor: Monitor,
+) -> Atlas:
+    """Charts made with all steps on a smaller surface, carried over: those of a large one cost as little."""
+    with monitor.stage("charts"):
+        level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
+    middle = with_prices(level.surface, options, monitor)
+    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK)
+    rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
+    with monitor.holding(rest, least=DECIDING):
+        targets = [proxy_faces(middle)]
+        if len(middle.faces) <= LEVEL_FACES:
+            targets += [int(k * targets[0]) for k in OTHER_PROXIES]
+        tasks = [(middle, inner, options, k, k == targets[0]) for k in targets]
+        tried = [Atlas(middle, *t) for t in worker.map(_level_atlas, tasks, monitor) if t]
+    cost = [a.seam_length + CHART_COST * a.charts()[0] for a in tried]
+    with monitor.stage("carry"):
+        blind = dataclasses.replace(surface, price=None)
+        return transfer_to_fine(blind, graph, tried[int(np.argmin(cost))], level, True)
+
+
+def _level_atlas(
+    surface: Surface,
+    bound: float,
+    options: SeamOptions,
+    target: int,
+    needed: bool,
+    monitor: Monitor,
+) -> tuple[BoolArray, FloatArray] | None:
+    """(cut, corners) of a level, decided on a proxy of so many faces; None where there is no time for it.
+
+    Its stretch is held more strictly by weights, since the surface it stands for is rougher.
+    """
+    if monitor.expired and not needed:
+        return None
+    with monitor.alone("level"):
+        atlas = grown_atlas(surface, bound, options, monitor, [], target)
+        limits, slits, splits = stretch_limits(bound, options)
+        if not monitor.expired:
+            with monitor.stage("stretch"):
+                most = 1 + (limits.most - 1) * LEVEL_STRETCH
+                strict = dataclasses.replace(limits, most=most, allowed=limits.allowed / 2)
+                hold_stretch(atlas, strict, monitor, slits=False)
+                hold_stretch(atlas, limits, monitor, slits, splits)
+    return atlas.cut, atlas.corners
+
+
+def hold_all(
+    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
+) -> None:
+    """As ``hold_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
+    if len(atlas.surface.faces) <= LEVEL_FACES:
+        hold_stretch(atlas, limits, monitor, slits, splits)
+        return
+    cut_mesh, uv = atlas.open()
+    over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
+    if over.sum() <= limits.allowed:
+        return
+    order = np.argsort(over, kind="stable")
+    which = np.ones(cut_mesh.n_charts, bool)
+    which[order[np.cumsum(over[order]) <= limits.allowed / 2]] = False
+    rest = limits.without(over[~which].sum(), cut_mesh, cut_mesh.subset(which)[0])
+    faces = which[cut_mesh.chart]
+    part = atlas.part(faces)
+    hold_stretch(part, dataclasses.replace(rest, near=NEARBY), monitor, slits, splits)
+    atlas.put(faces, part)
+
+
+def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bool]:
+    """How far faces may be stretched; whether seams may be added for that, and charts be split."""
+    # who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for
+    asked = options.max_stretch is not None or options.max_distortion <= STRICT
+    free = asked and options.max_charts is None and options.min_chart_faces == 1
+    return Limits(bound, options.max_stretch or STRETCH), asked, free
+
+
+def with_prices(surface: Surface, options: SeamOptions, monitor: Monitor) -> Surface:
+    """The surface with the prices of its edges by visibility, where they are asked for."""
+    short = monitor.short(VISIBLE * monitor.seconds.get("repair", 0.0))
+    if not options.hide_seams or surface.price is not None or short:
+        return surface
+    with monitor.stage("visibility"):
+        return dataclasses.replace(surface, price=hiding_prices(surface, options.hide_seams))
+
+
+def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:
+    """Merge the pieces that enforcing left with their neighbours where that is good again."""
+    if len(atlas.surface.faces) > LEVEL_FACES:
+        # charts that are too large for any union need not be gone through
+        chart = atlas.charts()[1]
+        few = (np.bincount(chart) < REGROUP_FACES)[chart]
+        if few.mean() < 0.5:
+            part = atlas.part(few)
+            if few.any():
+                regroup(part, bound, worker, monitor)
+                atlas.put(few, part)
+            return
+    fixed = np.zeros(len(atlas.cut), bool)
+    options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
+    Merger(atlas, options, fixed, worker).run(monitor)
+
+
+def transfer_to_fine(
+    surface: Surface,
+    graph: DualGraph,
+    coarse: Atlas,
+    proxy: Proxy,
+    near_level: bool = False,
+) -> Atlas:
+    """Seams and layout of the proxy on the fine surface (not relaxed yet).
+
+    near_level: the proxy is a level, whose layout is so near that single flips are left to be untangled.
+    """
+    rings, untangle = (NEAR_RINGS, 0) if near_level else (RINGS, 8)
+    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
+    transfer_seams(coarse, proxy, fine, rings)
+    near = nearest_coarse_face(surface, proxy)
+    _, coarse_chart = coarse.charts()
+    separate(fine, graph, coarse, coarse_chart, near)
+    transferred = drop_slivers(fine, coarse_chart, near)
+    targets, _ = fine_targets(coarse, fine, coarse_chart, near, transferred)
+    cut_mesh = fine.cut_mesh()
+    bad = not_disks(cut_mesh)
+    uv, _ = from_jacobians(cut_mesh, targets, 0 if bad.any() else untangle)
+    fine.scatter(cut_mesh, uv)
+    return fine

@@ -1,0 +1,317 @@
+"""One surface's looks and shape on another: along rays, and through maps that are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from circparam.bake.bake import Across, Baked, bake_document
+from circparam.bake.projection import own_frames
+from circparam.bake.sampling import bilinear
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document
+from circparam.formats.gltf.normals import with_frames
+from circparam.formats.io import encode, read, read_data
+from circparam.formats.source import Source
+from circparam.geometry.shading import corner_normals, unit
+from circparam.maps.map_surfaces import map_meshes
+from circparam.maps.surface_map import SurfaceMap, fingerprint
+from circparam.mesh.mesh import Mesh, UVMap
+from tests.support.baking import sample_back, sheet, some_places, write_obj
+from tests.support.bumps import belt, traced
+from tests.support.maps import known_map, same_map
+from tests.support.pairs import blob, marks
+
+NEAREST = Across("nearest", 0.06)
+
+
+def stored(folder: Path, name: str, mesh: Mesh, layout: UVMap, mtl: str = "") -> Document:
+    write_obj(folder / f"{name}.obj", mesh.points, layout, mesh.faces, mtl=mtl)
+    return read(folder / f"{name}.obj")
+
+
+def decoded(baked: Baked, document: Document, face: IntArray, bary: FloatArray) -> FloatArray:
+    """Directions in space that a viewer of glTF reads from a normal map."""
+    layout = document.uv()
+    assert layout is not None
+    x, y, z = (2 * sample_back(baked, layout, face, bary) - 1).T[..., None]
+    space = own_frames(document, layout)
+    t, b, n = (
+        unit(np.einsum("pk,pkc->pc", bary, axis[face]))
+        for axis in (space.tangent, space.bitangent, space.normal)
+    )
+    return unit(x * t + y * b + z * n)
+
+
+def angle(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Degrees between unit vectors."""
+    out: FloatArray = np.degrees(np.arccos(np.clip((a * b).sum(1), -1, 1)))
+    return out
+
+
+def test_normals_of_a_dense_mesh_as_a_ray_tracer_sees_them(tmp_path: Path):
+    """Mean angular error below 2° where the cage holds (asked for); the low mesh itself is off by 7°."""
+    low, high = belt(16, 32), belt(80, 160, 0.02, 1.0)
+    target, source = stored(tmp_path, "low", *low), stored(tmp_path, "high", *high)
+    baked = bake_document(target, "normals", source=source, across=NEAREST, size=512)
+    face, bary = some_places(len(low[0].faces), 300)
+    corners = low[0].points[low[0].faces]
+    normal = corner_normals(corners, low[0].faces)
+    seam = np.abs(np.einsum("pk,pkc->pc", bary, corners[face])[:, 1]) < 0.05
+    direction = unit(np.einsum("pk,pkc->pc", bary, normal[face]))
+    hit, _ = traced(high[0], np.einsum("pk,pkc->pc", bary, corners[face]), direction, 0.06)
+    on = (hit >= 0) & ~seam
+    assert on.mean() > 0.9
+    c = high[0].points[high[0].faces]
+    truth = unit(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]))[hit[on]]
+    error = angle(decoded(baked, target, face[on], bary[on]), truth)
+    assert error.mean() < 1.5
+    assert angle(direction[on], truth).mean() > 5
+    assert 0 <= baked.report["missed"] < 0.02
+    assert baked.report["cage"] == 0.06
+
+
+def test_a_slope_that_looks_up_is_green(tmp_path: Path):
+    """Red towards growing u, green towards growing v, on mirrored uv too."""
+    points, faces = sheet(4)
+    slope = points.copy()
+    slope[:, 2] = -0.5 * points[:, 1] - 0.25 * points[:, 0]
+    source = stored(tmp_path, "slope", Mesh(slope, faces), UVMap(points[:, :2].copy(), faces))
+    wanted = np.array([0.25, 0.5, 1.0]) / np.linalg.norm([0.25, 0.5, 1.0])
+    for sign in (1, -1):
+        uv = points[:, :2] * [sign, 1] + [sign == -1, 0]
+        flat = stored(tmp_path, f"flat{sign}", Mesh(points, faces), UVMap(uv, faces))
+        across = Across("nearest", 2.0)
+        image = bake_document(flat, "normals", source=source, across=across, size=16).tiles[0, 0]
+        assert np.abs(image / 127.5 - 1 - wanted * [sign, 1, 1]).max() < 0.02
+
+
+def test_heights_are_those_of_the_bumps(tmp_path: Path):
+    low, high = belt(60, 120), belt(60, 120, 0.02)
+    target, source = stored(tmp_path, "low", *low), stored(tmp_path, "high", *high)
+    baked = bake_document(target, "height", source=source, across=NEAREST, size=256)
+    image = baked.tiles[0, 0]
+    assert image.dtype == np.uint16
+    bottom, top = baked.report["height_range"]
+    assert (bottom, top) == (-0.06, 0.06)
+    face, bary = some_places(len(low[0].faces), 1000)
+    grey = bilinear(image / 65535, np.einsum("pk,pkc->pc", bary, low[1].uv[low[1].uv_faces[face]]))
+    height = bottom + (top - bottom) * grey[:, 0]
+    inner = (low[1].uv[low[1].uv_faces[face]].mean(1)[:, 1] > 0.23) & (
+        low[1].uv[low[1].uv_faces[face]].mean(1)[:, 1] < 0.67
+    )
+    place = np.einsum("pk,pkc->pc", bary, low[0].points[low[0].faces[face]])
+    there = np.einsum("pk,pkc->pc", bary, high[0].points[high[0].faces[face]])
+    truth = np.linalg.norm(there, axis=1) - np.linalg.norm(place, axis=1)
+    assert np.abs(height - truth)[inner].max() < 0.004
+    assert np.corrcoef(height[inner], truth[inner])[0, 1] > 0.99
+
+
+def noise(path: Path, size: int = 256) -> FloatArray:
+    """A picture with detail of eight texels, and its values."""
+    grid = np.random.default_rng(3).random((size // 8, size // 8, 3)) * 255
+    image = Image.fromarray(grid.astype(np.uint8)).resize((size, size), Image.Resampling.BICUBIC)
+    image.save(path)
+    return np.asarray(image, float) / 255
+
+
+def psnr(error: FloatArray) -> float:
+    return float(-10 * np.log10((error**2).mean()))
+
+
+@pytest.mark.parametrize("by", ["nearest", "map", "turned map"])
+def test_a_texture_on_a_remeshing_of_its_mesh(tmp_path: Path, by: str):
+    """30 dB and more between the two textures, at equal places of the surface (asked for)."""
+    a, b = belt(30, 60), belt(36, 70, 0.0, 1.0)
+    image = noise(tmp_path / "skin.png")
+    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
+    source = stored(tmp_path, "b", *b, mtl="m.mtl")
+    target = stored(tmp_path, "a", *a)
+    mapped = known_map(target.mesh, source.mesh)
+    across = {
+        "nearest": NEAREST, "map": Across(mapped), "turned map": Across(mapped.turned()),
+    }[by]  # fmt: skip
+    baked = bake_document(target, "texture", source=source, across=across, size=512)
+    face, bary = some_places(len(a[0].faces), 20000)
+    uv = np.einsum("pk,pkc->pc", bary, a[1].uv[a[1].uv_faces[face]])
+    inner = ((uv > [0.07, 0.22]) & (uv < [0.93, 0.68])).all(1)
+    # uv are the surface's own parameters on both meshes, so the two pictures are one
+    error = sample_back(baked, a[1], face[inner], bary[inner]) - bilinear(image, uv[inner])
+    assert psnr(error) >= 30
+
+
+def test_a_map_carries_a_texture_onto_another_shape(tmp_path: Path):
+    """The target is the same connectivity bent elsewhere: nothing near it in space belongs to it."""
+    a, b = belt(20, 40), belt(20, 40)
+    image = noise(tmp_path / "skin.png")
+    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
+    source = stored(tmp_path, "b", *b, mtl="m.mtl")
+    bent = a[0].points[:, [2, 0, 1]] * [1.0, 3.0, 0.5] + [7.0, 0, 0]
+    bent[:, 0] += bent[:, 1] ** 2
+    target = stored(tmp_path, "a", Mesh(bent, a[0].faces), a[1])
+    across = Across(same_map(target.mesh))
+    baked = bake_document(target, "texture", source=source, across=across, size=256)
+    face, bary = some_places(len(a[0].faces), 5000)
+    uv = np.einsum("pk,pkc->pc", bary, a[1].uv[a[1].uv_faces[face]])
+    assert psnr(sample_back(baked, a[1], face, bary) - bilinear(image, uv)) >= 30
+    assert baked.report["empty"] == 0
+
+
+def test_normals_through_a_map_turn_with_the_surface(tmp_path: Path):
+    """A target that lies turned over in space gets the same map of normals as one that lies in place."""
+    low, high = belt(16, 32), belt(60, 120, 0.02, 1.0)
+    source = stored(tmp_path, "high", *high)
+    here = stored(tmp_path, "here", *low)
+    turned = low[0].points @ np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]]) * 2
+    there = stored(tmp_path, "there", Mesh(turned, low[0].faces), low[1])
+    across = Across(known_map(here.mesh, source.mesh))
+    one, two = (
+        bake_document(target, "normals", source=source, across=across, size=128).tiles[0, 0]
+        for target in (here, there)
+    )
+    assert (one == two).all()
+    assert np.abs(one.astype(float) - [127.5, 127.5, 255]).max() > 20
+
+
+def test_what_rays_miss_is_told_filled_or_left(tmp_path: Path):
+    """A source that covers half of the target: beyond it the closest point, then the padding."""
+    points, faces = sheet(8)
+    uv = points[:, :2].copy()
+    target = stored(tmp_path, "a", Mesh(points, faces), UVMap(uv, faces))
+    half = faces[points[faces][..., 0].max(1) <= 0.5]
+    source = stored(tmp_path, "b", Mesh(points, half), UVMap(uv, half))
+    across = Across("nearest", 0.1)
+    baked = bake_document(target, "normals", source=source, across=across, size=80)
+    assert baked.report["missed"] == pytest.approx(0.5, abs=0.01)
+    assert baked.report["empty"] == pytest.approx(0.3, abs=0.01)  # two cages are filled
+    assert any("50 % of the rays" in note for note in baked.notes)
+    assert (baked.tiles[0, 0] == [128, 128, 255]).all()  # no black
+
+
+def test_surfaces_apart_or_mirrored_are_refused(tmp_path: Path):
+    points, faces = sheet(4)
+    layout = UVMap(points[:, :2].copy(), faces)
+    target = stored(tmp_path, "a", Mesh(points, faces), layout)
+    far = stored(tmp_path, "far", Mesh(points + np.array([0, 0, 9.0]), faces), layout)
+    over = stored(tmp_path, "over", Mesh(points, faces[:, ::-1]), UVMap(layout.uv, faces[:, ::-1]))
+    for source in (far, over):
+        with pytest.raises(InputError, match="no ray meets the source"):
+            bake_document(target, "normals", source=source, across=Across("nearest"), size=16)
+    across = Across(known_map(target.mesh, over.mesh))
+    with pytest.raises(InputError, match="mirrored"):
+        bake_document(target, "normals", source=over, across=across, size=16)
+
+
+def test_what_does_not_go_together(tmp_path: Path):
+    points, faces = sheet(3)
+    layout = UVMap(points[:, :2].copy(), faces)
+    a = stored(tmp_path, "a", Mesh(points, faces), layout)
+    more, more_faces = sheet(4)
+    b = stored(tmp_path, "b", Mesh(more, more_faces), UVMap(more[:, :2].copy(), more_faces))
+    own = known_map(a.mesh, a.mesh)
+    with pytest.raises(InputError, match=r"b\.obj: the map was made for another mesh"):
+        bake_document(a, "normals", source=b, across=Across(own), size=16)
+    with pytest.raises(InputError, match=r"b\.obj: the map was made for another mesh"):
+        bake_document(b, "normals", source=a, across=Across(own), size=16)
+    for across, message in (
+        (Across("nearest", 0.0), "above 0"),
+        (Across("nearest", float("nan")), "above 0"),
+        (Across(own, 0.1), "--map nearest"),
+    ):
+        with pytest.raises(OptionError, match=message):
+            bake_document(a, "normals", source=a, across=across, size=16)
+    with pytest.raises(OptionError, match="--source"):
+        bake_document(a, "normals", size=16)
+    with pytest.raises(OptionError, match="--source"):
+        bake_document(a, "texture", across=Across("nearest"), size=16)
+    with pytest.raises(OptionError, match="--map nearest"):
+        bake_document(a, "vertex-colors", source=b, across=Across(None, 0.1), size=16)
+
+
+def test_a_map_tells_between_layers(tmp_path: Path):
+    """Two sheets, one a little above the other: the target belongs to the lower one, and sees it alone."""
+    points, faces = sheet(4)
+    n = len(points)
+    both = np.concatenate([points, points + np.array([0, 0, 0.05])])
+    colours = np.concatenate([np.tile([1.0, 0, 0], (n, 1)), np.tile([0, 0, 1.0], (n, 1))])
+    two = np.concatenate([faces, faces + n])
+    layout = UVMap(both[:, :2].copy(), two)
+    write_obj(tmp_path / "two.obj", both, layout, two, colours=colours)
+    source = read(tmp_path / "two.obj")
+    target = stored(tmp_path, "one", Mesh(points, faces), UVMap(points[:, :2].copy(), faces))
+    down = same_map(target.mesh)
+    mapped = SurfaceMap(down.to_b, down.to_a, down.a, fingerprint(source.mesh))
+    image = bake_document(
+        target, "vertex-colors", source=source, across=Across(mapped), size=32
+    ).tiles[0, 0]
+    assert (image == [255, 0, 0]).all()
+    rays = Across("nearest", 0.1)  # rays from above see the upper one
+    image = bake_document(target, "vertex-colors", source=source, across=rays, size=32)
+    assert (image.tiles[0, 0] == [0, 0, 255]).all()
+
+
+def test_normals_of_a_file_are_those_that_it_is_shaded_with(tmp_path: Path):
+    """A flat glTF whose NORMAL lean: what its viewer decodes is still the flat source."""
+    points, faces = sheet(4)
+    layout = UVMap(points[:, :2].copy(), faces)
+    plain = stored(tmp_path, "a", Mesh(points, faces), layout)
+    lean = np.broadcast_to(unit(np.array([0.3, -0.2, 1.0])), (len(faces), 3, 3))
+    tangent = np.broadcast_to([1.0, 0, 0, 1], (len(faces), 3, 4))
+    glb = encode(plain, layout, "glb").data
+    target = read_data(with_frames(glb, Source("lean.glb"), lean, tangent))
+    baked = bake_document(target, "normals", source=plain, across=Across("nearest", 0.1), size=64)
+    face, bary = some_places(len(faces), 200)
+    assert angle(decoded(baked, target, face, bary), np.tile([0, 0, 1.0], (200, 1))).max() < 1
+    assert np.abs(baked.tiles[0, 0][..., :2].astype(int) - 128).min() > 10
+
+
+def cube_layout(mesh: Mesh) -> UVMap:
+    """Six charts in a grid of 3 × 2: every face seen from the origin through one side of a cube."""
+    d = mesh.points[mesh.faces]
+    middle = d.mean(1)
+    axis = np.abs(middle).argmax(1)
+    rows = np.arange(len(d))
+    side = 2 * axis + (middle[rows, axis] < 0)
+    across = d / np.abs(np.take_along_axis(d, axis[:, None, None], 2))
+    st = np.stack([across[rows[:, None], np.arange(3), (axis[:, None] + k) % 3] for k in (1, 2)], 2)
+    st[..., 0] *= np.where(middle[rows, axis] < 0, -1, 1)[:, None]  # none mirrored
+    uv = (np.stack([side % 3, side // 3], 1)[:, None] + 0.5 + 0.35 * st) / [3, 2]
+    return UVMap(uv.reshape(-1, 2), np.arange(3 * len(d)).reshape(-1, 3))
+
+
+def waves(direction: FloatArray) -> FloatArray:
+    """(n, 3) colours of directions, five waves round the ball."""
+    d = unit(direction)
+    return 0.5 + 0.2 * (np.sin(5 * d) + np.sin(5 * d[:, [1, 2, 0]] + 2 * d[:, [2, 0, 1]]))
+
+
+def test_a_texture_through_a_map_that_was_computed(tmp_path: Path):
+    """A blob on its own remeshing with eight landmarks: 30 dB and more (asked for)."""
+    a, b = blob(4), blob(3, turned=1)
+    size = 384
+    y, x = (np.mgrid[:size, : size * 3 // 2] + 0.5) / size
+    u, v = x.ravel() * 2, (1 - y.ravel()) * 2
+    side = u.astype(int) + 3 * v.astype(int)
+    st = (np.stack([u % 1, v % 1], 1) - 0.5) / 0.35
+    st[:, 0] *= np.where(side % 2, -1, 1)
+    direction = np.zeros((len(u), 3))
+    rows, axis = np.arange(len(u)), side // 2
+    direction[rows, axis] = np.where(side % 2, -1, 1)
+    direction[rows, (axis + 1) % 3], direction[rows, (axis + 2) % 3] = st.T
+    image = np.round(255 * waves(direction)).astype(np.uint8).reshape(size, size * 3 // 2, 3)
+    Image.fromarray(image).save(tmp_path / "skin.png")
+    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
+    source = stored(tmp_path, "b", b, cube_layout(b), mtl="m.mtl")
+    layout = cube_layout(a)
+    target = stored(tmp_path, "a", a, layout)
+    found = map_meshes(a, b, marks(a, b))
+    across = Across(found.map)
+    baked = bake_document(target, "texture", source=source, across=across, size=512)
+    face, bary = some_places(len(a.faces), 20000)
+    truth = waves(np.einsum("pk,pkc->pc", bary, a.points[a.faces[face]]))
+    assert psnr(sample_back(baked, layout, face, bary) - truth) >= 30
+    assert baked.report["empty"] == 0

@@ -1,0 +1,257 @@
+"""``make bench-maps``: maps between pairs of surfaces; writes docs/benchmarks/maps.md.
+
+    python -m tests.bench maps [--no-report] [--no-speed]
+
+Ten pairs out of the project's own scripts. Where a surface meets its own remeshing (with noise or without), it
+is known where every vertex belongs: the error is the distance from there, in sizes (diagonals of the box). The
+weights are compared by the distortion of the composed convex maps as they are, before relaxation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+import circparam
+from circparam.maps.map_surfaces import MapResult
+from circparam.mesh.mesh import Mesh
+from tests.bench import common
+from tests.bench.common import ROOT, Line, say
+from tests.support import pairs, shapes
+
+METHODS = ("circle", "mean-value", "floater", "uniform")
+# tail, snout, feet and ears of the creature of data/implicit.py
+TIPS = np.array(
+    [
+        [-2.0, 0, 0.53], [1.87, 0, 1.33], [-0.8, 0.42, -0.13], [-0.8, -0.42, -0.13],
+        [0.55, 0.4, -0.12], [0.55, -0.4, -0.12], [0.98, 0.38, 2.1], [0.98, -0.38, 2.1],
+    ]
+)  # fmt: skip
+ON_DISK = np.array(
+    [
+        [1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0],
+        [0.5, 0.2, 0], [-0.4, 0.4, 0], [-0.3, -0.5, 0], [0.4, -0.5, 0],
+    ]
+)  # fmt: skip
+
+
+@dataclass
+class Pair:
+    """Two surfaces, their landmarks, and where the vertices of the first belong, where that is known."""
+
+    name: str
+    a: Mesh
+    b: Mesh
+    marks: np.ndarray
+    truth: np.ndarray | None = None
+
+
+def creature(step: float, shift: float = 0.0) -> Mesh:
+    """The creature of the samples at any resolution; shift moves the grid that it is sampled on."""
+    sys.path.insert(0, str(ROOT / "data"))
+    from implicit import creature_field, marching_tetrahedra, relaxed
+
+    low = np.array([-2.15, -0.8, -0.3]) - shift * step
+    axes = [np.arange(a, b + step, step) for a, b in zip(low, (2.1, 0.8, 2.3), strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+    p, f = marching_tetrahedra(creature_field(grid), low, step)
+    return Mesh(*shapes.compact(relaxed(p, f), f))
+
+
+def posed(p: np.ndarray) -> np.ndarray:
+    """The creature with its head turned and its legs moved."""
+    q = p.copy()
+    turn = np.clip((p[:, 0] - 0.5) / 0.8, 0, 1)
+    turn = turn * turn * (3 - 2 * turn) * 0.7
+    x, y = p[:, 0] - 0.5, p[:, 1]
+    q[:, 0] = 0.5 + np.cos(turn) * x - np.sin(turn) * y
+    q[:, 1] = np.sin(turn) * x + np.cos(turn) * y
+    low = np.clip((0.6 - p[:, 2]) / 0.6, 0, 1) ** 2
+    q[:, 0] += 0.35 * low * np.sign(p[:, 1]) * np.clip(np.abs(p[:, 1]) / 0.2, 0, 1)
+    return q
+
+
+def noisy(mesh: Mesh, amount: float = 0.001) -> Mesh:
+    """With normal noise, in sizes."""
+    size = np.linalg.norm(np.ptp(mesh.points, axis=0))
+    shake = np.random.default_rng(0).normal(size=mesh.points.shape) * amount * size
+    return Mesh(mesh.points + shake, mesh.faces)
+
+
+def nearest_marks(a: Mesh, b: Mesh, points: np.ndarray) -> np.ndarray:
+    """(k, 2) the vertices nearest to some places on both."""
+    return np.stack([pairs.nearest(m, points) for m in (a, b)], 1)
+
+
+def disk(n: int, seed: int, height: float = 0.6) -> Mesh:
+    """A bumpy round sheet."""
+    return Mesh(*shapes.bumped_disk(n, height=height, seed=seed))
+
+
+def on_sheet(a: Mesh, b: Mesh) -> np.ndarray:
+    """(k, 2) vertices of two round sheets, alike from above."""
+    flat = [Mesh(m.points * [1, 1, 0], m.faces) for m in (a, b)]
+    return nearest_marks(flat[0], flat[1], ON_DISK)
+
+
+def ring(around: int, along: int, height: float) -> Mesh:
+    """A waved ring."""
+    return Mesh(*shapes.waved(shapes.annulus(around, along), height))
+
+
+def all_pairs() -> list[Pair]:
+    """Ten pairs: six with a known answer, a pose, and three of unlike shapes."""
+    ball, turned = pairs.blob(4, 1), pairs.blob(4, 1, turned=5)
+    other, coarse = pairs.blob(4, 6, turned=3), pairs.blob(3, 1, turned=2)
+    a, b = creature(0.115), creature(0.1, 0.37)
+    tips = nearest_marks(a, b, TIPS)
+    sheet, again = disk(2500, 0), disk(3500, 3)
+    flat = disk(3000, 5, height=0.15)
+    first, second = ring(64, 14, 0.1), ring(56, 12, 0.25)
+    rings = nearest_marks(first, second, first.points[[0, 10, 30]])
+    return [
+        Pair("blob, its remeshing", ball, turned, pairs.marks(ball, turned), ball.points),
+        Pair(
+            "blob, remeshed with noise", ball, noisy(turned), pairs.marks(ball, turned), ball.points
+        ),
+        Pair("blob, coarse and dense", coarse, ball, pairs.marks(coarse, ball), coarse.points),
+        Pair("creature, its remeshing", a, b, tips, a.points),
+        Pair("creature, remeshed with noise", a, noisy(b), tips, a.points),
+        Pair("sheet, its remeshing", sheet, again, on_sheet(sheet, again), sheet.points),
+        Pair("creature and its pose", a, Mesh(posed(b.points), b.faces), tips),
+        Pair("two blobs", ball, other, pairs.marks(ball, other)),
+        Pair("two sheets", sheet, flat, on_sheet(sheet, flat)),
+        Pair("two rings", first, second, rings[:1]),
+    ]
+
+
+def size_of(mesh: Mesh) -> float:
+    """Diagonal of the box."""
+    return float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
+
+
+def timed(call: Callable[[], MapResult]) -> tuple[MapResult, float]:
+    """(result, seconds of this process)."""
+    start = time.process_time()
+    return call(), time.process_time() - start
+
+
+def row(pair: Pair, found: MapResult, seconds: float) -> list[str]:
+    """One line of the table."""
+    error = "" if pair.truth is None else f"{100 * error_of(pair, found):.3f} %"
+    back = pairs.there_and_back(pair.a, pair.b, found.map) / pairs.longest_edge(pair.a)
+    faces, turned = f"{len(pair.a.faces)} / {len(pair.b.faces)}", str(sum(found.inversions))
+    there, back_way = found.a_to_b, found.b_to_a
+    return [
+        *(pair.name, faces, str(len(pair.marks)), turned, f"{found.landmark_error:.1g}"),
+        *(
+            f"{found.start.mean:.4f}",
+            f"{there.mean:.4f}",
+            f"{there.p99:.3f}",
+            f"{there.largest:.3g}",
+        ),
+        *(f"{back_way.mean:.4f}", f"{back:.2f}", error, f"{seconds:.1f}"),
+    ]
+
+
+def error_of(pair: Pair, found: MapResult) -> float:
+    """Mean distance of the vertices of the first surface from where they belong, in sizes."""
+    image = found.map.to_b.of(pair.b.points, pair.b.faces)
+    return float(np.linalg.norm(image - pair.truth, axis=1).mean()) / size_of(pair.a)
+
+
+HEADS = (
+    "pair", "faces", "landmarks", "inversions", "landmark error", "composed", "relaxed A → B", "99 %", "max",
+    "B → A", "there and back / longest edge", "mean error", "CPU s",
+)  # fmt: skip
+
+
+def speed() -> list[Line]:
+    """50k faces against 50k, and about 200k."""
+    out = []
+    seconds = []
+    for step in (0.0445, 0.0222):
+        a, b = creature(step), creature(step * 1.01, 0.37)
+        marks = nearest_marks(a, b, TIPS)
+        found, took = timed(lambda a=a, b=b, m=marks: circparam.map_surfaces(a, b, landmarks=m))
+        seconds.append(took / len(a.faces))
+        name = f"CPU seconds, {len(a.faces)} against {len(b.faces)} faces"
+        wanted = "<= 20" if step == 0.0445 else None
+        note = f"distortion {found.a_to_b.mean:.4f}, {sum(found.inversions)} inversions"
+        out.append(Line(name, took, "s", wanted, note))
+        say(out[-1])
+    out.append(Line("CPU a face, large / small", seconds[1] / seconds[0], "", None))
+    return out
+
+
+def main() -> None:
+    """Run all pairs, the weights, and the speed."""
+    parser = argparse.ArgumentParser(prog="python -m tests.bench maps")
+    parser.add_argument("--no-report", action="store_true")
+    parser.add_argument("--no-speed", action="store_true")
+    options = parser.parse_args()
+    rows, weights, results = [], [], []
+    for pair in all_pairs():
+        found, seconds = timed(lambda p=pair: circparam.map_surfaces(p.a, p.b, landmarks=p.marks))
+        results.append((pair, found))
+        rows.append(row(pair, found, seconds))
+        print(" | ".join(rows[-1]), flush=True)
+        plain = [
+            circparam.map_surfaces(pair.a, pair.b, landmarks=pair.marks, method=m, relax=False)
+            for m in METHODS
+        ]
+        weights.append([pair.name, *(f"{r.a_to_b.mean:.4f}" for r in plain)])
+        weights[-1] += [str(sum(sum(r.inversions) for r in plain))]
+        print(" | ".join(weights[-1]), flush=True)
+    known = [error_of(p, f) for p, f in results if p.truth is not None]
+    back = [pairs.there_and_back(p.a, p.b, f.map) / pairs.longest_edge(p.a) for p, f in results]
+    lines = [
+        Line(
+            "inversions, both ways, all pairs",
+            sum(sum(f.inversions) for _, f in results),
+            "",
+            "<= 0",
+        ),
+        Line(
+            "landmark error, largest", max(f.landmark_error for _, f in results), "sizes", "<= 1e-9"
+        ),
+        Line("A → B → A, largest move over the longest edge", max(back), "", "<= 1"),
+        Line("known answer, largest mean error", 100 * max(known), "% of the size", "<= 0.5"),
+    ]
+    columns = np.array([[float(x) for x in w[1 : 1 + len(METHODS)]] for w in weights])
+    for name, value in zip(METHODS, np.median(columns, 0), strict=True):
+        lines.append(Line(f"composed maps, {name}: median distortion", float(value), "", None))
+    for line in lines:
+        say(line)
+    if not options.no_speed:
+        lines += speed()
+    if not options.no_report:
+        write(lines, rows, weights)
+
+
+def write(lines: list[Line], rows: list[list[str]], weights: list[list[str]]) -> None:
+    """docs/benchmarks/maps.md."""
+    intro = (
+        "Made by `make bench-maps`; pairs from the scripts of data/ and tests/support. Distortion: symmetric "
+        "Dirichlet energy / 4, mean over the area, 1 is an isometry. Mean error: distance of the vertices of A "
+        "from where they belong, in diagonals of the box."
+    )
+    blocks = [
+        ["## Wanted and measured", "", *common.figures(lines)],
+        ["## All pairs", "", *common.table(HEADS, rows)],
+        [
+            "## The weights: distortion of the composed convex maps, before relaxation",
+            "",
+            *common.table(("pair", *METHODS, "inversions"), weights),
+        ],
+    ]
+    print(f"written: {common.write('maps.md', 'Maps between surfaces', intro, blocks)}")
+
+
+if __name__ == "__main__":
+    main()

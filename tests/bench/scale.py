@@ -1,0 +1,206 @@
+"""``make bench-scale``: rough meshes with floaters and an inner shell; docs/benchmarks/scale.md.
+
+    python -m tests.bench.scale [--sizes 0.09,0.33,0.66,1.2] [--seed 1] [--floaters 20000] [--judge COMMAND]
+
+Every mesh is made here: a ball with limbs, displaced by waves and by noise of a quarter of an edge, an inner
+shell and 40 floaters, some of them open. Each is unwrapped to PLY by the command line in a process of its own;
+figures are those of its JSON; processor seconds are those of its workers too, peak memory is its own.
+--floaters adds a body among so many floaters beside its clean twin. --judge: a command that gets each
+written file, for an opinion of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.bench import common
+from tests.bench.common import Line, say
+from tests.support import shapes
+
+SIZES = (0.09, 0.33, 0.66, 1.2)  # million faces
+ASKED = {0.33: 15.0, 0.66: 30.0, 1.2: 60.0, 4.7: 300.0, 10.0: 720.0}  # seconds on two quiet cores
+MEMORY = {1.2: 4.0, 4.7: 10.0, 10.0: 18.0}  # GB
+LIMBS, WAVES, FLOATERS = 9, 24, 40
+FINE = 0.25  # of an edge: the noise of a scanner
+TWIN = 1.5  # times the seconds a face of the clean twin that floaters may take
+
+
+@dataclass(frozen=True)
+class Run:
+    """One mesh: what the command told, wall and processor seconds, GB at the highest point."""
+
+    name: str
+    told: dict[str, Any]
+    wall: float
+    processor: float
+    memory: float
+    judged: str
+
+
+def ball(side: int) -> shapes.Shape:
+    """A closed ball of 12 · side² triangles: the six sides of a cube, side × side squares each, blown up."""
+    t = np.tan(np.linspace(-np.pi / 4, np.pi / 4, side + 1))
+    u, v = (a.ravel() for a in np.meshgrid(t, t, indexing="ij"))
+    one = np.ones_like(u)
+    sheets = [
+        np.stack(np.roll([u * s, v, one * s], k, 0), 1) for k in range(3) for s in (1.0, -1.0)
+    ]
+    i = np.arange(side)[:, None] * (side + 1) + np.arange(side)
+    a, b, c, d = (x.ravel() for x in (i, i + side + 1, i + side + 2, i + 1))
+    square = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    points = np.concatenate(sheets)
+    faces = np.concatenate([square + k * len(u) for k in range(6)])
+    grid = np.rint(points * 1e6).astype(np.int64)
+    _, first, inverse = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    points = points[first]
+    return points / np.linalg.norm(points, axis=1)[:, None], inverse.reshape(-1)[faces]
+
+
+def scan(count: int, seed: int, floaters: int = FLOATERS) -> shapes.Shape:
+    """A mesh of about so many faces as scanners and generators make them."""
+    rng = np.random.default_rng(seed)
+    points, faces = ball(max(int(np.sqrt(count / 12 * 0.9)), 8))
+    centre = rng.normal(size=(LIMBS, 3))
+    centre /= np.linalg.norm(centre, axis=1)[:, None]
+    radius = np.ones(len(points))
+    for middle, length, width in zip(
+        centre, rng.uniform(0.3, 1.0, LIMBS), rng.uniform(6, 25, LIMBS), strict=True
+    ):
+        radius += length * np.exp(width * (points @ middle - 1))
+    for wave, phase in zip(rng.normal(size=(WAVES, 3)) * 7, rng.uniform(0, 7, WAVES), strict=True):
+        radius += 0.012 * np.sin(points @ wave + phase)
+    body = points * radius[:, None]
+    edge = float(np.linalg.norm(body[faces[:, 0]] - body[faces[:, 1]], axis=1).mean())
+    body += FINE * edge * rng.standard_normal(body.shape)
+    shell = ball(max(int(np.sqrt(count / 12 * 0.1)), 4))
+    parts = [(body, faces), (shell[0] * 0.8, shell[1][:, ::-1])]
+    kinds = [shapes.icosphere(1), shapes.icosphere(0), shapes.hemisphere(3), ball(2)]
+    for k in range(floaters):
+        p, f = kinds[k % len(kinds)]
+        way = rng.normal(size=3)
+        place = way / np.linalg.norm(way) * rng.uniform(2.2, 3.0)
+        parts.append((p * rng.uniform(0.008, 0.02) + place, f))
+    return shapes.join(*parts)
+
+
+def write_ply(path: Path, shape: shapes.Shape) -> None:
+    """Binary, float32, as scanners write it."""
+    points, faces = shape
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    rows["count"], rows["corners"] = 3, faces
+    path.write_bytes(head.encode() + points.astype("<f4").tobytes() + rows.tobytes())
+
+
+def unwrap(name: str, shape: shapes.Shape, folder: Path, judge: str | None) -> Run:
+    """The command line on one mesh."""
+    source, target = folder / "in.ply", folder / "out.ply"
+    write_ply(source, shape)
+    command = [sys.executable, "-m", "circparam", "unwrap", str(source), "-o", str(target)]
+    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    process = subprocess.Popen([*command, "--overwrite", "--json"], stdout=subprocess.PIPE)
+    text = process.stdout.read() if process.stdout else b""
+    _, code, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(code)
+    wall = time.perf_counter() - start
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if process.returncode not in (0, 6):
+        raise SystemExit(f"{name}: circparam ended with code {process.returncode}")
+    processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    judged = ""
+    if judge is not None:
+        said = subprocess.run([*shlex.split(judge), str(target)], capture_output=True, text=True)
+        judged = " ".join(said.stdout.split())
+    return Run(name, json.loads(text), wall, processor, usage.ru_maxrss / 2**20, judged)
+
+
+def row(run: Run) -> list[str]:
+    """What the report has of one mesh."""
+    t = run.told
+    stages = sorted(t["stages"].items(), key=lambda x: -x[1])[:5]
+    return [
+        run.name,
+        f"{t['faces']:,}",
+        f"{run.wall:.1f}",
+        f"{run.processor:.1f}",
+        f"{run.processor / t['faces'] * 1e6:.0f}",
+        f"{run.memory:.2f}",
+        str(t["charts"]),
+        f"{t['seam_length']:.2f}",
+        f"{t['distortion']:.4f}",
+        f"{t['flips']} / {t['mirrored']} / {t['overlap']:g}",
+        ", ".join(f"{name} {seconds:.1f}" for name, seconds in stages),
+        run.judged,
+    ]
+
+
+HEAD = (
+    "mesh", "faces", "seconds", "processor s", "µs a face", "GB", "charts", "seam", "SD",
+    "flips / mirrored / overlap", "longest stages", "judge",
+)  # fmt: skip
+
+
+def lines_of(size: float, run: Run) -> list[Line]:
+    """The figures that something is asked of."""
+    faces = f"{size:g}M faces"
+    seconds = None if size not in ASKED else f"<= {ASKED[size]:g}"
+    memory = None if size not in MEMORY else f"<= {MEMORY[size]:g}"
+    return [Line(faces, run.wall, "s", seconds), Line(faces, run.memory, "GB", memory)]
+
+
+def main() -> None:
+    """Make the meshes, unwrap them, write the report."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--sizes", default=",".join(f"{s:g}" for s in SIZES), help="million faces")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--floaters", type=int, default=0, help="of another mesh, with its twin")
+    parser.add_argument("--judge", help="a command that gets each written file")
+    given = parser.parse_args()
+    runs: list[Run] = []
+    lines: list[Line] = []
+    with tempfile.TemporaryDirectory(prefix="circparam-") as name:
+        folder = Path(name)
+        for size in (float(s) for s in given.sizes.split(",") if s):
+            shape = scan(int(size * 1e6), given.seed)
+            runs.append(unwrap(f"{size:g}M", shape, folder, given.judge))
+            lines += lines_of(size, runs[-1])
+            for line in lines[-2:]:
+                say(line)
+        if given.floaters:
+            many = unwrap("floaters", scan(20_000, 1, given.floaters), folder, given.judge)
+            twin = unwrap("twin", scan(many.told["faces"], 1, 0), folder, given.judge)
+            runs += [many, twin]
+            share = many.processor / many.told["faces"] * twin.told["faces"] / twin.processor
+            text = f"{given.floaters} floaters, a face, over the clean twin"
+            lines.append(Line(text, share, "", f"<= {TWIN:g}"))
+            say(lines[-1])
+    blocks = [
+        common.table(HEAD, [row(run) for run in runs]),
+        common.table(("figure", "value", "asked", "", ""), [line.cells() for line in lines]),
+    ]
+    intro = (
+        f"Made by `make bench-scale` with seed {given.seed}; how is told in tests/bench/scale.py."
+    )
+    path = common.write("scale.md", "Large meshes", intro, blocks)
+    print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Normals and tangents of known surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.geometry.shading import corner_normals, frames, unit
+from tests.support.baking import sheet
+from tests.support.bumps import belt
+
+
+def random_turn(seed: int) -> np.ndarray:
+    q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    return q * np.sign(np.linalg.det(q))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 99), st.booleans(), st.floats(0.2, 5))
+def test_frames_of_a_plane_are_its_axes(seed: int, mirrored: bool, stretch: float):
+    """t along growing u, the bitangent along growing v, mirrored or not, however the uv are scaled."""
+    points, faces = sheet(3)
+    uv = points[:, :2] * [(-1 if mirrored else 1), stretch]
+    turn = random_turn(seed)
+    corners = (points @ turn.T)[faces]
+    normal = corner_normals(corners, faces)
+    found = frames(corners, uv[faces], faces, normal)
+    assert np.allclose(normal, turn[:, 2])
+    assert np.allclose(found.tangent, -turn[:, 0] if mirrored else turn[:, 0])
+    assert np.allclose(found.bitangent, turn[:, 1])
+    assert (found.sign == (-1 if mirrored else 1)).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 99))
+def test_what_is_told_in_a_frame_is_read_back(seed: int):
+    """A viewer's decoding of x t + y b + z n, each axis interpolated and normalised, gives the direction."""
+    rng = np.random.default_rng(seed)
+    mesh, layout = belt(5, 8, 0.1, 1.0)
+    corners = mesh.points[mesh.faces]
+    space = frames(
+        corners, layout.uv[layout.uv_faces], mesh.faces, corner_normals(corners, mesh.faces)
+    )
+    face, bary = rng.integers(0, len(mesh.faces), 50), rng.dirichlet([1, 1, 1], 50)
+    direction = unit(rng.normal(size=(50, 3)))
+    x, y, z = space.into(face, bary, direction).T[..., None]
+    t, b, n = (
+        unit(np.einsum("pk,pkc->pc", bary, axis[face]))
+        for axis in (space.tangent, space.bitangent, space.normal)
+    )
+    assert np.allclose(unit(x * t + y * b + z * n), direction, atol=1e-9)
+
+
+def test_tangents_of_a_ball_run_along_its_parallels():
+    mesh, layout = belt(40, 80)
+    corners = mesh.points[mesh.faces]
+    normal = corner_normals(corners, mesh.faces)
+    space = frames(corners, layout.uv[layout.uv_faces], mesh.faces, normal)
+    east = unit(np.cross([0.0, 0, 1], corners))
+    seam = (np.abs(corners[..., 1]) < 0.05) & (corners[..., 0] > 0)
+    inner = (np.abs(corners[..., 2]) < 0.8) & ~seam  # away from the boundary
+    assert (normal * unit(corners)).sum(2)[inner].min() > np.cos(0.01)
+    assert (space.tangent * east).sum(2)[inner].min() > np.cos(0.01)
+    assert (space.sign == 1).all()
+
+
+def test_normals_do_not_depend_on_how_a_corner_is_cut_into_triangles():
+    """The corner of a cube: three sides, one of them in two triangles there, weigh the same by angle."""
+    corners = np.array([
+        [[0.0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]],
+        [[0, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 0, 0], [0, 0, 1], [1, 0, 0]],
+    ])  # fmt: skip
+    _, label = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    label = label.reshape(4, 3)
+    assert np.allclose(corner_normals(corners, label)[:, 0], 1 / np.sqrt(3))
+    flat = corner_normals(corners, label, sharp=40)[:, 0]
+    assert np.allclose(flat, [[0, 0, 1], [0, 0, 1], [1, 0, 0], [0, 1, 0]])
+
+
+def test_uv_without_a_direction_still_have_a_frame():
+    corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    labels = np.array([[0, 1, 2]])
+    space = frames(corners, np.zeros((1, 3, 2)), labels, corner_normals(corners, labels))
+    assert np.allclose(np.linalg.norm(space.tangent, axis=2), 1)
+    assert np.allclose((space.tangent * space.normal).sum(2), 0)

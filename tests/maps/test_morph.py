@@ -1,0 +1,306 @@
+"""Morphs: where the vertices go, how they are lit on the way, and what of the file stays."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document
+from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.document import GltfDocument, read_gltf
+from circparam.formats.io import encode, read, read_data
+from circparam.formats.source import Source
+from circparam.maps.morph import key_frames, morph
+from circparam.mesh.mesh import Mesh, UVMap
+from tests.bake.test_write import chunks
+from tests.support.baking import picture, write_obj
+from tests.support.bumps import belt
+from tests.support.maps import cube_obj, known_map, same_map
+from tests.support.validator import validate
+
+Z_UP = {"rotation": [0, 0, 0.6, 0.8], "scale": [1, 2, 0.5], "translation": [1, 2, 3]}
+
+
+def stored(folder: Path, name: str, mesh: Mesh, layout: UVMap, mtl: str = "") -> Document:
+    write_obj(folder / f"{name}.obj", mesh.points, layout, mesh.faces, mtl=mtl)
+    return read(folder / f"{name}.obj")
+
+
+def reopened(data: bytes) -> GltfDocument:
+    document = read_gltf(data, Source("morph.glb"))
+    assert isinstance(document, GltfDocument)
+    return document
+
+
+def ends(document: GltfDocument) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) local positions and normals at weight 1, as a viewer adds them up."""
+    points, normals = [], []
+    for pool in document.pools:
+        (target,) = pool.targets
+        values = document.tree.values
+        points.append(values(pool.attributes["POSITION"]) + values(target["POSITION"]))
+        normals.append(values(pool.attributes["NORMAL"]) + values(target["NORMAL"]))
+    return np.concatenate(points), np.concatenate(normals)
+
+
+def test_the_target_is_where_the_map_says(tmp_path: Path):
+    a, b = belt(10, 20), belt(24, 48, 0.05, 1.0)
+    one, two = stored(tmp_path, "one", *a), stored(tmp_path, "two", *b)
+    mapped = known_map(one.mesh, two.mesh)
+    made = morph(one, two, mapped)
+    document = reopened(made.data)
+    points, normals = ends(document)
+    corners = document.mesh.faces.ravel()
+    wanted = mapped.to_b.of(two.mesh.points, two.mesh.faces)[one.mesh.faces.ravel()]
+    assert np.abs(points[corners] - wanted).max() < 1e-6
+    start = one.mesh.points[one.mesh.faces.ravel()]
+    assert np.abs(document.mesh.points[corners] - start).max() < 1e-6
+    # lit as the surface it becomes: the normal of the faces round each corner
+    c = points[document.mesh.faces]
+    flat = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
+    assert (normals[document.mesh.faces] * flat[:, None]).sum(2).min() > 0.7
+    assert made.report["moved_max"] == pytest.approx(
+        np.linalg.norm(wanted - start, axis=1).max(), rel=1e-9
+    )
+    assert made.report["reversed"] == 0
+    # the other way round the map is the same
+    turned = morph(one, two, mapped.turned())
+    assert turned.data == made.data
+
+
+def test_uv_and_texture_of_a_stay(tmp_path: Path):
+    mesh, layout = belt(4, 8)
+    picture(tmp_path / "skin.png", 16)
+    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
+    one = stored(tmp_path, "one", mesh, layout, mtl="m.mtl")
+    two = stored(tmp_path, "two", Mesh(mesh.points * [1, 2, 3], mesh.faces), layout)
+    document = reopened(morph(one, two, same_map(mesh)).data)
+    uv = document.uv()
+    assert uv is not None
+    assert np.allclose(uv.uv[uv.uv_faces], layout.uv[layout.uv_faces], atol=1e-6)
+    found = document.textures()
+    assert found is not None
+    assert found.images == ((tmp_path / "skin.png").read_bytes(),)
+    assert (found.face == 0).all()
+
+
+def test_vertex_colours_plain_colours_and_missing_images(tmp_path: Path):
+    mesh, layout = belt(4, 8)
+    rng = np.random.default_rng(0)
+    colours = rng.random((len(mesh.points), 3))
+    write_obj(tmp_path / "a.obj", mesh.points, layout, mesh.faces, colours=colours)
+    one = read(tmp_path / "a.obj")
+    shown = reopened(morph(one, one, same_map(mesh)).data).colours()
+    assert shown is not None
+    assert np.abs(shown - colours[mesh.faces]).max() < 1e-5
+    (tmp_path / "m.mtl").write_text("newmtl m\nKd 0.5 0.25 1\n")
+    plain = stored(tmp_path, "plain", mesh, layout, mtl="m.mtl")
+    looks = reopened(morph(plain, plain, same_map(mesh)).data).textures()
+    assert looks is not None
+    assert np.allclose(looks.plain, [0.5, 0.25, 1], atol=1e-4)
+    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd gone.png\n")
+    gone = morph(stored(tmp_path, "gone", mesh, layout, mtl="m.mtl"), one, same_map(mesh))
+    assert any("gone.png is missing" in line for line in gone.warnings)
+    (tmp_path / "gone.png").write_bytes(b"no image")
+    broken = morph(stored(tmp_path, "gone", mesh, layout, mtl="m.mtl"), one, same_map(mesh))
+    assert any("cannot be read" in line for line in broken.warnings)
+
+
+def test_a_mesh_without_uv(tmp_path: Path):
+    mesh, _ = belt(4, 8)
+    data = "".join(f"v {x} {y} {z}\n" for x, y, z in mesh.points.tolist())
+    data += "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in mesh.faces.tolist())
+    one = read_data(data.encode())
+    made = morph(one, one, same_map(mesh))
+    (tmp_path / "m.glb").write_bytes(made.data)
+    assert reopened(made.data).uv_sets == ()
+    assert validate(tmp_path / "m.glb") == [set()]
+
+
+def gltf_tree(mesh: Mesh, layout: UVMap, folder: Path) -> tuple[dict, bytes]:
+    return chunks(encode(stored(folder, "t", mesh, layout), layout, "glb").data)
+
+
+def test_a_gltf_tree_keeps_everything_and_moves_in_each_node(tmp_path: Path):
+    """Two nodes show the mesh, the first turned and stretched; a primitive of points comes along."""
+    mesh, layout = belt(4, 8)
+    tree, binary = gltf_tree(mesh, layout, tmp_path)
+    tree["nodes"] = [{"mesh": 0, **Z_UP}, {"mesh": 0}]
+    tree["scenes"] = [{"nodes": [0, 1]}]
+    tree["extras"] = {"mine": 1}
+    tree["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "mode": 0})
+    one = read_data(glb_bytes(tree, binary))
+    two = read_data(glb_bytes({**tree, "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}, binary))
+    made = morph(one, two, same_map(one.mesh))
+    (tmp_path / "m.glb").write_bytes(made.data)
+    assert validate(tmp_path / "m.glb") == [set()]
+    document = reopened(made.data)
+    assert document.tree.json["extras"] == {"mine": 1}
+    assert len(document.tree.json["animations"][0]["channels"]) == 2
+    assert document.tree.json["meshes"][0]["extras"]["targetNames"] == ["target"]
+    local, normal = ends(document)
+    turn = np.array([[0.28, -0.96, 0], [0.96, 0.28, 0], [0, 0, 1.0]])  # of the quaternion in Z_UP
+    world = local * [1, 2, 0.5] @ turn.T + [1, 2, 3]
+    assert np.abs(world - two.mesh.points).max() < 1e-5
+    shaded = normal / [1, 2, 0.5] @ turn.T
+    shaded /= np.linalg.norm(shaded, axis=1, keepdims=True)
+    radial = two.mesh.points / np.linalg.norm(two.mesh.points, axis=1, keepdims=True)
+    assert (shaded * radial).sum(1).min() > 0.9
+    with pytest.raises(InputError, match="morph targets of its own"):
+        morph(document, two, same_map(document.mesh, two.mesh))
+
+
+def test_sharp_edges_of_a_file_stay_sharp(tmp_path: Path):
+    """A roof of two flat sides with normals of their own, folded further: each side stays flat."""
+    points = np.array([[0.0, 0, 0], [0, 1, 0], [-1, 0, -1], [-1, 1, -1], [1, 0, -1], [1, 1, -1]])
+    faces = np.array([[2, 0, 1], [2, 1, 3], [0, 4, 5], [0, 5, 1]])
+    split = np.array([[2, 0, 1], [2, 1, 3], [6, 4, 5], [6, 5, 7]])
+    both = np.concatenate([points, points[:2]])
+    normal = np.repeat([[-1.0, 0, 1], [1, 0, 1]], 4, axis=0) / np.sqrt(2)
+    assert np.allclose(both[split], points[faces])
+    layout = UVMap(both[:, :2] * 0.4 + 0.5, split)
+    tree, binary = gltf_tree(Mesh(both, split), layout, tmp_path)
+    data = np.ascontiguousarray(normal, "<f4").tobytes()
+    tree["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
+    tree["accessors"].append(
+        {"bufferView": len(tree["bufferViews"]) - 1, "componentType": 5126, "count": 8}
+        | {"type": "VEC3"}
+    )
+    tree["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = len(tree["accessors"]) - 1
+    tree["buffers"] = [{"byteLength": len(binary) + len(data)}]
+    one = read_data(glb_bytes(tree, binary + data))
+    steep = stored(tmp_path, "steep", Mesh(both * [1, 1, 3], split), layout)
+    _, after = ends(reopened(morph(one, steep, same_map(one.mesh)).data))
+    side = np.array([[-3.0, 0, 1], [3, 0, 1]]) / np.sqrt(10)
+    assert np.abs(after[split[:2]] - side[0]).max() < 1e-6
+    assert np.abs(after[split[2:]] - side[1]).max() < 1e-6
+
+
+@pytest.mark.parametrize("frames", [2, 3, 13, 100])
+def test_key_frames_go_there_and_back_evenly(frames: int):
+    times, weights = key_frames(frames)
+    assert len(times) == 2 * frames - 1
+    assert (np.diff(times) > 0).all()
+    assert np.allclose(np.diff(times), times[1])
+    assert (weights[0], weights[frames - 1], weights[-1]) == (0, 1, 0)
+    assert np.array_equal(weights, weights[::-1])
+    assert (np.diff(weights[:frames]) > 0).all()
+
+
+def test_the_validator_finds_nothing_and_the_animation_plays_the_weight(tmp_path: Path):
+    a, b = belt(6, 12), belt(8, 16, 0.05)
+    one, two = stored(tmp_path, "one", *a), stored(tmp_path, "two", *b)
+    path = tmp_path / "m.glb"
+    path.write_bytes(morph(one, two, known_map(one.mesh, two.mesh), 5).data)
+    assert validate(path) == [set()]
+    document = reopened(path.read_bytes())
+    tree = document.tree
+    (animation,) = tree.json["animations"]
+    (channel,) = animation["channels"]
+    assert channel["target"] == {"node": 0, "path": "weights"}
+    sampler = animation["samplers"][channel["sampler"]]
+    times, weights = (tree.values(sampler[k])[:, 0] for k in ("input", "output"))
+    assert len(times) == len(weights) == 9
+    assert weights.max() == weights[4] == 1
+    for index, values in (
+        (sampler["input"], times),
+        (document.pools[0].targets[0]["POSITION"], None),
+    ):
+        accessor = tree.json["accessors"][index]
+        rows = tree.values(index) if values is None else values[:, None]
+        assert accessor["min"] == rows.min(0).tolist()
+        assert accessor["max"] == rows.max(0).tolist()
+    assert tree.json["meshes"][0]["weights"] == [0.0]
+
+
+def test_what_is_refused(tmp_path: Path):
+    a, b = belt(4, 8), belt(5, 9)
+    one, two = stored(tmp_path, "one", *a), stored(tmp_path, "two", *b)
+    mapped = known_map(one.mesh, two.mesh)
+    with pytest.raises(InputError, match=r"two\.obj: the map was made for another mesh"):
+        morph(one, two, same_map(one.mesh))
+    for frames in (1, 0, -3, 10_001):
+        with pytest.raises(OptionError, match="key frames"):
+            morph(one, two, mapped, frames)
+    over = Mesh(two.mesh.points, two.mesh.faces[:, ::-1])
+    turned = stored(tmp_path, "turned", over, UVMap(b[1].uv, b[1].uv_faces[:, ::-1]))
+    with pytest.raises(InputError, match="mirrored"):
+        morph(one, turned, known_map(one.mesh, turned.mesh))
+
+
+def test_vertices_that_no_face_uses_stay(tmp_path: Path):
+    mesh, layout = belt(4, 8)
+    loose = Mesh(np.concatenate([mesh.points, [[9.0, 9, 9]]]), mesh.faces)
+    one = stored(tmp_path, "one", loose, layout)
+    two = stored(tmp_path, "two", Mesh(mesh.points * 2, mesh.faces), layout)
+    mapped = same_map(one.mesh, two.mesh)
+    mapped.to_b.face[-1] = -1
+    points, _ = ends(reopened(morph(one, two, mapped).data))
+    assert points[len(mesh.points)].tolist() == [9, 9, 9]
+
+
+def test_png_and_json_of_a_tree_are_sound(tmp_path: Path):
+    """An image in another format becomes a PNG of the same pixels."""
+    mesh, layout = belt(4, 8)
+    Image.new("RGB", (4, 4), (10, 200, 30)).save(tmp_path / "skin.bmp")
+    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.bmp\n")
+    one = stored(tmp_path, "one", mesh, layout, mtl="m.mtl")
+    data = morph(one, one, same_map(mesh)).data
+    found = reopened(data).textures()
+    assert found is not None
+    assert Image.open(io.BytesIO(found.images[0])).format == "PNG"
+    assert Image.open(io.BytesIO(found.images[0])).getpixel((0, 0)) == (10, 200, 30)
+    json.dumps(chunks(data)[0], allow_nan=False)
+
+
+def test_a_morph_is_read_back_as_a_target_in_the_world(tmp_path: Path):
+    """``Document.targets`` tells where each vertex goes, through the node's transform, and its name."""
+    mesh, layout = belt(4, 8)
+    tree, binary = gltf_tree(mesh, layout, tmp_path)
+    tree["nodes"] = [{"mesh": 0, **Z_UP}]
+    one = read_data(glb_bytes(tree, binary))
+    two = stored(
+        tmp_path, "goal", Mesh(one.mesh.points[:, [1, 0, 2]] * [1, -1, 1], one.mesh.faces), layout
+    )
+    document = reopened(morph(one, two, same_map(one.mesh, two.mesh)).data)
+    ((name, points),) = document.targets()
+    assert name == "goal"
+    assert np.abs(points - two.mesh.points).max() < 1e-5
+    assert one.targets() == two.targets() == []
+
+
+def test_vn_lines_keep_a_cube_sharp(tmp_path: Path):
+    """vn count from the end of those above; each side stays flat at both ends of a morph."""
+    cube = cube_obj(tmp_path)
+    normals = cube.normals()
+    assert normals is not None
+    c = cube.mesh.points[cube.mesh.faces]
+    flat = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    assert np.allclose(normals, flat[:, None])
+    sheared = Mesh(
+        cube.mesh.points * [1, 2, 1] + cube.mesh.points[:, [1, 2, 0]] * [0.5, 0, 0], cube.mesh.faces
+    )
+    other = stored(tmp_path, "sheared", sheared, cube.uv())
+    document = reopened(morph(cube, other, same_map(cube.mesh)).data)
+    before = document.normals()
+    assert before is not None
+    assert np.allclose(before, normals, atol=1e-6)
+    points, after = ends(document)
+    c = points[document.mesh.faces]
+    flat = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    assert np.allclose(after[document.mesh.faces], flat[:, None], atol=1e-5)
+
+
+@pytest.mark.parametrize("face", ["f 1//1 2//1 3", "f 1//1 2//1 3//2", "f 1//1 2//1 3//-2"])
+def test_normals_that_are_not_all_there_are_left_open(face: str):
+    assert read_data(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n{face}\n".encode()).normals() is None
+    assert read_data(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nf 1//1 2//1 3//1\n").normals() is None

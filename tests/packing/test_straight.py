@@ -1,0 +1,85 @@
+"""Charts with straight borders lie along the axes of the page, and stay so while they are compacted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.packing import pack
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import shapes_of
+from circparam.packing.straight import straight_charts
+from tests.support.packing import blobs
+
+QUARTER = np.pi / 2
+
+
+def turned_boxes(n: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rectangles of all sizes, each turned by some angle: (faces, uv, chart, angles)."""
+    rng = np.random.default_rng(seed)
+    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    angle = rng.uniform(0, 6, n)
+    uv, faces = [], []
+    for k in range(n):
+        c, s = np.cos(angle[k]), np.sin(angle[k])
+        p = (corner * rng.uniform(0.3, 1.5, 2)) @ np.array([[c, s], [-s, c]])
+        uv.append(p + rng.normal(0, 5, 2))
+        faces.append(np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k)
+    return np.concatenate(faces), np.concatenate(uv), np.repeat(np.arange(n), 2), angle
+
+
+def askew(faces: np.ndarray, uv: np.ndarray, chart: np.ndarray) -> np.ndarray:
+    """How far the first edge of the first face of every chart is from an axis, in radians."""
+    first = faces[np.unique(chart, return_index=True)[1]]
+    d = uv[first[:, 1]] - uv[first[:, 0]]
+    turn = np.arctan2(d[:, 1], d[:, 0])
+    return np.abs(np.mod(turn + QUARTER / 2, QUARTER) - QUARTER / 2)
+
+
+def test_the_angle_lays_borders_along_the_axes() -> None:
+    faces, uv, chart, angle = turned_boxes(20, 1)
+    found = straight_charts(shapes_of(faces, uv, chart), np.inf)
+    assert found.counts.all()
+    off = np.mod(found.angle + angle + QUARTER / 2, QUARTER) - QUARTER / 2
+    np.testing.assert_allclose(off, 0, atol=1e-9)
+    assert found.lying(found.angle + QUARTER * np.arange(20)).all()
+    assert not found.lying(found.angle + 1e-6).any()
+
+
+def test_an_angle_at_the_end_of_the_bins_is_no_exception() -> None:
+    """Borders half a quarter of a degree to both sides of an axis belong to one direction."""
+    p = np.array([[0.0, 0], [1, 1e-3], [2, 0], [2, 1], [0, 1]])
+    faces = np.array([[0, 1, 4], [1, 3, 4], [1, 2, 3]])
+    found = straight_charts(shapes_of(faces, p, np.zeros(3, int)), np.inf)
+    assert found.counts.all()
+    assert abs(np.mod(found.angle[0] + QUARTER / 2, QUARTER) - QUARTER / 2) < 1e-6
+
+
+def test_round_and_long_charts_do_not_count() -> None:
+    assert not straight_charts(shapes_of(*blobs(20, 3)), np.inf).counts.any()
+    faces, uv, chart, _ = turned_boxes(20, 1)
+    shapes = shapes_of(faces, uv, chart)
+    some = straight_charts(shapes, 1.0).counts
+    assert 0 < some.sum() < 20
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_boxes_lie_along_the_axes_beside_round_charts(seed: int) -> None:
+    faces, uv, chart, _ = turned_boxes(14, seed)
+    more, round_uv, round_chart = blobs(4, seed, 0.2)
+    both = np.concatenate([faces, more + len(uv)])
+    charts = np.concatenate([chart, round_chart + 14])
+    packed = pack(both, np.concatenate([uv, round_uv * 0.3]), charts, PackOptions(512, 2))
+    assert (askew(faces, packed.uv[: len(uv)], chart) < 1e-9).sum() == 14
+    assert packed.share[0] > 0.6
+
+
+def test_one_box_alone_fills_its_page() -> None:
+    """It fits a smaller square only askew if it is long, and then it lies so."""
+    faces, _, chart, _ = turned_boxes(1, 4)
+    c, s = np.cos(0.4), np.sin(0.4)
+    square = np.array([[0.0, 0], [1, 0], [1, 0.98], [0, 0.98]]) @ np.array([[c, s], [-s, c]])
+    packed = pack(faces, square, chart, PackOptions(512, 2))
+    assert askew(faces, packed.uv, chart)[0] < 1e-9
+    long = np.array([[0.0, 0], [1, 0], [1, 0.05], [0, 0.05]])
+    assert askew(faces, pack(faces, long, chart, PackOptions(512, 2)).uv, chart)[0] > 0.7

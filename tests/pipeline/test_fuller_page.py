@@ -1,0 +1,141 @@
+"""Cuts for a fuller page: made where a page so much fuller is worth the seam, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.core.arrays import next_half_edge
+from circparam.core.monitor import Monitor
+from circparam.errors import OptionError
+from circparam.formats.memory import from_arrays
+from circparam.mesh.atlas import Atlas
+from circparam.packing.options import PackOptions
+from circparam.pipeline.cascade import Cascade, CascadeRules
+from circparam.pipeline.fuller_page import LIMIT, fill_page
+from circparam.pipeline.job import prepare
+from circparam.pipeline.options import Options
+from tests.support import shapes
+
+
+def roll(length: int = 100, width: int = 10, rough: float = 0.05) -> Atlas:
+    """A long tube of unit squares, slit along one line: one chart, a strip of unit squares."""
+    points, faces = shapes.grid(length + 1, width + 1, float(length), float(width))
+    uv = points[:, :2].copy()
+    turn = 2 * np.pi * (uv[:, 1] % width) / width
+    wave = 1 + rough * np.sin(2 * uv[:, 0]) * np.cos(2 * turn)
+    round_ = np.stack([uv[:, 0], *(wave * width / (2 * np.pi) * [np.cos(turn), np.sin(turn)])], 1)
+    job = prepare(from_arrays(round_, faces), None, Options(), Monitor())
+    s = job.surface
+    corners = uv[faces[s.source]]
+    flat = corners.reshape(-1, 2)
+    seam = (flat[s.edges[:, 0]] != flat[next_half_edge(s.edges[:, 1])]).any(1)
+    return Atlas(s, seam, corners)
+
+
+def filled(atlas: Atlas, most: int | None = None, least: int = 1, bound: float = 1.05) -> Cascade:
+    cascade = Cascade(atlas, CascadeRules(bound=bound))
+    return fill_page(cascade, most, least, PackOptions(512), Monitor())
+
+
+def test_a_long_strip_is_cut_across() -> None:
+    """One short cut through a long strip doubles what a square page holds of it, and more."""
+    before = roll()
+    after = filled(before)
+    assert after.atlas.charts()[0] == 2
+    _, chart = after.atlas.charts()
+    longest = max(np.ptp(before.corners[chart == c, :, 0]) for c in (0, 1))
+    assert longest < 60
+    root = np.sqrt(before.surface.areas.sum())
+    # across it is 10; the way along sharper edges may be a little longer
+    assert 9.9 < (after.atlas.seam_length - before.seam_length) * root < 1.35 * 10
+    assert np.array_equal(after.atlas.corners, before.corners)
+    (note,) = after.notes
+    assert "1 cut " in note
+    assert "--pack-splits 0" in note
+
+
+def test_nothing_is_cut_that_fills_its_page() -> None:
+    square = roll(24, 24)
+    assert filled(square).atlas is square
+
+
+def test_a_mesh_without_a_seam_gets_none() -> None:
+    """The same strip, never rolled up."""
+    whole = roll()
+    opened = whole.surface.without_edges(whole.cut)
+    flat = Atlas(opened, np.zeros(len(opened.edges), bool), whole.corners)
+    assert filled(flat).atlas is flat
+
+
+def test_seams_grow_by_no_more_than_the_limit() -> None:
+    """A slit as long as five cuts allows none of them; one as long as twenty allows some."""
+    short = roll(50)
+    assert filled(short).atlas is short
+    long = roll(200)
+    after = filled(long).atlas
+    assert 2 <= after.charts()[0] <= 3
+    assert after.seam_length <= (1 + LIMIT) * long.seam_length
+
+
+def test_there_are_no_more_charts_than_asked_for_and_none_too_small() -> None:
+    before = roll()
+    assert filled(before, most=1).atlas is before
+    assert filled(before, most=2).atlas.charts()[0] == 2
+    assert filled(before, least=1100).atlas is before  # of 2000 faces
+
+
+def test_flats_are_not_cut_through() -> None:
+    """A tube of ten flat sides: no way across but through them."""
+    before = roll(rough=0.0)
+    assert filled(before).atlas is before
+
+
+def test_what_may_not_be_a_seam_is_none() -> None:
+    before = roll()
+    locked = replace(before.surface, locked=np.ones(len(before.surface.edges), bool))
+    held = Atlas(locked, before.cut, before.corners)
+    assert filled(held).atlas is held
+
+
+@pytest.mark.parametrize("shape", [shapes.torus(24, 8, 4.0, 1.0), shapes.double_torus(3)])
+def test_the_layout_stays_sound(shape: shapes.Shape, tmp_path: Path) -> None:
+    """Whatever is cut: no flip, no overlap, below the bound; 0 keeps charts whole, the default is auto."""
+    whole = circparam.unwrap(shape, tmp_path / "w.obj", resolution=512, pack_splits=0)
+    auto = circparam.unwrap(shape, tmp_path / "a.obj", resolution=512, pack_splits="auto")
+    plain = circparam.unwrap(shape, tmp_path / "p.obj", resolution=512)
+    assert (tmp_path / "a.obj").read_text() == (tmp_path / "p.obj").read_text()
+    assert auto.status == plain.status == "ok"
+    assert auto.measures["distortion_max_chart"] <= 1.05 + 1e-9
+    assert auto.measures["seam_length"] <= 1.15 * whole.measures["seam_length"]
+    cut = auto.measures["charts"] > whole.measures["charts"]
+    assert cut == any("fuller page" in note for note in auto.notes)
+    assert not any("fuller page" in note for note in whole.notes)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"cut": "disk"},
+        {"texel_density": 10.0},
+        {"pages": 2},
+        {"rotate": "90"},
+        {"method": "circle"},
+    ],
+)
+def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
+    shape = shapes.grid(3, 3, 1.0, 1.0)
+    with pytest.raises(OptionError, match="pack_splits has no effect"):
+        circparam.unwrap(shape, pack_splits="auto", **more)  # type: ignore[arg-type]
+    assert not any("page" in n for n in circparam.unwrap(shape, **more).notes)  # type: ignore[arg-type]
+
+
+def test_a_word_that_is_none() -> None:
+    with pytest.raises(OptionError, match="give auto or a number"):
+        Options(pack_splits="some")
+    with pytest.raises(OptionError, match="from 0 on"):
+        Options(pack_splits=-1)

@@ -1,0 +1,89 @@
+"""Boxes and other polyhedra are unfolded without distortion where that is worth its seams."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import chart_distortion
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.seams import SEAMS
+from circparam.seams.hard import exact as module
+from circparam.seams.hard.exact import EXACT, polyhedra
+from circparam.seams.hard.regions import seam_prices
+from circparam.seams.options import SeamOptions
+from circparam.seams.segmentation.layout import judge
+from tests.support import shapes
+from tests.support.atlases import surface_of
+from tests.support.parts import Part, extrude, lathe, rectangle
+
+
+def charts_of(part: Part) -> Atlas:
+    surface = surface_of(part.points, part.faces)
+    seams = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
+    atlas = Atlas(surface, seams.cut, seams.uv)
+    cut_mesh, uv = atlas.open()
+    assert not not_disks(cut_mesh).any()
+    assert not judge(cut_mesh, uv).bad(1.05).any()
+    return atlas
+
+
+def distortion(atlas: Atlas) -> float:
+    cut_mesh, uv = atlas.open()
+    return float(np.average(chart_distortion(cut_mesh, uv), weights=cut_mesh.chart_areas))
+
+
+def turned(part: Part) -> Part:
+    points = part.points @ shapes.rotation(3).T
+    return Part(points, part.faces, part.surface, part.flat, part.tube)
+
+
+@pytest.mark.parametrize("turn", [False, True])
+def test_a_cube_is_unfolded_to_a_net_of_six_squares(turn) -> None:
+    """Seven of its twelve edges are cut, and every face is a unit square in the plane."""
+    part = extrude(rectangle(1.0, 1.0), [], 1.0)
+    atlas = charts_of(turned(part) if turn else part)
+    assert atlas.charts()[0] == 1
+    assert distortion(atlas) == pytest.approx(1.0, abs=1e-9)
+    assert atlas.surface.edge_lengths[atlas.cut].sum() == pytest.approx(7.0)
+
+
+@given(st.floats(0.3, 3.0), st.floats(0.3, 3.0))
+@settings(max_examples=15, deadline=None)
+def test_boxes_cost_no_more_than_when_only_seams_count(width: float, depth: float) -> None:
+    """A skewed net is kept only where its seams are so much shorter."""
+    part = extrude(rectangle(width, depth), [], 1.0)
+    atlas = charts_of(part)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "polyhedra", lambda a: np.zeros(len(a.surface.faces), bool))
+        other = charts_of(part)
+    assert module._cost(atlas)[0] <= module._cost(other)[0] + 1e-9
+    assert distortion(atlas) < EXACT or np.array_equal(atlas.cut, other.cut)
+
+
+def test_what_is_round_anywhere_is_no_polyhedron() -> None:
+    box = extrude(rectangle(1.0, 1.0), [], 1.0)
+    tube = lathe(np.array([[0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.5, 1.0]]), 48)
+    surface = surface_of(*shapes.join((box.points, box.faces), (tube.points + 3.0, tube.faces)))
+    none = np.zeros(len(surface.edges), bool)
+    found = polyhedra(Atlas(surface, none, prices=seam_prices(surface)))
+    assert np.array_equal(found, surface.points[surface.faces].max((1, 2)) < 1.5)
+    assert not polyhedra(Atlas(surface, none)).any()
+
+
+def test_a_tight_bound_changes_nothing(monkeypatch) -> None:
+    """What is exact already is not merged a second time."""
+    part = extrude(rectangle(1.0, 1.0), [], 1.0)
+    surface = surface_of(part.points, part.faces)
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(module, "Merger", never)
+    options = SeamOptions(max_distortion=1 + 1e-6)
+    seams = SEAMS["charts"].function(surface, options, Monitor())
+    assert distortion(Atlas(surface, seams.cut, seams.uv)) < EXACT

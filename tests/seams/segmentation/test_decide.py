@@ -1,0 +1,82 @@
+"""Seams decided from several starts: which of them are gone on with."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.mesh.atlas import Atlas
+from circparam.seams.hard.regions import seam_prices
+from circparam.seams.segmentation import decide as module
+from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.seams.segmentation.merge import Merger
+from circparam.solvers.newton import RelaxOptions
+from tests.support import shapes
+from tests.support.atlases import cut_between, middles, surface_of
+
+
+@pytest.mark.parametrize(("behind", "most"), [(0.0, 1), (1e9, 4)])
+def test_starts_that_are_behind_when_they_have_merged_are_given_up(
+    monkeypatch: pytest.MonkeyPatch, behind: float, most: int
+) -> None:
+    surface = surface_of(*shapes.icosphere(3))
+    cost: dict[int, float] = {}
+    gone_on: list[float] = []
+    start, end = module.grow_and_merge, module.shortened
+
+    def started(*task: object) -> module.Start:
+        one = start(*task)
+        cost[len(cost)] = module._cost(one.merger.atlas)
+        return one
+
+    def shortened(one: module.Start, *rest: object) -> Atlas:
+        gone_on.append(module._cost(one.merger.atlas))
+        return end(one, *rest)
+
+    monkeypatch.setattr(module, "BEHIND", behind)
+    monkeypatch.setattr(module, "grow_and_merge", started)
+    monkeypatch.setattr(module, "shortened", shortened)
+    atlas = module.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    assert len(cost) == 4
+    assert len(set(cost.values())) > 1
+    assert len(gone_on) == most
+    assert min(gone_on) == min(cost.values())
+    assert module._cost(atlas) <= min(gone_on)
+    assert np.isfinite(atlas.corners).all()
+
+
+def test_a_start_goes_on_as_it_would_have_in_one_piece() -> None:
+    """Merging and shortening in two calls, with what was learnt handed on, by copy or not."""
+    import pickle
+
+    surface = surface_of(*shapes.icosphere(3))
+    one = module.grow_and_merge(surface, 1.05, 0.004, 12, None, Monitor())
+    copy = pickle.loads(pickle.dumps(one, 5))
+    assert len(one.merger.tried) > 0
+    here = module.shorten_once(one, 1.05, 0.004, Monitor())
+    there = module.shorten_once(copy, 1.05, 0.004, Monitor())
+    for a, b in zip(here, there, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("hard", [True, False])
+def test_where_a_round_finds_nothing_on_a_hard_surface_no_other_is_made(hard, monkeypatch) -> None:
+    surface = surface_of(*shapes.cylinder(around=12, along=4, caps=True))
+    chart = (middles(surface)[:, :2] > 0) @ [1, 2]
+    atlas = cut_between(surface, chart)
+    lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-3, max_iterations=25))
+    if hard:
+        atlas.prices = seam_prices(surface)
+    rounds = []
+
+    def barren(self: Merger, monitor: Monitor) -> bool:
+        rounds.append(1)
+        self.work += 10 * module.BARREN
+        self.limit = np.inf
+        return len(rounds) < 5
+
+    monkeypatch.setattr(Merger, "round", barren)
+    module.merge_on(atlas, 1.05, 0.002, Monitor())
+    assert len(rounds) == (1 if hard else 5)

@@ -1,0 +1,80 @@
+"""Charts of thousands of tiny components keep what is promised of all charts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.geometry.overlap import overlaps, signs
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+from circparam.seams import SEAMS, crumbs
+from circparam.seams.options import SeamOptions
+from circparam.solvers.objective import chart_energies
+from tests.support import shapes
+from tests.support.atlases import surface_of
+
+BOUND = 1.05
+
+
+def debris(count: int, body: bool = True) -> Surface:
+    """A ball of 1280 faces among small balls, sheets and tubes of up to 150 faces, each of its own size."""
+    rng = np.random.default_rng(count)
+    kinds = [shapes.icosphere(1), shapes.hemisphere(4), shapes.torus(10, 5), shapes.grid(4, 3)]
+    parts = [shapes.icosphere(3)] if body else []
+    for k in range(count):
+        points, faces = kinds[k % len(kinds)]
+        place = rng.normal(size=3) * 4 + 3
+        parts.append((points * rng.uniform(0.01, 0.1) @ shapes.rotation(k).T + place, faces))
+    return surface_of(*shapes.join(*parts))
+
+
+def test_tiny_components_are_told_where_there_are_many() -> None:
+    surface = debris(crumbs.MANY)
+    found = crumbs.crumbs(surface)
+    assert found.sum() == len(surface.faces) - 1280
+    assert not crumbs.crumbs(debris(crumbs.MANY - 1)).any()
+
+
+@pytest.mark.parametrize("body", [True, False])
+def test_their_charts_are_good_and_as_few_as_their_shapes_allow(
+    body: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surface = debris(crumbs.MANY, body)
+    called: list[int] = []
+    make = crumbs.crumb_atlas
+
+    def noted(part: Surface, *rest: object) -> Atlas:
+        called.append(len(part.faces))
+        return make(part, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("circparam.seams.grown.crumb_atlas", noted)
+    seams = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
+    assert sum(called) > 0
+    atlas = Atlas(surface, seams.cut, seams.uv)
+    cut_mesh, uv = atlas.open()
+    assert np.array_equal(uv[cut_mesh.faces], seams.uv)
+    assert not not_disks(cut_mesh).any()
+    assert (signs(uv, cut_mesh.faces) > 0).all()
+    assert not overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges).self_overlapping.any()
+    assert (chart_energies(cut_mesh, uv) <= BOUND).all()
+    components, component = surface.components
+    assert cut_mesh.n_charts <= 3 * components
+    # flat sheets are one chart each
+    flat = np.bincount(component) == np.bincount(component)[component[-1]]
+    charts = np.bincount(
+        np.unique(component * cut_mesh.n_charts + cut_mesh.chart) // cut_mesh.n_charts
+    )
+    assert (charts[flat] == 1).all()
+
+
+def test_debris_is_tiny_in_the_whole_whatever_it_is() -> None:
+    """Cubes of a thousandth of the area are parts of something; of a ten-thousandth they are debris."""
+    for side, found in ((0.04, False), (0.004, True)):
+        points, faces = shapes.cube(1)
+        parts = [(points * side + [3 + k, 0, 0], faces) for k in range(crumbs.MANY)]
+        surface = surface_of(*shapes.join(shapes.icosphere(3), *parts))
+        assert crumbs.crumbs(surface).sum() == crumbs.MANY * len(faces)
+        assert crumbs.debris(surface).any() is np.bool_(found)

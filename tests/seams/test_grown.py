@@ -1,0 +1,103 @@
+"""Large surfaces: charts made on a smaller surface first, a level, keep everything that is promised of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.geometry.overlap import overlaps, signs
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+from circparam.seams import SEAMS, grown
+from circparam.seams import charts as module
+from circparam.seams.options import SeamOptions
+from circparam.solvers.objective import chart_energies
+from tests.support import shapes
+from tests.support.atlases import surface_of
+
+BOUND = 1.05
+
+
+@pytest.fixture
+def small_levels(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Surfaces above 6000 faces go through a level of 4000; the sizes of all that were decided on one."""
+    monkeypatch.setattr(module, "LEVEL_FACES", 6_000)
+    monkeypatch.setattr(grown, "LEVEL_FACES", 6_000)
+    monkeypatch.setattr(grown, "LEAST_LEVEL", 4_000)
+    sizes: list[int] = []
+    level_atlas = grown._level_atlas
+
+    def noted(surface: Surface, *rest: object) -> object:
+        sizes.append(len(surface.faces))
+        return level_atlas(surface, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(grown, "_level_atlas", noted)
+    return sizes
+
+
+def rough(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """A rough torus of 12,800 faces with three small balls of 80 faces beside it."""
+    body = shapes.noisy(*shapes.torus(128, 50), amount=0.004, seed=seed)
+    ball = shapes.icosphere(1)
+    balls = [(ball[0] * 0.05 + [2.0 + k, 0, 0], ball[1]) for k in range(3)]
+    return shapes.join(body, *balls)
+
+
+def test_charts_of_a_level_are_good_charts_of_the_surface(small_levels: list[int]) -> None:
+    surface = surface_of(*rough())
+    seams = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
+    assert small_levels
+    assert max(small_levels) < 6_000
+    atlas = Atlas(surface, seams.cut, seams.uv)
+    cut_mesh, uv = atlas.open()
+    assert np.array_equal(uv[cut_mesh.faces], seams.uv)
+    assert not not_disks(cut_mesh).any()
+    assert (signs(uv, cut_mesh.faces) > 0).all()
+    assert not overlaps(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges).self_overlapping.any()
+    assert (chart_energies(cut_mesh, uv) <= BOUND).all()
+
+
+def test_a_level_leads_to_seams_as_short_as_without_one(
+    small_levels: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surface = surface_of(*rough(1))
+    by_level = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
+    assert small_levels
+    monkeypatch.undo()
+    direct = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
+    a, b = (Atlas(surface, s.cut, s.uv) for s in (by_level, direct))
+    assert a.seam_length <= 1.25 * b.seam_length
+    assert a.charts()[0] <= b.charts()[0] + 2
+
+
+def test_what_no_level_can_shrink_is_taken_over_as_it_is() -> None:
+    """Components too small to be decimated keep their very seams, whatever the rings round a seam."""
+    surface = surface_of(*rough(2))
+    level = grown.decimate(surface, 4_000)
+    coarse = Atlas(level.surface, np.zeros(len(level.surface.edges), bool))
+    _, component = level.surface.components
+    size = np.bincount(component)
+    small = np.flatnonzero(size == 80)
+    assert len(small) == 3
+    rng = np.random.default_rng(4)
+    # a random path of edges in every ball, not the shortest between its ends, which do not touch
+    ends = np.sort(np.stack(coarse.ends, 1), 1)
+    for ball in small:
+        edges = np.flatnonzero(component[coarse.surface.edges[:, 0] // 3] == ball)
+        at, used = int(ends[edges[0], 0]), set()
+        for _ in range(7):
+            ways = [e for e in edges if at in ends[e] and int(ends[e].sum()) - at not in used]
+            used.add(at)
+            if not ways:
+                break
+            edge = int(rng.choice(ways))
+            coarse.cut[edge] = True
+            at = int(ends[edge].sum()) - at
+    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
+    assert grown.transfer_seams(coarse, level, fine, grown.NEAR_RINGS) == 0
+    assert fine.surface.edge_lengths[fine.cut].sum() == pytest.approx(
+        coarse.surface.edge_lengths[coarse.cut].sum()
+    )
+    assert fine.cut.sum() == coarse.cut.sum()
