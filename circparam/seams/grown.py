@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_count
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.distortion import face_stretch
@@ -30,16 +30,17 @@ from circparam.seams.segmentation.decide import (
     ANY_BOUND,
     CHART_COST,
     LOOPS,
+    better_in_all,
     decide,
+    merge_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import enforce, lay_out_sound
+from circparam.seams.segmentation.enforce import FINAL, enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import (
     DualGraph,
     dual_graph,
     make_disks,
 )
-from circparam.seams.segmentation.layout import ChartLayouts, judge
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.tail import hold_stretch
@@ -47,7 +48,6 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits, share_over
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.poisson import from_jacobians
-from circparam.solvers.preconditioner import SMALL_CHART
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
@@ -71,9 +71,9 @@ OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decid
 LEVEL_SLACK = (
     0.08  # as SLACK, for the mesh after a level: less is given back by splitting large charts
 )
+TRIED_TWICE = 25_000  # faces, up to which charts merged on the proxy are tried as well
 NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
-FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
 
 
@@ -112,7 +112,12 @@ def grown_atlas(
             atlas.put(bent, part.atlas)
             decided = decided._replace(relaxing=part.relaxing)
     finish(decided, bound, options, worker, monitor, notes)
-    return decided.atlas
+    if decided.other is None:
+        return decided.atlas
+    finish(decided._replace(atlas=decided.other), bound, options, worker, monitor, [])
+    for one in (decided.atlas, decided.other):
+        merge_on(one, bound, MARGIN / 2, monitor)
+    return decided.other if better_in_all(decided.other, decided.atlas) else decided.atlas
 
 
 class Decided(NamedTuple):
@@ -121,6 +126,7 @@ class Decided(NamedTuple):
     atlas: Atlas
     graph: DualGraph
     relaxing: RelaxOptions = FINAL
+    other: Atlas | None = None  # the same, merged on
 
 
 def finish(
@@ -146,7 +152,8 @@ def finish(
             regroup(atlas, bound, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
-            notes += grow_small(atlas, bound, options.min_chart_faces, monitor)
+            merging, least = MergeOptions(bound, margin=MARGIN / 2), options.min_chart_faces
+            notes += small_note(absorb(atlas, merging, least, monitor), least)
 
 
 def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor) -> Atlas:
@@ -186,10 +193,15 @@ def _decided(
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
+            other = Atlas(coarse.surface, coarse.cut, coarse.corners)
+            if count <= TRIED_TWICE and options.max_charts is None and options.min_chart_faces == 1:
+                merge_on(other, inner, 0.0, monitor)
+            fewer = other.charts()[0] < coarse.charts()[0]
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
         blind = dataclasses.replace(surface, price=None)
-        return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
+        second = transfer_to_fine(blind, graph, other, proxy) if fewer else None
+        return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph, other=second)
 
 
 def _from_level(
@@ -282,12 +294,6 @@ def with_prices(surface: Surface, options: SeamOptions, monitor: Monitor) -> Sur
         return dataclasses.replace(surface, price=hiding_prices(surface, options.hide_seams))
 
 
-def grow_small(atlas: Atlas, bound: float, least: int, monitor: Monitor) -> list[str]:
-    """Let the neighbours of charts below so many faces take them; a note where some stay."""
-    left = absorb(atlas, MergeOptions(bound, margin=MARGIN / 2), least, monitor)
-    return small_note(left, least)
-
-
 def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:
     """Merge the pieces that enforcing left with their neighbours where that is good again."""
     if len(atlas.surface.faces) > LEVEL_FACES:
@@ -329,18 +335,3 @@ def transfer_to_fine(
     uv, _ = from_jacobians(cut_mesh, targets, 0 if bad.any() else untangle)
     fine.scatter(cut_mesh, uv)
     return fine
-
-
-def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:
-    """Relax the layout of all charts, after mending its flips; small charts are always relaxed to the end."""
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
-    small = group_count(cut_mesh.vertex_chart, cut_mesh.n_charts) <= SMALL_CHART
-    if options.local is None:
-        small[:] = False
-    for which, asked in ((small, FINAL), (~small, options)):
-        if which.any():
-            sub, vid, _ = cut_mesh.subset(which)
-            uv[vid] = lay_out_sound(sub, uv[vid], asked, monitor)
-    atlas.scatter(cut_mesh, uv)
-    return judge(cut_mesh, uv)

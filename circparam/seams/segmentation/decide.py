@@ -35,6 +35,7 @@ SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge whatever the cost
 RISE = 1e-3  # share of the mean distortion that fewer charts and shorter seams may cost: nobody sees it
+LONGER = 0.01  # share by which seams may be longer that part fewer charts
 LAST_WORK = 1.0  # times the faces of the surface that unions for it may have together
 BARREN = (
     20_000  # faces of trials, from which on a round without a union is the last for hard surfaces
@@ -257,6 +258,20 @@ def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> Non
         merger = Merger(atlas, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS, zip=False), fixed)
         while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
             pass
+
+
+def better_in_all(atlas: Atlas, other: Atlas) -> bool:
+    """Whether an atlas has fewer charts than another, seams hardly longer, and as little distortion."""
+    if atlas is other or atlas.charts()[0] >= other.charts()[0]:
+        return False
+    (first, at), (second, there) = atlas.open(), other.open()
+    mine, theirs = (
+        chart_energies(first, at) @ first.chart_areas,
+        chart_energies(second, there) @ second.chart_areas,
+    )
+    return bool(
+        atlas.seam_length <= (1 + LONGER) * other.seam_length and mine <= (1 + RISE) * theirs
+    )
 
 
 def worth(atlas: Atlas, most: int, bound: float) -> tuple[int, int, float, float]:

@@ -28,10 +28,12 @@ from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
+from circparam.solvers.preconditioner import SMALL_CHART
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import untangle
 
+FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 SLITS = 3  # times that a chart may be slit before it is split
 ROUNDS = 40
 LAYER_FACES = 100  # smaller charts that overlap are halved
@@ -284,3 +286,18 @@ def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     rim = group_sum(cut_mesh.edge_lengths.sum(1), cut_mesh.chart, n)
     result: BoolArray = ~(size <= 10 * rim)
     return result
+
+
+def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:
+    """Relax the layout of all charts, after mending its flips; small charts are always relaxed to the end."""
+    cut_mesh = atlas.cut_mesh()
+    uv = atlas.gather(cut_mesh)
+    small = group_count(cut_mesh.vertex_chart, cut_mesh.n_charts) <= SMALL_CHART
+    if options.local is None:
+        small[:] = False
+    for which, asked in ((small, FINAL), (~small, options)):
+        if which.any():
+            sub, vid, _ = cut_mesh.subset(which)
+            uv[vid] = lay_out_sound(sub, uv[vid], asked, monitor)
+    atlas.scatter(cut_mesh, uv)
+    return judge(cut_mesh, uv)

@@ -10,7 +10,7 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
-from circparam.seams import charts as module
+from circparam.seams.segmentation import enforce as module
 from circparam.seams.segmentation import grow
 from circparam.seams.segmentation.enforce import enforce, lay_out_sound, unstick
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh

@@ -300,3 +300,29 @@ def test_charts_that_fit_together_are_merged_at_the_end_others_stay(
     merge_on(halves, 10.0, 0.002, Monitor())
     np.testing.assert_array_equal(halves.cut, cut)
     np.testing.assert_array_equal(halves.corners, corners)
+
+
+def test_better_in_all_is_fewer_charts_at_no_cost() -> None:
+    sheet = surface_of(*shapes.grid(8, 8))
+    x, y = middles(sheet)[:, 0], middles(sheet)[:, 1]
+    halves = as_it_lies(cut_between(sheet, (x > x.mean()).astype(np.int64)))
+    quarters = as_it_lies(cut_between(sheet, (x > x.mean()) + 2 * (y > y.mean())))
+    assert decide.better_in_all(halves, quarters)
+    assert not decide.better_in_all(quarters, halves)
+    assert not decide.better_in_all(halves, halves)
+    stretched = Atlas(sheet, halves.cut, halves.corners * [1.2, 1.0])
+    assert not decide.better_in_all(stretched, quarters), "more distortion"
+    comb = as_it_lies(uncut(*shapes.grid(8, 8)))
+    middle = comb.surface.points[comb.surface.faces].mean(1)[comb.surface.edges // 3].mean(1)
+    comb.cut = _upright(comb) & (middle[:, 1] < 0.8 * middle[:, 1].max())
+    assert comb.charts()[0] == 1
+    assert comb.seam_length > 1.1 * halves.seam_length
+    assert not decide.better_in_all(comb, halves), "longer seams"
+
+
+def _upright(atlas: Atlas) -> np.ndarray:
+    """(e,) bool: edges of a grid that run upwards."""
+    p = atlas.surface.vertex_points
+    along = np.abs(p[atlas.ends[1]] - p[atlas.ends[0]])
+    result: np.ndarray = (along[:, 0] < 1e-9) & (along[:, 1] > 1e-9)
+    return result
