@@ -40,6 +40,8 @@ SNAP = 1e-9  # share of a boundary's length by which a point may lie before its 
 ANGLES = 16  # of the bounding boxes, in a quarter turn
 HUBS = 2  # charts that are tried for a split, those that waste most
 TRIED = 3  # paths of each that are packed
+ALIKE = 0.01  # paths whose gain and smaller part differ by less are the same one on another arm: one is packed
+SLACK = 0.1  # share of the area that boxes may lose where the page gains: a cross fits its box best when turned
 GAIN = 1.05  # factor on the covered share that each split must bring
 AHEAD = 3  # splits that may bring nothing before one that does
 LEAST = 0.03  # share of the chart that either part must have
@@ -162,19 +164,22 @@ def _paths(
     k = len(anchor)
     if k < 4:
         return []
-    i, j, score = _ranked(p, anchor, _fans(uv, v, h, cut_mesh))
+    i, j, score, least = _ranked(p, anchor, _fans(uv, v, h, cut_mesh))
     found: list[_Candidate] = []
     taken = np.zeros((0, 2), np.int64)
-    for a, b, value in zip(i.tolist(), j.tolist(), score.tolist(), strict=True):
+    kinds = np.zeros((0, 2))
+    for a, b, *kind in zip(i.tolist(), j.tolist(), score.tolist(), least.tolist(), strict=True):
         if len(found) == TRIED or len(taken) == 4 * TRIED:
             break
-        if (np.abs(taken - [a, b]).max(1, initial=0) <= 2).any():
+        alike = (np.abs(kinds - kind) <= ALIKE).all(1)
+        if alike.any() or (np.abs(taken - [a, b]).max(1, initial=0) <= 2).any():
             continue
         taken = np.vstack([taken, [a, b]])
         chart = int(loops.chart[loop])
         split = _cut_across(atlas, cut_mesh, chart, int(v[anchor[a]]), int(v[anchor[b]]))
         if split is not None and _allowed(split, cut_mesh.chart == chart, bound):
-            found.append(_Candidate(value, split))
+            found.append(_Candidate(kind[0], split))
+            kinds = np.vstack([kinds, kind])
     return found
 
 
@@ -188,8 +193,9 @@ def _reflex(p: FloatArray) -> IntArray:
 
 def _ranked(
     p: FloatArray, anchor: IntArray, fans: FloatArray
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Pairs of anchors i < j of a boundary p by what a cut there saves, as a share of the area inside."""
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Pairs of anchors i < j of a boundary p by what a cut there saves, and the area of the smaller part, both
+    as shares of the area inside."""
     k = len(anchor)
     along = _turned(p)
     high = np.maximum.reduceat(along, anchor)
@@ -216,9 +222,10 @@ def _ranked(
     saved = (float(_boxes(along.min(0), along.max(0))) - total - free) / total
     chord = np.linalg.norm(ends[i] - ends[j], axis=1) / np.sqrt(total)
     score = saved - CHORD * chord
-    ok = (np.minimum(first, second) > LEAST * total) & (score > 0)
+    least = np.minimum(first, second) / total
+    ok = (least > LEAST) & (score > -SLACK)
     order = np.flatnonzero(ok)[np.argsort(-score[ok], kind="stable")]
-    return i[order], j[order], score[order]
+    return i[order], j[order], score[order], least[order]
 
 
 def _cut_across(atlas: Atlas, cut_mesh: CutMesh, chart: int, start: int, end: int) -> Atlas | None:
