@@ -18,7 +18,7 @@ FEW = ("bunny_1hole.obj", "fuze.obj", None)
 NOISE = 1e-3  # share of a length or a distortion that is none
 COUNTS = ({"max_charts": 1}, {"max_charts": 2}, {"max_charts": 5})
 # where another search is luckier still: another chart goes with another on the proxy of a large mesh
-KNOWN = {"truck.obj", "camelhead.off", "stanford-bunny.obj", "cow.obj", "bunny10k_textured.ply"}
+KNOWN = {"truck.obj", "camelhead.off", "stanford-bunny.obj"}
 OTHERS: tuple[dict[str, Any], ...] = ({"sharp": 20}, {"sharp": 45}, {"effort": 0.5})
 
 SAMPLES = samples.names() if WHOLE else ("ribbon",)
@@ -32,8 +32,12 @@ MESHES = [
 
 @cache
 def figures(path: Path, **options: Any) -> tuple[int, float, float]:
-    """Charts, seam length and distortion of what a user gets. How it is packed changes none of them."""
-    found = circparam.unwrap(path, **{"effort": 0.01, "jobs": 1, **options}).measures
+    """Charts, seam length and distortion of what a user gets, before seams are spent on a fuller page.
+
+    A cut for the page is one chart and a seam more at the same distortion, which is what it is meant to be.
+    """
+    plain = {"effort": 0.01, "jobs": 1, "pack_splits": 0}
+    found = circparam.unwrap(path, **{**plain, **options}).measures
     charts, seam, distortion = (found[k] for k in ("charts", "seam_length", "distortion"))
     return int(charts or 0), float(seam or 0.0), float(distortion or 0.0)
 
