@@ -72,7 +72,7 @@ def with_room(o: Any, name: str) -> str | None:
             if fits
             else "it fills the one page of --cut charts that may be cut, turned and scaled"
         )
-    if has_room(o):
+    if has_room(o) or (o.pack_splits == 0 and fills_page(o)):
         return None
     return "it makes room on the pages of one atlas of --cut charts without --max-charts or a fixed size"
 
