@@ -20,6 +20,7 @@ from circparam.pipeline.chords import Chords, Outline, chords, outlines, split
 RATE = 1.0  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 STEP = 0.6  # cells between the corners of an outline
+REACH = 16  # of these cells: what is longer is a sliver, for which no page is sketched
 LARGE, LEAST = 12, 0.005  # charts that are sketched, those of more than this share of the area
 CUT, PIECE = (
     0.06,
@@ -200,6 +201,9 @@ def sketch_of(
     large = large[area[large] > LEAST * total]
     easel = Easel(float(np.sqrt(total)) / CELLS, options.gap / 2 * CELLS / options.resolution)
     shown = outlines(cut_mesh, uv, large, STEP * easel.cell)
+    longest = max((float(np.ptp(o.edges[0], axis=0).max()) for o in shown), default=0.0)
+    if longest > REACH * CELLS * easel.cell:
+        return None
     sketches = [easel.sketch(*outline.edges) for outline in shown]
     widest = max((s.least for s in sketches), default=0)
     side = least_side(sketches, max(2 * CELLS, widest + 2), MORE, stop) if shown else None

@@ -75,14 +75,14 @@ def test_where_both_sides_are_as_large_the_first_face_lies_upright(
     assert np.linalg.det([b - a, c - a]) > 0
 
 
-def planted(n: int = 8, seed: int = 2):
+def planted(n: int = 8, seed: int = 3):
     """A flat square, 0.1 wide, in which n vertices lie within 1e-9 of each other, as a mesh."""
     p, f = needles.crowd(np.random.default_rng(seed), n, 1e-9)
     return np.c_[p - p.mean(0), np.zeros(len(p))], f
 
 
 @pytest.mark.parametrize("ending", ["ply", "glb", "gltf", "obj"])
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [3, 4])
 def test_planted_needles_cost_no_chart(tmp_path: Path, ending: str, seed: int) -> None:
     mesh = planted(seed=seed)
     before = circparam.unwrap(mesh, format="obj", resolution=64, **QUICK)
