@@ -87,6 +87,9 @@ def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = 
 def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
     """Read what ``save_map`` wrote. Raises InputError where the file holds something else."""
     try:
+        with open(path, "rb") as file:
+            if not zipfile.is_zipfile(file):
+                raise ValueError("it is no .npz")
         with np.load(path, allow_pickle=False) as data:
             if str(data["format"]) != FORMAT:
                 raise ValueError(f"its format is {data['format']}")
