@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 from typing import Any
 
-from circparam.batch.server import resident
+from circparam.core.memory import resident
 from circparam.core.messages import message, send
 from circparam.core.workers import environment
 

@@ -23,6 +23,7 @@ from typing import IO, Any
 
 from circparam.batch.mesh import unwrap_one
 from circparam.batch.settings import Settings
+from circparam.core.memory import resident
 from circparam.core.messages import message, send
 
 TICK = 0.1  # seconds between two looks at the memory of a child
@@ -173,15 +174,6 @@ def _become_child(log: int, max_memory: int | None) -> None:
         hard = resource.getrlimit(resource.RLIMIT_AS)[1]
         bound = max_memory if hard == resource.RLIM_INFINITY else min(max_memory, hard)
         resource.setrlimit(resource.RLIMIT_AS, (bound, hard))
-
-
-def resident(pid: int) -> int:
-    """Bytes of memory that a process holds; 0 where the system does not tell."""
-    try:
-        with open(f"/proc/{pid}/statm", "rb") as stream:
-            return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, IndexError, ValueError):
-        return 0
 
 
 def _kill(pid: int, group_only: bool = False) -> None:

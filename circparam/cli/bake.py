@@ -66,14 +66,7 @@ Examples:
     metavar="N",
     help="The uv set of MESH to bake into.",
 )
-@click.option(
-    "--output",
-    "-o",
-    type=common.FILE,
-    metavar="FILE",
-    required=True,
-    help="An image (.png), or the mesh with the image inside (.glb).",
-)
+@common.required_output("An image (.png), or the mesh with the image inside (.glb).")
 @common.library_option("reader")
 @common.overwrite
 @common.json_option

@@ -221,6 +221,12 @@ verbose = click.option("--verbose", "-v", count=True, help="Show more: -v stages
 
 output = option(INPUT, "--output", "-o", type=FILE, metavar="FILE", help="Where to write.")
 
+
+def required_output(text: str) -> Decorator:
+    """Where to write, for commands that have no name of their own to give."""
+    return click.option("--output", "-o", type=FILE, metavar="FILE", required=True, help=text)
+
+
 out_dir = option(
     INPUT,
     "--out-dir",

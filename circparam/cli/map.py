@@ -37,9 +37,7 @@ def _methods() -> list[str]:
         metavar="FILE",
         help="Vertices that correspond: a number of A and one of B on each line.",
     ),
-    click.option(
-        "--output", "-o", type=common.FILE, metavar="FILE", required=True, help="The map (.npz)."
-    ),
+    common.required_output("The map (.npz)."),
     click.option(
         "--method",
         type=common.Name("method", _methods),

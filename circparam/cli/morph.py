@@ -31,14 +31,7 @@ Examples:
     required=True,
     help="The map between both, made by circparam map (.npz), either way round.",
 )
-@click.option(
-    "--output",
-    "-o",
-    type=common.FILE,
-    metavar="FILE",
-    required=True,
-    help="A name that ends in .glb.",
-)
+@common.required_output("A name that ends in .glb.")
 @click.option(
     "--frames",
     type=int,

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import click
 
 from circparam.cli import signals
+from circparam.core.memory import resident
 from circparam.core.monitor import Listener
 
 DELAY = 2.0  # seconds before a bar appears
@@ -108,9 +107,8 @@ class Status:
 
 def memory() -> int:
     """Bytes that this process holds in memory: now where the system tells, else at most so far."""
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
-        return int(pages) * os.sysconf("SC_PAGE_SIZE")
+    if now := resident():
+        return now
     with contextlib.suppress(ImportError):
         import resource
 

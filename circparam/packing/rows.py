@@ -13,7 +13,7 @@ from circparam.core.monitor import Monitor
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Placement
-from circparam.packing.skyline import Bounds, Profiles, profiles, scale_for
+from circparam.packing.skyline import Bounds, Profiles, ScaleSearch, profiles, scale_for
 
 COLUMNS = 16  # of a chart of average width
 PASSES = 6  # scales that are tried: the height used at one tells the next
@@ -29,21 +29,14 @@ def row_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Pla
     angle = box[:, None] + np.arange(turns) * np.pi
     if options.fixed_scale is not None:
         return _dropped(shapes, options, angle, options.fixed_scale)[0]
-    scale = scale_for(shapes, options, SHARE)
     best: Placement | None = None
-    low, high = 0.0, np.inf
+    search = ScaleSearch(scale_for(shapes, options, SHARE))
     for _ in range(PASSES):
-        placement, fill = _dropped(shapes, options, angle, scale)
-        if placement is not None:
-            best, low = placement, scale
-        else:
-            high = scale
-        if high < low * CLOSE or (best is not None and monitor.expired):
+        placement, fill = _dropped(shapes, options, angle, search.scale)
+        best = best if placement is None else placement
+        search = search.after(placement is not None, fill)
+        if search.closed(CLOSE) or (best is not None and monitor.expired):
             break
-        guess = scale / np.sqrt(fill) * 0.999
-        if placement is not None:
-            guess = max(guess, low * 1.003)
-        scale = guess if low < guess < high else (low + high) / 2 if low > 0 else 0.95 * high
     return best
 
 

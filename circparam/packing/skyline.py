@@ -161,21 +161,38 @@ def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) ->
         return _stacked(shapes, options, angle, options.fixed_scale)[0]
     scale = scale_for(shapes, options, _SHARE if n < _MANY else _SHARE_OF_MANY)
     best: Placement | None = None
-    low, high = 0.0, np.inf
+    search = ScaleSearch(scale)
     for _ in range(PASSES):
-        placement, fill = _stacked(shapes, options, angle, scale)
-        if placement is not None:
-            best, low = placement, scale
-        else:
-            high = scale
-        full = placement is not None and n >= _MANY and fill >= _FULL
-        if high < low * 1.008 or full or monitor.expired:
+        placement, fill = _stacked(shapes, options, angle, search.scale)
+        fits = placement is not None
+        best = placement if fits else best
+        search = search.after(fits, fill)
+        full = fits and n >= _MANY and fill >= _FULL
+        if search.closed(1.008) or full or monitor.expired:
             break
-        guess = scale / np.sqrt(fill) * 0.999
-        if placement is not None:
-            guess = max(guess, low * 1.003)
-        scale = guess if low < guess < high else (low + high) / 2 if low > 0 else 0.95 * high
     return best
+
+
+@dataclass(frozen=True)
+class ScaleSearch:
+    """The largest scale that fits, looked for: scale is tried next; low fits, high does not."""
+
+    scale: float
+    low: float = 0.0
+    high: float = np.inf
+
+    def after(self, fits: bool, fill: float) -> ScaleSearch:
+        """What is known after a try. fill: the height used over the height there is."""
+        low, high = (self.scale, self.high) if fits else (self.low, self.scale)
+        guess = self.scale / np.sqrt(fill) * 0.999
+        if fits:
+            guess = max(guess, low * 1.003)
+        between = (low + high) / 2 if low > 0 else 0.95 * high
+        return ScaleSearch(float(guess if low < guess < high else between), low, high)
+
+    def closed(self, ratio: float) -> bool:
+        """Whether a scale that is too large and one that fits are so near to each other."""
+        return self.high < self.low * ratio
 
 
 def scale_for(shapes: Shapes, options: PackOptions, share: float) -> float:

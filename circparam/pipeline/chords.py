@@ -136,7 +136,7 @@ def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
     total = float(outline.fans.sum())
     cumulative = np.r_[0.0, np.cumsum(outline.fans)]
     first = cumulative[pick[j]] - cumulative[pick[i]] + cross2(q[j], q[i]) / 2
-    box, square = _extents(p, pick)
+    box, square = extents(p, pick)
     over = j - i - 1
     back = k - (j - i) - 1
     return Chords(
@@ -165,13 +165,24 @@ def _inside(outline: Outline, a: FloatArray, b: FloatArray) -> BoolArray:
     return np.asarray(filled[y, x].all(1))
 
 
-def _extents(p: FloatArray, pick: IntArray) -> tuple[FloatArray, FloatArray]:
+def turned(points: FloatArray) -> FloatArray:
+    """(k, ANGLES, 2) coordinates of points (k, 2) in frames turned within a quarter turn."""
+    t = np.arange(ANGLES) * (np.pi / 2 / ANGLES)
+    x = points @ np.stack([np.cos(t), np.sin(t)])
+    y = points @ np.stack([-np.sin(t), np.cos(t)])
+    return np.stack([x, y], -1)
+
+
+def boxes(low: FloatArray, high: FloatArray) -> FloatArray:
+    """(...) area of the least bounding box, from the extents (..., ANGLES, 2)."""
+    result: FloatArray = (high - low).prod(-1).min(-1)
+    return result
+
+
+def extents(p: FloatArray, pick: IntArray) -> tuple[FloatArray, FloatArray]:
     """Of the boundary from anchor i over l + 1 pieces, at [i, l]: its least box (area), least square (side)."""
     k = len(pick)
-    t = np.arange(ANGLES) * (np.pi / 2 / ANGLES)
-    along = np.stack(
-        [p @ np.stack([np.cos(t), np.sin(t)]), p @ np.stack([-np.sin(t), np.cos(t)])], -1
-    )
+    along = turned(p)
     count = np.diff(np.r_[pick, pick[0] + len(p)]) + 1
     index = (np.repeat(pick, count) + ranges(count)) % len(p)
     start = np.cumsum(count) - count
@@ -179,9 +190,8 @@ def _extents(p: FloatArray, pick: IntArray) -> tuple[FloatArray, FloatArray]:
     box, square = np.zeros((k, k)), np.zeros((k, k))
     top, bottom = high.copy(), low.copy()
     for length in range(k):
-        size = top - bottom
-        box[:, length] = size.prod(-1).min(-1)
-        square[:, length] = size.max(-1).min(-1)
+        box[:, length] = boxes(bottom, top)
+        square[:, length] = (top - bottom).max(-1).min(-1)
         following = (np.arange(k) + length + 1) % k
         top, bottom = np.maximum(top, high[following]), np.minimum(bottom, low[following])
     return box, square

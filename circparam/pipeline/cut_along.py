@@ -71,18 +71,33 @@ def _path(
     away = _distance(uv, chord.start, chord.end)
     near = away <= BAND * length + EDGES * step
     edge, a, b = (x[near[a] & near[b]] for x in (edge, a, b))
-    rim = np.zeros(cut_mesh.n_vertices, bool)
-    rim[flat[cut_mesh.boundary]] = True
     reach = ends * length + (step if ends else 0.0)
     starts, goals = (_beside(cut_mesh, uv, p, reach) for p in (chord.start, chord.end))
     if not len(edge) or not len(starts) or not len(goals):
         return None
+    return cheapest_way(cut_mesh, edge, (a, b), costs[edge], starts, goals)
+
+
+def cheapest_way(
+    cut_mesh: CutMesh,
+    edge: IntArray,
+    ends: tuple[IntArray, IntArray],
+    costs: FloatArray,
+    starts: IntArray,
+    goals: IntArray,
+) -> IntArray | None:
+    """The edges of the cheapest way from one of some vertices to one of others; None where there is none.
+
+    edge: (e,) those that may be used, with their ends and costs. It keeps off the boundary in between.
+    """
+    a, b = ends
+    rim = np.zeros(cut_mesh.n_vertices, bool)
+    rim[cut_mesh.faces.ravel()[cut_mesh.boundary]] = True
     # along the boundary it would tear fragments off: each vertex there costs more than any way round
-    cost = costs[edge] + costs[edge].sum() * (rim[a].astype(float) + rim[b])
+    costs = costs + costs.sum() * (rim[a].astype(float) + rim[b])
     n = cut_mesh.n_vertices
-    distance, before, _ = nearest(
-        sps.csr_matrix((cost, (a, b)), shape=(n, n)), starts, symmetric=False
-    )
+    graph = sps.csr_matrix((costs, (a, b)), shape=(n, n))
+    distance, before, _ = nearest(graph, starts, symmetric=False)
     path = [int(goals[np.argmin(distance[goals])])]
     if not 0 < distance[path[0]] < np.inf:
         return None
@@ -127,9 +142,15 @@ def _allowed(atlas: Atlas, faces: BoolArray, least: float, bound: float, least_f
     """
     after, uv = atlas.open()
     parts, count = np.unique(after.chart[faces], return_counts=True)
-    if len(parts) != 2 or count.min() < least_faces or not_disks(after)[parts].any():
+    if count.min() < least_faces:
         return False
-    area = float(after.chart_areas[parts].min())
-    if not least / ALIKE < area < least * ALIKE:
+    if not least / ALIKE < float(after.chart_areas[parts].min()) < least * ALIKE:
         return False
-    return bool((chart_distortion(after, uv)[parts] <= bound).all())
+    return two_disks(after, uv, parts, bound)
+
+
+def two_disks(cut_mesh: CutMesh, uv: FloatArray, parts: IntArray, bound: float) -> bool:
+    """Whether what a chart was cut into are two charts, both disks (holes allowed), neither above the bound."""
+    if len(parts) != 2 or not_disks(cut_mesh)[parts].any():
+        return False
+    return bool((chart_distortion(cut_mesh, uv)[parts] <= bound).all())

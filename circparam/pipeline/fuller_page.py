@@ -108,9 +108,7 @@ def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
     flat = flat & (size > 2)
     hard = hardness(surface) == HARD
     if hard.any():
-        part = surface.part(hard)
-        uncut = Atlas(part, np.zeros(len(part.edges), bool), prices=seam_prices(part))
-        prices = hard_prices(surface, [(hard, uncut)])
+        prices = hard_prices(surface, [(hard, seam_prices(surface.part(hard)))])
         return cost * prices.price, flat | prices.flat
     return cost * np.where(flat, DEAR, 1.0), flat
 

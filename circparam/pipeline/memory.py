@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-from pathlib import Path
-
 from circparam.core import pool, workers
+from circparam.core.memory import address_space
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.pipeline.options import Options
@@ -34,14 +31,6 @@ def memory_limit() -> int | None:
     return None if soft == resource.RLIM_INFINITY else soft
 
 
-def held() -> int:
-    """Bytes of address space that this process has now; 0 where the system does not tell."""
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        return pages * os.sysconf("SC_PAGE_SIZE")
-    return 0
-
-
 def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> None:
     """Do without workers where the memory is not enough for them too.
 
@@ -52,8 +41,9 @@ def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> Non
     limit = memory_limit()
     if limit is None:
         return
-    need = held() + FACE * faces
-    if limit < held() + LIKELY * FACE * faces:
+    held = address_space()
+    need = held + FACE * faces
+    if limit < held + LIKELY * FACE * faces:
         wanted = need / GIGABYTE
         raise NoResultError(
             f"{name}: {faces:,} faces take about {wanted:.1f} GB, and the bound is {limit / GIGABYTE:.1f} GB: "

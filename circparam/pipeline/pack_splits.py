@@ -10,34 +10,32 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sps
 
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
     cross2,
-    edge_keys,
     group_sum,
     next_half_edge,
 )
-from circparam.core.graph import nearest
 from circparam.core.monitor import Monitor
 from circparam.errors import CircparamError
-from circparam.geometry.distortion import best_chart_scales, chart_distortion
+from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import CutMesh, not_disks
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade
+from circparam.pipeline.chords import boxes, extents, turned
+from circparam.pipeline.cut_along import cheapest_way, two_disks
 
 ANCHORS = 48  # points of a boundary between which paths are tried
 REFLEX = (
     np.pi * 4 / 9
 )  # a corner of a boundary that turns in by nearly a right angle: an arm may begin there
 SNAP = 1e-9  # share of a boundary's length by which a point may lie before its anchor's place: rounding
-ANGLES = 16  # of the bounding boxes, in a quarter turn
 HUBS = 2  # charts that are tried for a split, those that waste most
 TRIED = 3  # paths of each that are packed
 ALIKE = 0.01  # paths whose gain and smaller part differ by less are the same one on another arm: one is packed
@@ -116,30 +114,16 @@ def _candidates(atlas: Atlas, bound: float) -> list[_Candidate]:
     if len(loops.chart) == 0:
         return []
     start = cut_mesh.faces.ravel()[loops.half_edges]
-    along = _turned(uv[start])
+    along = turned(uv[start])
     high = np.maximum.reduceat(along, loops.start[:-1])
     low = np.minimum.reduceat(along, loops.start[:-1])
-    waste = np.where(loops.outer, _boxes(low, high), 0.0)
+    waste = np.where(loops.outer, boxes(low, high), 0.0)
     waste -= group_sum(_fans(uv, start, loops.half_edges, cut_mesh), loops.loop_of, len(waste))
     found: list[_Candidate] = []
     for loop in np.argsort(-waste, kind="stable")[:HUBS].tolist():
         if loops.outer[loop] and waste[loop] > 0:
             found += _paths(atlas, cut_mesh, uv, loop, bound)
     return found
-
-
-def _turned(points: FloatArray) -> FloatArray:
-    """(k, ANGLES, 2) coordinates of points (k, 2) in turned rest triangles."""
-    t = np.arange(ANGLES) * (np.pi / 2 / ANGLES)
-    x = points @ np.stack([np.cos(t), np.sin(t)])
-    y = points @ np.stack([-np.sin(t), np.cos(t)])
-    return np.stack([x, y], -1)
-
-
-def _boxes(low: FloatArray, high: FloatArray) -> FloatArray:
-    """(...) area of the least bounding box, from the extents (..., ANGLES, 2)."""
-    result: FloatArray = (high - low).prod(-1).min(-1)
-    return result
 
 
 def _fans(uv: FloatArray, start: IntArray, half_edges: IntArray, cut_mesh: CutMesh) -> FloatArray:
@@ -197,29 +181,16 @@ def _ranked(
     """Pairs of anchors i < j of a boundary p by what a cut there saves, and the area of the smaller part, both
     as shares of the area inside."""
     k = len(anchor)
-    along = _turned(p)
-    high = np.maximum.reduceat(along, anchor)
-    low = np.minimum.reduceat(along, anchor)
-    # a piece of the boundary has both its ends; the first one also has what lies before the first anchor
-    wrap = np.r_[np.arange(1, k), 0]
-    high, low = np.maximum(high, along[anchor[wrap]]), np.minimum(low, along[anchor[wrap]])
-    if anchor[0] > 0:
-        high[-1] = np.maximum(high[-1], along[: anchor[0]].max(0))
-        low[-1] = np.minimum(low[-1], along[: anchor[0]].min(0))
+    box, _ = extents(p, anchor)
+    along = turned(p)
     total = float(fans.sum())
     inside = np.r_[0.0, np.cumsum(fans)][np.r_[anchor, len(p)]]
-    box = np.zeros((k, k))  # of the boundary from anchor i on over so many pieces, less one
-    top, bottom = high.copy(), low.copy()
-    for length in range(k):
-        box[:, length] = _boxes(bottom, top)
-        following = (np.arange(k) + length + 1) % k
-        top, bottom = np.maximum(top, high[following]), np.minimum(bottom, low[following])
     i, j = np.triu_indices(k, 2)
     ends = p[anchor]
     first = inside[j] - inside[i] + cross2(ends[j], ends[i]) / 2
     second = total - first
     free = box[i, j - i - 1] + box[j, k - (j - i) - 1] - total
-    saved = (float(_boxes(along.min(0), along.max(0))) - total - free) / total
+    saved = (float(boxes(along.min(0), along.max(0))) - total - free) / total
     chord = np.linalg.norm(ends[i] - ends[j], axis=1) / np.sqrt(total)
     score = saved - CHORD * chord
     least = np.minimum(first, second) / total
@@ -236,30 +207,17 @@ def _cut_across(atlas: Atlas, cut_mesh: CutMesh, chart: int, start: int, end: in
     flat = cut_mesh.faces.ravel()
     h = s.edges[edge, 0]
     a, b = flat[h], flat[next_half_edge(h)]
-    rim = np.zeros(cut_mesh.n_vertices, bool)
-    rim[flat[cut_mesh.boundary]] = True
-    # a path along the boundary would tear fragments off: each vertex there costs more than any way round
-    length = s.edge_lengths[edge]
-    length = length + length.sum() * (rim[a].astype(float) + rim[b])
-    n = cut_mesh.n_vertices
-    graph = sps.csr_matrix((length, (a, b)), shape=(n, n))
-    _, before, _ = nearest(graph, np.array([start]), symmetric=False)
-    path = [end]
-    while path[-1] != start:
-        if before[path[-1]] < 0:
-            return None
-        path.append(int(before[path[-1]]))
-    q = np.array(path)
-    key = edge_keys(q[1:], q[:-1], n)
+    way = cheapest_way(
+        cut_mesh, edge, (a, b), s.edge_lengths[edge], np.array([start]), np.array([end])
+    )
+    if way is None:
+        return None
     cut = atlas.cut.copy()
-    cut[edge[np.isin(edge_keys(a, b, n), key)]] = True
+    cut[way] = True
     return Atlas(s, cut, atlas.corners)
 
 
 def _allowed(atlas: Atlas, faces: BoolArray, bound: float) -> bool:
     """Whether these faces ((m,) bool, a chart before) are two disks now, neither above the bound."""
     after, uv = atlas.open()
-    parts = np.unique(after.chart[faces])
-    if len(parts) != 2 or not_disks(after)[parts].any():
-        return False
-    return bool((chart_distortion(after, uv)[parts] <= bound).all())
+    return two_disks(after, uv, np.unique(after.chart[faces]), bound)

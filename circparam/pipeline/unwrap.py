@@ -34,7 +34,6 @@ from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory
 from circparam.pipeline.options import AUTO, Options, from_keywords
-from circparam.pipeline.pack_splits import split_for_packing
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
@@ -121,6 +120,8 @@ def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         least = options.min_chart_faces or 1
         return fill_page(cascade, options.max_charts, least, pack_options(options), monitor)
     if isinstance(options.pack_splits, int) and options.pack_splits:
+        from circparam.pipeline.pack_splits import split_for_packing
+
         return split_for_packing(cascade, options.pack_splits, pack_options(options), monitor)
     return cascade
 

@@ -198,7 +198,7 @@ def _first_atlas(
     if hard.any():
         part = hard_atlas(surface.part(hard), bound, options, worker, monitor, notes)
         atlas.put(hard, part)
-        parts.append((hard, part))
+        parts.append((hard, part.prices))
     doubtful &= not monitor.expired
     plain = np.zeros(len(surface.faces), bool)
     if doubtful.any():
@@ -211,7 +211,7 @@ def _first_atlas(
         atlas.put(rest, grown_atlas(surface.part(rest), bound, options, monitor, notes))
     if doubtful.any():
         taken = plain | take_better(atlas, doubtful, other, CHART_COST)
-        parts.append((taken, other.part(taken[doubtful])))
+        parts.append((taken, other.part(taken[doubtful]).prices))
     if any(faces.any() for faces, _ in parts):
         atlas.prices = hard_prices(surface, parts)
     return atlas

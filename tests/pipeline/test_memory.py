@@ -21,7 +21,7 @@ HELD = 1 << 30
 def stopped(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """A gigabyte is held already; what ends the workers is noted."""
     calls: list[bool] = []
-    monkeypatch.setattr(memory, "held", lambda: HELD)
+    monkeypatch.setattr(memory, "address_space", lambda: HELD)
     monkeypatch.setattr(memory.workers, "stop", lambda: calls.append(True))
     return calls
 

@@ -94,6 +94,15 @@ def known(a: str, b: str, landmarks: str) -> SurfaceMap:
     return map_meshes(samples.load(a).mesh, samples.load(b).mesh, pairs).map
 
 
+def morphed(
+    name: str, start: Scene, end: FloatArray, draw: Callable[[Scene], Image.Image]
+) -> list[tuple[str, Image.Image]]:
+    """A surface at the beginning of its morph to points ``end`` (n, 3), half way, and at its end."""
+    half = replace(start, points=(start.points + end) / 2)
+    last = replace(start, points=end)
+    return [(name, draw(start)), ("half way", draw(half)), ("the end of the morph", draw(last))]
+
+
 def heads() -> Image.Image:
     """The first head, half way, its end, and the second head with its texture."""
     first, second = samples.load("head-1"), unwrapped("head-2")
@@ -104,10 +113,7 @@ def heads() -> Image.Image:
     skin, _ = texture_paint(found, first.texture_layout(found))
     end = moved(mapped, first.mesh, second.mesh)
     side = np.array([0.75, 0.25, 0.9])
-    panels = [("head-1", drawn(start, side, "y", skin))]
-    for share, name in ((0.5, "half way"), (1.0, "the end of the morph")):
-        points = (1 - share) * start.points + share * end
-        panels.append((name, drawn(replace(start, points=points), side, "y", skin)))
+    panels = morphed("head-1", start, end, lambda at: drawn(at, side, "y", skin))
     colour = baked_colour(second, baked)
     panels.append(("head-2, baked", drawn(scene_of(second), side, "y", colour)))
     return row(panels)
@@ -127,10 +133,7 @@ def creatures() -> Image.Image:
 
     start, end = scene_of(first), moved(mapped, first.mesh, second.mesh)
     side = np.array([0.5, 0.9, 0.4])
-    panels = [("creature", drawn(start, side, "z", skin))]
-    for share, name in ((0.5, "half way"), (1.0, "the end of the morph")):
-        points = (1 - share) * start.points + share * end
-        panels.append((name, drawn(replace(start, points=points), side, "z", skin)))
+    panels = morphed("creature", start, end, lambda at: drawn(at, side, "z", skin))
     colour = baked_colour(second, baked)
     panels.append(("creature-pose, baked", drawn(scene_of(second), side, "z", colour)))
     return row(panels)

@@ -65,20 +65,20 @@ def flat_prices(surface: Surface) -> SeamPrices:
     return SeamPrices(price, flat, none, none)
 
 
-def hard_prices(surface: Surface, parts: list[tuple[BoolArray, Atlas]]) -> SeamPrices:
+def hard_prices(surface: Surface, parts: list[tuple[BoolArray, SeamPrices | None]]) -> SeamPrices:
     """The prices of components that were laid out as hard ones, none on others.
 
-    parts: [((m,) bool: faces, the atlas of those, with its prices)].
+    parts: [((m,) bool: faces, the prices of the edges of those alone, None where they have none)].
     """
     none = np.zeros(len(surface.edges), bool)
     out = SeamPrices(sharp_prices(surface), none, none.copy(), none.copy())
-    for faces, atlas in parts:
-        if atlas.prices is not None:
+    for faces, prices in parts:
+        if prices is not None:
             inside = faces[surface.edges // 3].all(1)
-            out.price[inside] = atlas.prices.price
-            out.flat[inside] = atlas.prices.flat
-            out.sharp[inside] = atlas.prices.sharp
-            out.crease[inside] = atlas.prices.crease
+            out.price[inside] = prices.price
+            out.flat[inside] = prices.flat
+            out.sharp[inside] = prices.sharp
+            out.crease[inside] = prices.crease
     return out
 
 
