@@ -163,7 +163,8 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas |
         return atlas
     part, vertices, faces = cut_mesh.subset(high)
     scale = best_chart_scales(part, uv[vertices])[part.vertex_chart][:, None]
-    better = relax(part, uv[vertices] * scale, RelaxOptions(max_iterations=STEPS)).uv
+    options = RelaxOptions(max_iterations=STEPS, bound=limits.bound, give_up=limits.bound)
+    better = relax(part, uv[vertices] * scale, options).uv
     sound = np.isfinite(better).all() and (signs(better, part.faces) > 0).all()
     if not sound or (chart_distortion(part, better) > limits.bound).any():
         return None

@@ -16,7 +16,7 @@ from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.nest.sketch import Easel, least_side
 from circparam.packing.options import PackOptions
-from circparam.pipeline.chords import Chords, chords, split
+from circparam.pipeline.chords import Chords, split
 from circparam.pipeline.pieces import Carver, Piece
 
 RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
@@ -115,7 +115,7 @@ class Planner:
 
     def _made(self, plan: Plan, trial: _Trial) -> Plan | None:
         """The plan with one cut more, made along edges; None where it cannot be, or the page gets no better."""
-        made = self.carver.cut(plan.pieces[trial.n], trial.chords, trial.k)
+        made = self.carver.cut(plan.pieces[trial.n], trial.k)
         if made is None or plan.length + made[1] > self.longest:
             return None
         pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *made[0]]
@@ -132,10 +132,11 @@ class Planner:
         boxes = np.array([float(s.masks.size.prod(1).min()) for s in sketches])
         squares = np.array([float(s.least) for s in sketches])
         trials = []
-        for n, outline in enumerate(p.outline for p in plan.pieces):
+        for n, piece in enumerate(plan.pieces):
+            outline = piece.outline
             if outline.area < CUT * self.area and squares[n] < LONG * plan.side:
                 continue
-            found = chords(outline)
+            found = piece.chords
             others = np.delete(squares, n).max(initial=0.0)
             square = np.maximum(found.square / self.cell, others)
             box = boxes.sum() - boxes[n] + found.box / self.cell**2
