@@ -45,8 +45,8 @@ ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Charts with some cuts: the pieces that are sketched, the length of their boundaries (halved, as seams have
-    two sides) and the side in cells of the page that holds them. cuts: how many were made."""
+    """Charts with some cuts: the pieces that are sketched, the length of their boundaries (halved, as seams
+    have two sides) and the side in cells of the page that holds them. cuts: how many were made."""
 
     pieces: list[Piece]
     length: float

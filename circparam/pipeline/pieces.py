@@ -77,7 +77,7 @@ class Carver:
         return self._pieces(self.cut_mesh, self.uv, charts)
 
     def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float] | None:
-        """(both parts of a piece cut along edges near its chord k, the length of the seam); None where it may not be."""
+        """(both parts of a piece cut along edges near its chord k, length of the seam), or None."""
         ground = piece.ground or self._ground(piece.outline.chart)
         start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
         chord = Chord(start, end, float(piece.chords.least[k]))

@@ -185,12 +185,14 @@ def test_charts_that_overlap_are_seen_whatever_the_distance_of_their_outlines():
 
 
 def test_three_faces_at_an_edge_are_no_overlap() -> None:
-    """The outline of such a chart is not closed: it says nothing of the rows in which it lies, nor of others."""
-    uv = np.array([[0.0, 0], [1, 0], [0.5, 1], [0.6, 0.9], [0.4, 0.8], [4, 0.2], [5, 0.2], [4, 0.9]])
+    """The outline of such a chart is not closed: it says nothing of the rows where it lies."""
+    uv = np.array([[0.0, 0], [0, 1], [-1, 0.5], [-0.9, 0.6], [-0.8, 0.4], [4, 0], [5, 0], [4, 1]])
     faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [5, 6, 7]])
     options = PackOptions(resolution=256, padding=2)
     shapes = shapes_of(faces, uv, np.array([0, 0, 0, 1]))
-    apart = Placement(60.0, np.zeros(2), np.array([[70.0, 120.0], [180.0, 120.0]]), np.zeros(2, int))
+    apart = Placement(
+        60.0, np.zeros(2), np.array([[70.0, 120.0], [180.0, 120.0]]), np.zeros(2, int)
+    )
     growth = growth_of(shapes, options)
     assert finish(shapes, apart, options)[1] is None
     assert not growth.overlaps(apart)

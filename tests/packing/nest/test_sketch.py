@@ -53,6 +53,15 @@ def test_squares_lie_side_by_side(count: int, across: int) -> None:
     assert side <= max(across * some[0].least, tried + 1)
 
 
+def test_two_squares_need_a_page_as_wide_as_both() -> None:
+    """Whatever their angles (Erdos' squares: two in a unit square have sides of 1 together), though their cells
+    would fill but half of it."""
+    some = sketches((1.6, 1.6), (1.6, 1.6))
+    side = least_side(some, 60, 6, never)
+    assert side is not None
+    assert 2 * 16 <= side < 2 * some[0].least
+
+
 def test_small_ones_lie_in_the_room_beside_large_ones() -> None:
     """Two strips of 24 by 8 cells leave a third of their square: smaller ones need no larger page."""
     strips = sketches((2.4, 0.8), (2.4, 0.8))
