@@ -163,7 +163,7 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas |
         return atlas
     part, vertices, faces = cut_mesh.subset(high)
     scale = best_chart_scales(part, uv[vertices])[part.vertex_chart][:, None]
-    options = RelaxOptions(max_iterations=STEPS, bound=limits.bound, give_up=limits.bound)
+    options = RelaxOptions(max_iterations=STEPS, give_up=limits.bound)
     better = relax(part, uv[vertices] * scale, options).uv
     sound = np.isfinite(better).all() and (signs(better, part.faces) > 0).all()
     if not sound or (chart_distortion(part, better) > limits.bound).any():

@@ -35,6 +35,7 @@ LONG, PART = (
 )  # or so much of the side of the page; share of a chart that either part must have
 WEIGHED = 14  # chords that are sketched
 MADE = 8  # of those, the best that are tried along edges until one can be made
+COMPARED = 3  # where none is worth it by itself the best of so many is taken
 NEAR = 0.06  # what a chord may be worth less than the best so far, and be kept for that
 TRIES, MORE = 5, 10  # of each sketch, and of what was made
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
@@ -107,11 +108,13 @@ class Planner:
                 weighed.append((value, trial))
                 highest = max(highest, value)
         weighed.sort(key=lambda w: -w[0])
+        made: list[Plan] = []
         for _, trial in weighed[:MADE]:
             after = None if self.stop() else self._made(plan, trial)
-            if after is not None:
-                return after
-        return None
+            made += [] if after is None else [after]
+            if after is not None and (after.value > plan.value or len(made) == COMPARED):
+                break
+        return max(made, key=lambda p: p.value, default=None)
 
     def _made(self, plan: Plan, trial: _Trial) -> Plan | None:
         """The plan with one cut more, made along edges; None where it cannot be, or the page gets no better."""
@@ -134,7 +137,7 @@ class Planner:
         trials = []
         for n, piece in enumerate(plan.pieces):
             outline = piece.outline
-            if outline.area < CUT * self.area and squares[n] < LONG * plan.side:
+            if boxes[n] < CUT * CELLS**2 and squares[n] < LONG * plan.side:
                 continue
             found = piece.chords
             others = np.delete(squares, n).max(initial=0.0)
