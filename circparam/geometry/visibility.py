@@ -118,7 +118,7 @@ def _buffers(
         p = _turned(faces, frame)
         x, y, height = p[0] + pixels / 2, p[1] + pixels / 2, p[2]
         slope = _slopes(p)
-        low, high = height.min(0), height.max(0)
+        low, high = extremes(height.T)
         for part in fragments(np.stack([x.T, y.T], 2), pixels, pixels):
             f = part.face
             row, column = np.divmod(part.pixel, pixels)
