@@ -14,6 +14,7 @@ from circparam.core.arrays import (
     first_of_runs,
     next_half_edge,
     ranges,
+    stable_order,
 )
 from circparam.core.graph import components
 
@@ -52,7 +53,7 @@ def sort_by_edge(faces: IntArray, n_points: int, which: BoolArray | None = None)
     """The half-edges of faces (m, 3) by the two points they join, either way; which: (m,) faces to take."""
     key = edge_keys(faces.ravel(), faces[:, [1, 2, 0]].ravel(), n_points)
     h = np.arange(faces.size) if which is None else np.flatnonzero(np.repeat(which, 3))
-    order = h[np.argsort(key[h], kind="stable")]
+    order = h[stable_order(key[h])]
     head = first_of_runs(key[order])
     return EdgeRuns(order, head, np.diff(np.r_[head, len(order)]))
 

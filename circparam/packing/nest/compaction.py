@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
-from scipy.optimize import linprog
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
@@ -230,6 +229,8 @@ def compaction_step(
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
     cost[-1] = -1.0
+    from scipy.optimize import linprog  # takes 0.05 s, and a chart alone on its page never needs it
+
     # unknowns in units of the trust region, so that the solver sees numbers near 1
     matrix.data *= most[matrix.indices] / trust
     right = bound / trust

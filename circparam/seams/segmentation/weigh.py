@@ -9,6 +9,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import chart_distortion, face_stretch
+from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.newton import RelaxOptions, relax
@@ -145,11 +146,9 @@ def _relaxed_near(
 ) -> FloatArray:
     """Relax the faces within reach ((n,) by charts) of those that weigh more than 1; the rest stays."""
     heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
-    middle = np.c_[uv[cut_mesh.faces].mean(1), 4.0 * cut_mesh.chart * np.ptp(uv, axis=0).max()]
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
-    far, _ = cKDTree(middle[heavy]).query(middle, distance_upper_bound=float(reach.max()))
-    region = far < reach[cut_mesh.chart]
+    middle = centres(uv, cut_mesh.faces)
+    places = middle[heavy], cut_mesh.chart[heavy]
+    region = within((middle, cut_mesh.chart), places, reach)
     hold = np.zeros(len(uv), bool)
     # one vertex of a chart that moves as a whole
     whole = group_count(cut_mesh.chart[~region], cut_mesh.n_charts) == 0
