@@ -95,7 +95,7 @@ def _untangled(
     rounds: int,
     low: float,
 ) -> tuple[FloatArray, BoolArray]:
-    """As ``from_jacobians``, for charts ((n,) bool) that have flipped faces: (layout, which of them still do)."""
+    """As ``from_jacobians``, for charts ((n,) bool) that have flipped faces: (layout, which still do)."""
     chart, vertex_chart = solver.cut_mesh.chart, solver.cut_mesh.vertex_chart
     flipped = which.copy()
     targets = np.zeros_like(jacobian)
