@@ -11,6 +11,7 @@ from circparam.core.arrays import (
     IntArray,
     first_of_runs,
     group_count,
+    sorted_distinct,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
@@ -187,7 +188,7 @@ def unstick(
 
 def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
     """(n,) number of cells of each chart."""
-    pairs = np.unique(chart * graph.n + graph.cell)
+    pairs = sorted_distinct(chart * graph.n + graph.cell)
     return group_count(pairs // graph.n, int(chart.max()) + 1)
 
 
