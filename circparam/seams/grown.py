@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +55,7 @@ DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SHARED_FACES = 500  # from this size on starts are shared with other processes
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
+ALONE = 20_000  # faces of a mesh up to which starts merge in one system
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
@@ -109,20 +112,19 @@ def grown_atlas(
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
             part = _decided(surface.part(bent), bound, options, worker, monitor, target)
-            atlas.put(bent, part.atlas)
+            atlas.put(bent, part.atlas if part.plain is None else part.plain())
             decided = decided._replace(relaxing=part.relaxing)
-    if decided.other is None:
-        finish(decided, bound, options, worker, monitor, notes)
-        return decided.atlas
-    # where merging on the proxy holds on the mesh, the charts that were not merged on can be no better
-    whole = decided.other.charts()[0]
-    finish(decided._replace(atlas=decided.other), bound, options, worker, monitor, notes)
-    if decided.other.charts()[0] <= whole:
-        return decided.other
-    finish(decided, bound, options, worker, monitor, [])
-    for one in (decided.atlas, decided.other):
+    merged, whole = decided.atlas, decided.atlas.charts()[0]
+    finish(decided, bound, options, worker, monitor, notes)
+    # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
+    if decided.plain is None or merged.charts()[0] <= whole:
+        return merged
+    with monitor.stage("carry"):
+        plain = decided.plain()
+    finish(decided._replace(atlas=plain), bound, options, worker, monitor, [])
+    for one in (plain, merged):
         merge_on(one, bound, MARGIN / 2, monitor)
-    return decided.other if better_in_all(decided.other, decided.atlas) else decided.atlas
+    return merged if better_in_all(merged, plain) else plain
 
 
 class Decided(NamedTuple):
@@ -131,7 +133,7 @@ class Decided(NamedTuple):
     atlas: Atlas
     graph: DualGraph
     relaxing: RelaxOptions = FINAL
-    other: Atlas | None = None  # the same, merged on
+    plain: Callable[[], Atlas] | None = None  # makes it as it was before charts were merged on
 
 
 def finish(
@@ -186,18 +188,20 @@ def _decided(
     count, graph = len(surface.faces), dual_graph(surface)
     if count > LEVEL_FACES and options.max_charts is None:
         return Decided(_from_level(surface, graph, bound, options, worker, monitor), graph, LOCAL)
-    proxy = None
+    # workers that are opened for a small mesh come as its starts are about to end
+    proxy, alone = None, count <= ALONE
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
             target = target or proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            atlas = decide(surface, bound, MARGIN, options.max_charts, worker, monitor)
+            atlas = decide(surface, bound, MARGIN, options.max_charts, worker, monitor, alone)
             return Decided(atlas, graph)
         inner = 1 + (bound - 1) * (1 - SLACK)
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
-            coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
+            most = options.max_charts
+            coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, alone)
             other = Atlas(coarse.surface, coarse.cut, coarse.corners)
             if count <= TRIED_TWICE and options.max_charts is None and options.min_chart_faces == 1:
                 merge_on(other, inner, 0.0, monitor)
@@ -205,8 +209,10 @@ def _decided(
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
         blind = dataclasses.replace(surface, price=None)
-        second = transfer_to_fine(blind, graph, other, proxy) if fewer else None
-        return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph, other=second)
+        if not fewer:
+            return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
+        plain = partial(transfer_to_fine, blind, graph, coarse, proxy)
+        return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
 
 
 def _from_level(

@@ -36,15 +36,32 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
         return end(one, *rest)
 
     monkeypatch.setattr(module, "BEHIND", behind)
+    monkeypatch.setattr(module, "TOGETHER", 0)
     monkeypatch.setattr(module, "grow_and_merge", started)
     monkeypatch.setattr(module, "shortened", shortened)
-    atlas = module.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    atlas = module.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), together=False)
     assert len(cost) == 4
     assert len(set(cost.values())) > 1
     assert len(gone_on) == most
     assert min(gone_on) == min(cost.values())
     assert module._cost(atlas) <= min(gone_on)
     assert np.isfinite(atlas.corners).all()
+
+
+def test_starts_that_merge_together_come_to_what_each_comes_to_alone() -> None:
+    points, faces = shapes.icosphere(3)
+    surface = surface_of(points * (1 + 0.3 * np.sin(3 * points[:, :1])), faces)
+    seeds = [40, 12, 25]
+    found = module.merged_together(surface, 1.05, 0.004, seeds, Monitor())
+    cuts = []
+    for one, k in zip(found, seeds, strict=True):
+        alone = module.grow_and_merge(surface, 1.05, 0.004, k, None, Monitor()).merger
+        np.testing.assert_array_equal(one.merger.atlas.cut, alone.atlas.cut)
+        np.testing.assert_allclose(one.merger.atlas.corners, alone.atlas.corners, atol=1e-6)
+        np.testing.assert_allclose(one.merger.lower_bound, alone.lower_bound, atol=1e-6)
+        np.testing.assert_array_equal(one.merger.overlapped, alone.overlapped)
+        cuts.append(alone.atlas.cut.sum())
+    assert len(set(cuts)) > 1
 
 
 def test_a_start_goes_on_as_it_would_have_in_one_piece() -> None:
