@@ -75,6 +75,32 @@ def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(
     assert "settle_part" in sent
 
 
+def test_the_same_bytes_where_prices_are_found_beside(
+    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By what is seen of a mesh, for the seams of its proxy."""
+    begun = []
+    begin = workers.Later.begin
+
+    def told(self: workers.Later) -> None:
+        begin(self)
+        begun.append(self._future is not None)
+
+    monkeypatch.setattr(workers.Later, "begin", told)
+    outs = [unwrapped(mesh(4), tmp_path, n) for n in (1, 2)]
+    assert outs[0] == outs[1]
+    assert begun == [False, True]
+
+
+def test_no_more_processes_than_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(workers, "start", lambda jobs, *_: asked.append(jobs))
+    for free in (1, 2, 3, 9):
+        monkeypatch.setattr(workers, "free_cores", lambda free=free: free)
+        jobs.start_for(Options(jobs=4), 10**6)
+    assert asked == [2, 2, 3, 4], "two where they were asked for"
+
+
 def test_the_same_bytes_when_workers_are_killed(
     tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
