@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, ranges
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, ranges, stable_order
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.predicates import orientation
 from circparam.geometry.segment_grid import Candidates
@@ -288,7 +288,7 @@ def windings(
     first = ((low - origin) / width).astype(np.int64)
     count = ((high - origin) / width).astype(np.int64) - first + 1
     strip = np.repeat(base + first, count) + ranges(count)
-    order = np.argsort(strip, kind="stable")
+    order = stable_order(strip)
     segment = np.repeat(np.arange(len(s)), count)[order]
     strip = strip[order]
     level = np.clip(np.floor((points[:, 1] - origin) / width), -1, floors).astype(np.int64)

@@ -112,8 +112,14 @@ class Surface:
 
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""
-        e = self.edges[~cut]
-        return components(len(self.faces), e[:, 0] // 3, e[:, 1] // 3)
+        # asked for again and again between two changes of the seams
+        kept: tuple[BoolArray, int, IntArray] | None = self.__dict__.get("_charts")
+        if kept is None or not np.array_equal(kept[0], cut):
+            e = self.edges[~cut]
+            kept = cut.copy(), *components(len(self.faces), e[:, 0] // 3, e[:, 1] // 3)
+            kept[2].setflags(write=False)
+            self.__dict__["_charts"] = kept
+        return kept[1:]
 
     def cut_mesh(self, cut: BoolArray) -> CutMesh:
         """The whole surface cut open along ``cut`` ((e,) bool): charts and faces in order."""

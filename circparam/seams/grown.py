@@ -112,10 +112,15 @@ def grown_atlas(
             part = _decided(surface.part(bent), bound, options, worker, monitor, target)
             atlas.put(bent, part.atlas)
             decided = decided._replace(relaxing=part.relaxing)
-    finish(decided, bound, options, worker, monitor, notes)
     if decided.other is None:
+        finish(decided, bound, options, worker, monitor, notes)
         return decided.atlas
-    finish(decided._replace(atlas=decided.other), bound, options, worker, monitor, [])
+    # where merging on the proxy holds on the mesh, the charts that were not merged on can be no better
+    whole = decided.other.charts()[0]
+    finish(decided._replace(atlas=decided.other), bound, options, worker, monitor, notes)
+    if decided.other.charts()[0] <= whole:
+        return decided.other
+    finish(decided, bound, options, worker, monitor, [])
     for one in (decided.atlas, decided.other):
         merge_on(one, bound, MARGIN / 2, monitor)
     return decided.other if better_in_all(decided.other, decided.atlas) else decided.atlas

@@ -10,7 +10,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    group_sum,
+    stable_order,
+)
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
@@ -44,7 +51,7 @@ def eliminate_as(cut_mesh: CutMesh, ranks: IntArray, vertices: IntArray) -> None
     """Give a cut mesh the order of elimination of its surface. vertices: (m, 3) those of the surface."""
     rank = np.zeros(cut_mesh.n_vertices, np.int64)
     rank[cut_mesh.faces.ravel()] = ranks[vertices.ravel()]
-    cut_mesh.eliminated_in(np.argsort(rank, kind="stable"))
+    cut_mesh.eliminated_in(stable_order(rank))
 
 
 class VertexPattern:
@@ -77,7 +84,7 @@ class VertexPattern:
         self.count = np.maximum(group_count(self.chart, cut_mesh.n_charts), 1)
         every = np.arange(n)
         key = np.r_[head, tail, every] * n + np.r_[tail, head, every]
-        self.source = np.argsort(key, kind="stable")
+        self.source = stable_order(key)
         found = key[self.source]
         twice = found[1:] == found[:-1]
         self.place: IntArray | None = None
@@ -139,7 +146,7 @@ class VertexPattern:
 
         size: 1 for a matrix of numbers, 2 for blocks.
         """
-        return self.order[np.argsort(factor.position[::size], kind="stable")]
+        return self.order[stable_order(factor.position[::size])]
 
     def _placed(self, values: FloatArray) -> FloatArray:
         if self.place is None:

@@ -10,6 +10,7 @@ from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.distortion import chart_distortion, face_stretch
+from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.segmentation.layout import chart_parts
@@ -168,11 +169,9 @@ def relaxed_near(
     heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
     if not heavy.any():
         return uv
-    middle = np.c_[uv[cut_mesh.faces].mean(1), 4.0 * cut_mesh.chart * np.ptp(uv, axis=0).max()]
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
-    far, _ = cKDTree(middle[heavy]).query(middle, distance_upper_bound=float(reach.max()))
-    region = far < reach[cut_mesh.chart]
+    middle = centres(uv, cut_mesh.faces)
+    places = middle[heavy], cut_mesh.chart[heavy]
+    region = within((middle, cut_mesh.chart), places, reach)
     hold = np.zeros(len(uv), bool)
     # one vertex of a chart that moves as a whole
     whole = group_count(cut_mesh.chart[~region], cut_mesh.n_charts) == 0
