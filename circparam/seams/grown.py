@@ -17,7 +17,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
-from circparam.seams.hidden import hiding_prices
+from circparam.seams.hidden import prices_beside, with_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
@@ -60,7 +60,6 @@ REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split th
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
-VISIBLE = 30.0  # as many: with less left there are no prices of hidden places, charts need the time
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
@@ -96,6 +95,7 @@ def grown_atlas(
     if options.max_charts is None and options.min_chart_faces == 1:
         tiny = crumbs(surface)
         if tiny.any():
+            surface = with_prices(surface, options, monitor, LEVEL_FACES)
             atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
             atlas.put(tiny, crumb_atlas(surface.part(tiny), bound, worker, monitor))
             if not tiny.all():
@@ -109,6 +109,7 @@ def grown_atlas(
     if bent.all():
         decided = _decided(surface, bound, options, worker, monitor, target)
     else:
+        atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
             part = _decided(surface.part(bent), bound, options, worker, monitor, target)
@@ -181,6 +182,7 @@ def _decided(
 ) -> Decided:
     """Seams before the last relaxation, decided on the surface or on its proxy (of ``target`` faces)."""
     if complexity(surface) > LOOPS:
+        surface = with_prices(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
             found = _decided(closed, bound, options, worker, monitor)
@@ -195,13 +197,17 @@ def _decided(
             target = target or proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
+            surface = with_prices(surface, options, monitor)
             atlas = decide(surface, bound, MARGIN, options.max_charts, worker, monitor, alone)
             return Decided(atlas, graph)
+        prices = prices_beside(surface, proxy, options, monitor)
         inner = 1 + (bound - 1) * (1 - SLACK)
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
             most = options.max_charts
-            coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, alone)
+            coarse = decide(
+                proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, alone, prices
+            )
             other = Atlas(coarse.surface, coarse.cut, coarse.corners)
             if count <= TRIED_TWICE and options.max_charts is None and options.min_chart_faces == 1:
                 merge_on(other, inner, 0.0, monitor)
@@ -294,15 +300,6 @@ def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bo
     asked = options.max_stretch is not None or options.max_distortion <= STRICT
     free = asked and options.max_charts is None and options.min_chart_faces == 1
     return Limits(bound, options.max_stretch or STRETCH), asked, free
-
-
-def with_prices(surface: Surface, options: SeamOptions, monitor: Monitor) -> Surface:
-    """The surface with the prices of its edges by visibility, where they are asked for."""
-    short = monitor.short(VISIBLE * monitor.seconds.get("repair", 0.0))
-    if not options.hide_seams or surface.price is not None or short:
-        return surface
-    with monitor.stage("visibility"):
-        return dataclasses.replace(surface, price=hiding_prices(surface, options.hide_seams))
 
 
 def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:

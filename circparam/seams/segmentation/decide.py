@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams.hidden import PricesBeside
 from circparam.seams.multires.holes import complexity
 from circparam.seams.segmentation.grow import (
     dual_graph,
@@ -64,18 +66,22 @@ def decide(
     worker: Worker,
     monitor: Monitor,
     together: bool = True,
+    prices: PricesBeside | None = None,
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole.
 
-    together: see ``best_of_starts``.
+    together: see ``best_of_starts``. prices: of the edges of the surface, where it has none yet.
     """
     atlas = Atlas(replace(surface, price=None), np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, bound)
     if rest.any():
         part = surface.part(rest)
         # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
+        begin = None if prices is None else prices.begin
         plain = replace(part, price=None)
-        best = best_of_starts(plain, bound, margin, worker, monitor, together)
+        best = best_of_starts(plain, bound, margin, worker, monitor, together, begin)
+        if prices is not None:
+            part = replace(surface, price=prices.result()).part(rest)
         if part.price is not None:
             best = Atlas(part, best.cut, best.corners)
             move_seams(best, bound, margin, monitor)
@@ -119,24 +125,29 @@ def best_of_starts(
     worker: Worker,
     monitor: Monitor,
     together: bool = True,
+    begin: Callable[[], None] | None = None,
 ) -> Atlas:
     """Grow, merge and shorten charts: the best of a few starts where that is cheap.
 
     Starts that are clearly behind when they have merged are not gone on with. together: whether starts merge
-    in one system, which takes a third less work, or one in a process, which takes a third less time.
+    in one system, which takes a third less work, or one in a process, which takes a third less time. begin:
+    called when what is left keeps one process busy, hardly more.
     """
+    begin = begin or _nothing
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
     # so many holes and handles cut the surface up that regions hardly matter
     if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
         seeds = seeds[:1]
     if len(seeds) == 1:
         start = grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
+        begin()
         return shortened(start, bound, margin, monitor)
     if together or len(surface.faces) <= TOGETHER:
         starts = merged_together(surface, bound, margin, seeds, monitor)
     else:
         tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
         starts = [s for s in worker.map(start_once, tasks, monitor) if s]
+    begin()
     cost = np.array([_cost(s.merger.atlas) for s in starts])
     near = np.flatnonzero(cost <= (1 + BEHIND) * cost.min())
     if monitor.expired:
@@ -144,6 +155,10 @@ def best_of_starts(
     done = worker.map(shorten_once, [(starts[k], bound, margin) for k in near], monitor)
     ends = [Atlas(surface, *one) for one in done]
     return ends[int(np.argmin([_cost(end) for end in ends]))]
+
+
+def _nothing() -> None:
+    pass
 
 
 def _cost(atlas: Atlas) -> float:

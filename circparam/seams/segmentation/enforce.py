@@ -19,14 +19,13 @@ from circparam.core.workers import Worker, in_parts
 from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sound
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sound, pushed_apart
 from circparam.seams.segmentation.overlap_cut import split_layers
 from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
-from circparam.solvers.separate import push_apart
 
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 SLITS = 3  # times that a chart may be slit before it is split
@@ -178,7 +177,7 @@ def unstick(
     if not folded.any():
         return layouts
     sub, vid, fid = layouts.cut_mesh.subset(folded)
-    part, fine = push_apart(sub, layouts.uv[vid], GAP, bound, monitor)
+    part, fine = pushed_apart(sub, layouts.uv[vid], GAP, bound, monitor)
     uv = layouts.uv.copy()
     kept = fine[sub.vertex_chart]
     uv[vid[kept]] = part[kept]
