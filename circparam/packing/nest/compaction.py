@@ -128,7 +128,9 @@ class Growth:
     def overlaps(self, placement: Placement) -> bool:
         """Whether two charts overlap, to within a coarse raster; it sees what distances of outlines do not."""
         shapes, side = self.shapes, OVERLAP_SIDE
-        page = placement.page[shapes.owner[shapes.start]]
+        own = shapes.owner[shapes.start]
+        # outlines of charts that are not simple do not tell what they cover; the last check does
+        page = np.where(shapes.simple[own], placement.page[own], -1)
         world = shapes.place(placement.angle, placement.offset, placement.scale)
         world *= side / self.options.resolution
         for tile in range(int(placement.page.max()) + 1):
