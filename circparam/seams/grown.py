@@ -33,9 +33,10 @@ from circparam.seams.segmentation.decide import (
     better_in_all,
     decide,
     merge_on,
+    merged_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import FINAL, enforce, relaxed_layouts
+from circparam.seams.segmentation.enforce import FINAL, breaks_up, enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import (
     DualGraph,
     dual_graph,
@@ -71,7 +72,7 @@ OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decid
 LEVEL_SLACK = (
     0.08  # as SLACK, for the mesh after a level: less is given back by splitting large charts
 )
-TRIED_TWICE = 25_000  # faces, up to which charts merged on the proxy are tried as well
+SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too
 NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
@@ -112,12 +113,17 @@ def grown_atlas(
             atlas.put(bent, part.atlas)
             decided = decided._replace(relaxing=part.relaxing)
     finish(decided, bound, options, worker, monitor, notes)
-    if decided.other is None:
+    other = decided.other
+    if other is None:
         return decided.atlas
-    finish(decided._replace(atlas=decided.other), bound, options, worker, monitor, [])
-    for one in (decided.atlas, decided.other):
+    if len(surface.faces) > SMALL_FACES:
+        with monitor.stage("enforce"):
+            if breaks_up(other, decided.graph, bound, decided.relaxing, monitor):
+                return decided.atlas
+    finish(decided._replace(atlas=other), bound, options, worker, monitor, [])
+    for one in (decided.atlas, other):
         merge_on(one, bound, MARGIN / 2, monitor)
-    return decided.other if better_in_all(decided.other, decided.atlas) else decided.atlas
+    return other if better_in_all(other, decided.atlas) else decided.atlas
 
 
 class Decided(NamedTuple):
@@ -179,6 +185,7 @@ def _decided(
             found = _decided(closed, bound, options, worker, monitor)
             return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
     count, graph = len(surface.faces), dual_graph(surface)
+    twice = target is None and options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
         return Decided(_from_level(surface, graph, bound, options, worker, monitor), graph, LOCAL)
     proxy = None
@@ -193,9 +200,7 @@ def _decided(
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
-            other = Atlas(coarse.surface, coarse.cut, coarse.corners)
-            if count <= TRIED_TWICE and options.max_charts is None and options.min_chart_faces == 1:
-                merge_on(other, inner, 0.0, monitor)
+            other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
