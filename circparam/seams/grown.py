@@ -35,9 +35,10 @@ from circparam.seams.segmentation.decide import (
     better_in_all,
     decide,
     merge_on,
+    merged_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import FINAL, enforce, relaxed_layouts
+from circparam.seams.segmentation.enforce import FINAL, breaks_up, enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import (
     DualGraph,
     dual_graph,
@@ -65,15 +66,10 @@ SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
-LEAST_LEVEL, LEVEL_RATIO = (
-    60_000,
-    12,
-)  # faces of a level, and at most so many times fewer than before
+LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
-LEVEL_SLACK = (
-    0.08  # as SLACK, for the mesh after a level: less is given back by splitting large charts
-)
-TRIED_TWICE = 25_000  # faces, up to which charts merged on the proxy are tried as well
+LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
+SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too
 NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
@@ -115,6 +111,12 @@ def grown_atlas(
             part = _decided(surface.part(bent), bound, options, worker, monitor, target)
             atlas.put(bent, part.atlas if part.plain is None else part.plain())
             decided = decided._replace(relaxing=part.relaxing)
+    if decided.plain is not None and len(surface.faces) > SMALL_FACES:
+        with monitor.stage("enforce"):
+            broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
+        if broken:
+            with monitor.stage("carry"):
+                decided = decided._replace(atlas=decided.plain(), plain=None)
     merged, whole = decided.atlas, decided.atlas.charts()[0]
     finish(decided, bound, options, worker, monitor, notes)
     # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
@@ -188,6 +190,7 @@ def _decided(
             found = _decided(closed, bound, options, worker, monitor)
             return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
     count, graph = len(surface.faces), dual_graph(surface)
+    twice = target is None and options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
         return Decided(_from_level(surface, graph, bound, options, worker, monitor), graph, LOCAL)
     # workers that are opened for a small mesh come as its starts are about to end
@@ -208,9 +211,7 @@ def _decided(
             coarse = decide(
                 proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, alone, prices
             )
-            other = Atlas(coarse.surface, coarse.cut, coarse.corners)
-            if count <= TRIED_TWICE and options.max_charts is None and options.min_chart_faces == 1:
-                merge_on(other, inner, 0.0, monitor)
+            other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts

@@ -28,7 +28,7 @@ from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.shorten_seams import shorten_seams
 from circparam.seams.segmentation.state import arcs_of
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.solvers.newton import RelaxOptions
+from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
 
@@ -280,12 +280,14 @@ def shortened(start: Start, bound: float, margin: float, monitor: Monitor) -> At
     return atlas
 
 
-def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> None:
+def merge_on(
+    atlas: Atlas, bound: float, margin: float, monitor: Monitor, rise: float = RISE
+) -> None:
     """Merge charts of a finished atlas that can be had as one at the same distortion.
 
     Arcs end at smaller curvature than they did and parts may come nearer to each other, so that unions turn out
     fine that were refused when charts were decided. Whatever is kept has fewer charts, shorter seams, and
-    the same mean distortion but for RISE: it is better in every respect.
+    the same mean distortion but for ``rise``, a share of it: it is better in every respect.
     """
     n, _ = atlas.charts()
     pieces, _ = atlas.surface.components
@@ -298,7 +300,7 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
         zip=False,
         faces=LAST_FACES,
         work=LAST_WORK,
-        rise=RISE,
+        rise=rise,
     )
     merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool), Worker(monitor.jobs))
     if atlas.prices is None:
@@ -310,6 +312,31 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
         going = merger.round(monitor)
         if not going or (merger.tally["merged"] == merged and merger.work > BARREN):
             break
+
+
+def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
+    """The atlas of a proxy merged on, as far as that may turn out well on the mesh.
+
+    First at the distortion that its charts have when they are relaxed, which costs nothing; then at the one
+    they had. Else what relaxing saves pays for long arcs between charts that do not fit, and the mesh refuses
+    them all together: of a camel's head three charts became one so, where they can be one at no cost.
+    """
+    pieces, _ = coarse.surface.components
+    if coarse.charts()[0] <= pieces:
+        return coarse
+    out = Atlas(coarse.surface, coarse.cut, coarse.corners)
+    cut_mesh, uv = out.open()
+    relaxed = judge(cut_mesh, relax(cut_mesh, uv, FAIR).uv)
+    fine = ~relaxed.bad(bound)
+    at = np.where(fine[cut_mesh.vertex_chart][:, None], relaxed.uv, uv)
+    out.scatter(cut_mesh, at)
+    merge_on(out, bound, 0.0, monitor)
+    had = float(chart_energies(cut_mesh, uv) @ cut_mesh.chart_areas)
+    after, now = out.open()
+    left = (1 + RISE) * had / float(chart_energies(after, now) @ after.chart_areas) - 1
+    if left > RISE:
+        merge_on(out, bound, 0.0, monitor, left)
+    return out
 
 
 def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> None:

@@ -292,6 +292,22 @@ def _map_again(
     return judge(cut_mesh, uv)
 
 
+def breaks_up(
+    atlas: Atlas, graph: DualGraph, bound: float, options: RelaxOptions, monitor: Monitor
+) -> bool:
+    """Whether several charts would have to be split, so that another atlas with more charts is the better one.
+
+    Splitting is most of what large surfaces cost, and charts that merged only on a proxy come out in more
+    pieces than they had been: of a bunny one broke and it won, of a beast five of six did, and it lost. The
+    charts are made disks and relaxed.
+    """
+    count, _ = atlas.charts()
+    make_disks(atlas, graph)
+    if atlas.charts()[0] > count + 1:
+        return True
+    return int(relaxed_layouts(atlas, options, monitor).bad(bound).sum()) > 1
+
+
 def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:
     """Relax the layout of all charts, after mending its flips; small charts are always relaxed to the end."""
     cut_mesh = atlas.cut_mesh()
