@@ -24,7 +24,7 @@ pairs.txt: two vertex numbers a line, of A and of B, counted from 0; # begins a 
 def _methods() -> list[str]:
     from circparam.solvers.tutte.weights import WEIGHTS
 
-    return WEIGHTS.names()
+    return WEIGHTS.tagged("positive")  # the others may fold
 
 
 @click.command(epilog=_EPILOG)
