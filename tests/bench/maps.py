@@ -2,7 +2,7 @@
 
     python -m tests.bench maps [--no-report] [--no-speed]
 
-Ten pairs out of the project's own scripts. Where a surface meets its own remeshing (with noise or without), it
+Pairs out of the project's own scripts, four of them with handles. Where a surface meets its own remeshing (with noise or without), it
 is known where every vertex belongs: the error is the distance from there, in sizes (diagonals of the box). The
 weights are compared by the distortion of the composed convex maps as they are, before relaxation.
 """
@@ -10,6 +10,7 @@ weights are compared by the distortion of the composed convex maps as they are, 
 from __future__ import annotations
 
 import argparse
+import resource
 import sys
 import time
 from collections.abc import Callable
@@ -22,7 +23,7 @@ from circparam.maps.map_surfaces import MapResult
 from circparam.mesh.mesh import Mesh
 from tests.bench import common
 from tests.bench.common import ROOT, Line, say
-from tests.support import pairs, shapes
+from tests.support import pairs, shapes, tori
 
 METHODS = ("circle", "mean-value", "floater", "uniform")
 # tail, snout, feet and ears of the creature of data/implicit.py
@@ -104,8 +105,23 @@ def ring(around: int, along: int, height: float) -> Mesh:
     return Mesh(*shapes.waved(shapes.annulus(around, along), height))
 
 
+def with_handles() -> list[Pair]:
+    """Four pairs of genus 1 and 2, three of them with a known answer."""
+    ring, again = tori.torus(80, 36, 0.3), tori.torus(96, 44, 0.3, turned=0.04)
+    other = tori.torus(72, 40, 0.1)
+    plate, fine = tori.plate(5), tori.plate(5, fine=True)
+    own = tori.spread(plate, 20)
+    marks = np.stack([own, pairs.nearest(fine, plate.points[own])], 1)
+    return [
+        Pair("torus, its remeshing", ring, again, tori.marks(ring, again, 8, 4), ring.points),
+        Pair("two tori", ring, other, tori.marks(ring, other, 8, 4)),
+        Pair("genus 2, in finer triangles", plate, fine, marks, plate.points),
+        Pair("genus 2, finer with noise", plate, noisy(fine), marks, plate.points),
+    ]
+
+
 def all_pairs() -> list[Pair]:
-    """Ten pairs: six with a known answer, a pose, and three of unlike shapes."""
+    """Fourteen pairs: nine with a known answer, a pose, and four of unlike shapes."""
     ball, turned = pairs.blob(4, 1), pairs.blob(4, 1, turned=5)
     other, coarse = pairs.blob(4, 6, turned=3), pairs.blob(3, 1, turned=2)
     a, b = creature(0.115), creature(0.1, 0.37)
@@ -127,6 +143,7 @@ def all_pairs() -> list[Pair]:
         Pair("two blobs", ball, other, pairs.marks(ball, other)),
         Pair("two sheets", sheet, flat, on_sheet(sheet, flat)),
         Pair("two rings", first, second, rings[:1]),
+        *with_handles(),
     ]
 
 
@@ -172,10 +189,10 @@ HEADS = (
 
 
 def speed() -> list[Line]:
-    """50k faces against 50k, and about 200k."""
+    """50k faces against 50k, about 200k, and about 500k."""
     out = []
     seconds = []
-    for step in (0.0445, 0.0222):
+    for step in (0.0445, 0.0222, 0.0141):
         a, b = creature(step), creature(step * 1.01, 0.37)
         marks = nearest_marks(a, b, TIPS)
         found, took = timed(lambda a=a, b=b, m=marks: circparam.map_surfaces(a, b, landmarks=m))
@@ -185,7 +202,10 @@ def speed() -> list[Line]:
         note = f"distortion {found.a_to_b.mean:.4f}, {sum(found.inversions)} inversions"
         out.append(Line(name, took, "s", wanted, note))
         say(out[-1])
-    out.append(Line("CPU a face, large / small", seconds[1] / seconds[0], "", None))
+    out.append(Line("CPU a face, 200k / 50k", seconds[1] / seconds[0], "", None))
+    out.append(Line("CPU a face, 500k / 50k", seconds[2] / seconds[0], "", None))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    out.append(Line("largest memory", peak, "GiB", "<= 4"))
     return out
 
 
