@@ -65,7 +65,9 @@ def test_the_overlay_is_a_partition_of_both(kind: str, relax: bool) -> None:
     found = circparam.map_surfaces(a, b, landmarks=marks, relax=relax, overlay=True)
     made = found.map.overlay
     is_refinement(a, b, made)
-    # there and back through the overlay: what it says of the vertices of A is what the map says
+    size = np.linalg.norm(np.ptp(a.points, axis=0))
+    assert pairs.back_through_overlay(a, b, found.map) < 1e-6 * size
+    # what it says of the vertices of A is what the map says
     own = made.on_b.of(b.points, b.faces)[: len(a.points)]
     order = pairs.nearest(Mesh(made.on_a.of(a.points, a.faces)[: len(a.points)], a.faces), a.points)
     image = found.map.to_b.of(b.points, b.faces)
