@@ -54,6 +54,11 @@ def _methods() -> list[str]:
     click.option(
         "--no-relax", is_flag=True, help="Leave the composition of the convex maps as it is."
     ),
+    click.option(
+        "--overlay",
+        is_flag=True,
+        help="Also the common refinement of both meshes, for circparam morph --overlay.",
+    ),
     common.library_option("reader"),
     common.overwrite,
     common.json_option,
@@ -84,6 +89,7 @@ def command(a: str, b: str, **given: Any) -> None:
             method=given["method"],
             mirrored=given["mirrored"],
             relax=not given["no_relax"],
+            overlay=given["overlay"],
             listener=listener,
         )
     save_map(out, found.map, given["overwrite"])
