@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.geometry.overlap import self_overlapping
+from circparam.geometry.overlap import SelfContacts, self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.fit import better_start, composed, hardly_near
@@ -99,8 +99,9 @@ def test_few_near_places_are_told_from_crossings_and_from_many() -> None:
     atlas = as_it_lies(Atlas(surface, np.zeros(len(surface.edges), bool)))
     uv = atlas.gather(cut_mesh)
     every = np.ones(3, bool)
-    assert hardly_near(cut_mesh, uv, every, 0.01).tolist() == [True, True, False]
-    assert hardly_near(cut_mesh, uv, np.array([False, True, True]), 0.01).tolist() == [
+    contacts = SelfContacts.of(cut_mesh, uv)
+    assert hardly_near(contacts, every, 0.01).tolist() == [True, True, False]
+    assert hardly_near(contacts, np.array([False, True, True]), 0.01).tolist() == [
         False, True, False,
     ]  # fmt: skip
 
