@@ -14,8 +14,8 @@ from circparam.solvers.poisson import Poisson, from_jacobians
 
 FEW = 16  # pairs of boundary edges too near each other, up to which charts of hard surfaces are pushed apart
 # mean of |J − target|² of the first start, beyond which no other is tried (a collapse has 2): of 1418 unions of
-# twelve meshes 85 had more, a twelfth of all faces, and none of them came to anything. 0.8 would be as sure, but
-# what is given up then leaves no lower bound behind, and truck.obj was merged in another order (88 charts, not 84)
+# twelve meshes 85 had more, a twelfth of all faces, and none of them came to anything. None did beyond 0.8, but
+# what is given up leaves no lower bound behind, and truck.obj was merged in a worse order then
 APART = 0.95
 UNTANGLE = 8  # rounds of the Poisson start of unions of hard surfaces; with four fandisk is cut a third longer
 
