@@ -11,6 +11,7 @@ from circparam.core.arrays import (
     group_sum,
     ranges,
     sorted_distinct,
+    stable_order,
 )
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.predicates import orientation
@@ -301,7 +302,7 @@ def windings(
     first = ((low - origin) / width).astype(np.int64)
     count = ((high - origin) / width).astype(np.int64) - first + 1
     strip = np.repeat(base + first, count) + ranges(count)
-    order = np.argsort(strip, kind="stable")
+    order = stable_order(strip)
     segment = np.repeat(np.arange(len(s)), count)[order]
     strip = strip[order]
     level = np.clip(np.floor((points[:, 1] - origin) / width), -1, floors).astype(np.int64)

@@ -136,8 +136,14 @@ class CutMesh:
         self.__dict__["_elimination"] = order
 
     def in_units_of(self, unit: float) -> CutMesh:
-        """The same charts, lengths measured in that unit; what is known of their topology goes along."""
-        out = CutMesh(self.faces, self.rest_triangles / unit, self.chart, self.edges)
+        """The same charts, lengths in that unit, with what is known of their topology; that of the last call is
+        kept."""
+        kept: tuple[float, CutMesh] | None = self.__dict__.get("_in_units")
+        if kept is not None and kept[0] == unit:
+            out = kept[1]
+        else:
+            out = CutMesh(self.faces, self.rest_triangles / unit, self.chart, self.edges)
+            self.__dict__["_in_units"] = unit, out
         for name in TOPOLOGICAL:
             if name in self.__dict__:
                 out.__dict__[name] = self.__dict__[name]

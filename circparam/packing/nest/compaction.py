@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
-from scipy.optimize import linprog
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
@@ -129,7 +128,9 @@ class Growth:
     def overlaps(self, placement: Placement) -> bool:
         """Whether two charts overlap, to within a coarse raster; it sees what distances of outlines do not."""
         shapes, side = self.shapes, OVERLAP_SIDE
-        page = placement.page[shapes.owner[shapes.start]]
+        own = shapes.owner[shapes.start]
+        # outlines of charts that are not simple do not tell what they cover; the last check does
+        page = np.where(shapes.simple[own], placement.page[own], -1)
         world = shapes.place(placement.angle, placement.offset, placement.scale)
         world *= side / self.options.resolution
         for tile in range(int(placement.page.max()) + 1):
@@ -230,6 +231,8 @@ def compaction_step(
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
     cost[-1] = -1.0
+    from scipy.optimize import linprog  # takes 0.05 s, and a chart alone on its page never needs it
+
     # unknowns in units of the trust region, so that the solver sees numbers near 1
     matrix.data *= most[matrix.indices] / trust
     right = bound / trust
