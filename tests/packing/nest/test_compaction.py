@@ -182,3 +182,29 @@ def test_charts_that_overlap_are_seen_whatever_the_distance_of_their_outlines():
         offset = np.array([[256.0, 256], [inside, 256]])
         placement = Placement(200.0, np.zeros(2), offset, np.array([0, page]))
         assert growth.overlaps(placement) == expected
+
+
+def test_a_layout_that_cannot_catch_up_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No program where no step leads to the scale that others have; few where charts lock below it."""
+    options = PackOptions(resolution=256, padding=2, rotate="none")
+    shapes, start = lone_square(options, 100.0)
+    made: list[float] = []
+    step = compaction.compaction_step
+
+    def counted(growth, placement, *rest, **more):
+        made.append(placement.scale)
+        return step(growth, placement, *rest, **more)
+
+    monkeypatch.setattr(compaction, "compaction_step", counted)
+    room = options.resolution - 2 * options.border
+    free = compaction.roughly(growth_of(shapes, options), start, 40, 0.0)
+    assert free.scale == pytest.approx(room, rel=0.01)
+    needed = len(made)
+    made.clear()
+    # five steps of 32 texels of 2048 make a square of a page of 256 at most so much wider
+    assert compaction.roughly(growth_of(shapes, options), start, 5, 100 * 1.1**5) is start
+    assert not made
+    # within reach by what steps may gain, but there is no room for it
+    locked = compaction.roughly(growth_of(shapes, options), free, 12, 1.05 * free.scale)
+    assert 1 <= len(made) < min(needed, 5)
+    assert locked.scale >= 0.999 * free.scale
