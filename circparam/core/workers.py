@@ -31,7 +31,7 @@ PARTED = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it
 PARTS = 8  # at most: more than processes, so that none waits long for the last one
 LARGE = 8  # charts of more than such a part of a part are dealt out one by one
-MOST_SHARE = 0.75  # of the faces in one part, above which the others are not worth the trouble
+MOST_SHARE = 0.9  # of the faces in one part, above which the others are not worth the trouble
 
 
 def cores() -> int:
