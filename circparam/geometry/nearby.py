@@ -28,7 +28,7 @@ def within(
     np.minimum.at(low, of, to)
     np.maximum.at(high, of, to)
     whole = np.isinf(reach) & np.isfinite(low[:, 0])
-    out = whole[group]
+    out: BoolArray = whole[group]
     with np.errstate(invalid="ignore"):  # a group without places has no box
         near = at >= (low - reach[:, None])[group]
         near &= at <= (high + reach[:, None])[group]

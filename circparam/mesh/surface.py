@@ -150,6 +150,24 @@ class Surface:
         price = None if self.price is None else self.price[keep]
         return replace(self, edges=self.edges[keep], locked=self.locked[keep], price=price)
 
+    def copies(self, count: int) -> Surface:
+        """So many copies of the surface side by side, one after the other in every array."""
+        n, m = len(self.points), len(self.faces)
+
+        def behind(numbers: IntArray, each: int) -> IntArray:
+            return np.concatenate([numbers + k * each for k in range(count)])
+
+        return Surface(
+            np.tile(self.points, (count, 1)),
+            behind(self.faces, n),
+            np.tile(self.source, count),
+            np.tile(self.reversed_faces, count),
+            behind(self.edges, 3 * m),
+            np.tile(self.locked, count),
+            behind(self.torn, 3 * m),
+            None if self.price is None else np.tile(self.price, count),
+        )
+
     def part(self, faces: BoolArray) -> Surface:
         """Some faces ((m,) bool); where they meet the others is a boundary."""
         fid = np.flatnonzero(faces)

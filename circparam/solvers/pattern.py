@@ -40,11 +40,16 @@ def elimination_ranks(surface: Surface) -> IntArray:
     """(vertices,) when elimination takes each vertex of a surface, in an order that fills little.
 
     Any part of the surface, cut in any way, fills no more in the same order than it does as part of the whole.
+    They are kept with the surface.
     """
+    kept: IntArray | None = surface.__dict__.get("_ranks")
+    if kept is not None:
+        return kept
     whole = surface.cut_mesh(np.zeros(len(surface.edges), bool))
     pattern = VertexPattern(whole, None)
     matrix = pattern.numbers(np.ones(3 * len(whole.faces)), np.ones(whole.n_vertices))
-    return Factor(matrix).position
+    kept = surface.__dict__["_ranks"] = Factor(matrix).position
+    return kept
 
 
 def eliminate_as(cut_mesh: CutMesh, ranks: IntArray, vertices: IntArray) -> None:
