@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.graph import matching
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_again
 from circparam.seams.segmentation.shorten import Proposal, propose
+from circparam.seams.segmentation.state import LaidOut
 from circparam.solvers.newton import RelaxOptions
 
 ROUNDS = 8  # of single chains that are tried again where all at once spoil a chart
@@ -67,30 +67,6 @@ def shorten_seams(
     return judge(cut_mesh, atlas.gather(cut_mesh))
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Seams (e,), charts (m,), corners (m, 3, 2), and which charts are bad (n,)."""
-
-    cut: BoolArray
-    chart: IntArray
-    corners: FloatArray
-    bad: BoolArray
-
-    @property
-    def n_charts(self) -> int:
-        """Number of charts."""
-        return len(self.bad)
-
-    def same(self, cut: BoolArray, chart: IntArray, n: int, edges: IntArray) -> BoolArray:
-        """(n,) bool: a chart of other seams that is one of these, opened along the same edges."""
-        of = np.zeros(n, np.int64)
-        of[chart] = self.chart
-        out: BoolArray = group_count(chart, n) == group_count(self.chart, self.n_charts)[of]
-        out[chart[self.chart != of[chart]]] = False
-        out[chart[edges[self.cut != cut] // 3]] = False
-        return out
-
-
 class _Shortening:
     """Lays the charts out that a choice of chains changes, and remembers those that it has laid out."""
 
@@ -101,7 +77,7 @@ class _Shortening:
         self.bound, self.options, self.margin = bound, options, margin
         n, chart = atlas.charts()
         # what is bad before any seam moves is no fault of a chain
-        self.start = _State(atlas.cut.copy(), chart, atlas.corners.copy(), np.zeros(n, bool))
+        self.start = LaidOut(atlas.cut.copy(), chart, atlas.corners.copy(), np.zeros(n, bool))
         self.kept = self.last = self.start
 
     def attempt(self, take: BoolArray) -> BoolArray:
@@ -119,7 +95,7 @@ class _Shortening:
             known |= same
         if not known.all():
             bad[~known] = self._laid_out(~known[chart])
-        self.last = _State(atlas.cut, chart, atlas.corners, bad)
+        self.last = LaidOut(atlas.cut, chart, atlas.corners, bad)
         return self._beside(bad, take)
 
     def keep(self, take: BoolArray) -> None:
