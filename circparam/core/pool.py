@@ -10,7 +10,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from circparam.core.imports import put_off
@@ -38,12 +38,27 @@ ENVIRONMENT = {
 class Pool:
     """The processes. executor: loky's. ready: done when one has imported what it needs. lifeline: they end
     when it closes, also when that is because this process was killed. limit: of memory, before it was shared.
+    free: how many of them have nothing to do.
     """
 
     executor: Any
     ready: Future[Any]
     lifeline: Any
     limit: tuple[int, int] | None
+    free: int
+    _lock: Any = field(default_factory=threading.Lock)
+
+    def claim(self) -> bool:
+        """Whether a process has nothing to do; it is taken then, until ``release``."""
+        with self._lock:
+            had = self.free > 0
+            self.free -= had
+        return had
+
+    def release(self) -> None:
+        """A process that was claimed is free again."""
+        with self._lock:
+            self.free += 1
 
 
 class _Opening:
@@ -148,7 +163,7 @@ def _new_pool(count: int, module: str) -> Pool | None:
         ready = executor.submit(os.getpid)
     if limit is not None and share is not None:
         _bound_memory((limit[0] - count * share, limit[1]))
-    return Pool(executor, ready, lifeline, limit)
+    return Pool(executor, ready, lifeline, limit, count)
 
 
 def _end(opening: _Opening | None) -> bool:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from circparam.core import clock
 from circparam.core.monitor import Monitor
-from circparam.core.pool import MOST, Pool, current, start, stop
+from circparam.core.pool import Pool, current, start, stop
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 PARTED = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it
+PARTS = 8  # at most: more than processes, so that none waits long for the last one
+LARGE = 8  # charts of more than such a part of a part are dealt out one by one
 MOST_SHARE = 0.75  # of the faces in one part, above which the others are not worth the trouble
 
 
@@ -51,25 +53,31 @@ def _quota() -> int:
 def in_parts(label: IntArray) -> list[BoolArray]:
     """Faces ((m,) bool) of a few sets of charts of about the same size; all in one where there are none such.
 
-    label: (m,) chart of each face. It is for the sake of workers, and the same however many there are.
+    label: (m,) chart of each face. It is for the sake of workers, and the same however many there are. The
+    largest part comes first, since parts are handed out in turn.
     """
     import numpy as np
 
     m = len(label)
     if m < PARTED:
         return [np.ones(m, bool)]
-    n_parts = min(MOST, m // PART_FACES)
+    n_parts = min(PARTS, m // PART_FACES)
     size = np.bincount(label)
     order = np.argsort(-size, kind="stable")
-    # in turns by falling size: A B C C B A A B …
+    large = int((size > m / (LARGE * n_parts)).sum())
+    # small charts in turns by falling size: A B C C B A A B …
     turn = np.arange(len(size)) % (2 * n_parts)
     of_chart = np.zeros(len(size), np.int64)
     of_chart[order] = np.minimum(turn, 2 * n_parts - 1 - turn)
-    part = of_chart[label]
-    share = np.bincount(part) / m
-    if share.max() > MOST_SHARE:
+    # a large one, of which there are few, to the part that has least
+    load = np.bincount(of_chart[order[large:]], size[order[large:]], n_parts)
+    for chart in order[:large].tolist():
+        of_chart[chart] = load.argmin()
+        load[of_chart[chart]] += size[chart]
+    if load.max() > MOST_SHARE * m:
         return [np.ones(m, bool)]
-    return [part == k for k in np.flatnonzero(share)]
+    part = of_chart[label]
+    return [part == k for k in np.argsort(-load, kind="stable") if load[k]]
 
 
 def environment() -> dict[str, str]:
@@ -93,7 +101,8 @@ class Worker:
     ) -> list[Any]:
         """[function(*task, monitor) for task in tasks], in any order and by whoever is free.
 
-        function: at the top level of a module. A process has a monitor of its own with the same deadline.
+        function: at the top level of a module. A process has a monitor of its own with the same deadline. What
+        the caller does here may hand tasks out in turn, to processes that have nothing left to do.
         """
         pool = current() if self.jobs > 1 and len(tasks) > 1 else None
         if pool is None:
@@ -146,11 +155,13 @@ class _Shared:
             return self._next - 1
 
     def _send(self, done: Future[bytes] | None = None) -> None:
-        """Give a process the next task; called again as soon as it has answered."""
-        if done is not None and (done.cancelled() or done.exception() is not None):
-            return
+        """Give a free process the next task; called again as soon as it has answered."""
+        if done is not None:
+            self._pool.release()
+            if done.cancelled() or done.exception() is not None:
+                return
         with self._lock:
-            k = self._take()
+            k = self._take() if self._next < len(self._tasks) and self._pool.claim() else None
             if k is None:
                 return
             m = self._monitor
@@ -163,11 +174,15 @@ class _Shared:
         self._packed[k] = b""
         if future is not None:
             future.add_done_callback(self._send)
+        else:
+            self._pool.release()
 
     def _answer(self, k: int, future: Future[bytes] | None) -> Any:
         """What a process answered; else the same done here, and if it failed, no more is asked of any."""
-        if not self._pool.ready.done():
-            return self._here(k)  # they are not even up
+        if not self._pool.ready.done():  # they are not even up
+            if future is not None:
+                future.cancel()
+            return self._here(k)
         with contextlib.suppress(Exception):
             if future is not None:
                 return pickle.loads(future.result())

@@ -75,12 +75,18 @@ def shared_edges(faces: IntArray) -> IntArray:
     return pairs[np.argsort(pairs[:, 0], kind="stable")]
 
 
-def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | None) -> Pairs:
+def pair_half_edges(
+    points: FloatArray,
+    faces: IntArray,
+    polygons: IntArray | None,
+    uv: FloatArray | None = None,
+) -> Pairs:
     """Pair the half-edges of faces: an edge of two faces is one pair, a crowded edge several.
 
-    At an edge of more than two faces those inside one polygon pair first, then the straightest pairs,
-    consistently oriented rather than not; an odd face keeps a boundary there. Two faces with the same
-    three points never pair: joined along two edges they could not lie in the plane.
+    At an edge of more than two faces those inside one polygon pair first, then those that a layout shows side
+    by side, then the straightest pairs, consistently oriented rather than not; an odd face keeps a boundary
+    there. Two faces with the same three points never pair: joined along two edges they could not lie in the
+    plane. uv: (m, 3, 2) of a layout to be judged, NaN at corners without.
     """
     start = faces.ravel()
     runs = sort_by_edge(faces, len(points))
@@ -89,7 +95,7 @@ def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | No
     edges = edges[third[:, 0] != third[:, 1]]
     many = runs.size > 2
     if many.any():
-        fans = _Fans.at(points, faces, polygons, runs, many)
+        fans = _Fans.at(points, faces, polygons, uv, runs, many)
         edges = np.concatenate([edges, _apart(faces, edges, fans)])
     i, j = edges[:, 0], edges[:, 1]
     locked = np.zeros(len(edges), bool)
@@ -103,8 +109,8 @@ class _Fans(NamedTuple):
 
     h: half-edges. group: edge of each of them. x, y: (pairs,) indices into h that may be paired, straight:
     (pairs,) −1 (one plane) .. 1 (folded together), against: whether their faces are inconsistently
-    oriented, together: whether they lie in one polygon. large: (l, 2) pairs at edges with very many faces,
-    which are made by angle alone.
+    oriented, together: whether they lie in one polygon, drawn: whether their uv agree along the edge.
+    large: (l, 2) pairs at edges with very many faces, which are made by angle alone.
     """
 
     h: IntArray
@@ -114,6 +120,7 @@ class _Fans(NamedTuple):
     straight: FloatArray
     against: BoolArray
     together: BoolArray
+    drawn: BoolArray
     large: IntArray
 
     @staticmethod
@@ -121,6 +128,7 @@ class _Fans(NamedTuple):
         points: FloatArray,
         faces: IntArray,
         polygons: IntArray | None,
+        uv: FloatArray | None,
         runs: EdgeRuns,
         many: BoolArray,
     ) -> _Fans:
@@ -150,6 +158,7 @@ class _Fans(NamedTuple):
         together = np.zeros(len(x), bool)
         if polygons is not None:
             together = polygons[h[x] // 3] == polygons[h[y] // 3]
+        drawn = np.zeros(len(x), bool) if uv is None else _same_uv(faces, uv, h[x], h[y])
         large = np.zeros((0, 2), np.int64)
         if not small.all():
             side = np.cross(axis, inward[first])
@@ -159,13 +168,23 @@ class _Fans(NamedTuple):
             lower = np.flatnonzero(~small & (rank < half))
             large = np.stack([by_angle[lower], by_angle[lower + half[lower]]], 1)
         straight = (inward[x] * inward[y]).sum(1)
-        return _Fans(h, group, x, y, straight, start[x] == start[y], together, large)
+        return _Fans(h, group, x, y, straight, start[x] == start[y], together, drawn, large)
 
     def pairs(self, extra: FloatArray) -> IntArray:
-        """(p, 2) indices into h: pairs inside a polygon first, then the cheapest ones, ``extra`` added."""
+        """(p, 2) indices into h: inside a polygon first, then side by side in the layout, then the cheapest."""
         # coplanar rivals differ by rounding only: round, so that their order is that of the file
-        cost = np.round(self.straight - 10.0 * self.together + extra, 9)
+        cost = np.round(self.straight - 20.0 * self.together - 10.0 * self.drawn + extra, 9)
         return np.concatenate([_greedy(cost, self.x, self.y, len(self.h)), self.large])
+
+
+def _same_uv(faces: IntArray, uv: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
+    """(p,) bool: two half-edges i, j (p,) of one edge have the same uv (m, 3, 2) at both of its ends."""
+    corner = uv.reshape(-1, 2)
+    ni, nj = next_half_edge(i), next_half_edge(j)
+    alike = faces.ravel()[i] == faces.ravel()[j]
+    start, end = np.where(alike, j, nj), np.where(alike, nj, j)
+    result: BoolArray = (corner[i] == corner[start]).all(1) & (corner[ni] == corner[end]).all(1)
+    return result
 
 
 def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:

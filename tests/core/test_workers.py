@@ -75,6 +75,26 @@ def test_tasks_are_done_here_and_beside_in_order() -> None:
     assert found - {os.getpid()} <= set(pool.executor._processes)
 
 
+def outer(k: int, monitor: Monitor) -> list[tuple[int, int]]:
+    """What a task finds that hands out tasks itself: the first here, in the end with all processes idle."""
+    if k == 0:
+        pool = current()
+        assert pool is not None
+        while pool.free < 1:  # until the other task is done
+            os.sched_yield()
+    return Worker(monitor.jobs).map(square, [(k, ""), (k + 1, "")], monitor)
+
+
+def test_a_task_here_shares_its_own_work_with_processes_that_are_idle() -> None:
+    pool = opened(2)
+    first, second = Worker(2).map(outer, [(0,), (5,)], Monitor(jobs=2))
+    assert [[value for value, _ in part] for part in (first, second)] == [[0, 1], [25, 36]]
+    assert first[1][1] != os.getpid(), "the process was idle by then"
+    assert first[0][1] == os.getpid()
+    assert len({pid for _, pid in second}) == 1, "in a process nothing is shared further"
+    assert pool.free == 1
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_one_job_is_this_process_alone(jobs: int) -> None:
     opened()
@@ -210,7 +230,8 @@ def test_parts_hold_whole_charts_each_once(label: np.ndarray) -> None:
         patch.setattr(workers, "PARTED", 50)
         patch.setattr(workers, "PART_FACES", 25)
         parts = workers.in_parts(label)
-    assert 1 <= len(parts) <= workers.MOST
+    assert 1 <= len(parts) <= workers.PARTS
+    assert [part.sum() for part in parts] == sorted((part.sum() for part in parts), reverse=True)
     assert (np.sum(parts, axis=0) == 1).all()
     for part in parts:
         assert part.any()
@@ -218,9 +239,9 @@ def test_parts_hold_whole_charts_each_once(label: np.ndarray) -> None:
     if len(parts) > 1:
         assert max(part.mean() for part in parts) <= workers.MOST_SHARE
     sizes = np.bincount(label)
-    if len(label) >= 100 and len(sizes) > 8 and sizes.max() <= len(label) / 8:
-        assert len(parts) == workers.MOST
-        assert max(part.sum() for part in parts) <= len(label) / 4 + 2 * sizes.max()
+    if len(label) >= 200 and sizes.max() <= len(label) / 16:
+        assert len(parts) == workers.PARTS
+        assert max(part.sum() for part in parts) <= len(label) / workers.PARTS + sizes.max()
 
 
 CALLER = """

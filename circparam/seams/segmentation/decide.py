@@ -285,7 +285,7 @@ def merge_on(atlas: Atlas, bound: float, margin: float, monitor: Monitor) -> Non
         work=LAST_WORK,
         rise=RISE,
     )
-    merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool))
+    merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool), Worker(monitor.jobs))
     if atlas.prices is None:
         merger.run(monitor)
         return
