@@ -41,6 +41,19 @@ def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     return int(count), labels.astype(np.int64)
 
 
+def follower_components(follower: IntArray) -> tuple[int, IntArray]:
+    """As ``components``, of nodes (n,) that are joined to one other each, or to none (−1)."""
+    tick()
+    n = len(follower)
+    joined = follower >= 0
+    start = np.zeros(n + 1, np.int32)
+    np.cumsum(joined, out=start[1:])
+    column = follower[joined].astype(np.int32)
+    graph = sps.csr_matrix((np.ones(len(column)), column, start), shape=(n, n))
+    count, labels = csgraph.connected_components(graph, directed=False)
+    return int(count), labels.astype(np.int64)
+
+
 def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """The cycles of a permutation (n,), each walked from its lowest element on: list ranking by doubling.
 

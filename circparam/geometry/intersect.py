@@ -11,6 +11,7 @@ from circparam.core.arrays import (
     group_sum,
     norms2,
     ranges,
+    sorted_distinct,
     stable_order,
 )
 from circparam.geometry.boundary import BoundarySegments
@@ -40,9 +41,7 @@ def meeting(boundary: BoundarySegments, between: bool) -> tuple[IntArray, IntArr
         else:
             ok = (boundary.following[i] != j) & (boundary.before[i] != j)
         found.append(_meet(boundary, i[ok], j[ok]))
-    pairs = np.concatenate(found)
-    if len(pairs):
-        pairs = np.unique(pairs, axis=0)
+    pairs = _distinct(np.concatenate(found), len(boundary.start))
     crowded = np.zeros(0, np.int64) if between else candidates.crowded
     return pairs[:, 0], pairs[:, 1], crowded
 
@@ -197,10 +196,14 @@ def nearby(
         near = close < reach[i]
         i, j = i[near], j[near]
         found.append(np.stack([np.minimum(i, j), np.maximum(i, j)], 1))
-    pairs = np.concatenate(found)
-    if len(pairs):
-        pairs = np.unique(pairs, axis=0)
+    pairs = _distinct(np.concatenate(found), len(boundary.start))
     return pairs[:, 0], pairs[:, 1]
+
+
+def _distinct(pairs: IntArray, n: int) -> IntArray:
+    """(p, 2) pairs of numbers below n, each once, in ascending order."""
+    key = sorted_distinct(pairs[:, 0] * n + pairs[:, 1])
+    return np.stack([key // max(n, 1), key % max(n, 1)], 1)
 
 
 def _pieces(

@@ -82,7 +82,7 @@ def seen_shares(triangles: FloatArray, places: Places, count: int, pixels: int) 
 
 
 def _scene(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """((3, 3, l) coordinates, corners of faces that cover pixels; (3, s) centres of those that are too small to),
+    """((3, 3, l) coordinates, corners of faces that cover pixels; (3, s) centres of those that are too small),
     in pixels."""
     corners = np.ascontiguousarray(triangles.transpose(2, 1, 0))
     edge = corners - corners[:, [1, 2, 0]]

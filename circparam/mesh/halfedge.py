@@ -16,7 +16,7 @@ from circparam.core.arrays import (
     ranges,
     stable_order,
 )
-from circparam.core.graph import components
+from circparam.core.graph import components, follower_components
 
 FAN_LIMIT = 16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
 TURN_COST = 1.5  # how much straightness a pair must gain to join inconsistently oriented faces
@@ -286,7 +286,8 @@ def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:
     Returns (number of classes, (n_faces, 3) class of each corner). A vertex at which the surface is pinched
     becomes one vertex for each fan, so the result is always a manifold.
     """
-    i, j = edges[:, 0], edges[:, 1]
-    ni, nj = next_half_edge(i), next_half_edge(j)
-    count, labels = components(3 * n_faces, np.r_[i, ni], np.r_[nj, j])
+    # the corner that each half-edge leaves is joined to one other at most: that which follows its other side
+    other = opposite_half_edges(n_faces, edges)
+    follower = np.where(other < 0, -1, next_half_edge(other))
+    count, labels = follower_components(follower)
     return count, labels.reshape(-1, 3)

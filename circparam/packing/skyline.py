@@ -228,7 +228,7 @@ def _stacked(
     for c in order.tolist():
         best = (np.inf, 0, 0, 0.0, 0)
         for tile in range(options.pages):
-            below = np.zeros(columns + 1)
+            below = np.zeros(columns + 1, np.float32)
             below[1:] = np.cumsum(sky[tile])
             for j in range(k):
                 e = c * k + j
@@ -259,7 +259,7 @@ def _top(shape: Profiles, e: int, y: float) -> float:
 
 
 def _rest(
-    sky: Bounds, below: FloatArray, lower: Bounds, upper: Bounds
+    sky: Bounds, below: Bounds, lower: Bounds, upper: Bounds
 ) -> tuple[float, int, float] | None:
     """Where a chart comes to rest with the least waste: (cost, first column, height of its centre).
 

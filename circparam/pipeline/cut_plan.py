@@ -19,26 +19,26 @@ from circparam.packing.options import PackOptions
 from circparam.pipeline.chords import Chords, chords, split
 from circparam.pipeline.pieces import Carver, Piece
 
-RATE = 1.0  # the exchange rate: log of the growth of the covered share over that of the seams
+RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 REACH = 16  # of these cells: what is longer is a sliver, for which no page is sketched
-LARGE, LEAST = 12, 0.005  # charts that are sketched, those of more than this share of the area
+LARGE, LEAST = 20, 0.005  # charts that are sketched, those of more than this share of the area
 CUT, PIECE = (
     0.06,
     0.012,
 )  # share of the area that a chart must have to be cut, and either part of it
-GOOD = 0.64  # covered share of a sketch, from which on nothing is cut: packing makes 0.7 of it
-REACHED = 0.7  # covered share of a sketch that no cut is expected to get beyond
+GOOD = 0.7  # covered share of a sketch, from which on nothing is cut: packing makes 0.7 of it
+REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyond
 LONG, PART = (
     0.6,
     0.2,
 )  # or so much of the side of the page; share of a chart that either part must have
 WEIGHED = 14  # chords that are sketched
-MADE = 4  # of those, the best that are tried along edges until one can be made
+MADE = 8  # of those, the best that are tried along edges until one can be made
 NEAR = 0.06  # what a chord may be worth less than the best so far, and be kept for that
-TRIES, MORE = 3, 10  # of each sketch, and of what was made
+TRIES, MORE = 5, 10  # of each sketch, and of what was made
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
-AHEAD = 2  # cuts that may pay nothing before one that does
+AHEAD = 3  # cuts that may pay nothing before one that does
 WORSE = 2  # cells by which a page with one cut more may seem larger: the search is coarse
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
 

@@ -128,7 +128,9 @@ class Growth:
     def overlaps(self, placement: Placement) -> bool:
         """Whether two charts overlap, to within a coarse raster; it sees what distances of outlines do not."""
         shapes, side = self.shapes, OVERLAP_SIDE
-        page = placement.page[shapes.owner[shapes.start]]
+        own = shapes.owner[shapes.start]
+        # outlines of charts that are not simple do not tell what they cover; the last check does
+        page = np.where(shapes.simple[own], placement.page[own], -1)
         world = shapes.place(placement.angle, placement.offset, placement.scale)
         world *= side / self.options.resolution
         for tile in range(int(placement.page.max()) + 1):
@@ -267,8 +269,8 @@ def compact(
     trust: first trust region in texels of a page of 2048; it is halved when a step gains little of what the
     region allows, and quartered when it gains next to nothing, down to a quarter of a texel. A step after which
     charts overlap on a coarse raster is not made; one that brings charts so near that a tip may be through a
-    neighbour, or to where no step keeps all distances, is taken back. strict: keep the full gap in all directions,
-    where the width of straight strips would do; for layouts that the check refuses.
+    neighbour, or to where no step keeps all distances, is taken back. strict: keep the full gap in all
+    directions, where the width of straight strips would do; for layouts that the check refuses.
     The budget counts the rows of the programs. The result keeps the distances but for the error of the last
     step: the caller checks.
     """
@@ -333,12 +335,12 @@ class Ascent:
         gain = after.scale / self.placement.scale - 1
         self.earlier, self.placement = self.placement, after
         most = self.most(growth)
-        if gain < LOCKED * most:
-            self.trust /= 4
-            if after.scale < self.reached:  # it locks below what others have
-                self.trust = 0.0
-        elif gain < LITTLE_GAIN * most:
+        if gain >= LITTLE_GAIN * most:
+            return
+        if abs(gain) > LOCKED * most or self.trust <= 2 * LEAST_TRUST:
             self.trust /= 2
+        else:  # locked; for good where that is below what others have reached
+            self.trust /= 4 if after.scale >= self.reached else np.inf
 
     def most(self, growth: Growth) -> float:
         """What a step in the trust region gains at most."""

@@ -11,6 +11,7 @@ from circparam.core.arrays import (
     IntArray,
     first_of_runs,
     group_count,
+    sorted_distinct,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
@@ -18,14 +19,13 @@ from circparam.core.workers import Worker, in_parts
 from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sound
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sound, pushed_apart
 from circparam.seams.segmentation.overlap_cut import split_layers
 from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
-from circparam.solvers.separate import push_apart
 
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60)
 SLITS = 3  # times that a chart may be slit before it is split
@@ -177,7 +177,7 @@ def unstick(
     if not folded.any():
         return layouts
     sub, vid, fid = layouts.cut_mesh.subset(folded)
-    part, fine = push_apart(sub, layouts.uv[vid], GAP, bound, monitor)
+    part, fine = pushed_apart(sub, layouts.uv[vid], GAP, bound, monitor)
     uv = layouts.uv.copy()
     kept = fine[sub.vertex_chart]
     uv[vid[kept]] = part[kept]
@@ -187,7 +187,7 @@ def unstick(
 
 def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
     """(n,) number of cells of each chart."""
-    pairs = np.unique(chart * graph.n + graph.cell)
+    pairs = sorted_distinct(chart * graph.n + graph.cell)
     return group_count(pairs // graph.n, int(chart.max()) + 1)
 
 
@@ -290,6 +290,22 @@ def _map_again(
         uv[vid] = part
         atlas.corners[fid] = part[sub.faces]
     return judge(cut_mesh, uv)
+
+
+def breaks_up(
+    atlas: Atlas, graph: DualGraph, bound: float, options: RelaxOptions, monitor: Monitor
+) -> bool:
+    """Whether several charts would have to be split, so that another atlas with more charts is the better one.
+
+    Splitting is most of what large surfaces cost, and charts that merged only on a proxy come out in more
+    pieces than they had been: of a bunny one broke and it won, of a beast five of six did, and it lost. The
+    charts are made disks and relaxed.
+    """
+    count, _ = atlas.charts()
+    make_disks(atlas, graph)
+    if atlas.charts()[0] > count + 1:
+        return True
+    return int(relaxed_layouts(atlas, options, monitor).bad(bound).sum()) > 1
 
 
 def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:

@@ -17,6 +17,7 @@ from circparam.seams.segmentation.state import main_parts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.poisson import from_jacobians
+from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import untangle
 
@@ -130,6 +131,19 @@ def lay_out_sound(
     for (_, _, vid, _), of_part in zip(parts, done, strict=True):
         out[vid] = of_part
     return out
+
+
+def pushed_apart(
+    cut_mesh: CutMesh, uv: FloatArray, margin: float, bound: float, monitor: Monitor
+) -> tuple[FloatArray, BoolArray]:
+    """As ``push_apart``; many faces in parts, by all processes."""
+    parts = chart_parts(cut_mesh)
+    tasks = [(part, uv[vid], margin, bound) for _, part, vid, _ in parts]
+    done = Worker(monitor.jobs).map(push_apart, tasks, monitor)
+    out, fine = np.zeros_like(uv), np.zeros(cut_mesh.n_charts, bool)
+    for (which, _, vid, _), (moved, good) in zip(parts, done, strict=True):
+        out[vid], fine[which] = moved, good
+    return out, fine
 
 
 def lay_out_part(

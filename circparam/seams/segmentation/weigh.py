@@ -13,10 +13,9 @@ from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.seams.segmentation.layout import chart_parts
+from circparam.seams.segmentation.layout import chart_parts, pushed_apart
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.region import cut_out
-from circparam.solvers.separate import push_apart
 
 TAIL = 1e-3  # share of the surface on which the stretch may be larger
 AIMED = 0.8  # of that share: what is aimed for, since a file stores rounded numbers
@@ -104,7 +103,7 @@ def even_out(
     if coiled.any() and best.over.sum() > limits.allowed:
         sub, vid, _ = cut_mesh.subset(coiled)
         at = folded.uv.copy()
-        at[vid], apart = push_apart(sub, at[vid], GAP, limits.bound, monitor)
+        at[vid], apart = pushed_apart(sub, at[vid], GAP, limits.bound, monitor)
         over = share_over(cut_mesh, face_stretch(cut_mesh, at), most)
         coiled[coiled] = apart
         best = best.taken(cut_mesh, at, over, coiled & (over < best.over))

@@ -217,3 +217,17 @@ def test_layouts_of_any_kind_become_sound_ones(wild: str) -> None:
         # what was untangled is relaxed for some steps, not to the end
         worst = 1.2 if wild in ("flipped", "folded") else 1.001
         assert (chart_energies(cut_mesh, out) <= worst * good).all()
+
+
+@pytest.mark.parametrize(
+    ("low", "bound", "breaks"), [(0, 1.001, True), (0, 9, False), (0.9, 1.001, False)]
+)
+def test_a_second_atlas_breaks_up_where_more_than_one_chart_would_be_split(
+    low: float, bound: float, breaks: bool
+) -> None:
+    """Two halves of a ball are both above a low bound; of a small cap and the rest only the rest is."""
+    ball = surface_of(*shapes.icosphere(3))
+    atlas = cut_between(ball, (middles(ball)[:, 2] > low).astype(np.int64))
+    lay_out_fresh(atlas, None, GAPS)
+    graph = grow.dual_graph(ball)
+    assert module.breaks_up(atlas, graph, bound, module.FINAL, Monitor()) == breaks
