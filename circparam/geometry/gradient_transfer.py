@@ -73,5 +73,8 @@ def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[Float
         fill = (near >= 0) & ~known
         source[fill] = near[fill]
         have |= fill
-    rotated = turn_gradients(gradients[source], surface.normals[source], surface.normals)
-    return np.where(known[:, None, None], gradients, rotated), have
+    todo = np.flatnonzero(~known)
+    normals = surface.normals
+    out = gradients.copy()
+    out[todo] = turn_gradients(gradients[source[todo]], normals[source[todo]], normals[todo])
+    return out, have

@@ -33,12 +33,13 @@ from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
-from circparam.seams.segmentation.decide import CHART_COST, CROWD, merge_on, reach_count, worth
+from circparam.seams.segmentation.decide import merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
 )
 from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.starts import CHART_COST, CROWD
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
