@@ -12,19 +12,14 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.hidden import hiding_prices
-from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
+from circparam.seams.multires.decimate import decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
-from circparam.seams.multires.transfer_layout import (
-    drop_slivers,
-    fine_targets,
-    nearest_coarse_face,
-    separate,
-)
-from circparam.seams.multires.transfer_seams import NEAR_RINGS, RINGS, transfer_seams
+from circparam.seams.multires.roughness import roughness
+from circparam.seams.multires.transfer import from_level, transfer_to_fine
+from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import (
     ANY_BOUND,
@@ -35,7 +30,7 @@ from circparam.seams.segmentation.decide import (
     merge_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import FINAL, enforce, relaxed_layouts
+from circparam.seams.segmentation.enforce import FINAL, below, enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import (
     DualGraph,
     dual_graph,
@@ -47,7 +42,6 @@ from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits, share_over
 from circparam.solvers.newton import RelaxOptions
-from circparam.solvers.poisson import from_jacobians
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
@@ -73,6 +67,9 @@ LEVEL_SLACK = (
 )
 TRIED_TWICE = 25_000  # faces, up to which charts merged on the proxy are tried as well
 NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
+MOST_LOST = (
+    0.6  # of the bound's excess, that is given up to roughness: beyond that charts are split
+)
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
 
@@ -160,7 +157,11 @@ def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Moni
     """Relax charts, and hold them to a bound."""
     with monitor.stage("relax"):
         layouts = relaxed_layouts(atlas, options, monitor)
-    enforce(atlas, dual_graph(atlas.surface), layouts, bound, FINAL, monitor)
+        steps = FINAL
+        if options.local is not None:  # what a level has decided need not be relaxed to the end
+            layouts = below(atlas, layouts, bound, monitor)
+            steps = dataclasses.replace(FINAL, bound=bound)
+    enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
     return atlas
 
 
@@ -216,7 +217,10 @@ def _from_level(
     with monitor.stage("charts"):
         level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
     middle = with_prices(level.surface, options, monitor)
-    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK)
+    with monitor.stage("charts"):
+        near = nearest_coarse_face(surface, level)
+        lost = min(roughness(surface, middle, near), MOST_LOST * (bound - 1))
+    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
     rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
     with monitor.holding(rest, least=DECIDING):
         targets = [proxy_faces(middle)]
@@ -227,7 +231,7 @@ def _from_level(
     cost = [a.seam_length + CHART_COST * a.charts()[0] for a in tried]
     with monitor.stage("carry"):
         blind = dataclasses.replace(surface, price=None)
-        return transfer_to_fine(blind, graph, tried[int(np.argmin(cost))], level, True)
+        return from_level(blind, graph, tried[int(np.argmin(cost))], level, near)
 
 
 def _level_atlas(
@@ -246,6 +250,9 @@ def _level_atlas(
         return None
     with monitor.alone("level"):
         atlas = grown_atlas(surface, bound, options, monitor, [], target)
+        if options.min_chart_faces == 1:
+            with monitor.stage("charts"):
+                merge_on(atlas, bound, MARGIN, monitor)
         limits, slits, splits = stretch_limits(bound, options)
         if not monitor.expired:
             with monitor.stage("stretch"):
@@ -309,29 +316,3 @@ def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> Non
     fixed = np.zeros(len(atlas.cut), bool)
     options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
     Merger(atlas, options, fixed, worker).run(monitor)
-
-
-def transfer_to_fine(
-    surface: Surface,
-    graph: DualGraph,
-    coarse: Atlas,
-    proxy: Proxy,
-    near_level: bool = False,
-) -> Atlas:
-    """Seams and layout of the proxy on the fine surface (not relaxed yet).
-
-    near_level: the proxy is a level, whose layout is so near that single flips are left to be untangled.
-    """
-    rings, untangle = (NEAR_RINGS, 0) if near_level else (RINGS, 8)
-    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
-    transfer_seams(coarse, proxy, fine, rings)
-    near = nearest_coarse_face(surface, proxy)
-    _, coarse_chart = coarse.charts()
-    separate(fine, graph, coarse, coarse_chart, near)
-    transferred = drop_slivers(fine, coarse_chart, near)
-    targets, _ = fine_targets(coarse, fine, coarse_chart, near, transferred)
-    cut_mesh = fine.cut_mesh()
-    bad = not_disks(cut_mesh)
-    uv, _ = from_jacobians(cut_mesh, targets, 0 if bad.any() else untangle)
-    fine.scatter(cut_mesh, uv)
-    return fine

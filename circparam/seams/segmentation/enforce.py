@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,9 +26,11 @@ from circparam.seams.segmentation.layout import ChartLayouts, judge
 from circparam.seams.segmentation.overlap_cut import split_layers
 from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
+from circparam.solvers.dirichlet import energy, jacobians
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
+from circparam.solvers.region import cut_out, grow
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import untangle
@@ -40,6 +42,11 @@ LAYER_FACES = 100  # smaller charts that overlap are halved
 FRAGMENT = 4  # cells up to which a chart that is bad is taken apart at once
 UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after each cut
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
+HOT, HOT_RINGS = (
+    3.0,
+    3,
+)  # energy of a face, and rings round it, that are relaxed before the chart is
+COOLING = RelaxOptions(tolerance=1e-3, max_iterations=25)
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 
 
@@ -267,13 +274,32 @@ def lay_out_sound(
     if bad.any():
         uv = uv.copy()
         sub, vid, _ = cut_mesh.subset(bad)
-        part, report = untangle(sub, uv[vid], monitor=monitor)
+        near = options.local is not None
+        part, report = untangle(sub, uv[vid], monitor=monitor, near=near)
         uv[vid] = part
         left = report.after > 0
         if left.any():
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
+    if options.local is not None:
+        uv = _cooled(cut_mesh, uv)
     return relax(cut_mesh, uv, options, monitor).uv
+
+
+def _cooled(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """The layout relaxed near faces that are distorted out of all proportion, the rest held.
+
+    A Newton step widens a nearly collapsed face by a third; all other faces need not wait for it.
+    """
+    jacobian = jacobians(cut_mesh.gradients.transpose(1, 2, 0), uv.T[:, cut_mesh.faces.T])
+    hot = ~(energy(jacobian) <= HOT)
+    if not hot.any():
+        return uv
+    held = np.zeros(cut_mesh.n_vertices, bool)
+    part, source, fixed = cut_out(cut_mesh, grow(cut_mesh, hot, HOT_RINGS), held)
+    out = uv.copy()
+    out[source[~fixed]] = relax(part, uv[source], replace(COOLING, fixed=fixed)).uv[~fixed]
+    return out
 
 
 def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
@@ -301,3 +327,15 @@ def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> Ch
             uv[vid] = lay_out_sound(sub, uv[vid], asked, monitor)
     atlas.scatter(cut_mesh, uv)
     return judge(cut_mesh, uv)
+
+
+def below(atlas: Atlas, layouts: ChartLayouts, bound: float, monitor: Monitor) -> ChartLayouts:
+    """Relax the charts above the bound on, to below it: what was relaxed for a few steps may get there."""
+    over = (layouts.energy > bound) & np.isfinite(layouts.energy)
+    if not over.any():
+        return layouts
+    sub, vid, fid = layouts.cut_mesh.subset(over)
+    uv = layouts.uv.copy()
+    uv[vid] = relax(sub, uv[vid], replace(FINAL, bound=bound, give_up=bound), monitor).uv
+    atlas.corners[fid] = uv[vid][sub.faces]
+    return judge(layouts.cut_mesh, uv)
