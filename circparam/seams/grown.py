@@ -230,7 +230,8 @@ def _from_level(
         tried = [Atlas(middle, *t) for t in worker.map(_level_atlas, tasks, monitor) if t]
     cost = [a.seam_length + CHART_COST * a.charts()[0] for a in tried]
     with monitor.stage("carry"):
-        blind = dataclasses.replace(surface, price=None)
+        # another surface would have areas, normals and all else of its own
+        blind = surface if surface.price is None else dataclasses.replace(surface, price=None)
         return from_level(blind, graph, tried[int(np.argmin(cost))], level, near)
 
 
