@@ -139,7 +139,7 @@ class Surface:
         return CutMesh(corners, self.rest_triangles[fid], chart[fid], e), fid
 
     def without_edges(self, cut: BoolArray) -> Surface:
-        """The surface opened along some edges ((e,) bool), which become boundaries; none: the surface itself."""
+        """The surface opened along some edges ((e,) bool), which become boundaries; of none: itself."""
         if not cut.any():
             return self
         keep = ~cut
@@ -147,7 +147,7 @@ class Surface:
         return replace(self, edges=self.edges[keep], locked=self.locked[keep], price=price)
 
     def part(self, faces: BoolArray) -> Surface:
-        """Some faces ((m,) bool); where they meet the others is a boundary. All of them: the surface itself."""
+        """Some faces ((m,) bool); where they meet the others is a boundary. Of all: itself."""
         if faces.all() and not len(self.torn):
             return self
         fid = np.flatnonzero(faces)

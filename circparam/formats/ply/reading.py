@@ -132,7 +132,7 @@ class Layout:
         return self._chase(e, at, e.count)
 
     def _unfilled(self, at: int) -> bool:
-        """Whether a long end of the file is zeros, as downloads that stopped leave it: no row with a list is."""
+        """Whether a long end of the file is zeros, as a stopped download leaves it: no row with a list is."""
         end = self.raw[max(at, self._size - UNFILLED) :]
         return len(end) == UNFILLED and not end.any()
 
