@@ -14,6 +14,7 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
+from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.hidden import hiding_prices
 from circparam.seams.multires.decimate import decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
@@ -136,6 +137,11 @@ def finish(
 ) -> None:
     """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
     atlas = decided.atlas
+    if decided.relaxing.local is not None:
+        # handles that only the mesh has, as those of noise: a loop each, where halves would go right across
+        genus = genus_of(atlas.cut_mesh())
+        if genus.any():
+            atlas.cut |= cut_handles(atlas.surface, atlas.cut, genus > 0, monitor)
     make_disks(atlas, decided.graph)
     with monitor.stage("enforce"):
         count, chart = atlas.charts()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
@@ -158,3 +159,20 @@ def test_roughness_is_left_free_on_the_level(
     smooth, noisy = bounds[0], bounds[-1]
     assert BOUND - 0.006 < smooth < BOUND
     assert noisy == pytest.approx(smooth - 0.02)
+
+
+def test_handles_that_only_the_mesh_has_cost_a_loop_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chart stays whole: halves, and halves of those, would be seams right across it."""
+    surface = surface_of(*shapes.handles(2, 3))
+    graph = dual_graph(surface)
+    monkeypatch.setattr(grown, "settle_part", lambda atlas, *_: atlas)
+    made = {}
+    for steps in (grown.LOCAL, grown.FINAL):
+        atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+        decided = grown.Decided(atlas, graph, steps)
+        grown.finish(decided, 1e6, SeamOptions(), Worker(1), Monitor(), [])
+        assert not not_disks(atlas.cut_mesh()).any()
+        made[steps.local is not None] = atlas
+    assert made[True].charts()[0] == 1
+    assert made[False].charts()[0] > 1
+    assert made[True].seam_length < made[False].seam_length
