@@ -143,9 +143,7 @@ def _nodes(cut_mesh: CutMesh) -> tuple[int, IntArray]:
     return cut_mesh.n_vertices + len(loops.chart), node
 
 
-def cut_handles(
-    surface: Surface, cut: BoolArray, charts: BoolArray, monitor: Monitor
-) -> BoolArray:
+def cut_handles(surface: Surface, cut: BoolArray, charts: BoolArray, monitor: Monitor) -> BoolArray:
     """(e,) bool: edges along which some charts (bool over the charts of ``cut``) lose their handles."""
     _, chart = surface.charts(cut)
     part = _part(surface, cut, charts[chart])

@@ -67,10 +67,11 @@ LEVEL_SLACK = (
     0.08  # as SLACK, for the mesh after a level: less is given back by splitting large charts
 )
 TRIED_TWICE = 25_000  # faces, up to which charts merged on the proxy are tried as well
-NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
-MOST_LOST = (
-    0.6  # of the bound's excess, that is given up to roughness: beyond that charts are split
-)
+# as ``weigh.NEAR``, where a level has settled what is further away; and in roots of the area of a face
+NEARBY, NEAR_FACES = 0.05, 6.0
+# of the bound's excess, that is given up to roughness: beyond that charts are split
+MOST_LOST = 0.7
+UNEVEN = 1.3  # times the mean roughness: half of the charts have more of it, and pieces of those more yet
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
 
@@ -225,7 +226,8 @@ def _from_level(
     middle = with_prices(level.surface, options, monitor)
     with monitor.stage("charts"):
         near = nearest_coarse_face(surface, level)
-        lost = min(roughness(surface, middle, near), MOST_LOST * (bound - 1))
+        rough = UNEVEN * roughness(surface, middle, near)
+        lost = min(rough, MOST_LOST * (bound - 1))
     inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
     rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
     with monitor.holding(rest, least=DECIDING):
@@ -287,7 +289,10 @@ def hold_all(
     rest = limits.without(over[~which].sum(), cut_mesh, cut_mesh.subset(which)[0])
     faces = which[cut_mesh.chart]
     part = atlas.part(faces)
-    hold_stretch(part, dataclasses.replace(rest, near=NEARBY), monitor, slits, splits)
+    # on a rough mesh such faces are everywhere: what is near is told in faces
+    face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
+    near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
+    hold_stretch(part, dataclasses.replace(rest, near=near), monitor, slits, splits)
     atlas.put(faces, part)
 
 
