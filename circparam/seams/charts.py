@@ -25,13 +25,13 @@ from circparam.seams.grown import (
     finish,
     grown_atlas,
     stretch_limits,
-    transfer_to_fine,
 )
 from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
+from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.segmentation.decide import merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
@@ -191,9 +191,19 @@ def free_atlas(
     atlas = _first_atlas(surface, bound, options, monitor, notes)
     if almost is not None:
         almost(atlas)
-    if options.min_chart_faces == 1:  # else small charts are what decides who joins whom
-        with monitor.stage("charts"):
+    if options.min_chart_faces > 1:  # small charts are what decides who joins whom then
+        return atlas
+    with monitor.stage("charts"):
+        if len(surface.faces) <= LEVEL_FACES:
             merge_on(atlas, bound, MARGIN / 2, monitor)
+            return atlas
+        hard = with_hard_prices(atlas)
+        for which in (hard, ~hard):
+            # charts from a level were merged there: a union costs a twelfth of what it does here
+            if which.any() and (which is hard or which.sum() <= LEVEL_FACES):
+                part = atlas.part(which)
+                merge_on(part, bound, MARGIN / 2, monitor)
+                atlas.put(which, part)
     return atlas
 
 
