@@ -24,6 +24,7 @@ from circparam.core.arrays import (
     cross2,
     edge_keys,
     first_of_runs,
+    group_count,
     next_half_edge,
     sorted_distinct,
 )
@@ -104,17 +105,39 @@ def self_overlapping(
     its boundary are too near (parts less than 8 such distances apart along the boundary are neighbours).
     chamfers: see ``nearby``.
     """
-    boundary = boundary_in(cut_mesh, uv)
-    i, _, undecided = meeting(boundary, between=False)
-    rim, n = boundary.half_edge, cut_mesh.n_charts
-    found = _wound_twice(cut_mesh.faces, uv, cut_mesh.chart, rim, n)
-    found[boundary.chart[i]] = True
-    found[undecided] = True
-    found |= turned_out(boundary, len(found))
+    contacts = SelfContacts.of(cut_mesh, uv)
+    found = contacts.meets
     if margin > 0:
-        i, _ = nearby(boundary, margin * boundary.size, ~found, chamfers)
-        found[boundary.chart[i]] = True
+        found = found | (contacts.near(margin, ~found, chamfers) > 0)
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class SelfContacts:
+    """How charts lie on themselves. meets: (n,) bool, charts that overlap themselves."""
+
+    meets: BoolArray
+    _boundary: BoundarySegments
+
+    @staticmethod
+    def of(cut_mesh: CutMesh, uv: FloatArray) -> SelfContacts:
+        """Those of a layout (n_vertices, 2)."""
+        mesh, n = cut_mesh, cut_mesh.n_charts
+        boundary = boundary_in(mesh, uv)
+        i, _, undecided = meeting(boundary, between=False)
+        meets = _wound_twice(mesh.faces, uv, mesh.chart, boundary.half_edge, n)
+        meets[boundary.chart[i]] = True
+        meets[undecided] = True
+        meets |= turned_out(boundary, n)
+        return SelfContacts(meets, boundary)
+
+    def near(self, margin: float, which: BoolArray, chamfers: bool = False) -> IntArray:
+        """(n,) number of pairs of boundary edges that are too near each other, in some charts ((n,) bool).
+
+        margin, chamfers: as in ``self_overlapping``.
+        """
+        i, _ = nearby(self._boundary, margin * self._boundary.size, which, chamfers)
+        return group_count(self._boundary.chart[i], len(self.meets))
 
 
 def crossings(uv: FloatArray, cut_mesh: CutMesh, margin: float = 0.0) -> IntArray:
