@@ -90,7 +90,8 @@ def texture_sets(entries: Any) -> set[int]:
         if isinstance(value, dict):
             for key, info in value.items():
                 if key.endswith("Texture") and isinstance(info, dict) and "index" in info:
-                    out.add(int(_moved(info).get("texCoord", info.get("texCoord", 0))))
+                    plain: Any = info.get("texCoord", 0)
+                    out.add(int(_moved(info).get("texCoord", plain)))
             stack += value.values()
         elif isinstance(value, list):
             stack += value
