@@ -15,9 +15,11 @@ _EPILOG = """\b
 Examples:
   circparam map a.obj b.obj --landmarks pairs.txt -o map.npz
   circparam map scan.ply remeshed.ply -o map.npz --json
+  circparam map a_uv.obj b_uv.obj --charts -o map.npz
   circparam map left.obj right.obj --mirrored --landmarks pairs.txt -o map.npz
 \b
 pairs.txt: two vertex numbers a line, of A and of B, counted from 0; # begins a comment.
+A line "path 12 77 503" cuts both along shortest paths between landmarks, by vertices of A.
 """
 
 
@@ -45,9 +47,17 @@ def _methods() -> list[str]:
         show_default=True,
         help="Weights of the convex maps: circle, mean-value, floater or uniform.",
     ),
+    click.option(
+        "--charts", is_flag=True, help="Both have uv whose charts correspond: map chart on chart."
+    ),
     click.option("--mirrored", is_flag=True, help="B is the mirror image of what is meant."),
     click.option(
         "--no-relax", is_flag=True, help="Leave the composition of the convex maps as it is."
+    ),
+    click.option(
+        "--overlay",
+        is_flag=True,
+        help="Also the common refinement of both meshes, for circparam morph --overlay.",
     ),
     common.library_option("reader"),
     common.overwrite,
@@ -57,11 +67,9 @@ def _methods() -> list[str]:
 def command(a: str, b: str, **given: Any) -> None:
     """Map surface A onto surface B, one to one, landmark on landmark.
 
-    Both must be spheres, or disks with or without holes, of the same topology. The map says for every vertex
-    of A on
-    which face of B it lies, and back. It is the composition of convex maps onto one domain, relaxed to low
-    distortion;
-    no face of either is turned over in that domain.
+    Both must be connected and of the same topology: as many handles, as many boundaries. The map says for
+    every vertex of A on which face of B it lies, and back. It is the composition of convex maps onto one
+    domain, relaxed to low distortion; no face of either is turned over in that domain.
     """
     from circparam.formats.io import read
     from circparam.maps.surface_map import save_map
@@ -77,9 +85,11 @@ def command(a: str, b: str, **given: Any) -> None:
             documents[0],
             documents[1],
             landmarks=given["landmarks"],
+            charts=given["charts"],
             method=given["method"],
             mirrored=given["mirrored"],
             relax=not given["no_relax"],
+            overlay=given["overlay"],
             listener=listener,
         )
     save_map(out, found.map, given["overwrite"])

@@ -43,6 +43,23 @@ def first_of_runs(sorted_keys: IntArray) -> IntArray:
     return np.flatnonzero(new)
 
 
+def stable_order(keys: IntArray) -> IntArray:
+    """The order that sorts keys (n,), equal ones as they stood: ``np.argsort(keys, kind="stable")``.
+
+    Key and place are packed into one number where both fit, since numbers are sorted 5 to 13 times as fast as
+    an order of them is found.
+    """
+    n = len(keys)
+    shift = n.bit_length()
+    if n == 0 or keys.min() < 0 or int(keys.max()) >> (62 - shift):
+        return np.argsort(keys, kind="stable")
+    packed = keys.astype(np.int64) << shift
+    packed |= np.arange(n)
+    packed.sort()
+    packed &= (1 << shift) - 1
+    return packed
+
+
 def sorted_distinct(values: IntArray) -> IntArray:
     """The values of an array of any shape, each once, in ascending order.
 
@@ -86,6 +103,13 @@ def dot(a: FloatArray, b: FloatArray) -> float:
 def cross2(a: FloatArray, b: FloatArray) -> FloatArray:
     """z component of the cross product of plane vectors, over the last axis."""
     result: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return result
+
+
+def norms2(vectors: FloatArray) -> FloatArray:
+    """(n,) lengths of plane vectors (n, 2); sums over an axis of length 2 take NumPy many times as long."""
+    x, y = vectors[:, 0], vectors[:, 1]
+    result: FloatArray = np.sqrt(x * x + y * y)
     return result
 
 

@@ -30,9 +30,25 @@ def read_pins(path: str | os.PathLike[str]) -> FloatArray:
 
 def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
     """(k, 2): a vertex of one mesh and a vertex of another on every line. Raises InputError where a line holds
-    something else."""
-    rows = _numbers(path, 2, "two vertex numbers")
-    return _whole(path, rows)
+    something else. Lines ``path ...`` are left out, see ``read_paths``."""
+    return _whole(path, _numbers(path, 2, "two vertex numbers", besides="path"))
+
+
+def read_paths(path: str | os.PathLike[str]) -> list[list[int]]:
+    """The vertices of the first mesh on every line ``path 12 77 503`` of a file of landmarks. Raises
+    InputError where such a line holds something else."""
+    out = []
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words or words[0] != "path":
+            continue
+        try:
+            out.append([int(word) for word in words[1:]])
+        except ValueError:
+            raise InputError(
+                f"{path}, line {number}: {line.strip()!r} is no path of vertex numbers"
+            ) from None
+    return out
 
 
 def read_polygon(path: str | os.PathLike[str]) -> FloatArray:
@@ -95,12 +111,14 @@ def _text(path: str | os.PathLike[str]) -> str:
         raise InputError(f"{path}: it is no text file") from error
 
 
-def _numbers(path: str | os.PathLike[str], columns: int, what: str) -> FloatArray:
-    """The numbers of a text file as rows of so many."""
+def _numbers(
+    path: str | os.PathLike[str], columns: int, what: str, besides: str = ""
+) -> FloatArray:
+    """The numbers of a text file as rows of so many. besides: the first word of lines that are left out."""
     rows = []
     for number, line in enumerate(_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()
-        if not words:
+        if not words or words[0] == besides:
             continue
         try:
             row = [float(word) for word in words]

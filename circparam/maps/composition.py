@@ -27,7 +27,7 @@ DOMAIN_STEPS, DOMAIN_TOLERANCE, DOMAIN_ROUNDS = (
     4,
 )  # between looks at what is still turned over
 MAP_STEPS, MAP_TOLERANCE = 15, 1e-4
-AGAIN = 3  # guarded steps after faces were turned back
+AGAIN = 12  # guarded steps at most, after faces were turned back
 
 
 def composed(a: Side, b: Side, marks: Landmarks, domain: Domain) -> tuple[IntArray, FloatArray]:
@@ -53,7 +53,7 @@ def relaxed(
     monitor: Monitor,
 ) -> Domain | None:
     """The domain with A moved over B's surface to low distortion; None where that leaves faces turned over."""
-    sheet_b, fixed = domain.sheets[1], _fixed(a, marks)
+    sheet_b, fixed = domain.sheets[1], fixed_of(a, marks)
     weight = np.where(a.sheet.parent < 0, 0.0, a.sheet.cut_mesh.areas / a.area)
     rest = a.sheet.cut_mesh.rest_triangles / np.sqrt(a.area)
     locator = Locator(sheet_b, domain.spheres[1])
@@ -118,7 +118,7 @@ def _untied(
     return _start(a, b, marks, Locator(sheet, qb), (face[: a.n], weights[: a.n])), qb
 
 
-def _fixed(a: Side, marks: Landmarks) -> BoolArray:
+def fixed_of(a: Side, marks: Landmarks) -> BoolArray:
     """(n,) bool: vertices of the sheet of A that stay: landmarks, boundaries and what closes them."""
     fixed = np.zeros(a.sheet.n, bool)
     fixed[np.array(marks.a)[np.array(marks.exact, bool)]] = True

@@ -37,7 +37,11 @@ def determinants(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 def signs(points: FloatArray, faces: IntArray) -> SignArray:
     """(m,) exact sign of the cone of each face: 1 counter-clockwise, −1 turned over, 0 flat."""
-    p = points[faces]
+    return signs_of(points[faces])
+
+
+def signs_of(p: FloatArray) -> SignArray:
+    """(m,) exact signs of cones (m, 3, 3)."""
     a, b, c = p[:, 0], p[:, 1], p[:, 2]
     det = determinants(a, b, c)
     size = (
@@ -72,6 +76,15 @@ class Locator:
         self.cones = sphere[sheet.faces]
         self._across = sheet.twin.reshape(-1, 3) // 3
         self._tree: cKDTree | None = None
+
+    def direction(self, face: IntArray, w: FloatArray) -> FloatArray:
+        """(k, 3) directions of places with weights (k, 3) in faces."""
+        q = np.einsum("kc,kcd->kd", w, self.cones[face])
+        result: FloatArray = q / np.linalg.norm(q, axis=1)[:, None]
+        return result
+
+    def crossed(self, turn: FloatArray, who: IntArray, half_edge: IntArray) -> None:
+        """On the sphere there is one frame."""
 
     def near(self, q: FloatArray) -> IntArray:
         """(k,) a face near each direction, from which to walk."""
@@ -134,7 +147,11 @@ class Locator:
 
 def all_counter_clockwise(points: FloatArray, faces: IntArray) -> BoolArray:
     """(m,) bool: the cone is counter-clockwise beyond the doubt of floating point."""
-    p = points[faces]
+    return counter_clockwise(points[faces])
+
+
+def counter_clockwise(p: FloatArray) -> BoolArray:
+    """(m,) bool for cones (m, 3, 3)."""
     d = p[:, 1] - p[:, 0]
     e = p[:, 2] - p[:, 0]
     det = determinants(p[:, 0], d, e)

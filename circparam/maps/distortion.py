@@ -32,12 +32,34 @@ class Distortion:
 
 def distortion(points: FloatArray, faces: IntArray, images: FloatArray) -> Distortion:
     """Of the map that takes every face to the flat triangle of the images (n, 3) of its corners."""
+    energy, area = _energies(points, faces, images)
+    if not (area > 0).any():
+        return Distortion(1.0, 1.0, 1.0, 1.0)
+    energy, area = energy[area > 0], area[area > 0]
+    order = np.argsort(energy, kind="stable")
+    share = np.cumsum(area[order]) / area.sum()
+    at = [energy[order[min(int(np.searchsorted(share, s)), len(order) - 1)]] for s in (0.95, 0.99)]
+    return Distortion(
+        float((energy * area).sum() / area.sum()), float(at[0]), float(at[1]), float(energy.max())
+    )
+
+
+def face_energies(points: FloatArray, faces: IntArray, images: FloatArray) -> FloatArray:
+    """(m,) of the same map, 1 where a face has no area."""
+    return _energies(points, faces, images)[0]
+
+
+def _energies(
+    points: FloatArray, faces: IntArray, images: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(energy (m,), area (m,): 0 where a face has no shape and counts not)."""
     rest, there = rest_triangles_of(points[faces]), rest_triangles_of(images[faces])
     longest = ((rest - np.roll(rest, 1, 1)) ** 2).sum(2).max(1)
     area = rest[:, 1, 0] * rest[:, 2, 1] / 2
     live: BoolArray = area > DEGENERATE * longest
+    energies, areas = np.ones(len(faces)), np.where(live, area, 0.0)
     if not live.any():
-        return Distortion(1.0, 1.0, 1.0, 1.0)
+        return energies, areas
     rest, there, area = rest[live], np.nan_to_num(there[live]), area[live]
     # both triangles have their first edge along x: J is upper triangular
     a = there[:, 1, 0] / rest[:, 1, 0]
@@ -47,10 +69,5 @@ def distortion(points: FloatArray, faces: IntArray, images: FloatArray) -> Disto
     with np.errstate(divide="ignore"):
         inverse = np.minimum(square / np.maximum((a * d) ** 2, 1e-300), LARGEST)
     scale = np.sqrt((area * inverse).sum() / max(float((area * square).sum()), 1e-300))
-    energy = (square * scale + inverse / scale) / 4
-    order = np.argsort(energy, kind="stable")
-    share = np.cumsum(area[order]) / area.sum()
-    at = [energy[order[min(int(np.searchsorted(share, s)), len(order) - 1)]] for s in (0.95, 0.99)]
-    return Distortion(
-        float((energy * area).sum() / area.sum()), float(at[0]), float(at[1]), float(energy.max())
-    )
+    energies[live] = (square * scale + inverse / scale) / 4
+    return energies, areas

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -54,7 +56,7 @@ def common_domain(a: Side, b: Side, marks: Landmarks, method: str, monitor: Moni
             "the three landmarks lie so close that no fourth pair fits between them: give one more"
         )
     with monitor.stage("straighten"):
-        straighten(layout, method, 2 * sum(2 * len(corners) for corners in marks.corners))
+        straighten(layout, method, 2 * marks.arcs)
     with monitor.stage("embed"):
         faces = np.array([[layout.ends[arc][0] for arc in r] for r in layout.regions()])
         corners = polyhedron(faces)
@@ -80,9 +82,19 @@ def _on_sphere(tracer: Tracer, layout: Layout, corners: FloatArray, method: str)
 
 
 def _laid_out(a: Side, b: Side, marks: Landmarks) -> Layout:
-    """The common triangulation of the landmarks; what closes boundaries has the first arcs."""
+    """The common triangulation of the landmarks."""
+    layout = begun(a, b, marks, Layout)
+    layout.triangulate()
+    return layout
+
+
+LayoutType = TypeVar("LayoutType", bound=Layout)
+
+
+def begun(a: Side, b: Side, marks: Landmarks, kind: type[LayoutType]) -> LayoutType:
+    """A layout with what closes boundaries: it has the first arcs."""
     tracers = Tracer(a.sheet, np.array(marks.a)), Tracer(b.sheet, np.array(marks.b))
-    layout = Layout(tracers, (float(np.sqrt(a.area)), float(np.sqrt(b.area))))
+    layout = kind(tracers, (float(np.sqrt(a.area)), float(np.sqrt(b.area))))
     for corners, tip in zip(marks.corners, marks.tips, strict=True):
         for n, i in enumerate(corners):
             j = corners[(n + 1) % len(corners)]
@@ -91,7 +103,11 @@ def _laid_out(a: Side, b: Side, marks: Landmarks) -> Layout:
         for i in corners:
             spokes = (np.array([v[tip], v[i]]) for v in (marks.a, marks.b))
             layout.lay_known(tip, i, *spokes)
-    layout.triangulate()
+    for known in marks.known:
+        layout.lay_known(*known)
+    for path in marks.paths:
+        for i, j in itertools.pairwise(path):
+            layout.lay_shortest(i, j)
     return layout
 
 

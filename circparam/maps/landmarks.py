@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError, TopologyError
@@ -14,9 +14,6 @@ from circparam.maps.sides import Side
 SAMPLES = 64  # places along a boundary at which two boundaries are compared
 MIRRORED = 0.5  # a reflection that fits the landmarks so many times better than a rotation is taken for one
 FLAT = 0.1  # and fits them to this share of the size at least
-GUESSED = 8  # landmarks that are guessed
-TRUST = 0.03  # mean distance of the aligned surfaces, in sizes, up to which a guess is made
-ROUNDS = 12  # of the alignment by closest points
 
 
 @dataclass
@@ -24,7 +21,8 @@ class Landmarks:
     """a, b (k,): vertices of the sheets that correspond. exact (k,): whether they were asked for, not helpers.
 
     corners[l]: the landmarks on boundary l, in order along it. tips (b,): the landmark over each boundary.
-    notes: what was assumed.
+    known: arcs that both surfaces have (two landmarks, the vertices between them on each); paths: landmarks
+    whose shortest paths are arcs. notes: what was assumed.
     """
 
     a: list[int] = field(default_factory=list)
@@ -32,7 +30,14 @@ class Landmarks:
     exact: list[bool] = field(default_factory=list)
     corners: list[list[int]] = field(default_factory=list)
     tips: list[int] = field(default_factory=list)
+    known: list[tuple[int, int, IntArray, IntArray]] = field(default_factory=list)
+    paths: list[list[int]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def arcs(self) -> int:
+        """How many arcs stay where they are: boundaries, what closes them, those that both surfaces have."""
+        return sum(2 * len(corners) for corners in self.corners) + len(self.known)
 
     def add(self, a: int, b: int, exact: bool) -> int:
         """A further pair; returns its number."""
@@ -75,6 +80,36 @@ def given_landmarks(pairs: IntArray, a: Side, b: Side) -> Landmarks:
             )
         out.add(found[0], found[1], True)
     return out
+
+
+def add_paths(marks: Landmarks, paths: list[list[int]], a: Side) -> None:
+    """Paths, given by vertices of the mesh of A, as sequences of landmarks.
+
+    Raises InputError where a vertex is no landmark, or two paths join the same landmarks.
+    """
+    number = {v: k for k, v in enumerate(marks.a)}
+    seen = set()
+    for line, path in enumerate(paths, 1):
+        if len(path) < 2:
+            raise InputError(
+                f"path {line}: it names {len(path)} landmark; a path needs two or more"
+            )
+        found = []
+        for vertex in path:
+            own = int(a.vertex[vertex]) if 0 <= vertex < len(a.vertex) else -1
+            if own not in number:
+                raise InputError(
+                    f"path {line}: vertex {vertex} of A is no landmark; a path leads from landmark to landmark"
+                )
+            found.append(number[own])
+        for k, pair in enumerate(itertools.pairwise(found)):
+            if len(set(pair)) == 1 or frozenset(pair) in seen:
+                raise InputError(
+                    f"path {line}: vertices {path[k]} and {path[k + 1]} are joined already, or the same: "
+                    "put a landmark between them"
+                )
+            seen.add(frozenset(pair))
+        marks.paths.append(found)
 
 
 def points_of(side: Side, vertices: list[int]) -> FloatArray:
@@ -241,72 +276,3 @@ def _best_start(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> int:
             gap = np.abs(at - n / SAMPLES)
             best, chosen = error, int(np.minimum(gap, 1 - gap).argmin())
     return chosen
-
-
-def guess(a: Side, b: Side) -> Landmarks:
-    """Landmarks for two closed surfaces that lie alike: far-apart vertices of a and what is nearest to them
-    on b.
-
-    The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
-    fit well
-    enough for that to be trusted.
-    """
-    p = points_of(a, list(range(a.n)))
-    q = points_of(b, list(range(b.n)))
-    error, moved = _best_motion(p, q)
-    size = float(np.linalg.norm(np.ptp(q, axis=0)))
-    if error > TRUST * size:
-        raise InputError(
-            f"no landmarks, and {a.name} and {b.name} are too unlike to guess any "
-            f"(mean distance {100 * error / size:.2g} % of the size when aligned, "
-            f"{100 * TRUST:g} % at most): give --landmarks with 3 or more pairs of vertices"
-        )
-    chosen = [int(np.linalg.norm(moved - moved.mean(0), axis=1).argmax())]
-    distance = np.full(len(p), np.inf)
-    while len(chosen) < min(GUESSED, len(p)):
-        distance = np.minimum(distance, np.linalg.norm(p - p[chosen[-1]], axis=1))
-        chosen.append(int(distance.argmax()))
-    nearest: list[int] = np.asarray(cKDTree(q).query(moved[chosen])[1]).tolist()
-    out = Landmarks()
-    for u, v in zip(chosen, nearest, strict=True):
-        if v not in out.b and u not in out.a:
-            out.add(u, v, False)
-    if len(out.a) < 4:
-        raise InputError(
-            "no landmarks, and none could be guessed: give --landmarks with 3 or more pairs"
-        )
-    out.notes.append(
-        f"{len(out.a)} landmarks guessed from the alignment of the surfaces "
-        f"(mean distance {100 * error / size:.2g} % of the size)"
-    )
-    return out
-
-
-def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
-    """(mean distance both ways, p moved) after aligning axes of inertia in all proper ways, then closest
-    points.
-    """
-    axes_p, axes_q = (np.linalg.svd(x - x.mean(0), full_matrices=False)[2] for x in (p, q))
-    step_p, step_q = (x[:: max(1, len(x) // 2000)] for x in (p, q))
-    tree = cKDTree(q)
-    best, motion = np.inf, np.column_stack([np.eye(3), np.zeros(3)])
-    signs = [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]
-    orders = [(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)]
-    starts = [np.column_stack([np.eye(3), q.mean(0) - p.mean(0)])]
-    for order in orders:
-        odd = -1 if np.linalg.det(np.eye(3)[list(order)]) < 0 else 1
-        for s in signs:
-            turn = axes_q.T @ (np.array(s)[:, None] * odd * axes_p[list(order)])
-            turn *= np.sign(np.linalg.det(turn))
-            starts.append(np.column_stack([turn, q.mean(0) - turn @ p.mean(0)]))
-    for start in starts:
-        now = start
-        for _ in range(ROUNDS):
-            moved = step_p @ now[:, :3].T + now[:, 3]
-            now = aligned(step_p, q[tree.query(moved)[1]])[1]
-        moved = step_p @ now[:, :3].T + now[:, 3]
-        there = float(np.mean(tree.query(moved)[0]))
-        error = (there + float(np.mean(cKDTree(moved).query(step_q)[0]))) / 2
-        if error < best - 1e-9:
-            best, motion = error, now
-    return best, p @ motion[:, :3].T + motion[:, 3]

@@ -66,6 +66,23 @@ class Layout:
         old, new = self._group[j], self._group[i]
         self._group = [new if g == old else g for g in self._group]
 
+    def take_back(self) -> None:
+        """Take the arc that was laid last away again; what hangs together is told as before."""
+        arc = len(self.ends) - 2
+        for at, name in zip(self.ends[arc], (arc, arc ^ 1), strict=True):
+            self.around[at].remove(name)
+        for tracer in self.tracers:
+            tracer.take_back(arc, *self.ends[arc])
+        del self.ends[arc:]
+
+    def add_landmark(self, a: int, b: int) -> int:
+        """A further pair of vertices, not on any arc; returns its number."""
+        for tracer, vertex in zip(self.tracers, (a, b), strict=True):
+            tracer.add_landmark(vertex)
+        self.around.append([])
+        self._group.append(len(self._group))
+        return self.k - 1
+
     def connected(self, i: int, j: int) -> bool:
         """Whether arcs lead from landmark i to j."""
         return self._group[i] == self._group[j]
@@ -103,6 +120,24 @@ class Layout:
                 for tracer, path in zip(self.tracers, (a, b), strict=True)
             )
         )
+        if both.a.sectors != both.b.sectors:
+            raise TopologyError(
+                f"the paths at landmark {i + 1} or {j + 1} come in another order on the two surfaces: they "
+                "would cross; check the paths, or say --mirrored"
+            )
+        self.lay(i, j, both)
+
+    def lay_shortest(self, i: int, j: int) -> None:
+        """Add the shortest paths between two landmarks that touch no arc. Raises TopologyError where there
+        is none, or none in the same place among the others."""
+        for tracer in self.tracers:
+            tracer.split_chords()
+        both = self._paths(i, j)
+        if both is None:
+            raise TopologyError(
+                f"the path from landmark {i + 1} to {j + 1} crosses another one on one of the surfaces: "
+                "check the order of the paths, or leave it out"
+            )
         self.lay(i, j, both)
 
     def triangulate(self) -> None:
@@ -115,6 +150,7 @@ class Layout:
         self._greedy(pairs, joining=True)
         laid = {frozenset(e) for e in self.ends}
         self._greedy([p for p in pairs if frozenset(p) not in laid], joining=False)
+        self._finish()
         if any(len(r) != 3 for r in self.regions()):
             raise TopologyError(
                 "the landmarks have no common layout: the paths between them would cross on one of the "
@@ -129,11 +165,11 @@ class Layout:
             for i, j in pairs
         ]
         heapq.heapify(queue)
-        while queue and len(self.ends) < 2 * (3 * self.k - 6):
+        while queue and len(self.ends) < 2 * self._most:
             cost, i, j = heapq.heappop(queue)
             if joining and self.connected(i, j):
                 continue
-            if not joining and not self._share_region(i, j):
+            if not joining and not self._may_meet(i, j):
                 continue
             both = self._paths(i, j)
             if both is None:
@@ -142,11 +178,25 @@ class Layout:
             if queue and real > PATIENCE * max(cost, queue[0][0]):
                 heapq.heappush(queue, (real, i, j))
                 continue
-            self.lay(i, j, both)
-            for tracer in self.tracers:
-                tracer.split_chords()
+            if self._lay_if_same(i, j, both):
+                for tracer in self.tracers:
+                    tracer.split_chords()
 
-    def _share_region(self, i: int, j: int) -> bool:
+    @property
+    def _most(self) -> int:
+        """Arcs of a triangulation."""
+        return 3 * self.k - 6
+
+    def _lay_if_same(self, i: int, j: int, both: Both) -> bool:
+        """Lay an arc that does the same to both surfaces, as every one does on spheres."""
+        self.lay(i, j, both)
+        return True
+
+    def _finish(self) -> None:
+        """Cut what the shortest paths have left."""
+
+    def _may_meet(self, i: int, j: int) -> bool:
+        """Whether an arc between two landmarks can be laid: they lie on one region."""
         return any({i, j} <= {self.ends[arc][0] for arc in region} for region in self.regions())
 
     def _paths(self, i: int, j: int) -> Both | None:

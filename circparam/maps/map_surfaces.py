@@ -7,21 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.maps import landmarks as marking
-from circparam.maps.composition import composed, relaxed, start_of
-from circparam.maps.cones import signs
-from circparam.maps.distortion import Distortion, distortion
-from circparam.maps.domain import Domain, common_domain
+from circparam.maps.charts import add_charts
+from circparam.maps.distortion import Distortion, distortion, face_energies
+from circparam.maps.found import Found, on_sphere, with_handles
+from circparam.maps.guess import guess
 from circparam.maps.landmarks import Landmarks
+from circparam.maps.overlaid import refinement
 from circparam.maps.places import at_vertices, for_file, on_surface
+from circparam.maps.sheet import Sheet
 from circparam.maps.sides import Side, require_same, side_of
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
-from circparam.mesh.mesh import Mesh
+from circparam.mesh.mesh import Mesh, UVMap
 from circparam.solvers.tutte.weights import WEIGHTS
 
+POOR = 1.5  # mean distortion above which more landmarks are advised
 POSITIVE = "positive"  # what a row of WEIGHTS must be for its maps to be one to one
 
 
@@ -63,24 +66,37 @@ class MapResult:
         }
 
 
-def map_meshes(
-    a: Mesh,
-    b: Mesh,
-    pairs: IntArray | None = None,
-    *,
-    method: str = "mean-value",
-    mirrored: bool = False,
-    relax: bool = True,
-    monitor: Monitor | None = None,
-) -> MapResult:
-    """A one-to-one map between two surfaces of genus 0 with as many boundaries.
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What is given with two surfaces.
 
     pairs: (k, 2) vertices of a and b that correspond, counted from 0; None: guessed where the surfaces lie
-    alike. method: row of
-    WEIGHTS that is positive. mirrored: b is read as its mirror image. relax: False leaves the composed
-    convex maps as
-    they are. Raises TopologyError, InputError, OptionError, NoResultError.
+    alike. paths: sequences of vertices of a among the pairs; shortest paths between them are the first arcs
+    on both. layouts: of a and b, whose charts correspond. method: row of WEIGHTS that is positive.
+    mirrored: b is read as its mirror image. relax: False leaves the composed convex maps as they are.
+    overlay: the common refinement as well.
     """
+
+    pairs: IntArray | None = None
+    paths: list[list[int]] | None = None
+    layouts: tuple[UVMap, UVMap] | None = None
+    method: str = "mean-value"
+    mirrored: bool = False
+    relax: bool = True
+    overlay: bool = False
+
+
+STANDARD = Given()
+
+
+def map_meshes(
+    a: Mesh, b: Mesh, given: Given = STANDARD, monitor: Monitor | None = None
+) -> MapResult:
+    """A one-to-one map between two surfaces with as many handles and boundaries.
+
+    Raises TopologyError, InputError, OptionError, NoResultError.
+    """
+    method = given.method
     if method not in WEIGHTS.names() or POSITIVE not in WEIGHTS[method].tags:
         good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
         raise OptionError(
@@ -89,49 +105,53 @@ def map_meshes(
         )
     monitor = monitor or Monitor()
     with monitor.stage("repair"):
-        side_a, side_b = side_of(a, "A"), side_of(b, "B", mirrored)
+        side_a, side_b = side_of(a, "A"), side_of(b, "B", given.mirrored)
         require_same(side_a, side_b)
     with monitor.stage("landmarks"):
-        marks = _landmarks(pairs, side_a, side_b, mirrored)
-    domain = common_domain(side_a, side_b, marks, method, monitor)
-    with monitor.stage("compose"):
-        places = composed(side_a, side_b, marks, domain)
-        start = start_of(side_a, domain, places)
+        marks = _landmarks(given, side_a, side_b)
     notes = [f"{s.name}: {line}" for s in (side_a, side_b) for line in s.notes] + marks.notes
-    if relax:
-        found = relaxed(side_a, side_b, marks, domain, places, monitor)
-        if found is None:
-            notes.append(
-                "the relaxation left faces turned over in the common domain: "
-                "the map is the composition of the convex maps as they were"
-            )
-        domain = found or domain
+    make = with_handles if side_a.genus else on_sphere
+    found = make(side_a, side_b, marks, (method, given.relax), monitor)
+    if given.relax and not found.relaxed:
+        notes.append(
+            "the relaxation left faces turned over in the common domain: "
+            "the map is the composition of the convex maps as they were"
+        )
     with monitor.stage("check"):
-        checked = _Checked(side_a, side_b, marks, domain)
+        checked = _Checked(side_a, side_b, marks, found)
+    refined = None
+    if given.overlay:
+        with monitor.stage("overlay"):
+            refined = refinement(side_a, side_b, found)
     return MapResult(
-        checked.map(),
+        replace(checked.map(), overlay=refined),
         checked.a_to_b,
         checked.b_to_a,
-        start,
-        checked.inversions,
+        found.start,
+        found.inversions,
         len(checked.exact),
         checked.landmark_error,
         method,
         dict(monitor.seconds),
-        notes,
+        notes + checked.warnings(),
     )
 
 
-def _landmarks(pairs: IntArray | None, a: Side, b: Side, mirrored: bool) -> Landmarks:
-    if pairs is not None:
-        marks = marking.given_landmarks(pairs, a, b)
-        if not mirrored:
+def _landmarks(given: Given, a: Side, b: Side) -> Landmarks:
+    if given.pairs is not None:
+        marks = marking.given_landmarks(given.pairs, a, b)
+        if not given.mirrored:
             marking.refuse_mirrored(marks, a, b)
-    elif a.loops:
+    elif (a.loops and not a.genus) or given.layouts:
         marks = Landmarks()
     else:
-        marks = marking.guess(a, b)
-    marking.add_boundaries(marks, a, b)
+        marks = guess(a, b)
+    if given.paths:
+        marking.add_paths(marks, given.paths, a)
+    if given.layouts:
+        add_charts(marks, given.layouts, a, b)
+    else:
+        marking.add_boundaries(marks, a, b)
     if len(marks.a) < 3:
         raise InputError(
             f"{len(marks.a)} landmarks are too few for closed surfaces: give 3 or more pairs of vertices"
@@ -142,18 +162,13 @@ def _landmarks(pairs: IntArray | None, a: Side, b: Side, mirrored: bool) -> Land
 class _Checked:
     """What a map is worth, counted and measured from the domain that it goes through."""
 
-    def __init__(self, a: Side, b: Side, marks: Landmarks, domain: Domain) -> None:
+    def __init__(self, a: Side, b: Side, marks: Landmarks, found: Found) -> None:
         self.a, self.b = a, b
         exact = np.array(marks.exact, bool)
         self.exact = np.stack([np.array(marks.a)[exact], np.array(marks.b)[exact]], 1)
-        first, second = (
-            int((signs(q, s.faces)[s.parent >= 0] <= 0).sum())
-            for s, q in zip(domain.sheets, domain.spheres, strict=True)
-        )
-        self.inversions = first, second
-        self.to_b = _places(a, b, marks, domain, self.exact)
-        turned = replace(marks, a=marks.b, b=marks.a)
-        self.to_a = _places(b, a, turned, domain.turned(), self.exact[:, ::-1])
+        ends = self.exact, self.exact[:, ::-1]
+        self.to_b = _places(a, b, found.there, found.sheets[1], ends[0])
+        self.to_a = _places(b, a, found.back, found.sheets[0], ends[1])
         pa, pb = a.surface.vertex_points, b.surface.vertex_points
         self.there = self.to_b.of(pb, b.surface.corner_vertex)
         back = self.to_a.of(pa, a.surface.corner_vertex)
@@ -167,6 +182,22 @@ class _Checked:
         off = np.linalg.norm(self.there[self.exact[:, 0]] - goal, axis=1)
         return float(off.max(initial=0.0)) / self.b.size
 
+    def warnings(self) -> list[str]:
+        """What to do about a map that is far from an isometry."""
+        worst = max(self.a_to_b.mean, self.b_to_a.mean)
+        if worst <= POOR:
+            return []
+        energy = face_energies(
+            self.a.surface.vertex_points, self.a.surface.corner_vertex, self.there
+        )
+        weight = energy * self.a.surface.areas
+        vertex = self.a.surface.corner_vertex[int(weight.argmax()), 0]
+        number = int(np.flatnonzero(self.a.vertex == vertex)[0])
+        return [
+            f"the map is far from an isometry (mean distortion {worst:.3g}, 1 is one), most of all near vertex "
+            f"{number} of A: add a landmark there and at the end of every long thin part"
+        ]
+
     def map(self) -> SurfaceMap:
         """By the vertices and faces of the files."""
         return SurfaceMap(
@@ -177,8 +208,9 @@ class _Checked:
         )
 
 
-def _places(a: Side, b: Side, marks: Landmarks, domain: Domain, exact: IntArray) -> Places:
+def _places(
+    a: Side, b: Side, found: tuple[IntArray, FloatArray], sheet: Sheet, exact: IntArray
+) -> Places:
     """Where the vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
-    face, w = composed(a, b, marks, domain)
-    places = on_surface(face, w, domain.sheets[1])
+    places = on_surface(found[0][: a.n], found[1][: a.n], sheet)
     return at_vertices(places, exact[:, 0], exact[:, 1], b.surface.corner_vertex)

@@ -89,28 +89,28 @@ def _untangled(sheet: Sheet, q: FloatArray, fixed: BoolArray, rings: int) -> Flo
         frame = np.linalg.svd(centre[None])[2][1:]
         frame[1] *= np.sign(np.linalg.det(np.stack([frame[0], frame[1], centre])))
         uv = (q[vertices] @ frame.T) / high[:, None]
-        part = _part(sheet, f, local.reshape(-1, 3))
-        scale = (
-            np.abs(
-                cross2(
-                    uv[part.faces[:, 1]] - uv[part.faces[:, 0]],
-                    uv[part.faces[:, 2]] - uv[part.faces[:, 0]],
-                )
-            ).sum()
-            / 2
-        )
-        unit = np.sqrt(float(part.areas.sum()) / max(scale, 1e-300))
-        held = fixed[vertices].copy()
-        held[part.faces.ravel()[part.boundary]] = True
-        found, _ = untangle(part, uv * unit, held)
-        new = (found / unit) @ frame + centre
+        found, held = untangled_flat(part_of(sheet, f, local.reshape(-1, 3)), uv, fixed[vertices])
+        new = found @ frame + centre
         new[held] = q[vertices][held]
         out[vertices] = new / np.linalg.norm(new, axis=1)[:, None]
         out[vertices[held]] = q[vertices[held]]
     return out
 
 
-def _part(sheet: Sheet, faces: IntArray, local: IntArray) -> CutMesh:
+def untangled_flat(part: CutMesh, uv: FloatArray, fixed: BoolArray) -> tuple[FloatArray, BoolArray]:
+    """(uv (k, 2) of a patch by the foldover-free energy, its boundary and ``fixed`` held; what was held)."""
+    corners = uv[part.faces]
+    scale = float(
+        np.abs(cross2(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).sum() / 2
+    )
+    unit = np.sqrt(float(part.areas.sum()) / max(scale, 1e-300))
+    held = fixed.copy()
+    held[part.faces.ravel()[part.boundary]] = True
+    found, _ = untangle(part, uv * unit, held)
+    return found / unit, held
+
+
+def part_of(sheet: Sheet, faces: IntArray, local: IntArray) -> CutMesh:
     """Some faces of a sheet as one chart; local: their vertices numbered anew."""
     number = np.full(len(sheet.faces), -1)
     number[faces] = np.arange(len(faces))

@@ -17,7 +17,9 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs
 from circparam.core.clock import tick
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
-from circparam.maps.cones import all_counter_clockwise
+from circparam.maps.base import Geometry
+from circparam.maps.cones import counter_clockwise
+from circparam.maps.cover import Development
 from circparam.maps.targets import Spot, Target
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
@@ -27,6 +29,7 @@ HALVINGS = 12
 RIDGE = 1e-8
 WORSE = 1.5
 LOCAL = 8
+STILL = 12  # further times that such vertices stay where they are, and those of the faces that turn over then
 HOLDS = 3
 PATIENCE = 3
 SHORT = 0.1  # times that the steps of single vertices are halved where faces would turn over
@@ -52,8 +55,12 @@ class Relaxation:
         target: Target,
         fixed: BoolArray,
         weight: FloatArray,
+        development: Development | None = None,
+        geometry: Geometry | None = None,
     ) -> None:
+        """development: of a sheet over a surface with handles; geometry: where it is relaxed in that itself."""
         self.target, self.fixed, self.faces, self.n = target, fixed, faces, len(fixed)
+        self.development, self.geometry = development, geometry
         self.counts = np.flatnonzero(weight > 0)
         self.corners = faces[self.counts].T.copy()
         part = CutMesh(faces[self.counts], rest[self.counts], faces[self.counts, 0], faces[:0, :2])
@@ -85,8 +92,8 @@ class Relaxation:
         self.start = np.searchsorted(key[by[head]], np.arange(n + 1) * n).astype(np.int32)
 
     def jacobians(self, spot: Spot) -> tuple[FloatArray, FloatArray]:
-        """((2, 2, m) of each face that counts onto its triangle on the target, (m, 2, 3) the axes there)."""
-        p = spot.points[self.corners]
+        """((2, 2, m) of each face that counts onto its triangle on the target, (m, 2, d) the axes there)."""
+        p = self._points(spot)
         d, e = p[1] - p[0], p[2] - p[0]
         long = np.linalg.norm(d, axis=1)
         x = d / np.maximum(long, 1e-300)[:, None]
@@ -99,6 +106,37 @@ class Relaxation:
         jacobian[0] = long * g[:, 1] + along * g[:, 2]
         jacobian[1] = high * g[:, 2]
         return jacobian, np.stack([x, y], 1)
+
+    def _points(self, spot: Spot) -> FloatArray:
+        """(3, m, d) the corners of each face that counts: on the target, or flat round the middle of the
+        face."""
+        if self.geometry is None:
+            result: FloatArray = spot.points[self.corners]
+            return result
+        scale = spot.points[0, 2] / spot.sphere[0, 2]
+        return self._flat(spot)[0].transpose(1, 0, 2) * float(scale)
+
+    def _frames(self, spot: Spot) -> FloatArray:
+        """(3, m, d, 2) how the corners move with the steps of their vertices."""
+        if self.geometry is None:
+            result: FloatArray = spot.frame[self.corners]
+            return result
+        return self._flat(spot)[1].transpose(1, 0, 2, 3)
+
+    def _flat(self, spot: Spot) -> tuple[FloatArray, FloatArray]:
+        if self.development is None or self.geometry is None:
+            raise TypeError("only a sheet over a surface with handles is laid flat")
+        corners, frames = (
+            self.development.corners(x)[self.counts] for x in (spot.sphere, spot.frame)
+        )
+        return self.geometry.flat(corners, frames)
+
+    def cones(self, spot: Spot) -> FloatArray:
+        """(m, 3, 3) the faces in the domain."""
+        if self.development is None:
+            result: FloatArray = spot.sphere[self.faces]
+            return result
+        return self.development.corners(spot.sphere)
 
     def face_energy(self, spot: Spot) -> FloatArray:
         """(m,) the energy of each face that counts."""
@@ -115,7 +153,7 @@ class Relaxation:
         jacobian, axes = self.jacobians(spot)
         n = self.n
         # a corner's frame in the axes of its face; fixed vertices do not move
-        into = np.einsum("mad,cmdb->cabm", axes, spot.frame[self.corners])
+        into = np.einsum("mad,cmdb->cabm", axes, self._frames(spot))
         into *= ~(self.fixed | held)[self.corners][:, None, None]
         p = dirichlet.gradient(jacobian) * self.weight
         q = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]  # (2, 3, m)
@@ -159,7 +197,7 @@ class Relaxation:
     def upright(self, spot: Spot) -> BoolArray:
         """(m,) bool: the face is not turned over, on the sphere where it is guarded, else on the target."""
         if self.guard:
-            return all_counter_clockwise(spot.sphere, self.faces)
+            return counter_clockwise(self.cones(spot))
         p, normal = spot.points[self.corners], spot.normals()[self.corners].sum(0)
         out = np.ones(len(self.faces), bool)
         out[self.counts] = (np.cross(p[1] - p[0], p[2] - p[0]) * normal).sum(1) > 0
@@ -169,7 +207,10 @@ class Relaxation:
         """Newton's steps from directions q (n, 3), with every face counter-clockwise, until they gain
         little.
         """
-        spot = self.target.at(q)
+        return self.run_from(self.target.at(q), steps, tolerance, monitor)
+
+    def run_from(self, spot: Spot, steps: int, tolerance: float, monitor: Monitor) -> Moved:
+        """As ``run``, from places that are known."""
         energy = self.energy(spot)
         done = small = 0
         for _ in range(steps):
@@ -201,18 +242,19 @@ class Relaxation:
             if found is not None:
                 return (*found, -slope / 2)
             trial = self.target.moved(spot, SHORT * d)
-            bad = ~all_counter_clockwise(trial.sphere, self.faces)
+            bad = ~counter_clockwise(self.cones(trial))
             if not bad.any():
                 break
             held[self.faces[bad]] = True
         return None
 
     def _line_search(self, spot: Spot, d: FloatArray, energy: float) -> tuple[Spot, float] | None:
-        """The step d, of single vertices shortened where faces turn over or get much worse, then as a whole."""
+        """The step d, of single vertices shortened where faces turn over or get much worse, then without
+        these, then as a whole."""
         whole, d = d, d.copy()
         before, good = self.face_energy(spot), self.upright(spot)
-        for k in range(LOCAL + HALVINGS):
-            if k == LOCAL:
+        for k in range(LOCAL + STILL + HALVINGS):
+            if k == LOCAL + STILL:
                 d = whole
             there = self.target.moved(spot, d)
             bad = ~self.upright(there) & good
@@ -220,10 +262,10 @@ class Relaxation:
             after = float((value * self.weight).sum())
             if not bad.any() and after < energy:
                 return there, after
-            if k < LOCAL:
+            if k < LOCAL + STILL:
                 bad[self.counts[value > self.worse * before + 1]] = True
-            if bad.any() and k < LOCAL:
-                d[np.unique(self.faces[bad])] /= 2
+            if bad.any() and k < LOCAL + STILL:
+                d[np.unique(self.faces[bad])] *= 0.5 if k < LOCAL else 0.0
             else:
                 d = d / 2
         return None

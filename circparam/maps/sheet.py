@@ -19,13 +19,15 @@ class Sheet:
 
     parent (m,): the face of the surface that each face is a part of, −1 where it closes a boundary.
     corners (m, 3, 3): barycentric coordinates of its corners in that face. The vertices of the surface come
-    first, then the tips of the cones over its boundaries, then those that split edges.
+    first, then the tips of the cones over its boundaries, then those that split edges. origin (m,): the face of
+    the sheet before its edges were split.
     """
 
     points: FloatArray
     faces: IntArray
     parent: IntArray
     corners: FloatArray
+    origin: IntArray
 
     @property
     def n(self) -> int:
@@ -152,6 +154,7 @@ class Sheet:
             np.concatenate([faces, new_faces]),
             np.concatenate([self.parent, self.parent[f]]),
             np.concatenate([corners, new_corners]),
+            np.concatenate([self.origin, self.origin[f]]),
         )
         return (
             sheet,

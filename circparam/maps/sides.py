@@ -19,7 +19,7 @@ from circparam.mesh.surface import Surface
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """A connected surface of genus 0, with or without boundaries.
+    """A connected surface, with or without boundaries.
 
     name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices
     those of the
@@ -41,6 +41,7 @@ class Side:
     scale: float
     winding: IntArray
     notes: list[str]
+    genus: int = 0
 
     @property
     def n(self) -> int:
@@ -69,12 +70,12 @@ class Side:
 def side_of(mesh: Mesh, name: str, mirrored: bool = False, weld: float = 0.0) -> Side:
     """Prepare one side of a map. mirrored: read every face the other way round.
 
-    Raises TopologyError where the mesh is no single surface of genus 0 whose edges have two faces at most.
+    Raises TopologyError where the mesh is no single surface whose edges have two faces at most.
     """
     surface, report = repair(mesh, RepairOptions(weld))
     if mirrored:
         surface = _mirrored(surface)
-    cut_mesh = _checked(surface, name)
+    cut_mesh, genus = _checked(surface, name)
     loops = [
         cut_mesh.faces.ravel()[cut_mesh.loops.half_edges[a:b]]
         for a, b in zip(cut_mesh.loops.start[:-1], cut_mesh.loops.start[1:], strict=True)
@@ -103,6 +104,7 @@ def side_of(mesh: Mesh, name: str, mirrored: bool = False, weld: float = 0.0) ->
         report.scale,
         winding,
         list(report.messages),
+        genus,
     )
 
 
@@ -122,8 +124,8 @@ def _mirrored(surface: Surface) -> Surface:
     )
 
 
-def _checked(surface: Surface, name: str) -> CutMesh:
-    """The uncut mesh of a surface that a map can be made for."""
+def _checked(surface: Surface, name: str) -> tuple[CutMesh, int]:
+    """(the uncut mesh of a surface that a map can be made for, its genus)."""
     number, _ = surface.components
     if number != 1:
         raise TopologyError(
@@ -132,13 +134,7 @@ def _checked(surface: Surface, name: str) -> CutMesh:
     cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
     loops = len(cut_mesh.loops.chart)
     genus = int(2 - loops - cut_mesh.euler()[0]) // 2
-    if genus:
-        raise TopologyError(
-            f"{name}: genus {genus} with {counted(loops, 'boundary')}; maps are made between "
-            "surfaces of genus 0 (spheres and disks, with or without holes): "
-            "cut both open along corresponding loops first"
-        )
-    return cut_mesh
+    return cut_mesh, genus
 
 
 def closed_sheet(
@@ -163,12 +159,18 @@ def closed_sheet(
         np.concatenate([faces, *more]),
         np.r_[np.arange(m), np.full(closing, -1)],
         np.broadcast_to(np.eye(3), (m + closing, 3, 3)).copy(),
+        np.arange(m + closing),
     )
     return sheet, n + np.arange(len(loops))
 
 
 def require_same(a: Side, b: Side) -> None:
-    """Raise TopologyError unless both have as many boundaries."""
+    """Raise TopologyError unless both have as many handles and boundaries."""
+    if a.genus != b.genus:
+        raise TopologyError(
+            f"{a.name} has genus {a.genus} and {b.name} {b.genus}: a map needs the same topology; "
+            "circparam check tells more of both"
+        )
     if len(a.loops) != len(b.loops):
         raise TopologyError(
             f"{a.name} has {counted(len(a.loops), 'boundary')} and {b.name} {len(b.loops)}: "

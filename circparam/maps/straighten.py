@@ -18,6 +18,9 @@ from circparam.maps.mend import row_weights
 from circparam.maps.tracing import Tracer, shares
 
 NEAREST = 0.05  # of an edge: how near to its ends it is split
+BESIDE = (
+    1e-6  # how far beside the diagonal an arc runs: on regular meshes vertices lie on it exactly
+)
 
 
 def straighten(layout: Layout, weights: str, first: int) -> None:
@@ -97,7 +100,7 @@ class _Straightener:
         h, pair = h[same], pair[same]
         a, b = sheet.faces.ravel()[h], sheet.faces[:, [1, 2, 0]].ravel()[h]
         pa, pb = self._at(uv, of, pair, a), self._at(uv, of, pair, b)
-        sa, sb = pa[:, 0] - pa[:, 1], pb[:, 0] - pb[:, 1]
+        sa, sb = pa[:, 0] - pa[:, 1] - BESIDE, pb[:, 0] - pb[:, 1] - BESIDE
         ends = np.array([self.layout.ends[arc] for arc in self.arcs])
         ends = self.tracer.marks[ends][pair]
         cross = ((sa > 0) != (sb > 0)) & (a[:, None] != ends).all(1) & (b[:, None] != ends).all(1)
@@ -117,8 +120,9 @@ class _Straightener:
             own = order[pair[order] == number]
             i, j = self.tracer.marks[list(self.layout.ends[arc])]
             path = np.concatenate([[i], vertex[own], [j]])
-            if (new.half_edges(path[:-1], path[1:]) >= 0).all():
-                self.tracer.replace(arc, path, *self.layout.ends[arc])
+            if (new.half_edges(path[:-1], path[1:]) < 0).any():
+                path = _with_middles(self.tracer.arcs[arc], middle, n)
+            self.tracer.replace(arc, path, *self.layout.ends[arc])
         self.tracer.mark_arcs()
 
     def _flat(self, weights: str) -> tuple[FloatArray, IntArray]:
@@ -158,6 +162,19 @@ class _Straightener:
         fixed = of[vertices] < 0
         out[fixed] = self._known(pair[fixed], vertices[fixed])
         return out
+
+
+def _with_middles(path: IntArray, middle: IntArray, n: int) -> IntArray:
+    """A path after some of its edges were split; middle: as ``Sheet.split`` returns it."""
+    low, high = np.minimum(path[:-1], path[1:]), np.maximum(path[:-1], path[1:])
+    out = np.full(2 * len(path) - 1, -1)
+    out[::2] = path
+    if len(middle):
+        at = np.minimum(np.searchsorted(middle[:, 0], low * n + high), len(middle) - 1)
+        found = middle[at, 0] == low * n + high
+        out[1::2][found] = middle[at[found], 1]
+    result: IntArray = out[out >= 0]
+    return result
 
 
 _CORNERS = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])

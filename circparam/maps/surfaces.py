@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from typing import TypeAlias
+from collections.abc import Sequence
+from typing import TypeAlias, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -12,13 +13,23 @@ from circparam.core.monitor import Listener, Monitor
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.io import read
-from circparam.formats.sidecars import read_landmarks
-from circparam.maps.map_surfaces import MapResult, map_meshes
-from circparam.mesh.mesh import Mesh
+from circparam.formats.sidecars import read_landmarks, read_paths
+from circparam.maps.map_surfaces import STANDARD, Given, MapResult, map_meshes
+from circparam.mesh.mesh import Mesh, UVMap
 
 Surface: TypeAlias = (
     "Mesh | Document | str | os.PathLike[str] | tuple[npt.ArrayLike, npt.ArrayLike]"
 )
+
+
+class Keywords(TypedDict, total=False):
+    """Further arguments of ``map_surfaces``, which tells about them."""
+
+    method: str
+    mirrored: bool
+    relax: bool
+    overlay: bool
+    listener: Listener | None
 
 
 def map_surfaces(
@@ -26,22 +37,23 @@ def map_surfaces(
     b: Surface,
     *,
     landmarks: npt.ArrayLike | str | os.PathLike[str] | None = None,
-    method: str = "mean-value",
-    mirrored: bool = False,
-    relax: bool = True,
-    listener: Listener | None = None,
+    paths: Sequence[Sequence[int]] | None = None,
+    charts: bool = False,
+    **keywords: Unpack[Keywords],
 ) -> MapResult:
-    """A one-to-one map between two surfaces of genus 0 with as many boundaries: spheres and disks, with or
-    without holes.
+    """A one-to-one map between two connected surfaces with as many handles and boundaries.
 
     a, b: a file, a Document, a Mesh, or (points, faces). landmarks: (k, 2) pairs of vertices of a and b that
     the map
     takes to each other exactly, counted from 0, or a file with a pair on each line; None: surfaces that lie
     alike get
-    some from their alignment. method: the weights of the convex maps, any that are positive (circle,
-    mean-value, floater,
-    uniform). mirrored: b is the mirror image of what is meant. relax: False keeps the composition of the
-    convex maps.
+    some from their alignment. paths: sequences of vertices of a that are landmarks; the shortest paths
+    between them are the first cuts on both (a file of landmarks may hold lines ``path 1 2 3 1``); handles
+    are cut by shortest paths between landmarks where none are given. charts: both files have uv whose
+    charts correspond, which are mapped chart on chart. method: the weights of the convex maps, any that are
+    positive (circle, mean-value, floater, uniform). mirrored: b is the mirror image of what is meant.
+    relax: False keeps the composition of the convex maps. overlay: True adds the common refinement of both
+    (``map.overlay``), of closed surfaces.
 
     Returns a MapResult: ``map`` (a SurfaceMap; ``circparam.save_map`` writes it), distortion both ways,
     inversions.
@@ -51,9 +63,10 @@ def map_surfaces(
     NoResultError
     where double precision cannot hold the map.
     """
-    pairs = None
+    pairs, ways = None, [[int(v) for v in path] for path in paths or []]
     if isinstance(landmarks, (str, os.PathLike)):
         pairs = read_landmarks(landmarks)
+        ways += read_paths(landmarks)
     elif landmarks is not None:
         given = np.asarray(landmarks)
         if given.ndim != 2 or given.shape[1] != 2 or not np.issubdtype(given.dtype, np.integer):
@@ -61,15 +74,33 @@ def map_surfaces(
                 f"landmarks have shape {given.shape} and type {given.dtype}: (k, 2) whole numbers are needed"
             )
         pairs = given.astype(np.int64)
-    return map_meshes(
-        _mesh(a),
-        _mesh(b),
+    if ways and pairs is None:
+        raise InputError("paths lead from landmark to landmark, and no landmarks are given")
+    meshes = _mesh(a), _mesh(b)
+    layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
+    unknown = set(keywords) - set(Keywords.__annotations__)
+    if unknown:
+        raise TypeError(f"map_surfaces has no argument {sorted(unknown)[0]!r}")
+    wanted = Given(
         pairs,
-        method=method,
-        mirrored=mirrored,
-        relax=relax,
-        monitor=Monitor(listener),
+        ways,
+        layouts,
+        keywords.get("method", STANDARD.method),
+        keywords.get("mirrored", STANDARD.mirrored),
+        keywords.get("relax", STANDARD.relax),
+        keywords.get("overlay", STANDARD.overlay),
     )
+    return map_meshes(*meshes, wanted, Monitor(keywords.get("listener")))
+
+
+def _layout(surface: Surface, name: str) -> UVMap:
+    """The first uv set of a document."""
+    if isinstance(surface, (str, os.PathLike)):
+        surface = read(surface)
+    found = surface.uv() if isinstance(surface, Document) else None
+    if found is None:
+        raise InputError(f"{name}: it has no uv, and --charts needs the charts of both surfaces")
+    return found
 
 
 def _mesh(surface: Surface) -> Mesh:

@@ -8,21 +8,26 @@ from typing import Protocol
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.maps.base import Geometry
 from circparam.maps.cones import Locator
+from circparam.maps.sheet import Sheet
 
 CROSSINGS = 60  # edges that one step crosses at most
+FARTHEST = 0.5  # step in the hyperbolic plane, in radii of curvature
 
 
 @dataclass(frozen=True, eq=False)
 class Spot:
     """Where vertices are. sphere (n, 3): their directions; points (n, 3) on the target; frame (n, 3, 2): two
-    tangents there, orthonormal; face (n,) and weights (n, 3): the place, None on the sphere itself."""
+    tangents there, orthonormal; face (n,) and weights (n, 3): the place, None on the sphere itself; turn
+    (n, 3, 3): where the target has handles, from the frame of the face to that of the vertex."""
 
     sphere: FloatArray
     points: FloatArray
     frame: FloatArray
     face: IntArray | None = None
     weights: FloatArray | None = None
+    turn: FloatArray | None = None
 
     @property
     def place(self) -> tuple[IntArray, FloatArray]:
@@ -73,10 +78,42 @@ class Sphere:
         return self.at(q)
 
 
-class SheetTarget:
-    """Another sheet, its vertices on the sphere. scale: by what its points are multiplied."""
+class Plane:
+    """The geometry of a surface with handles itself, at a given scale."""
 
-    def __init__(self, locator: Locator, scale: float) -> None:
+    def __init__(self, geometry: Geometry, scale: float) -> None:
+        self.geometry, self.scale = geometry, scale
+
+    def at(self, q: FloatArray) -> Spot:
+        """The place itself."""
+        return Spot(q, q * self.scale, self.geometry.tangents(q))
+
+    def moved(self, spot: Spot, d: FloatArray) -> Spot:
+        """Along the tangent, back onto the hyperboloid."""
+        long = np.linalg.norm(d, axis=1) / (FARTHEST * self.scale)
+        step = np.einsum("nab,nb->na", spot.frame, d / np.maximum(long, 1.0)[:, None]) / self.scale
+        still = (d == 0).all(1)[:, None]
+        return self.at(np.where(still, spot.sphere, self.geometry.normal(spot.sphere + step)))
+
+
+class Domain(Protocol):
+    """A sheet over its domain: the sphere, or the geometry of a surface with handles."""
+
+    @property
+    def sheet(self) -> Sheet:
+        """The sheet."""
+
+    def direction(self, face: IntArray, w: FloatArray) -> FloatArray:
+        """(k, 3) vectors of places with weights (k, 3) in faces."""
+
+    def crossed(self, turn: FloatArray, who: IntArray, half_edge: IntArray) -> None:
+        """Places ``who`` go across half-edges: their turns go on, in place."""
+
+
+class SheetTarget:
+    """Another sheet over the domain. scale: by what its points are multiplied."""
+
+    def __init__(self, locator: Domain, scale: float) -> None:
         self.locator = locator
         self.faces = locator.sheet.faces
         self.twin = locator.sheet.twin
@@ -94,17 +131,23 @@ class SheetTarget:
 
     def at(self, q: FloatArray) -> Spot:
         """The point of the sheet in each direction, with the plane of its face."""
+        if not isinstance(self.locator, Locator):
+            raise TypeError("a place over a surface with handles is found from a face near it")
         face, w = self.locator.find(q)
-        return self._spot(q, face, w)
+        return self.spot(q, face, w)
 
-    def _spot(self, q: FloatArray, face: IntArray, w: FloatArray) -> Spot:
+    def spot(
+        self, q: FloatArray, face: IntArray, w: FloatArray, turn: FloatArray | None = None
+    ) -> Spot:
+        """The points with weights in faces."""
         points = np.einsum("nc,ncd->nd", w, self.corners[face])
-        return Spot(q, points, self.frames[face], face, w)
+        return Spot(q, points, self.frames[face], face, w, turn)
 
     def moved(self, spot: Spot, d: FloatArray) -> Spot:
         """Straight over the sheet: at every edge the way goes on as if the two faces were one plane."""
         face, w = spot.place
         face, w = face.copy(), w.copy()
+        turn = None if spot.turn is None else spot.turn.copy()
         way = np.einsum("nab,nb->na", spot.frame, d)
         going = np.flatnonzero((d != 0).any(1))
         moves = going
@@ -124,12 +167,14 @@ class SheetTarget:
             if len(going) == 0:
                 break
             way[going] *= (1 - share)[:, None]
+            if turn is not None:
+                self.locator.crossed(turn, going, 3 * face[going] + (k + 1) % 3)
             self._cross(going, k, face, w, way)
         w /= w.sum(1, keepdims=True)
         q = spot.sphere.copy()
-        q[moves] = np.einsum("nc,ncd->nd", w[moves], self.locator.cones[face[moves]])
-        q[moves] /= np.linalg.norm(q[moves], axis=1)[:, None]
-        return self._spot(q, face, w)
+        there = self.locator.direction(face[moves], w[moves])
+        q[moves] = there if turn is None else np.einsum("nij,nj->ni", turn[moves], there)
+        return self.spot(q, face, w, turn)
 
     def _cross(
         self, going: IntArray, k: IntArray, face: IntArray, w: FloatArray, way: FloatArray

@@ -57,6 +57,25 @@ class Tracer:
         self.steps[i][int(path[1])] = arc
         self.steps[j][int(path[-2])] = arc ^ 1
 
+    def take_back(self, arc: int, i: int, j: int) -> None:
+        """Take an arc between landmarks i and j away again."""
+        del self.arcs[arc], self.arcs[arc ^ 1]
+        for at, way in ((i, arc), (j, arc ^ 1)):
+            self.steps[at] = {v: name for v, name in self.steps[at].items() if name != way}
+        self.mark_arcs()
+
+    def add_landmark(self, vertex: int) -> None:
+        """A further landmark, which no path touches from now on."""
+        self.marks = np.r_[self.marks, vertex]
+        self.steps.append({})
+        self.on[vertex] = True
+        far = self._distances(vertex)
+        self.distance = np.block([[self.distance, far[:-1, None]], [far[None]]])
+
+    def from_arcs(self) -> FloatArray:
+        """(n,) distance of each vertex from the nearest arc or landmark, along edges."""
+        return distances(self._graph, np.flatnonzero(self.on))
+
     def on_arcs(self) -> BoolArray:
         """(3m,) bool: half-edges that lie on an arc."""
         out = np.zeros(3 * len(self.sheet.faces), bool)

@@ -18,6 +18,8 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import pattern_of
 
+MOSTLY = 0.5  # share of the faces in charts with flips, above which the factor of all charts serves again
+
 
 def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
     """(nv, nv) cotangent Laplacian of all charts, positive semidefinite, from the rest triangles alone."""
@@ -65,35 +67,56 @@ def from_jacobians(
     again = flipped & ~(mean > hopeless)
     if not (untangle and again.any()):
         return uv, ~flipped
+    if again[cut_mesh.chart].mean() > MOSTLY:
+        uv, flipped[again] = _untangled(solver, jacobian, uv, again, untangle, low)
+        return uv, ~flipped
     part, vertices, faces = cut_mesh.subset(again)
     if held is not None:
         number = np.full(cut_mesh.n_vertices, -1)
         number[vertices] = np.arange(len(vertices))
         inside = again[cut_mesh.vertex_chart[held[0]]]
         held = number[held[0][inside]], held[1][inside]
-    uv[vertices], fine = _untangled(
-        Poisson(part, held), jacobian[:, :, faces], uv[vertices], untangle, low
+    uv[vertices], flipped[again] = _untangled(
+        Poisson(part, held),
+        jacobian[:, :, faces],
+        uv[vertices],
+        np.ones(part.n_charts, bool),
+        untangle,
+        low,
     )
-    flipped[again] = ~fine
     return uv, ~flipped
 
 
 def _untangled(
-    solver: Poisson, jacobian: FloatArray, uv: FloatArray, rounds: int, low: float
+    solver: Poisson,
+    jacobian: FloatArray,
+    uv: FloatArray,
+    which: BoolArray,
+    rounds: int,
+    low: float,
 ) -> tuple[FloatArray, BoolArray]:
-    """As ``from_jacobians``, for charts that all have flipped faces."""
+    """As ``from_jacobians``, for charts ((n,) bool) that have flipped faces: (layout, which still do)."""
     chart, vertex_chart = solver.cut_mesh.chart, solver.cut_mesh.vertex_chart
-    flipped = np.ones(solver.cut_mesh.n_charts, bool)
+    flipped = which.copy()
     targets = np.zeros_like(jacobian)
     for _ in range(rounds):
         again = flipped[chart]
         targets[:, :, again] = clamp_stretch(jacobian[:, :, again], low)
         moving = flipped[vertex_chart]
         uv = np.where(moving[:, None], solver.layout(targets), uv)
-        jacobian, flipped = solver.judged(uv)
+        jacobian, found = solver.judged(uv)
+        flipped &= found
         if not flipped.any():
             break
-    return uv, ~flipped
+    return uv, flipped[which]
+
+
+def divergence(cut_mesh: CutMesh, gradients: FloatArray, targets: FloatArray) -> FloatArray:
+    """(nv, 2) the Laplacian of the layout with these Jacobians (2, 2, m); gradients: (2, 3, m)."""
+    n, flat = cut_mesh.n_vertices, cut_mesh.faces.T.ravel()
+    flux = targets * cut_mesh.areas
+    corner = flux[:, 0, None] * gradients[0] + flux[:, 1, None] * gradients[1]
+    return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
 
 
 class Poisson:
@@ -130,12 +153,8 @@ class Poisson:
 
     def layout(self, targets: FloatArray) -> FloatArray:
         """(nv, 2) the layout for these Jacobians (2, 2, m)."""
-        n, g = self.cut_mesh.n_vertices, self.gradients
-        flux = targets * self.cut_mesh.areas
-        corner = flux[:, 0, None] * g[0] + flux[:, 1, None] * g[1]
-        flat = self.corners.ravel()
-        right = np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
-        uv = np.zeros((n, 2))
+        right = divergence(self.cut_mesh, self.gradients, targets)
+        uv = np.zeros((self.cut_mesh.n_vertices, 2))
         if self.held is None:
             order = self.pattern.order
             uv[order] = self.factor.solve(right[order])

@@ -18,7 +18,7 @@ from circparam.formats.gltf.normals import with_frames
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.source import Source
 from circparam.geometry.shading import corner_normals, unit
-from circparam.maps.map_surfaces import map_meshes
+from circparam.maps.map_surfaces import Given, map_meshes
 from circparam.maps.surface_map import SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.baking import sample_back, sheet, some_places, write_obj
@@ -308,7 +308,7 @@ def test_a_texture_through_a_map_that_was_computed(tmp_path: Path):
     source = stored(tmp_path, "b", b, cube_layout(b), mtl="m.mtl")
     layout = cube_layout(a)
     target = stored(tmp_path, "a", a, layout)
-    found = map_meshes(a, b, marks(a, b))
+    found = map_meshes(a, b, Given(marks(a, b)))
     across = Across(found.map)
     baked = bake_document(target, "texture", source=source, across=across, size=512)
     face, bary = some_places(len(a.faces), 20000)

@@ -87,11 +87,11 @@ def baked_colour(document: Document, baked: Baked) -> Colour:
 
 def known(a: str, b: str, landmarks: str) -> SurfaceMap:
     """The map between two samples."""
-    from circparam.maps.map_surfaces import map_meshes
+    from circparam.maps.map_surfaces import Given, map_meshes
 
     (path,) = [p for p in samples.files(landmarks) if p.name.endswith(".landmarks.txt")]
     pairs = np.loadtxt(path, dtype=np.int64)
-    return map_meshes(samples.load(a).mesh, samples.load(b).mesh, pairs).map
+    return map_meshes(samples.load(a).mesh, samples.load(b).mesh, Given(pairs)).map
 
 
 def morphed(

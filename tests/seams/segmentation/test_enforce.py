@@ -7,13 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.segmentation import enforce as module
 from circparam.seams.segmentation import grow
-from circparam.seams.segmentation.enforce import enforce, lay_out_sound, unstick
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
+from circparam.seams.segmentation.enforce import below, enforce, unstick
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh, lay_out_sound
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
@@ -121,6 +122,33 @@ def test_a_closed_shape_ends_in_good_disks_whatever_the_bound(bound: float) -> N
     assert (after.cut_mesh.n_charts > count) == (laid.energy.max() > 1 + (bound - 1) * 1.6)
 
 
+def test_what_is_left_of_many_faces_is_gone_on_with_in_parts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each part holds whole charts that are bad, all together all of them, and the bound holds in the end."""
+    monkeypatch.setattr(workers, "PARTED", 200)
+    monkeypatch.setattr(workers, "PART_FACES", 60)
+    surface = surface_of(*shapes.icosphere(3))
+    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
+    laid = lay_out_fresh(atlas, None, GAPS)
+    calls, hold_part = [], module.hold_part
+
+    def told(part: Atlas, held: object, monitor: Monitor) -> Atlas:
+        start = judged(part)
+        assert start.bad(1.0015).all()
+        calls.append(len(part.surface.faces))
+        done = hold_part(part, held, monitor)
+        assert not judged(done).bad(1.0015).any()
+        return done
+
+    monkeypatch.setattr(module, "hold_part", told)
+    enforce(atlas, grow.dual_graph(surface), laid, 1.0015, GAPS, Monitor())
+    after = judged(atlas)
+    assert len(calls) > 1
+    assert not after.bad(1.0015).any()
+    assert not not_disks(after.cut_mesh).any()
+
+
 def test_good_charts_and_single_cells_are_left_as_they_are() -> None:
     atlas = as_it_lies(uncut(*shapes.grid(5, 5)))
     before = atlas.corners.copy()
@@ -189,6 +217,47 @@ def test_layouts_of_any_kind_become_sound_ones(wild: str) -> None:
         # what was untangled is relaxed for some steps, not to the end
         worst = 1.2 if wild in ("flipped", "folded") else 1.001
         assert (chart_energies(cut_mesh, out) <= worst * good).all()
+
+
+@pytest.mark.parametrize(("share", "reached"), [(1.05, True), (0.9, False)])
+def test_what_was_relaxed_too_little_is_relaxed_to_below_the_bound(
+    share: float, reached: bool
+) -> None:
+    """Two bumps: one is laid out well, of the other the layout is stretched; seams are added to neither."""
+    bump = shapes.bumped_disk(600, 0.5)
+    _, least = relaxed(bump)
+    bound = 1 + (least - 1) * share
+    atlas = uncut(*shapes.row_of(bump, 2))
+    laid = lay_out_fresh(atlas, None, RelaxOptions(tolerance=1e-10, max_iterations=200))
+    second = laid.cut_mesh.vertex_chart == 1
+    uv = laid.uv * np.where(second[:, None], [1.2, 1 / 1.2], 1.0)
+    first = np.where(laid.cut_mesh.chart == 0)[0]
+    stretched = judge(laid.cut_mesh, uv)
+    assert stretched.energy[1] > max(bound, stretched.energy[0] + 0.01)
+    after = below(atlas, stretched, bound, Monitor())
+    assert (after.energy[1] <= bound) == reached
+    assert not atlas.cut.any()
+    if reached:
+        assert np.array_equal(after.uv[~second], uv[~second])
+    assert np.array_equal(atlas.corners[first], after.uv[laid.cut_mesh.faces[first]])
+
+
+def test_nearly_collapsed_faces_are_widened_before_the_chart_moves() -> None:
+    """A vertex that all but touches the rim of its star costs a few steps near it, not dozens everywhere."""
+    atlas = as_it_lies(uncut(*shapes.grid(40, 40)))
+    cut_mesh = atlas.cut_mesh()
+    exact = atlas.gather(cut_mesh)
+    uv = exact.copy()
+    middle = np.argmin(((uv - uv.mean(0)) ** 2).sum(1))
+    star = (cut_mesh.faces == middle).any(1)
+    around = np.setdiff1d(cut_mesh.faces[star], middle)
+    uv[middle] += (1 - 1e-4) * (uv[around].max(0) - uv[middle]) * [1.0, 0.0]
+    assert chart_energies(cut_mesh, uv)[0] > 100
+    one = RelaxOptions(tolerance=1e-4, max_iterations=1, local=8)
+    far = np.abs(exact - exact[middle]).max(1) > 0.3
+    found = lay_out_sound(cut_mesh, uv, one, Monitor())
+    assert chart_energies(cut_mesh, found)[0] < 1.001
+    assert np.abs(found[far] - exact[far]).max() < 1e-4
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,281 @@
+"""Corresponding charts: the seams of two uv layouts as the same graph on two surfaces.
+
+Nodes are the vertices where three seams meet, or one ends, or a landmark lies; arcs are the seams between
+them. The order of the arcs round the nodes makes it a map of the surface, so one pair of arcs tells all
+others: every pair is tried.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import IntArray, group_count
+from circparam.core.graph import components
+from circparam.core.words import counted
+from circparam.errors import InputError, TopologyError
+from circparam.maps.landmarks import Landmarks
+from circparam.maps.sides import Side
+from circparam.mesh.mesh import UVMap
+from circparam.pipeline.verify import uv_seams
+
+Label = tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class ChartGraph:
+    """The seams and boundaries of one side. paths[d]: the vertices of arc d, which leaves the node it
+    begins with; d ^ 1 is the same backwards. after[d]: the arc that follows round the chart (or hole) on
+    the left. chart (2e,): that on the left of each arc, −1 for what closes a boundary; of_face (m,): of
+    each face. mark: node → landmark."""
+
+    side: Side
+    paths: list[IntArray]
+    after: list[int]
+    chart: IntArray
+    of_face: IntArray
+    mark: dict[int, int]
+
+    @cached_property
+    def labels(self) -> list[Label]:
+        """What tells arcs apart: whether the surface lies on the left, arcs round it, the landmark that it
+        leaves."""
+        size = self._sizes()
+        return [
+            (int(self.chart[d] >= 0), size[d], self.mark.get(int(p[0]), -1))
+            for d, p in enumerate(self.paths)
+        ]
+
+    def _sizes(self) -> list[int]:
+        out = [0] * len(self.paths)
+        for first in range(len(out)):
+            if out[first]:
+                continue
+            walk, d = [first], self.after[first]
+            while d != first:
+                walk.append(d)
+                d = self.after[d]
+            for d in walk:
+                out[d] = len(walk)
+        return out
+
+    def line(self) -> str:
+        """How many of what."""
+        charts = len(np.unique(self.chart[self.chart >= 0]))
+        nodes = len({int(p[0]) for p in self.paths})
+        return (
+            f"{self.side.name} has {counted(charts, 'chart')}, {counted(len(self.paths) // 2, 'seam')} "
+            f"and {counted(nodes, 'node')}"
+        )
+
+
+def add_charts(marks: Landmarks, layouts: tuple[UVMap, UVMap], a: Side, b: Side) -> None:
+    """The seams of both layouts as arcs, and their nodes as helpers, or landmarks where they are some.
+
+    Raises TopologyError where a chart is no disk or the graphs differ, InputError where they correspond in
+    several ways.
+    """
+    first, second = (
+        chart_graph(side, layout, vertices)
+        for side, layout, vertices in zip((a, b), layouts, (marks.a, marks.b), strict=True)
+    )
+    found = [x for x in _matches(first, second) if _fits(marks, first, second, x)]
+    if not found:
+        raise TopologyError(
+            f"the charts of the two surfaces do not correspond: {first.line()}, {second.line()}"
+            + ("" if not marks.a else "; or the landmarks lie in other charts")
+            + ": cut both alike, or map without --charts"
+        )
+    if len(found) > 1:
+        raise InputError(
+            f"the charts correspond in {len(found)} ways: give landmarks (one or two beside a seam) in "
+            "--landmarks until one way is left"
+        )
+    _add(marks, first, second, found[0])
+
+
+def chart_graph(side: Side, layout: UVMap, landmarks: list[int]) -> ChartGraph:
+    """The graph of one side. Raises TopologyError where a chart is no disk."""
+    sheet, surface = side.sheet, side.surface
+    m = len(sheet.faces)
+    cut = np.zeros(3 * m, bool)
+    cut[surface.edges[uv_seams(surface, layout)].ravel()] = True
+    outside = np.repeat(sheet.parent < 0, 3)
+    cut |= outside != outside[sheet.twin]
+    if not cut.any():
+        raise TopologyError(f"{side.name}: its uv have no seam: --charts needs both surfaces cut")
+    h = np.flatnonzero(~cut)
+    _, of_face = components(m, h // 3, sheet.twin[h] // 3)
+    paths = _traced(side, cut, landmarks)
+    twin_of = {(int(p[0]), int(p[1])): d for d, p in enumerate(paths)}
+    after = [0] * len(paths)
+    for d, p in enumerate(paths):
+        ring = sheet.ring(int(p[-1]))
+        at = ring.index(int(p[-2]))
+        for back in range(1, len(ring) + 1):  # clockwise from where it came
+            follower = twin_of.get((int(p[-1]), ring[at - back]))
+            if follower is not None:
+                after[d] = follower
+                break
+    left = np.array([int(sheet.half_edges(p[:1], p[1:2])[0]) // 3 for p in paths])
+    chart = np.where(sheet.parent[left] < 0, -1, of_face[left])
+    number = {v: k for k, v in enumerate(landmarks)}
+    graph = ChartGraph(side, paths, after, chart, of_face, number)
+    _require_disks(graph, cut)
+    return graph
+
+
+def _traced(side: Side, cut: IntArray, landmarks: list[int]) -> list[IntArray]:
+    """Paths of cut edges between nodes, each beside itself backwards."""
+    sheet = side.sheet
+    h = np.flatnonzero(cut)
+    start, end = sheet.faces.ravel()[h], sheet.faces[:, [1, 2, 0]].ravel()[h]
+    degree = group_count(start, sheet.n)
+    node = (degree > 0) & (degree != 2)
+    node[[v for v in landmarks if degree[v]]] = True
+    order = np.argsort(start, kind="stable")
+    begin = np.searchsorted(start[order], np.arange(sheet.n + 1))
+    neighbours = end[order]
+    used: set[tuple[int, int]] = set()
+    paths = []
+    for v in np.flatnonzero(node).tolist():
+        for w in neighbours[begin[v] : begin[v + 1]].tolist():
+            if (v, w) in used:
+                continue
+            path = [v, w]
+            while not node[path[-1]]:
+                one, two = neighbours[begin[path[-1]] : begin[path[-1]] + 2].tolist()
+                path.append(two if one == path[-2] else one)
+            used |= {(path[0], path[1]), (path[-1], path[-2])}
+            paths += [np.array(path), np.array(path[::-1])]
+    if sum(len(p) - 1 for p in paths) != len(h):
+        raise TopologyError(
+            f"{side.name}: a seam or boundary is a closed loop that meets no other, so a chart beside it is "
+            "no disk, or nothing tells where it begins: cut on, or give a landmark on it"
+        )
+    return paths
+
+
+def _require_disks(graph: ChartGraph, cut: IntArray) -> None:
+    sheet, label = graph.side.sheet, graph.of_face
+    count = int(label.max()) + 1
+    open_ = np.flatnonzero(~cut)
+    on = np.zeros(sheet.n, bool)
+    on[sheet.faces.ravel()[cut]] = True
+    inner = np.flatnonzero(~on)
+    euler = (
+        group_count(label, count)
+        - group_count(label[open_ // 3], count) // 2
+        + group_count(label[sheet.first_out[inner] // 3], count)
+    )
+    for chart in np.unique(label[sheet.parent >= 0]).tolist():
+        if euler[chart] != 1:
+            face = int(graph.side.surface.source[np.flatnonzero(label == chart)[0]])
+            loops = max(2 - int(euler[chart]), 0)
+            what = "a ring" if loops == 2 else f"no disk (Euler characteristic {euler[chart]})"
+            raise TopologyError(
+                f"{graph.side.name}: the chart of face {face} is {what}, and --charts needs disks: cut it open"
+            )
+
+
+def _matches(a: ChartGraph, b: ChartGraph) -> list[list[int]]:
+    """All ways in which the arcs of a go to arcs of b, everything alike."""
+    if sorted(a.labels) != sorted(b.labels):
+        return []
+    rarest = min(range(len(a.paths)), key=lambda d: (a.labels.count(a.labels[d]), d))
+    out = []
+    for e in range(len(b.paths)):
+        found = _match(a, b, rarest, e) if a.labels[rarest] == b.labels[e] else None
+        if found is not None:
+            out.append(found)
+    return out
+
+
+def _match(a: ChartGraph, b: ChartGraph, d: int, e: int) -> list[int] | None:
+    """The arcs of b that those of a go to if arc d goes to e; None where they are not alike."""
+    goes = [-1] * len(a.paths)
+    goes[d], front = e, [d]
+    while front:
+        d = front.pop()
+        e = goes[d]
+        for x, y in ((d ^ 1, e ^ 1), (a.after[d], b.after[e])):
+            if goes[x] < 0:
+                if a.labels[x] != b.labels[y]:
+                    return None
+                goes[x] = y
+                front.append(x)
+            elif goes[x] != y:
+                return None
+    return goes if sorted(goes) == list(range(len(goes))) else None
+
+
+def _fits(marks: Landmarks, a: ChartGraph, b: ChartGraph, goes: list[int]) -> bool:
+    """Whether every landmark inside a chart lies inside the one that the chart goes to."""
+    to = {int(a.chart[d]): int(b.chart[e]) for d, e in enumerate(goes)}
+    on = [{int(v) for p in g.paths for v in p} for g in (a, b)]
+    for u, v in zip(marks.a, marks.b, strict=True):
+        if (u in on[0]) != (v in on[1]):
+            return False
+        if u not in on[0]:
+            own = int(a.of_face[a.side.sheet.first_out[u] // 3])
+            if to.get(own) != int(b.of_face[b.side.sheet.first_out[v] // 3]):
+                return False
+    return True
+
+
+def _add(marks: Landmarks, a: ChartGraph, b: ChartGraph, goes: list[int]) -> None:
+    """Nodes and arcs into the landmarks; arcs in three where they are loops or lie along boundaries."""
+    number = {v: k for k, v in enumerate(marks.a)}
+    ends = [(int(p[0]), int(p[-1])) for p in a.paths]
+    taken: set[frozenset[int]] = set()
+    on_loops: dict[int, list[int]] = {}
+    for d in range(0, len(ends), 2):
+        one, two = a.paths[d], b.paths[goes[d]]
+        for v, w in ((one[0], two[0]), (one[-1], two[-1])):
+            if int(v) not in number:
+                number[int(v)] = marks.add(int(v), int(w), False)
+        rim = a.chart[d] < 0 or a.chart[d ^ 1] < 0
+        pair = frozenset(ends[d])
+        parts = 3 if len(pair) == 1 or rim else 2 if pair in taken else 1
+        taken.add(pair)
+        cut_a, cut_b = (_cut(side, p, parts) for side, p in ((a.side, one), (b.side, two)))
+        marked = [
+            marks.add(int(one[x]), int(two[y]), False) for x, y in zip(cut_a, cut_b, strict=True)
+        ]
+        along = [number[ends[d][0]], *marked, number[ends[d][1]]]
+        if rim:
+            on_loops.setdefault(int(a.side.on_boundary[one[1]]), []).extend(along)
+            continue
+        for k, (x, y) in enumerate(zip(_pieces(one, cut_a), _pieces(two, cut_b), strict=True)):
+            marks.known.append((along[k], along[k + 1], x, y))
+    for k, loop in enumerate(a.side.loops):
+        order = {int(v): n for n, v in enumerate(loop)}
+        marks.corners.append(sorted(set(on_loops[k]), key=lambda c: order[marks.a[c]]))
+        partner = int(b.side.on_boundary[marks.b[marks.corners[-1][0]]])
+        marks.tips.append(marks.add(int(a.side.tips[k]), int(b.side.tips[partner]), False))
+
+
+def _pieces(path: IntArray, cut: IntArray) -> list[IntArray]:
+    """A path in pieces that share their ends."""
+    at = [0, *cut.tolist(), len(path) - 1]
+    return [path[i : j + 1] for i, j in itertools.pairwise(at)]
+
+
+def _cut(side: Side, path: IntArray, parts: int) -> IntArray:
+    """The entries of a path that divide it into so many parts by length, none at its ends."""
+    if len(path) <= parts:
+        raise TopologyError(
+            f"{side.name}: a seam of {counted(len(path) - 1, 'edge')} is too short to be divided: "
+            "subdivide the mesh"
+        )
+    step = np.linalg.norm(np.diff(side.sheet.points[path], axis=0), axis=1)
+    run = np.r_[0.0, np.cumsum(step)]
+    out, last = [], 0
+    for k in range(1, parts):
+        pick = int(np.abs(run - run[-1] * k / parts).argmin())
+        last = min(max(pick, last + 1), len(path) - 1 - (parts - k))
+        out.append(last)
+    return np.array(out, np.int64)

@@ -1,0 +1,59 @@
+"""A sheet cut into triangular patches by arcs, every patch laid on one triangle by a convex combination map."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.linalg import Factor
+from circparam.maps.mend import row_weights
+from circparam.maps.tracing import Tracer, shares
+
+
+def laid_in_patches(
+    tracer: Tracer, regions: IntArray, ends: IntArray, weights: str
+) -> tuple[IntArray, FloatArray]:
+    """(patch (m,) of each face, places (m, 3, 3): barycentric coordinates of its corners in the triangle).
+
+    regions (r, 3): the arcs round each patch, which lies on their left; no patch has a landmark twice.
+    Vertices on arcs lie by arc length; what lies inside is one linear system for all patches.
+    """
+    sheet = tracer.sheet
+    n, flat = sheet.n, sheet.faces.ravel()
+    patch = tracer.regions(regions.tolist())
+    key, known = _on_arcs(tracer, regions)
+    free = ~tracer.on
+    w = row_weights(sheet, weights)
+    use = free[flat]
+    h = np.flatnonzero(use)
+    i, j = flat[h], sheet.faces[:, [1, 2, 0]].ravel()[h]
+    number, count = np.cumsum(free) - 1, int(free.sum())
+    inner = free[j]
+    matrix = sps.identity(count, format="csr") - sps.csr_matrix(
+        (w[h[inner]], (number[i[inner]], number[j[inner]])), shape=(count, count)
+    )
+    edge = h[~inner]
+    at = known[np.searchsorted(key, patch[edge // 3] * n + j[~inner])] * w[edge][:, None]
+    b = np.stack([group_sum(at[:, d], number[i[~inner]], count) for d in range(3)], 1)
+    inside = Factor(matrix).solve(b)
+    places = np.empty((len(flat), 3))
+    places[use] = inside[number[flat[use]]]
+    on = np.flatnonzero(~use)
+    places[on] = known[np.searchsorted(key, patch[on // 3] * n + flat[on])]
+    return patch, places.reshape(-1, 3, 3)
+
+
+def _on_arcs(tracer: Tracer, regions: IntArray) -> tuple[IntArray, FloatArray]:
+    """(keys patch · n + vertex ascending, (k, 3) places) of the vertices round every patch."""
+    n = tracer.sheet.n
+    keys, places = [], []
+    corner = np.eye(3)
+    for number, arcs in enumerate(regions.tolist()):
+        for k, arc in enumerate(arcs):
+            path = tracer.arcs[arc]
+            t = shares(tracer, path)[:, None]
+            keys.append(number * n + path)
+            places.append((1 - t) * corner[k] + t * corner[(k + 1) % 3])
+    key, index = np.unique(np.concatenate(keys), return_index=True)
+    return key, np.concatenate(places)[index]

@@ -1,0 +1,97 @@
+"""The geometry of a triangulation of a surface with handles: flat or hyperbolic, smooth at every node."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.maps.base import Base, base_of
+from circparam.maps.cones import determinants
+from tests.support import shapes
+
+
+def arcs_of(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(regions, ends) of a mesh whose faces are the triangles of arcs."""
+    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    edges, number = np.unique(np.stack([low, high], 1), axis=0, return_inverse=True)
+    regions = (2 * number + (start > end)).reshape(-1, 3)
+    ends = np.empty((2 * len(edges), 2), int)
+    ends[::2], ends[1::2] = edges, edges[:, ::-1]
+    return regions, ends
+
+
+CASES = {
+    "torus": shapes.torus(5, 4)[1],
+    "genus 2": shapes.handles(2, 1)[1],
+    "genus 3": shapes.handles(3, 1)[1],
+    # one node, three loops, two triangles: the flat torus of equilateral triangles
+    "one node": np.array([[0, 1, 2], [2, 1, 0]]),
+}
+
+
+def case(name: str) -> tuple[Base, np.ndarray, np.ndarray]:
+    if name == "one node":
+        regions, ends = np.array([[0, 2, 4], [1, 3, 5]]), np.zeros((6, 2), int)
+    else:
+        regions, ends = arcs_of(CASES[name])
+    return base_of(regions, ends), regions, ends
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_round_every_node_the_frames_close(name: str) -> None:
+    base, regions, ends = case(name)
+    place = {int(arc): (f, k) for f, r in enumerate(regions) for k, arc in enumerate(r)}
+    for first in range(len(ends)):
+        arc, way = first, np.eye(3)
+        while True:
+            f, k = place[arc]
+            back = int(regions[f][k - 1])
+            way = base.across[back] @ way
+            arc = back ^ 1
+            if arc == first:
+                break
+        np.testing.assert_allclose(way, np.eye(3), atol=1e-8)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_triangles_meet_along_their_arcs(name: str) -> None:
+    base, regions, ends = case(name)
+    assert base.geometry.curved == name.startswith("genus")
+    place = {int(arc): (f, k) for f, r in enumerate(regions) for k, arc in enumerate(r)}
+    for arc in range(len(ends)):
+        (f, k), (g, i) = place[arc], place[arc ^ 1]
+        np.testing.assert_allclose(
+            base.across[arc] @ base.corners[f, k], base.corners[g, (i + 1) % 3], atol=1e-9
+        )
+        np.testing.assert_allclose(
+            base.across[arc] @ base.corners[f, (k + 1) % 3], base.corners[g, i], atol=1e-9
+        )
+    a, b, c = base.corners.transpose(1, 0, 2)
+    assert (determinants(a, b, c) > 0).all()
+
+
+@pytest.mark.parametrize(("name", "genus"), [("genus 2", 2), ("genus 3", 3)])
+def test_the_area_is_that_of_gauss_and_bonnet(name: str, genus: int) -> None:
+    assert case(name)[0].area == pytest.approx(4 * np.pi * (genus - 1), rel=1e-9)
+
+
+def test_steps_in_the_tangents_are_what_the_flat_triangles_say() -> None:
+    """The derivative of the places seen from the middle of a face, by differences."""
+    base, *_ = case("genus 2")
+    geometry, corners = base.geometry, base.corners[:5]
+    frames = geometry.tangents(corners.reshape(-1, 3)).reshape(-1, 3, 3, 2)
+    place, move = geometry.flat(corners, frames)
+    metric = geometry.metric
+    middle = geometry.normal(corners.sum(1))
+    axes = geometry.tangents(middle)
+
+    def seen(q: np.ndarray) -> np.ndarray:
+        high = -(q * metric * middle[:, None]).sum(2)
+        return np.einsum("mcd,mda->mca", q * metric, axes) / high[..., None]
+
+    np.testing.assert_allclose(seen(corners), place, atol=1e-12)
+    step = 1e-6
+    for b in range(2):
+        after = geometry.normal(corners + step * frames[..., b])
+        np.testing.assert_allclose((seen(after) - place) / step, move[..., b], atol=1e-4)

@@ -1,0 +1,170 @@
+"""Maps chart on chart: layouts whose charts correspond, and what is told where they do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.errors import InputError, TopologyError
+from circparam.formats.document import Document
+from circparam.formats.io import read
+from circparam.maps.charts import add_charts, chart_graph
+from circparam.maps.landmarks import Landmarks
+from circparam.maps.sides import side_of
+from circparam.mesh.mesh import Mesh, UVMap
+from tests.support import pairs, shapes, tori
+from tests.support.baking import write_obj
+
+
+def document(folder: Path, name: str, mesh: Mesh, layout: UVMap) -> Document:
+    write_obj(folder / f"{name}.obj", mesh.points, layout, mesh.faces)
+    return read(folder / f"{name}.obj")
+
+
+def chart_of(mesh: Mesh, points: np.ndarray, along: int, around: int) -> np.ndarray:
+    """(n, 2) how far into the charts places of a torus lie."""
+    return tori.angles(points) % (2 * np.pi) / (2 * np.pi) * [along, around]
+
+
+def beside(a: Mesh, b: Mesh) -> np.ndarray:
+    """Two landmarks inside charts of a torus."""
+    goals = [[0.3, 0.3], [1.9, 2.4]]
+    at = [tori.angles(m.points) for m in (a, b)]
+    return np.array([[int(np.linalg.norm(x - g, axis=1).argmin()) for x in at] for g in goals])
+
+
+@pytest.mark.parametrize("relax", [True, False])
+def test_charts_go_to_charts(tmp_path: Path, relax: bool) -> None:
+    one, two = tori.patchwork(24, 12, 4, 3), tori.patchwork(32, 18, 4, 3, bump=0.2)
+    a, b = (document(tmp_path, n, *x) for n, x in (("a", one), ("b", two)))
+    marks = beside(a.mesh, b.mesh)
+    found = circparam.map_surfaces(a, b, landmarks=marks, charts=True, relax=relax)
+    assert found.inversions == (0, 0)
+    assert found.landmark_error == 0
+    image = found.map.to_b.of(b.mesh.points, b.mesh.faces)
+    assert np.isclose(tori.turns(image, a.mesh.faces).sum(), 1)
+    own, there = (chart_of(m, p, 4, 3) for m, p in ((a.mesh, a.mesh.points), (b.mesh, image)))
+    if not relax:  # every vertex stays in its chart, those on seams on theirs
+        inside = (np.abs(own - np.round(own)) > 1e-6).all(1)
+        assert inside.sum() > 100
+        gap = (there - np.floor(own) + [2, 1.5]) % [4, 3] - [2, 1.5]
+        assert gap[inside].min() > -0.05
+        assert gap[inside].max() < 1.05
+    far = (there - own + [2, 1.5]) % [4, 3] - [2, 1.5]
+    assert np.abs(far).max() < 0.6
+
+
+def test_what_has_a_symmetry_needs_landmarks(tmp_path: Path) -> None:
+    x = tori.patchwork(24, 12, 4, 3)
+    a = document(tmp_path, "a", *x)
+    with pytest.raises(InputError, match=r"correspond in 24 ways: give landmarks"):
+        circparam.map_surfaces(a, a, charts=True)
+    found = circparam.map_surfaces(a, a, charts=True, landmarks=beside(a.mesh, a.mesh))
+    assert np.abs(found.map.to_b.of(a.mesh.points, a.mesh.faces) - a.mesh.points).max() < 1e-3
+
+
+def net(level: int, directions: np.ndarray, seed: int) -> tuple[Mesh, UVMap]:
+    """A blob with a chart for every one of some directions: where it is nearest, by faces of level 3."""
+    coarse, mesh = pairs.blob(3, seed), pairs.blob(level, seed)
+    unit = mesh.points / np.linalg.norm(mesh.points, axis=1)[:, None]
+    chart = (coarse.points[coarse.faces].mean(1) @ directions.T).argmax(1)
+    chart = np.repeat(chart, len(mesh.faces) // len(coarse.faces))
+    corner = unit[mesh.faces][:, :, :2] + 10 * chart[:, None, None]
+    return mesh, UVMap(corner.reshape(-1, 2), np.arange(mesh.faces.size).reshape(-1, 3))
+
+
+PRISM = np.array([[1.0, 0, 0], [-0.5, 0.8, 0], [-0.5, -0.8, 0.1], [0, 0.1, 1], [0, 0, -1.1]])
+
+
+def test_spheres_have_charts_as_well(tmp_path: Path) -> None:
+    a = document(tmp_path, "a", *net(3, PRISM, 1))
+    b = document(tmp_path, "b", *net(4, PRISM, 1))
+    marks = pairs.marks(a.mesh, b.mesh)[[0, 4]]
+    found = circparam.map_surfaces(a, b, charts=True, landmarks=marks)
+    assert found.inversions == (0, 0)
+    image = found.map.to_b.of(b.mesh.points, b.mesh.faces)
+    size = np.linalg.norm(np.ptp(a.mesh.points, axis=0))
+    assert np.linalg.norm(image - a.mesh.points, axis=1).mean() < 0.02 * size
+
+
+def test_a_disk_in_two_charts(tmp_path: Path) -> None:
+    both = []
+    for name, n in (("a", 12), ("b", 17)):
+        p, f = shapes.grid(n + 1, n + 1)
+        p[:, :2] /= p[:, :2].max()
+        chart = (p[f][:, :, 0].mean(1) > (n // 2) / n).astype(int)
+        uv = p[f][:, :, :2] + 3 * chart[:, None, None]
+        layout = UVMap(uv.reshape(-1, 2), np.arange(f.size).reshape(-1, 3))
+        both.append(document(tmp_path, name, Mesh(p, f), layout))
+    a, b = both
+    marks = np.stack([pairs.nearest(m.mesh, np.array([[0.25, 0.3, 0]])) for m in both], 1)
+    found = circparam.map_surfaces(a, b, charts=True, landmarks=marks, relax=False)
+    assert found.inversions == (0, 0)
+    image = found.map.to_b.of(b.mesh.points, b.mesh.faces)
+    on_seam = np.abs(a.mesh.points[:, 0] - 0.5) < 1e-9
+    assert on_seam.sum() > 10
+    np.testing.assert_allclose(image[on_seam, 0], 8 / 17, atol=1e-9)
+
+
+def test_other_charts_are_told(tmp_path: Path) -> None:
+    a = document(tmp_path, "a", *tori.patchwork(24, 12, 4, 3))
+    b = document(tmp_path, "b", *tori.patchwork(24, 12, 3, 3))
+    with pytest.raises(
+        TopologyError, match="A has 12 charts, 24 seams and 12 nodes, B has 9 charts"
+    ):
+        circparam.map_surfaces(a, b, charts=True)
+
+
+def test_landmarks_in_other_charts_are_told(tmp_path: Path) -> None:
+    """The first says which chart goes where, the second denies it."""
+    a = document(tmp_path, "a", *net(3, PRISM, 1))
+    marks = pairs.marks(a.mesh, a.mesh)[[2, 5]]
+    marks[[0, 1], 1] = marks[[1, 0], 1]
+    good = pairs.marks(a.mesh, a.mesh)[[0, 4]]
+    assert circparam.map_surfaces(a, a, charts=True, landmarks=good).inversions == (0, 0)
+    marks = np.concatenate([good, marks])
+    with pytest.raises(TopologyError, match="landmarks lie in other charts"):
+        circparam.map_surfaces(a, a, charts=True, landmarks=marks)
+
+
+def test_a_ring_is_no_chart(tmp_path: Path) -> None:
+    a = document(tmp_path, "a", *tori.patchwork(24, 12, 3, 1))
+    with pytest.raises(TopologyError, match="closed loop that meets no other"):
+        circparam.map_surfaces(a, a, charts=True)
+    rings, layout = tori.patchwork(24, 12, 3, 1)
+    side = side_of(rings, "A")
+    at = tori.angles(rings.points)
+    goals = [[k * 2 * np.pi / 3, 0] for k in (0, 1, -1)]
+    marks = [int(side.vertex[np.linalg.norm(at - goal, axis=1).argmin()]) for goal in goals]
+    with pytest.raises(TopologyError, match=r"chart of face .* is a ring"):
+        chart_graph(side, layout, marks)
+
+
+def test_layouts_without_seams_or_uv_are_told(tmp_path: Path) -> None:
+    mesh, layout = tori.patchwork(24, 12, 3, 3)
+    whole = UVMap(mesh.points[:, :2].copy(), mesh.faces)
+    a = document(tmp_path, "a", mesh, whole)
+    with pytest.raises(TopologyError, match="no seam"):
+        circparam.map_surfaces(a, a, charts=True)
+    with pytest.raises(InputError, match="A: it has no uv"):
+        circparam.map_surfaces(mesh, mesh, charts=True)
+    del layout
+
+
+def test_the_charts_are_those_of_the_uv() -> None:
+    """Every face lies in the chart of its uv, every arc between two, and the arcs are all the seams."""
+    mesh, layout = tori.patchwork(24, 12, 4, 3)
+    side = side_of(mesh, "A")
+    graph = chart_graph(side, layout, [])
+    own = (layout.uv[layout.uv_faces][:, 0, 0] // 10).astype(int)[side.surface.source]
+    pairs_of = np.unique(np.stack([own, graph.of_face], 1), axis=0)
+    assert len(pairs_of) == 12
+    left, right = graph.chart[::2], graph.chart[1::2]
+    assert (left != right).all()
+    assert sum(len(p) - 1 for p in graph.paths[::2]) == 4 * 12 + 3 * 24
+    marks = Landmarks(a=[5 * 12 + 2, 13 * 12 + 6], b=[5 * 12 + 2, 13 * 12 + 6], exact=[True, True])
+    add_charts(marks, (layout, layout), side, side)
+    assert all(np.array_equal(p, q) for *_, p, q in marks.known)
