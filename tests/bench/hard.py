@@ -35,7 +35,7 @@ FLAT = np.cos(np.radians(0.5))  # of the angle between two faces of one flat
 NEEDLE = 1e-7  # area over the square of the longest edge, below which a face has no normal
 
 TIME = (
-    "By profile (processor time of one process, whole runs with imports; rows may hold one another), not measured "
+    "By profile (processor time of one process, with imports; rows may hold one another), not measured "
     "by this benchmark: no single place is left. SuperLU is 2 to 10 % of a run."
 )
 PLACES = [

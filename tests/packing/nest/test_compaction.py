@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from circparam.core.monitor import Monitor
 from circparam.packing import pack
@@ -28,13 +29,13 @@ def test_a_bundle_of_needles_makes_no_huge_program(monkeypatch: pytest.MonkeyPat
     uv[2::3] = [0.5, 1e-6]
     faces = np.arange(3 * n).reshape(n, 3)
     rows: list[int] = []
-    solve = compaction.linprog
+    solve = scipy.optimize.linprog
 
     def recorded(*args: object, **options: object) -> object:
         rows.append(options["A_ub"].shape[0])  # type: ignore[attr-defined]
         return solve(*args, **options)
 
-    monkeypatch.setattr(compaction, "linprog", recorded)
+    monkeypatch.setattr(scipy.optimize, "linprog", recorded)
     options = PackOptions(resolution=256, padding=2, effort=QUICK)
     pack(faces, uv, np.arange(n), options)
     most = max(rows)
