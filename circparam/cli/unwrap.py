@@ -11,6 +11,7 @@ import click
 
 from circparam.cli import common, exits, progress
 from circparam.cli.paths import check_outputs, made_folder, output_path, without_outputs
+from circparam.core.imports import put_off
 from circparam.errors import CircparamError, GateError, OptionError
 from circparam.pipeline.options import Options
 
@@ -119,6 +120,15 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     return next((code for code in codes if code), exits.OK)
 
 
+FROM_FILES = {
+    "boundary",
+    "bff_boundary",
+    "pins",
+    "seams",
+    "no_seams",
+}  # options that may name files
+
+
 class _Run:
     """One call of the command: what is the same for all its meshes."""
 
@@ -128,6 +138,7 @@ class _Run:
         self.place = (1, 1)  # of the mesh, and of how many
         self.quiet, self.as_json = given["quiet"], given["as_json"]
         _limit_memory(given["max_memory"])
+        put_off()  # before the options ask for what knows the methods
         self.options = Options(**library_options_of(given))
         self.reports: list[dict[str, Any]] = []  # of every mesh, those without a result too
 
@@ -156,14 +167,12 @@ class _Run:
         console().print("", summary_table(self.reports))
 
     def _unwrap(self, mesh: str, out: str) -> None:
-        from circparam.core.imports import put_off
         from circparam.pipeline.jobs import monitor_of, start_for_file
 
         started, self.started = self.started or time.monotonic(), None
         start_for_file(self.options, mesh)
         with progress.listener(os.path.basename(mesh), self.quiet, self.place) as listener:
             monitor = monitor_of(self.options, listener, started)
-            put_off()
             from circparam.formats.io import read
             from circparam.pipeline.summary import summarise
             from circparam.pipeline.unwrap import unwrap_document
@@ -228,10 +237,13 @@ def library_options_of(given: dict[str, Any]) -> dict[str, Any]:
 
     The format is left to the streams: it says nothing of meshes in files.
     """
-    from circparam.formats import sidecars
-
     out = common.library_keywords(given)
     out.pop("format", None)
+    if not out.keys() & FROM_FILES:
+        return out
+    # only now: workers start before anything large is imported
+    from circparam.formats import sidecars
+
     if out.get("boundary", "").startswith("polygon:"):
         corners = out["boundary"].removeprefix("polygon:")
         out |= {"boundary": "polygon", "polygon": sidecars.read_polygon(corners)}

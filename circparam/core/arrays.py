@@ -43,6 +43,23 @@ def first_of_runs(sorted_keys: IntArray) -> IntArray:
     return np.flatnonzero(new)
 
 
+def stable_order(keys: IntArray) -> IntArray:
+    """The order that sorts keys (n,), equal ones as they stood: ``np.argsort(keys, kind="stable")``.
+
+    Key and place are packed into one number where both fit, since numbers are sorted 5 to 13 times as fast as
+    an order of them is found.
+    """
+    n = len(keys)
+    shift = n.bit_length()
+    if n == 0 or keys.min() < 0 or int(keys.max()) >> (62 - shift):
+        return np.argsort(keys, kind="stable")
+    packed = keys.astype(np.int64) << shift
+    packed |= np.arange(n)
+    packed.sort()
+    packed &= (1 << shift) - 1
+    return packed
+
+
 def sorted_distinct(values: IntArray) -> IntArray:
     """The values of an array of any shape, each once, in ascending order.
 

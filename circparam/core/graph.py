@@ -20,6 +20,7 @@ from circparam.core.arrays import (
     group_count,
     group_min,
     sorted_distinct,
+    stable_order,
 )
 from circparam.core.clock import tick
 
@@ -34,8 +35,21 @@ def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:
     else:  # SciPy's conversion would take longer than the search
         start = np.zeros(n + 1, np.int32)
         np.cumsum(np.bincount(i, minlength=n), out=start[1:])
-        column = j[np.argsort(i, kind="stable")].astype(np.int32)
+        column = j[stable_order(i)].astype(np.int32)
         graph = sps.csr_matrix((np.ones(len(i)), column, start), shape=(n, n))
+    count, labels = csgraph.connected_components(graph, directed=False)
+    return int(count), labels.astype(np.int64)
+
+
+def follower_components(follower: IntArray) -> tuple[int, IntArray]:
+    """As ``components``, of nodes (n,) that are joined to one other each, or to none (−1)."""
+    tick()
+    n = len(follower)
+    joined = follower >= 0
+    start = np.zeros(n + 1, np.int32)
+    np.cumsum(joined, out=start[1:])
+    column = follower[joined].astype(np.int32)
+    graph = sps.csr_matrix((np.ones(len(column)), column, start), shape=(n, n))
     count, labels = csgraph.connected_components(graph, directed=False)
     return int(count), labels.astype(np.int64)
 
@@ -86,10 +100,13 @@ def undirected(n: int, i: IntArray, j: IntArray, length: FloatArray) -> sps.csr_
     other = i != j
     i, j, length = i[other], j[other], length[other]
     a, b, w = np.r_[i, j], np.r_[j, i], np.r_[length, length]
-    order = np.lexsort((w, b, a))
-    a, b, w = a[order], b[order], w[order]
-    first = first_of_runs(a * n + b)
-    return sps.csr_matrix((w[first], (a[first], b[first])), shape=(n, n))
+    key = a * n + b
+    order = stable_order(key)
+    first = first_of_runs(key[order])
+    shortest = np.minimum.reduceat(w[order], first) if len(first) else w
+    kept = order[first]
+    start = np.searchsorted(a[kept], np.arange(n + 1))
+    return sps.csr_matrix((shortest, b[kept], start), shape=(n, n))
 
 
 def nearest(
@@ -137,7 +154,7 @@ class Graph:
         e = np.flatnonzero(a != b)
         low, high = np.minimum(a[e], b[e]), np.maximum(a[e], b[e])
         key = edge_keys(low, high, n)
-        order = np.argsort(key, kind="stable")
+        order = stable_order(key)
         head = first_of_runs(key[order])
         lightest = order[head]
         count = np.diff(np.r_[head, len(order)])

@@ -9,8 +9,8 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from circparam.core.imports import put_off
@@ -38,12 +38,40 @@ ENVIRONMENT = {
 class Pool:
     """The processes. executor: loky's. ready: done when one has imported what it needs. lifeline: they end
     when it closes, also when that is because this process was killed. limit: of memory, before it was shared.
+    free: how many of them have nothing to do.
     """
 
     executor: Any
     ready: Future[Any]
     lifeline: Any
     limit: tuple[int, int] | None
+    free: int
+    _waiting: list[Callable[[], object]] = field(default_factory=list)
+    _lock: Any = field(default_factory=threading.Lock)
+
+    def claim(self, waiting: Callable[[], object] | None = None) -> bool:
+        """Whether a process has nothing to do; it is taken then, until ``release``.
+
+        waiting: called as soon as one has, where none has now.
+        """
+        with self._lock:
+            had = self.free > 0
+            self.free -= had
+            if not had and waiting is not None:
+                self._waiting.append(waiting)
+        return had
+
+    def release(self) -> None:
+        """A process that was claimed is free again: those who wait are told until one has taken it."""
+        with self._lock:
+            self.free += 1
+            told, self._waiting = self._waiting, []
+        for k, waiting in enumerate(told):
+            waiting()
+            with self._lock:
+                if self.free < 1:
+                    self._waiting = told[k + 1 :] + self._waiting
+                    return
 
 
 class _Opening:
@@ -77,10 +105,11 @@ _asked = 0  # the number of jobs it was asked for
 _lock = threading.Lock()
 
 
-def start(jobs: int, module: str) -> None:
-    """Open processes for so many jobs in the background, each of which imports ``module``.
+def start(jobs: int, *modules: str) -> None:
+    """Open processes for so many jobs in the background, each of which imports some modules.
 
-    Where that many are open already, or processes cannot be started here, nothing happens.
+    The first of them before any work, the others beside it. Where that many are open already, or processes
+    cannot be started here, nothing happens.
     """
     global _opening, _asked
     jobs = min(jobs, MOST)
@@ -92,7 +121,7 @@ def start(jobs: int, module: str) -> None:
         previous, _opening, _asked = _opening, _Opening(), jobs
         opening = _opening
     _end(previous)
-    threading.Thread(target=_open, args=(jobs - 1, module, opening), daemon=True).start()
+    threading.Thread(target=_open, args=(jobs - 1, modules, opening), daemon=True).start()
 
 
 def stop() -> bool:
@@ -116,17 +145,17 @@ def current() -> Pool | None:
     return None if opening is None else opening.pool()
 
 
-def _open(count: int, module: str, opening: _Opening) -> None:
+def _open(count: int, modules: tuple[str, ...], opening: _Opening) -> None:
     """Make the executor; where that fails, for want of /dev/shm, memory or rights, all work is done here."""
     pool = None
     try:
         with contextlib.suppress(Exception):
-            pool = _new_pool(count, module)
+            pool = _new_pool(count, modules)
     finally:
         opening.tell(pool)
 
 
-def _new_pool(count: int, module: str) -> Pool | None:
+def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
     limit, share = _memory(count)
     if share is not None and share < LEAST_MEMORY:
         return None
@@ -142,13 +171,13 @@ def _new_pool(count: int, module: str) -> Pool | None:
             count,
             timeout=IDLE,
             initializer=_begin,
-            initargs=(theirs, share, module),
+            initargs=(theirs, share, modules),
             env={**ENVIRONMENT, INSIDE: "1"},
         )
         ready = executor.submit(os.getpid)
     if limit is not None and share is not None:
         _bound_memory((limit[0] - count * share, limit[1]))
-    return Pool(executor, ready, lifeline, limit)
+    return Pool(executor, ready, lifeline, limit, count)
 
 
 def _end(opening: _Opening | None) -> bool:
@@ -203,7 +232,7 @@ def _bound_memory(limit: tuple[int, int]) -> None:
         resource.setrlimit(resource.RLIMIT_AS, limit)
 
 
-def _begin(lifeline: Any, memory: int | None, module: str) -> None:
+def _begin(lifeline: Any, memory: int | None, modules: tuple[str, ...]) -> None:
     """In a worker, before anything else: listen for the end of the caller, and import what work needs.
 
     Its output goes nowhere, since that of the caller may be the mesh.
@@ -223,6 +252,13 @@ def _begin(lifeline: Any, memory: int | None, module: str) -> None:
         import resource
 
         _bound_memory((memory, resource.getrlimit(resource.RLIMIT_AS)[1]))
-    with contextlib.suppress(ImportError):  # the tasks will tell
-        put_off()
-        importlib.import_module(module)
+    put_off()
+    _import(*modules[:1])
+    threading.Thread(target=_import, args=modules[1:], daemon=True).start()
+
+
+def _import(*modules: str) -> None:
+    """Import modules; where one cannot be, the tasks will tell."""
+    for module in modules:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(module)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from circparam.core import clock
 from circparam.core.monitor import Monitor
-from circparam.core.pool import MOST, Pool, current, start, stop
+from circparam.core.pool import Pool, current, start, stop
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -29,15 +29,22 @@ if TYPE_CHECKING:
 
 PARTED = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it
+PARTS = 8  # at most: more than processes, so that none waits long for the last one
+LARGE = 8  # charts of more than such a part of a part are dealt out one by one
 MOST_SHARE = 0.75  # of the faces in one part, above which the others are not worth the trouble
 
 
 def cores() -> int:
     """Processes that may work side by side: as many as cores, and no more than OMP_NUM_THREADS says."""
-    free = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()
-    count = min(len(free) or os.cpu_count() or 1, _quota())
+    count = free_cores()
     threads = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return min(count, int(threads)) if threads.isdigit() and int(threads) > 0 else count
+
+
+def free_cores() -> int:
+    """Cores that this process may use."""
+    free = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()
+    return min(len(free) or os.cpu_count() or 1, _quota())
 
 
 def _quota() -> int:
@@ -51,25 +58,31 @@ def _quota() -> int:
 def in_parts(label: IntArray) -> list[BoolArray]:
     """Faces ((m,) bool) of a few sets of charts of about the same size; all in one where there are none such.
 
-    label: (m,) chart of each face. It is for the sake of workers, and the same however many there are.
+    label: (m,) chart of each face. It is for the sake of workers, and the same however many there are. The
+    largest part comes first, since parts are handed out in turn.
     """
     import numpy as np
 
     m = len(label)
     if m < PARTED:
         return [np.ones(m, bool)]
-    n_parts = min(MOST, m // PART_FACES)
+    n_parts = min(PARTS, m // PART_FACES)
     size = np.bincount(label)
     order = np.argsort(-size, kind="stable")
-    # in turns by falling size: A B C C B A A B …
+    large = int((size > m / (LARGE * n_parts)).sum())
+    # small charts in turns by falling size: A B C C B A A B …
     turn = np.arange(len(size)) % (2 * n_parts)
     of_chart = np.zeros(len(size), np.int64)
     of_chart[order] = np.minimum(turn, 2 * n_parts - 1 - turn)
-    part = of_chart[label]
-    share = np.bincount(part) / m
-    if share.max() > MOST_SHARE:
+    # a large one, of which there are few, to the part that has least
+    load = np.bincount(of_chart[order[large:]], size[order[large:]], n_parts)
+    for chart in order[:large].tolist():
+        of_chart[chart] = load.argmin()
+        load[of_chart[chart]] += size[chart]
+    if load.max() > MOST_SHARE * m:
         return [np.ones(m, bool)]
-    return [part == k for k in np.flatnonzero(share)]
+    part = of_chart[label]
+    return [part == k for k in np.argsort(-load, kind="stable") if load[k]]
 
 
 def environment() -> dict[str, str]:
@@ -93,7 +106,8 @@ class Worker:
     ) -> list[Any]:
         """[function(*task, monitor) for task in tasks], in any order and by whoever is free.
 
-        function: at the top level of a module. A process has a monitor of its own with the same deadline.
+        function: at the top level of a module. A process has a monitor of its own with the same deadline. What
+        the caller does here may hand tasks out in turn, to processes that have nothing left to do.
         """
         pool = current() if self.jobs > 1 and len(tasks) > 1 else None
         if pool is None:
@@ -103,6 +117,63 @@ class Worker:
         except BaseException:
             stop()  # else they would go on with what nobody wants
             raise
+
+
+class Later:
+    """A task whose result is asked for later: done meanwhile where a process is idle, else when it is asked.
+
+    function, task, monitor: as for ``Worker.map``. jobs: 1 does it in this process, when it is asked for.
+    """
+
+    def __init__(
+        self, jobs: int, function: Callable[..., Any], task: tuple[Any, ...], monitor: Monitor
+    ) -> None:
+        self._jobs, self._function, self._task, self._monitor = jobs, function, task, monitor
+        self._pool: Pool | None = None
+        self._future: Future[bytes] | None = None
+
+    def begin(self) -> None:
+        """Give the task to a process that is idle; where none is, nothing happens."""
+        pool = current() if self._jobs > 1 and self._pool is None else None
+        if pool is None or not pool.claim():
+            return
+        packed = pickle.dumps((self._function, self._task), 5)
+        self._pool, self._future = pool, _submitted(pool, packed, self._monitor)
+        if self._future is None:
+            pool.release()
+        else:
+            self._future.add_done_callback(lambda _: pool.release())
+
+    def result(self) -> Any:
+        """What the function gives, found there or here."""
+        if self._pool is not None:
+            answer = _answered(self._pool, self._future)
+            if answer is not None:
+                return answer[0]
+        return self._function(*self._task, self._monitor)
+
+
+def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
+    """A task on its way to a process; None where the pool is broken, or at the end of the interpreter."""
+    soft = None if m.deadline is None else m.deadline - m.held - time.monotonic()
+    try:
+        future: Future[bytes] = pool.executor.submit(_work, packed, soft, clock.left())
+    except Exception:
+        return None
+    return future
+
+
+def _answered(pool: Pool, future: Future[bytes] | None) -> tuple[Any] | None:
+    """What a process has found; None where it has not, and if it failed, no more is asked of any."""
+    if not pool.ready.done():  # they are not even up
+        if future is not None:
+            future.cancel()
+        return None
+    with contextlib.suppress(Exception):
+        if future is not None:
+            return (pickle.loads(future.result()),)
+    stop()
+    return None
 
 
 class _Shared:
@@ -133,6 +204,7 @@ class _Shared:
             own = self._take()
         for k, future in self._sent.items():
             results[k] = self._answer(k, future)
+        self._tasks, self._packed = (), []  # who waits for a process holds this until there is one
         return results
 
     def _here(self, k: int) -> Any:
@@ -140,39 +212,33 @@ class _Shared:
 
     def _take(self) -> int | None:
         with self._lock:
-            if self._next == len(self._tasks):
+            if self._next >= len(self._tasks):
                 return None
             self._next += 1
             return self._next - 1
 
     def _send(self, done: Future[bytes] | None = None) -> None:
-        """Give a process the next task; called again as soon as it has answered."""
-        if done is not None and (done.cancelled() or done.exception() is not None):
-            return
+        """Give a free process the next task; called again as soon as it has answered."""
+        if done is not None:
+            self._pool.release()
+            if done.cancelled() or done.exception() is not None:
+                return
         with self._lock:
-            k = self._take()
+            left = self._next < len(self._tasks)
+            k = self._take() if left and self._pool.claim(self._send) else None
             if k is None:
                 return
-            m = self._monitor
-            soft = None if m.deadline is None else m.deadline - m.held - time.monotonic()
-            try:
-                future = self._pool.executor.submit(_work, self._packed[k], soft, clock.left())
-            except Exception:  # broken, or at the end of the interpreter
-                future = None
-            self._sent[k] = future
+            future = self._sent[k] = _submitted(self._pool, self._packed[k], self._monitor)
         self._packed[k] = b""
         if future is not None:
             future.add_done_callback(self._send)
+        else:
+            self._pool.release()
 
     def _answer(self, k: int, future: Future[bytes] | None) -> Any:
-        """What a process answered; else the same done here, and if it failed, no more is asked of any."""
-        if not self._pool.ready.done():
-            return self._here(k)  # they are not even up
-        with contextlib.suppress(Exception):
-            if future is not None:
-                return pickle.loads(future.result())
-        stop()
-        return self._here(k)
+        """What a process answered; else the same done here."""
+        answer = _answered(self._pool, future)
+        return self._here(k) if answer is None else answer[0]
 
 
 def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
@@ -182,4 +248,4 @@ def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
         return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
 
 
-__all__ = ["Worker", "cores", "environment", "in_parts", "start", "stop"]
+__all__ = ["Later", "Worker", "cores", "environment", "free_cores", "in_parts", "start", "stop"]

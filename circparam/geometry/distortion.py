@@ -211,11 +211,12 @@ def face_stretch(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     Charts that are packed at those scales have them at the scale of the atlas. 1 for faces without a shape.
     """
     live = _live(cut_mesh)
-    scaled = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-    large, small, _ = _singular(cut_mesh, scaled, live)
+    large, small, surface = _singular(cut_mesh, uv, live)
+    square, inverse, _ = _sums(cut_mesh, live, large, small, surface)
+    scale = _best_scales(square, inverse)[cut_mesh.chart[live]]
     out = np.ones(len(cut_mesh.faces))
     with np.errstate(invalid="ignore"):
-        out[live] = np.maximum(large, 1 / np.maximum(small, COLLAPSED))
+        out[live] = np.maximum(large * scale, 1 / np.maximum(small * scale, COLLAPSED))
     return out
 
 
@@ -225,6 +226,10 @@ def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     The energy at scale k is P k² + N / k², smallest at k = (N/P)^¼.
     """
     square, inverse, _ = _scale_terms(cut_mesh, uv)
+    return _best_scales(square, inverse)
+
+
+def _best_scales(square: FloatArray, inverse: FloatArray) -> FloatArray:
     ok = square > 0
     return np.where(ok, (inverse / np.where(ok, square, 1.0)) ** 0.25, 1.0)
 
@@ -232,7 +237,13 @@ def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 def _scale_terms(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(P, N, area) of each chart: its symmetric Dirichlet energy at scale k is P k² + N / k²."""
     live = _live(cut_mesh)
-    large, small, surface = _singular(cut_mesh, uv, live)
+    return _sums(cut_mesh, live, *_singular(cut_mesh, uv, live))
+
+
+def _sums(
+    cut_mesh: CutMesh, live: BoolArray, large: FloatArray, small: FloatArray, surface: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """As ``_scale_terms``, from the singular values and areas of the faces that have a shape."""
     large, small = np.maximum(large, COLLAPSED), np.maximum(small, COLLAPSED)
     group, n = cut_mesh.chart[live], cut_mesh.n_charts
     square = group_sum(surface * (large**2 + small**2), group, n)
@@ -242,7 +253,8 @@ def _scale_terms(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatAr
 
 def _live(cut_mesh: CutMesh) -> BoolArray:
     """(m,) the face has a shape."""
-    longest = cut_mesh.edge_lengths.max(1)
+    a, b, c = cut_mesh.edge_lengths.T
+    longest = np.maximum(np.maximum(a, b), c)
     return np.asarray(cut_mesh.areas > DEGENERATE * longest**2)
 
 

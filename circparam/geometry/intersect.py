@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, ranges
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_sum,
+    ranges,
+    sorted_distinct,
+    stable_order,
+)
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.predicates import orientation
 from circparam.geometry.segment_grid import Candidates
@@ -32,7 +40,7 @@ def meeting(boundary: BoundarySegments, between: bool) -> tuple[IntArray, IntArr
         else:
             ok = (boundary.following[i] != j) & (boundary.before[i] != j)
         found.append(_meet(boundary, i[ok], j[ok]))
-    pairs = np.unique(np.concatenate(found), axis=0)
+    pairs = _distinct(np.concatenate(found), len(boundary.start))
     crowded = np.zeros(0, np.int64) if between else candidates.crowded
     return pairs[:, 0], pairs[:, 1], crowded
 
@@ -180,8 +188,14 @@ def nearby(
         near = close < reach[i]
         i, j = i[near], j[near]
         found.append(np.stack([np.minimum(i, j), np.maximum(i, j)], 1))
-    pairs = np.unique(np.concatenate(found), axis=0)
+    pairs = _distinct(np.concatenate(found), len(boundary.start))
     return pairs[:, 0], pairs[:, 1]
+
+
+def _distinct(pairs: IntArray, n: int) -> IntArray:
+    """(p, 2) pairs of numbers below n, each once, in ascending order."""
+    key = sorted_distinct(pairs[:, 0] * n + pairs[:, 1])
+    return np.stack([key // max(n, 1), key % max(n, 1)], 1)
 
 
 def _pieces(
@@ -288,7 +302,7 @@ def windings(
     first = ((low - origin) / width).astype(np.int64)
     count = ((high - origin) / width).astype(np.int64) - first + 1
     strip = np.repeat(base + first, count) + ranges(count)
-    order = np.argsort(strip, kind="stable")
+    order = stable_order(strip)
     segment = np.repeat(np.arange(len(s)), count)[order]
     strip = strip[order]
     level = np.clip(np.floor((points[:, 1] - origin) / width), -1, floors).astype(np.int64)

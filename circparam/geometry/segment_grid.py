@@ -23,6 +23,7 @@ from circparam.core.arrays import (
     group_sum,
     ranges,
     sorted_distinct,
+    stable_order,
 )
 
 CROWD = 24  # cells with more entries are quartered
@@ -75,7 +76,7 @@ class Candidates:
             return
         grid = self._grid()
         segment, cell = self._rasterise(grid)
-        order = np.argsort(cell, kind="stable")
+        order = stable_order(cell)
         segment, cell = segment[order], cell[order]
         head = first_of_runs(cell)
         count = np.diff(np.r_[head, len(cell)])
@@ -95,7 +96,7 @@ class Candidates:
                 done[:] = True
             yield from self._emit(segment[order], np.where(done, later, 0))
             segment, cell, box = self._quarter(segment[~done], cell[~done], box[~done])
-            order = np.argsort(cell, kind="stable")
+            order = stable_order(cell)
             segment, box = segment[order], box[order]
             head = first_of_runs(cell[order])
             count = np.diff(np.r_[head, len(cell)])
@@ -222,7 +223,7 @@ class Candidates:
         ranked = np.sort(low)
         n = len(segment) + 1
         key = cell * n + np.searchsorted(ranked, low)
-        order = np.argsort(key, kind="stable")
+        order = stable_order(key)
         stop = cell * n + np.searchsorted(ranked, high, side="right")
         stop = np.searchsorted(key[order], stop[order])
         return order, np.maximum(stop - 1 - np.arange(len(order)), 0)

@@ -71,8 +71,8 @@ def seen_shares(triangles: FloatArray, places: Places, count: int, pixels: int) 
     scene = _scene((triangles - centre) / pixel)
     normal = places.normal.sum(1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    vectors = np.concatenate(
-        [(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]
+    vectors = np.ascontiguousarray(
+        np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
     )
     for axis in axes(count // 2):
         frame = _frame(axis)
@@ -82,10 +82,13 @@ def seen_shares(triangles: FloatArray, places: Places, count: int, pixels: int) 
 
 
 def _scene(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """((l, 3, 3) faces that cover pixels, (s, 3) centres of those that are too small to), in pixels."""
-    longest = ((triangles - triangles[:, [1, 2, 0]]) ** 2).sum(2).max(1)
-    small = longest < SMALL**2
-    return triangles[~small], triangles[small].mean(1)
+    """((3, 3, l) coordinates, corners of faces that cover pixels; (3, s) centres of those that are too small),
+    in pixels."""
+    corners = np.ascontiguousarray(triangles.transpose(2, 1, 0))
+    edge = corners - corners[:, [1, 2, 0]]
+    x, y, z = edge * edge
+    small = (x + y + z).max(0) < SMALL**2
+    return corners[:, :, ~small], corners[:, :, small].mean(1)
 
 
 def _frame(axis: FloatArray) -> FloatArray:
@@ -97,10 +100,12 @@ def _frame(axis: FloatArray) -> FloatArray:
 
 
 def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
-    """(..., 3) coordinates in a frame. By hand: threads of a BLAS cost more than they gain here, and round."""
-    x, y, z = frame.T
-    result: FloatArray = p[..., :1] * x + p[..., 1:2] * y + p[..., 2:] * z
-    return result
+    """(3, ...) coordinates in a frame, of p (3, ...): rows of coordinates take a third of the time that columns
+    do. By hand: threads of a BLAS cost more than they gain here, and round."""
+    out = np.empty_like(p)
+    for row, (x, y, z) in zip(out, frame, strict=True):
+        row[...] = p[0] * x + p[1] * y + p[2] * z
+    return out
 
 
 def _buffers(
@@ -109,42 +114,42 @@ def _buffers(
     """((pixels²,) largest height in every pixel, (pixels²,) smallest), ∓ infinite in empty ones."""
     faces, centres = scene
     top, bottom = np.full(pixels * pixels, -np.inf), np.full(pixels * pixels, np.inf)
-    if len(faces):
+    if faces.size:
         p = _turned(faces, frame)
-        xy, height = p[..., :2] + pixels / 2, p[..., 2]
+        x, y, height = p[0] + pixels / 2, p[1] + pixels / 2, p[2]
         slope = _slopes(p)
-        low, high = extremes(height)
-        for part in fragments(xy, pixels, pixels):
+        low, high = extremes(height.T)
+        for part in fragments(np.stack([x.T, y.T], 2), pixels, pixels):
             f = part.face
             row, column = np.divmod(part.pixel, pixels)
-            z = height[f, 0] + slope[f, 0] * (column + 0.5 - xy[f, 0, 0])
-            z += slope[f, 1] * (row + 0.5 - xy[f, 0, 1])
+            z = height[0][f] + slope[0][f] * (column + 0.5 - x[0][f])
+            z += slope[1][f] * (row + 0.5 - y[0][f])
             z = np.clip(z, low[f], high[f])
             np.maximum.at(top, part.pixel, z)
             np.minimum.at(bottom, part.pixel, z)
-    if len(centres):
+    if centres.size:
         p = _turned(centres, frame)
         at = _pixel(p, pixels)
-        np.maximum.at(top, at, p[:, 2])
-        np.minimum.at(bottom, at, p[:, 2])
+        np.maximum.at(top, at, p[2])
+        np.minimum.at(bottom, at, p[2])
     return top, bottom
 
 
 def _slopes(p: FloatArray) -> FloatArray:
-    """(m, 2) rise of each face along x and y, 0 for those that stand upright."""
+    """(2, m) rise of each face along x and y, 0 for those that stand upright. p: (3, 3, m)."""
     u, v = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1 / (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-        x = (u[:, 2] * v[:, 1] - v[:, 2] * u[:, 1]) * inverse
-        y = (u[:, 0] * v[:, 2] - v[:, 0] * u[:, 2]) * inverse
-    result: FloatArray = np.nan_to_num(np.stack([x, y], 1), posinf=0.0, neginf=0.0)
+        inverse = 1 / (u[0] * v[1] - u[1] * v[0])
+        x = (u[2] * v[1] - v[2] * u[1]) * inverse
+        y = (u[0] * v[2] - v[0] * u[2]) * inverse
+    result: FloatArray = np.nan_to_num(np.stack([x, y]), posinf=0.0, neginf=0.0)
     return result
 
 
 def _pixel(p: FloatArray, pixels: int) -> IntArray:
-    """(k,) pixel of each point, its own x and y counted from the middle."""
-    at = np.clip(np.floor(p[:, :2] + pixels / 2), 0, pixels - 1).astype(np.int64)
-    result: IntArray = at[:, 1] * pixels + at[:, 0]
+    """(k,) pixel of each point (3, k), its own x and y counted from the middle."""
+    column, row = np.clip(np.floor(p[:2] + pixels / 2), 0, pixels - 1).astype(np.int64)
+    result: IntArray = row * pixels + column
     return result
 
 
@@ -153,19 +158,19 @@ def _looked_up(
 ) -> IntArray:
     """(k,) from how many of both directions of an axis each place is seen: 0, 1 or 2.
 
-    vectors: (4k, 3) places in pixels, their normals, those of both faces there.
+    vectors: (3, 4k) places in pixels, their normals, those of both faces there.
     """
     k = len(sheet)
     pixels = int(np.sqrt(len(buffers[0])))
     turned = _turned(vectors, frame)
-    at, out, facing = turned[:k], turned[k : 2 * k], turned[2 * k :, 2].reshape(2, k)
+    at, out, facing = turned[:, :k], turned[:, k : 2 * k], turned[2, 2 * k :].reshape(2, k)
     seen = np.zeros(k, np.int64)
     for sign, buffer in zip((1.0, -1.0), buffers, strict=True):
-        front = np.flatnonzero(sheet | ((sign * facing) > 0).any(0))
-        step = out[front]
-        step[sheet[front] & (sign * step[:, 2] < 0)] *= -1
-        p = at[front] + step
-        seen[front] += sign * p[:, 2] >= sign * buffer[_pixel(p, pixels)]
+        front = np.flatnonzero(sheet | (sign * facing[0] > 0) | (sign * facing[1] > 0))
+        step = out[:, front]
+        step *= np.where(sheet[front] & (sign * step[2] < 0), -1.0, 1.0)
+        p = at[:, front] + step
+        seen[front] += sign * p[2] >= sign * buffer[_pixel(p, pixels)]
     return seen
 
 

@@ -81,16 +81,26 @@ class CutMesh:
     def gradients(self) -> FloatArray:
         """(m, 2, 3): column k is the gradient of the hat function of corner k, so that J = (gradients @ u).T
         for corner values u (3, 2)."""
-        p = self.rest_triangles
-        opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
-        g = np.stack([-opposite[..., 1], opposite[..., 0]], 1)
-        return g / (2 * self.areas)[:, None, None]
+        x, y = self.rest_triangles.T
+        before, ahead = [2, 0, 1], [1, 2, 0]
+        # in memory (2, 3, m), as all who work on whole arrays want them
+        g = np.stack([y[ahead] - y[before], x[before] - x[ahead]])
+        g /= 2 * self.areas
+        return g.transpose(2, 0, 1)
 
     @cached_property
     def edge_lengths(self) -> FloatArray:
         """(m, 3): length of half-edge 3f + k."""
-        d = self.rest_triangles[:, [1, 2, 0]] - self.rest_triangles
-        result: FloatArray = np.sqrt((d * d).sum(2))
+        x, y = self.rest_triangles.T
+        dx, dy = x[[1, 2, 0]] - x, y[[1, 2, 0]] - y
+        result: FloatArray = np.sqrt(dx * dx + dy * dy).T
+        return result
+
+    def lengths(self, half_edges: IntArray) -> FloatArray:
+        """(h,) length of each of the given half-edges."""
+        corners = self.rest_triangles.reshape(-1, 2)
+        x, y = (corners[next_half_edge(half_edges)] - corners[half_edges]).T
+        result: FloatArray = np.sqrt(x * x + y * y)
         return result
 
     @cached_property
@@ -126,8 +136,14 @@ class CutMesh:
         self.__dict__["_elimination"] = order
 
     def in_units_of(self, unit: float) -> CutMesh:
-        """The same charts, lengths measured in that unit; what is known of their topology goes along."""
-        out = CutMesh(self.faces, self.rest_triangles / unit, self.chart, self.edges)
+        """The same charts, lengths in that unit, with what is known of their topology; that of the last call is
+        kept."""
+        kept: tuple[float, CutMesh] | None = self.__dict__.get("_in_units")
+        if kept is not None and kept[0] == unit:
+            out = kept[1]
+        else:
+            out = CutMesh(self.faces, self.rest_triangles / unit, self.chart, self.edges)
+            self.__dict__["_in_units"] = unit, out
         for name in TOPOLOGICAL:
             if name in self.__dict__:
                 out.__dict__[name] = self.__dict__[name]
@@ -193,7 +209,7 @@ def boundary_loops(cut_mesh: CutMesh) -> Loops:
     labels, order, size = cycles(at[flat[next_half_edge(h)]])
     start = np.r_[0, np.cumsum(size)].astype(np.int64)
     chart = cut_mesh.chart[h[order][start[:-1]] // 3]
-    length = group_sum(cut_mesh.edge_lengths.ravel()[h], labels, len(size))
+    length = group_sum(cut_mesh.lengths(h), labels, len(size))
     outer = np.zeros(len(size), bool)
     by_length = np.lexsort((np.arange(len(size)), -length, chart))
     outer[by_length[first_of_runs(chart[by_length])]] = True

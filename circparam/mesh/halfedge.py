@@ -14,8 +14,9 @@ from circparam.core.arrays import (
     first_of_runs,
     next_half_edge,
     ranges,
+    stable_order,
 )
-from circparam.core.graph import components
+from circparam.core.graph import components, follower_components
 
 FAN_LIMIT = 16  # up to so many faces at one edge all pairs are compared; above, opposite ones pair
 TURN_COST = 1.5  # how much straightness a pair must gain to join inconsistently oriented faces
@@ -52,7 +53,7 @@ def sort_by_edge(faces: IntArray, n_points: int, which: BoolArray | None = None)
     """The half-edges of faces (m, 3) by the two points they join, either way; which: (m,) faces to take."""
     key = edge_keys(faces.ravel(), faces[:, [1, 2, 0]].ravel(), n_points)
     h = np.arange(faces.size) if which is None else np.flatnonzero(np.repeat(which, 3))
-    order = h[np.argsort(key[h], kind="stable")]
+    order = h[stable_order(key[h])]
     head = first_of_runs(key[order])
     return EdgeRuns(order, head, np.diff(np.r_[head, len(order)]))
 
@@ -74,12 +75,18 @@ def shared_edges(faces: IntArray) -> IntArray:
     return pairs[np.argsort(pairs[:, 0], kind="stable")]
 
 
-def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | None) -> Pairs:
+def pair_half_edges(
+    points: FloatArray,
+    faces: IntArray,
+    polygons: IntArray | None,
+    uv: FloatArray | None = None,
+) -> Pairs:
     """Pair the half-edges of faces: an edge of two faces is one pair, a crowded edge several.
 
-    At an edge of more than two faces those inside one polygon pair first, then the straightest pairs,
-    consistently oriented rather than not; an odd face keeps a boundary there. Two faces with the same
-    three points never pair: joined along two edges they could not lie in the plane.
+    At an edge of more than two faces those inside one polygon pair first, then those that a layout shows side
+    by side, then the straightest pairs, consistently oriented rather than not; an odd face keeps a boundary
+    there. Two faces with the same three points never pair: joined along two edges they could not lie in the
+    plane. uv: (m, 3, 2) of a layout to be judged, NaN at corners without.
     """
     start = faces.ravel()
     runs = sort_by_edge(faces, len(points))
@@ -88,7 +95,7 @@ def pair_half_edges(points: FloatArray, faces: IntArray, polygons: IntArray | No
     edges = edges[third[:, 0] != third[:, 1]]
     many = runs.size > 2
     if many.any():
-        fans = _Fans.at(points, faces, polygons, runs, many)
+        fans = _Fans.at(points, faces, polygons, uv, runs, many)
         edges = np.concatenate([edges, _apart(faces, edges, fans)])
     i, j = edges[:, 0], edges[:, 1]
     locked = np.zeros(len(edges), bool)
@@ -102,8 +109,8 @@ class _Fans(NamedTuple):
 
     h: half-edges. group: edge of each of them. x, y: (pairs,) indices into h that may be paired, straight:
     (pairs,) −1 (one plane) .. 1 (folded together), against: whether their faces are inconsistently
-    oriented, together: whether they lie in one polygon. large: (l, 2) pairs at edges with very many faces,
-    which are made by angle alone.
+    oriented, together: whether they lie in one polygon, drawn: whether their uv agree along the edge.
+    large: (l, 2) pairs at edges with very many faces, which are made by angle alone.
     """
 
     h: IntArray
@@ -113,6 +120,7 @@ class _Fans(NamedTuple):
     straight: FloatArray
     against: BoolArray
     together: BoolArray
+    drawn: BoolArray
     large: IntArray
 
     @staticmethod
@@ -120,6 +128,7 @@ class _Fans(NamedTuple):
         points: FloatArray,
         faces: IntArray,
         polygons: IntArray | None,
+        uv: FloatArray | None,
         runs: EdgeRuns,
         many: BoolArray,
     ) -> _Fans:
@@ -149,6 +158,7 @@ class _Fans(NamedTuple):
         together = np.zeros(len(x), bool)
         if polygons is not None:
             together = polygons[h[x] // 3] == polygons[h[y] // 3]
+        drawn = np.zeros(len(x), bool) if uv is None else _same_uv(faces, uv, h[x], h[y])
         large = np.zeros((0, 2), np.int64)
         if not small.all():
             side = np.cross(axis, inward[first])
@@ -158,13 +168,23 @@ class _Fans(NamedTuple):
             lower = np.flatnonzero(~small & (rank < half))
             large = np.stack([by_angle[lower], by_angle[lower + half[lower]]], 1)
         straight = (inward[x] * inward[y]).sum(1)
-        return _Fans(h, group, x, y, straight, start[x] == start[y], together, large)
+        return _Fans(h, group, x, y, straight, start[x] == start[y], together, drawn, large)
 
     def pairs(self, extra: FloatArray) -> IntArray:
-        """(p, 2) indices into h: pairs inside a polygon first, then the cheapest ones, ``extra`` added."""
+        """(p, 2) indices into h: inside a polygon first, then side by side in the layout, then the cheapest."""
         # coplanar rivals differ by rounding only: round, so that their order is that of the file
-        cost = np.round(self.straight - 10.0 * self.together + extra, 9)
+        cost = np.round(self.straight - 20.0 * self.together - 10.0 * self.drawn + extra, 9)
         return np.concatenate([_greedy(cost, self.x, self.y, len(self.h)), self.large])
+
+
+def _same_uv(faces: IntArray, uv: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
+    """(p,) bool: two half-edges i, j (p,) of one edge have the same uv (m, 3, 2) at both of its ends."""
+    corner = uv.reshape(-1, 2)
+    ni, nj = next_half_edge(i), next_half_edge(j)
+    alike = faces.ravel()[i] == faces.ravel()[j]
+    start, end = np.where(alike, j, nj), np.where(alike, nj, j)
+    result: BoolArray = (corner[i] == corner[start]).all(1) & (corner[ni] == corner[end]).all(1)
+    return result
 
 
 def _apart(faces: IntArray, others: IntArray, fans: _Fans) -> IntArray:
@@ -266,7 +286,8 @@ def corner_classes(n_faces: int, edges: IntArray) -> tuple[int, IntArray]:
     Returns (number of classes, (n_faces, 3) class of each corner). A vertex at which the surface is pinched
     becomes one vertex for each fan, so the result is always a manifold.
     """
-    i, j = edges[:, 0], edges[:, 1]
-    ni, nj = next_half_edge(i), next_half_edge(j)
-    count, labels = components(3 * n_faces, np.r_[i, ni], np.r_[nj, j])
+    # the corner that each half-edge leaves is joined to one other at most: that which follows its other side
+    other = opposite_half_edges(n_faces, edges)
+    follower = np.where(other < 0, -1, next_half_edge(other))
+    count, labels = follower_components(follower)
     return count, labels.reshape(-1, 3)

@@ -11,7 +11,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.words import counted
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.halfedge import Pairs, pair_half_edges
-from circparam.mesh.mesh import Mesh
+from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.orientation import Orientation, orient
 from circparam.mesh.surface import Surface
 from circparam.mesh.weld import degenerate_faces, first_duplicates, mesh_scale, weld_map
@@ -79,9 +79,13 @@ class RepairReport:
         }
 
 
-def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surface, RepairReport]:
+def repair(
+    mesh: Mesh, options: RepairOptions = RepairOptions(), uvmap: UVMap | None = None
+) -> tuple[Surface, RepairReport]:
     """The oriented manifold of a mesh, and what had to be done for it.
 
+    uvmap: a layout to be judged: faces at an edge of more than two hang together as it shows them, so that
+    its charts are counted as whoever made it counted them.
     Raises InputError where no face has an area, TopologyError where something would have to be repaired and
     ``options.allow`` is False, OptionError where the weld tolerance is no distance or larger than the mesh.
     """
@@ -97,7 +101,7 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
         )
     faces = welded[aside.kept]
     polygons = None if mesh.polygons is None else mesh.polygons[aside.kept]
-    pairs = pair_half_edges(points, faces, polygons)
+    pairs = pair_half_edges(points, faces, polygons, _corner_uv(uvmap, aside.kept))
     p = points[faces]
     orientation = orient(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), pairs)
     surface = _oriented(points, faces, aside.kept, pairs, orientation)
@@ -131,6 +135,17 @@ def repair(mesh: Mesh, options: RepairOptions = RepairOptions()) -> tuple[Surfac
         unreferenced=int((~used).sum()),
         messages=messages,
     )
+
+
+def _corner_uv(uvmap: UVMap | None, kept: IntArray) -> FloatArray | None:
+    """uv (kept, 3, 2) of the corners of the faces ``kept``, NaN where a corner has none."""
+    if uvmap is None or len(uvmap.uv) == 0:
+        return None
+    index = uvmap.uv_faces[kept]
+    result: FloatArray = np.where(
+        index[..., None] >= 0, uvmap.uv[np.maximum(index, 0)].astype(np.float64), np.nan
+    )
+    return result
 
 
 class _Aside(NamedTuple):

@@ -112,8 +112,14 @@ class Surface:
 
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""
-        e = self.edges[~cut]
-        return components(len(self.faces), e[:, 0] // 3, e[:, 1] // 3)
+        # asked for again and again between two changes of the seams
+        kept: tuple[BoolArray, int, IntArray] | None = self.__dict__.get("_charts")
+        if kept is None or not np.array_equal(kept[0], cut):
+            e = self.edges[~cut]
+            kept = cut.copy(), *components(len(self.faces), e[:, 0] // 3, e[:, 1] // 3)
+            kept[2].setflags(write=False)
+            self.__dict__["_charts"] = kept
+        return kept[1:]
 
     def cut_mesh(self, cut: BoolArray) -> CutMesh:
         """The whole surface cut open along ``cut`` ((e,) bool): charts and faces in order."""
@@ -143,6 +149,24 @@ class Surface:
         keep = ~cut
         price = None if self.price is None else self.price[keep]
         return replace(self, edges=self.edges[keep], locked=self.locked[keep], price=price)
+
+    def copies(self, count: int) -> Surface:
+        """So many copies of the surface side by side, one after the other in every array."""
+        n, m = len(self.points), len(self.faces)
+
+        def behind(numbers: IntArray, each: int) -> IntArray:
+            return np.concatenate([numbers + k * each for k in range(count)])
+
+        return Surface(
+            np.tile(self.points, (count, 1)),
+            behind(self.faces, n),
+            np.tile(self.source, count),
+            np.tile(self.reversed_faces, count),
+            behind(self.edges, 3 * m),
+            np.tile(self.locked, count),
+            behind(self.torn, 3 * m),
+            None if self.price is None else np.tile(self.price, count),
+        )
 
     def part(self, faces: BoolArray) -> Surface:
         """Some faces ((m,) bool); where they meet the others is a boundary."""

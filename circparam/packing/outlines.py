@@ -104,13 +104,23 @@ class Shapes:
 
     def boxes(self, angle: FloatArray) -> FloatArray:
         """Bounding boxes of all charts, each turned by its angle: (n,) radians → (n, 4) x0, y0, x1, y1."""
-        v, at = self.hull
-        own = self.owner[v]
+        own, at, px, py = self._hull_points
         c, s = np.cos(angle)[own], np.sin(angle)[own]
-        p = self.points[v]
-        x, y = c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]
+        x, y = c * px - s * py, s * px + c * py
         low, high = np.minimum.reduceat, np.maximum.reduceat
-        return np.stack([low(x, at[:-1]), low(y, at[:-1]), high(x, at[:-1]), high(y, at[:-1])], 1)
+        return np.stack([low(x, at), low(y, at), high(x, at), high(y, at)], 1)
+
+    @cached_property
+    def _hull_points(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """(h,) chart, (n,) first, (h,) x and y of the points of ``hull``."""
+        v, at = self.hull
+        x, y = np.ascontiguousarray(self.points[v].T)
+        return self.owner[v], at[:-1], x, y
+
+    @cached_property
+    def known_angles(self) -> dict[tuple[str, int, int], FloatArray]:
+        """Angles that were looked for already: several packers and searches begin with the same."""
+        return {}
 
     def outline(self, c: int) -> tuple[FloatArray, FloatArray]:
         """Edges of the outline of one chart: (k, 2) starts and (k, 2) ends."""
@@ -216,7 +226,7 @@ def least_box_angles(shapes: Shapes, rotate: str, steps: int = 90) -> FloatArray
         return np.zeros(shapes.n)
     best = np.zeros(shapes.n)
     if rotate == "free":
-        best = _best_angles(shapes, steps, lambda w, h: w * h)
+        best = _best_angles(shapes, "box", steps)
     box = shapes.boxes(best)
     tall = (box[:, 3] - box[:, 1]) > (box[:, 2] - box[:, 0]) * (1 + 1e-9)
     return best + np.where(tall, _QUARTER, 0.0)
@@ -228,16 +238,31 @@ def least_square_angles(
     """(n,) angle at which each chart fits the smallest upright square."""
     if rotate != "free":
         return np.zeros(shapes.n)
-    return _best_angles(shapes, steps, np.maximum, rounds)
+    return _best_angles(shapes, "square", steps, rounds)
 
 
-def _best_angles(
-    shapes: Shapes,
-    steps: int,
-    cost: Callable[[FloatArray, FloatArray], FloatArray],
-    rounds: int = 3,
-) -> FloatArray:
+# what an angle costs, by the width and the height of the bounding box
+COSTS: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
+    "box": np.multiply,
+    "square": np.maximum,
+}
+
+
+def _best_angles(shapes: Shapes, cost: str, steps: int, rounds: int = 3) -> FloatArray:
     """Angles of least cost of width and height: a quarter turn in steps, then finer about the best."""
+    key = cost, steps, rounds
+    if key not in shapes.known_angles:
+        shapes.known_angles[key] = _searched_angles(shapes, COSTS[cost], steps, rounds)
+    return shapes.known_angles[key].copy()
+
+
+def _searched_angles(
+    shapes: Shapes,
+    cost: Callable[[FloatArray, FloatArray], FloatArray],
+    steps: int,
+    rounds: int,
+) -> FloatArray:
+    """As ``_best_angles``, not looked up."""
     best = np.zeros(shapes.n)
     width, count = _QUARTER, steps
     for _ in range(rounds):

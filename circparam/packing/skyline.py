@@ -11,7 +11,6 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from numpy.lib.stride_tricks import sliding_window_view
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
 from circparam.core.monitor import Monitor
@@ -229,10 +228,12 @@ def _stacked(
     for c in order.tolist():
         best = (np.inf, 0, 0, 0.0, 0)
         for tile in range(options.pages):
+            below = np.zeros(columns + 1, np.float32)
+            below[1:] = np.cumsum(sky[tile])
             for j in range(k):
                 e = c * k + j
                 part = slice(shape.start[e], shape.start[e + 1])
-                spot = _rest(sky[tile], shape.lower[part], shape.upper[part])
+                spot = _rest(sky[tile], below, shape.lower[part], shape.upper[part])
                 if spot is not None and spot[0] < best[0]:
                     best = (spot[0], j, spot[1], spot[2], tile)
             last = tile == options.pages - 1
@@ -257,14 +258,20 @@ def _top(shape: Profiles, e: int, y: float) -> float:
     return y + float(shape.upper[shape.start[e] : shape.start[e + 1]].max())
 
 
-def _rest(sky: Bounds, lower: Bounds, upper: Bounds) -> tuple[float, int, float] | None:
-    """Where a chart comes to rest with the least waste: (cost, first column, height of its centre)."""
+def _rest(
+    sky: Bounds, below: Bounds, lower: Bounds, upper: Bounds
+) -> tuple[float, int, float] | None:
+    """Where a chart comes to rest with the least waste: (cost, first column, height of its centre).
+
+    below: (columns + 1,) area below the skyline left of each column.
+    """
     w = len(lower)
     if w > len(sky):
         return None
     # windows along the first axis: the maximum then runs over whole rows at once
-    height = (sliding_window_view(sky, len(sky) - w + 1) - lower[:, None]).max(0)
-    below = np.r_[0.0, np.cumsum(sky)]
+    step = sky.strides[0]
+    windows = np.ndarray((w, len(sky) - w + 1), sky.dtype, sky, 0, (step, step))
+    height = (windows - lower[:, None]).max(0)
     waste = height * w + lower.sum() - (below[w:] - below[:-w])
     cost = waste / w + 0.5 * (height + upper.max())
     x = int(cost.argmin())

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from circparam.core.registry import Row, Table
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes
+from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Packer, PackTask, Placement
 from circparam.packing.rows import row_placement
 from circparam.packing.shelf import shelf_placement
@@ -20,6 +20,7 @@ NESTED_UP_TO = 250
 # than 6000 only there.
 SKYLINE_ABOVE = 40
 SKYLINE_UP_TO = 6000
+HURRIED_ANGLES = 9  # that are tried for boxes where time is up
 
 # Below this effort only so few charts are nested: the grid of many costs seconds before any search.
 LITTLE_EFFORT = 0.2
@@ -40,7 +41,12 @@ def _too_many_to_nest(shapes: Shapes, options: PackOptions) -> bool:
 
 
 def _shelf(task: PackTask) -> Placement | None:
-    return shelf_placement(task.shapes, task.options)
+    shapes, options = task.shapes, task.options
+    if not task.monitor.expired:
+        return shelf_placement(shapes, options)
+    # of 30,000 charts the angles take longer than all the rest
+    angle = least_box_angles(shapes, options.rotate, steps=HURRIED_ANGLES)
+    return shelf_placement(shapes, options, angle)
 
 
 def _skyline(task: PackTask) -> Placement | None:

@@ -7,37 +7,46 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, edge_keys, next_half_edge
+from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge
 from circparam.core.graph import nearest
-from circparam.geometry.distortion import chart_distortion
+from circparam.geometry.distortion import best_chart_scales, chart_distortion
+from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
+from circparam.solvers.newton import RelaxOptions, relax
 
 BAND = 0.2  # of a chord's length: how far from it the way along edges may run
 EDGES = 4.0  # and so many edges besides
 ENDS = (0.35, 0.1, 0.0)  # of a chord's length: how far from its ends the way may begin and end
 ALIKE = 1.6  # ratio of the areas that the chord and the way cut off
+STEPS = 6  # of relaxing a part above the bound: what a cut makes room for shows in the first ones
 
 
 @dataclass(frozen=True, eq=False)
 class Chord:
-    """A straight cut through a chart from start to end (2,), in the uv of its atlas. chart: (m,) bool, its
-    faces before any cut. least: area of the smaller part that it leaves, in space."""
+    """A straight cut through a chart from start to end (2,), in the uv of its atlas. least: area of the smaller
+    part that it leaves, in space."""
 
-    chart: BoolArray
     start: FloatArray
     end: FloatArray
     least: float
 
 
-def cut_along(
-    atlas: Atlas, chord: Chord, costs: FloatArray, bound: float, least_faces: int = 1
-) -> Atlas | None:
-    """The atlas cut along edges near a chord; None where that does not leave two disks below the bound.
+@dataclass(frozen=True)
+class Limits:
+    """What either part of a chart that is cut has to keep: the bound on the distortion, the least faces."""
 
-    costs: (e,) of a seam along each edge, infinite where there may be none. least_faces: of either part. The
-    way begins and ends on a boundary near the ends of the chord, wherever it is shortest; layouts stay as they
-    are.
+    bound: float
+    faces: int = 1
+
+
+def cut_along(atlas: Atlas, chord: Chord, costs: FloatArray, limits: Limits) -> Atlas | None:
+    """The atlas of one chart cut along edges near a chord; None where that does not leave two disks as they
+    should be.
+
+    costs: (e,) of a seam along each edge, infinite where there may be none. The way begins and ends on a
+    boundary near the ends of the chord, wherever it is shortest. Layouts stay as they are, but for those of
+    parts above the bound: they are relaxed to below it, for which the cut often makes room.
     """
     cut_mesh, uv = atlas.open()
     for ends in ENDS:
@@ -46,9 +55,8 @@ def cut_along(
             continue
         cut = atlas.cut.copy()
         cut[path] = True
-        after = Atlas(atlas.surface, cut, atlas.corners, atlas.prices)
-        faces = cut_mesh.chart == cut_mesh.chart[atlas.surface.edges[path[0], 0] // 3]
-        if _allowed(after, faces, chord.least, bound, least_faces):
+        after = _kept(Atlas(atlas.surface, cut, atlas.corners, atlas.prices), path, chord, limits)
+        if after is not None:
             return after
     return None
 
@@ -63,7 +71,7 @@ def _path(
 ) -> IntArray | None:
     """Edges of the cheapest way near a chord; None where there is none."""
     s, flat = atlas.surface, cut_mesh.faces.ravel()
-    edge = np.flatnonzero(~atlas.cut & np.isfinite(costs) & chord.chart[s.edges[:, 0] // 3])
+    edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
     h = s.edges[edge, 0]
     a, b = flat[h], flat[next_half_edge(h)]
     length = float(np.linalg.norm(chord.end - chord.start))
@@ -134,19 +142,36 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
     return result
 
 
-def _allowed(atlas: Atlas, faces: BoolArray, least: float, bound: float, least_faces: int) -> bool:
-    """Whether these faces ((m,) bool, a chart before) are two charts now as they should be.
+def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas | None:
+    """An atlas cut along a path (edges) if its two charts are as they should be, else None.
 
-    Both disks (holes allowed) of ``least_faces``, neither above the bound, the smaller of about the area
-    ``least``.
+    Both disks (holes allowed) of as many faces as asked for, the smaller of about the area that was planned, and
+    below the bound: as they are, or relaxed.
     """
-    after, uv = atlas.open()
-    parts, count = np.unique(after.chart[faces], return_counts=True)
-    if count.min() < least_faces:
-        return False
-    if not least / ALIKE < float(after.chart_areas[parts].min()) < least * ALIKE:
-        return False
-    return two_disks(after, uv, parts, bound)
+    count, chart = atlas.charts()
+    if count != 2 or np.bincount(chart).min() < limits.faces:
+        return None
+    if (np.diff(chart[atlas.surface.edges[path] // 3], axis=1) == 0).any():
+        return None  # a slit that ends inside
+    cut_mesh, uv = atlas.open()
+    if not chord.least / ALIKE < float(cut_mesh.chart_areas.min()) < chord.least * ALIKE:
+        return None
+    if not_disks(cut_mesh).any():
+        return None
+    high = chart_distortion(cut_mesh, uv) > limits.bound
+    if not high.any():
+        return atlas
+    part, vertices, faces = cut_mesh.subset(high)
+    scale = best_chart_scales(part, uv[vertices])[part.vertex_chart][:, None]
+    better = relax(part, uv[vertices] * scale, RelaxOptions(max_iterations=STEPS)).uv
+    sound = np.isfinite(better).all() and (signs(better, part.faces) > 0).all()
+    if not sound or (chart_distortion(part, better) > limits.bound).any():
+        return None
+    if overlaps(part.faces, better, part.chart, part.edges).self_overlapping.any():
+        return None
+    after = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
+    after.scatter(part, better, faces)
+    return after
 
 
 def two_disks(cut_mesh: CutMesh, uv: FloatArray, parts: IntArray, bound: float) -> bool:

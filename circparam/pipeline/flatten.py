@@ -24,6 +24,7 @@ from circparam.seams import SEAMS
 from circparam.seams.constraints import constrain
 from circparam.seams.options import Seams
 
+CHARTS_COST = 10.0  # seconds that charts take at least over those of the repair: 20 on many meshes
 # What a numerical method raises where the numbers of a mesh are beyond it
 NUMERICAL = (NoResultError, np.linalg.LinAlgError, ArithmeticError)
 
@@ -34,6 +35,7 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
     free = job.options.cut == "charts"
     try:
         with clock.bounded(monitor.last if free else None):
+            _worth_beginning(monitor)
             return SEAMS[job.options.cut].function(job.surface, asked, monitor)
     except (*NUMERICAL, OutOfTimeError) as error:
         if not free:
@@ -43,6 +45,14 @@ def find_seams(job: Job, monitor: Monitor) -> Seams:
         how = "projecting" if isinstance(error, OutOfTimeError) else "halving"
         why = f"charts were made by {how} ({str(error).partition(':')[0]})"
         return Seams(forced, _no_layout(job.surface), [*notes, why])
+
+
+def _worth_beginning(monitor: Monitor) -> None:
+    """Raise OutOfTimeError where time is up and what is granted on top of it is too little for any charts."""
+    left = clock.left()
+    least = CHARTS_COST * monitor.seconds.get("repair", 0.0)
+    if left is not None and left < least and monitor.expired:
+        raise OutOfTimeError("out of time before anything was begun: give a longer --timeout")
 
 
 def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:

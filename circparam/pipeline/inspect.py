@@ -52,7 +52,7 @@ def inspect(
         raise InputError(
             f"{document.source.name}: it has no uv set {uv_set} (there is {there}): circparam unwrap makes one"
         )
-    surface, _ = repair(document.mesh, RepairOptions(weld))
+    surface, _ = repair(document.mesh, RepairOptions(weld), uvmap)
     found = verify(surface, uvmap, resolution=resolution, padding=padding)
     return Inspection(
         document, topology, document.uv_sets, found, reasons(found, Promise(None, padding)), notes

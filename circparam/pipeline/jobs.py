@@ -9,7 +9,8 @@ from circparam.core import workers
 from circparam.core.monitor import Listener, Monitor
 from circparam.pipeline.options import Options
 
-MODULE = "circparam.seams.charts"  # what workers import: it holds all that is done in parts
+# What workers import: all that is done in parts, first what is needed first
+MODULES = ("circparam.seams.charts", "circparam.packing.nest.strategy")
 FACES = (
     1_500  # from this size on there is work enough for a process that starts as late as the solve
 )
@@ -27,10 +28,15 @@ def monitor_of(options: Options, listener: Listener | None, since: float | None 
 def start_for_file(options: Options, path: str) -> None:
     """Start workers before a file is read, and NumPy with it, where its size tells that they will be needed."""
     if options.cut == "charts" and os.path.isfile(path) and os.path.getsize(path) >= BYTES:
-        workers.start(options.processes, MODULE)
+        _start(options)
 
 
 def start_for(options: Options, faces: int) -> None:
     """Start workers for a mesh of so many faces, where that is worth it and they are not there already."""
     if options.cut == "charts" and faces >= FACES:
-        workers.start(options.processes, MODULE)
+        _start(options)
+
+
+def _start(options: Options) -> None:
+    """As many as were asked for, but no more than there are cores: they would only be in each other's way."""
+    workers.start(min(options.processes, max(workers.free_cores(), 2)), *MODULES)

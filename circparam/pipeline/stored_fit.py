@@ -59,14 +59,16 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
     packed layout was spoilt, the next ones are tried at its size before they are packed. Raises NoResultError
     where no finite layout is found.
     """
-    options = job.options
+    options, settled = job.options, False
     if monitor.hurried and options.packed and cascade.rules.may_split:
         # with time up, no packing is tried that stored numbers are likely to spoil
-        cascade = _hold_stored(job, cascade, _likely_size(cascade), monitor)
+        cascade, settled = _hold_stored(job, cascade, _likely_size(cascade), monitor), True
     for turn in range(ROUNDS):
         if turn == 1:  # what stored numbers spoil is spoilt in a loose layout too
             options = replace(options, effort=min(RETRIED * (options.effort or 1.0), 1.0))
-        trial = _packed(job, fallback.settle(cascade, monitor), options, monitor)
+        if not settled:
+            cascade = fallback.settle(cascade, monitor)
+        trial = _packed(job, cascade, options, monitor)
         cascade = trial.cascade
         if not (trial.fault > 0).any():
             break
@@ -74,7 +76,8 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         if after is None:
             break
         cascade = after
-        if options.packed and cascade.rules.may_split and not monitor.hurried:
+        settled = options.packed and cascade.rules.may_split and not monitor.hurried
+        if settled:
             cascade = _hold_stored(job, cascade, trial.size, monitor)
     if not np.isfinite(trial.uvmap.uv).all():
         raise NoResultError("no finite layout was found")

@@ -114,6 +114,9 @@ def _unwrapped(
 
 def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """Charts cut for a fuller page, as ``pack_splits`` says."""
+    no_time = monitor.late and not np.isfinite(cascade.atlas.corners).all()
+    if monitor.expired or no_time:  # what has no layout yet is projected, in far too many charts
+        return cascade
     if options.fills_page:
         from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
 

@@ -65,7 +65,7 @@ def counts(scene: Scene, note: str = "") -> str:
 
 def measured(mesh: Mesh, uvmap: UVMap, padding: int = 4) -> list[tuple[str, str]]:
     """The key figures of a layout as (label, text), by the measures of every report of the command line."""
-    surface, _ = repair(mesh, RepairOptions())
+    surface, _ = repair(mesh, RepairOptions(), uvmap)
     return as_figures(verify(surface, uvmap, resolution=RASTER, padding=padding).numbers())
 
 

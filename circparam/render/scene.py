@@ -172,10 +172,11 @@ class Scene:
             return self.base.flipped[self.source]
         out = np.zeros(len(self.faces), bool)
         try:
-            surface, _ = repair(Mesh(self.points, self.faces), RepairOptions())
+            uvmap = UVMap(self.uv, self.uv_faces)
+            surface, _ = repair(Mesh(self.points, self.faces), RepairOptions(), uvmap)
         except InputError:  # no face has an area
             return out
-        out[surface.source] = flipped_faces(surface, UVMap(self.uv, self.uv_faces))
+        out[surface.source] = flipped_faces(surface, uvmap)
         return out
 
     @cached_property

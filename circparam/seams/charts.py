@@ -25,12 +25,12 @@ from circparam.seams.grown import (
     hold_all,
     stretch_limits,
     transfer_to_fine,
-    with_prices,
 )
 from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
+from circparam.seams.hidden import with_prices
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.segmentation.decide import CHART_COST, CROWD, merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
@@ -63,8 +63,9 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         hide = HIDDEN if (options.max_stretch or STRETCH) >= STRETCH else 0.0
     if hide > 0:
         options = dataclasses.replace(options, hide_seams=hide)
+        # else they are found when it is clear what for, beside other things where that can be
         whole = mirror is not None or options.max_charts is not None
-        if whole or len(surface.faces) <= LEVEL_FACES:
+        if whole or (forced.any() and len(surface.faces) <= LEVEL_FACES):
             surface = with_prices(surface, options, monitor)
     if mirror is not None:
         surface = dataclasses.replace(surface, locked=mirror.closed(surface.locked))
@@ -190,7 +191,7 @@ def _first_atlas(
     doubtful &= doubtful.sum() <= DOUBTS
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
-    if (hard | doubtful).mean() > FEW:
+    if (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES:
         surface = with_prices(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)

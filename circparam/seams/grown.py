@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +17,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
-from circparam.seams.hidden import hiding_prices
+from circparam.seams.hidden import prices_beside, with_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.transfer_layout import (
@@ -33,9 +35,10 @@ from circparam.seams.segmentation.decide import (
     better_in_all,
     decide,
     merge_on,
+    merged_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import FINAL, enforce, relaxed_layouts
+from circparam.seams.segmentation.enforce import FINAL, breaks_up, enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import (
     DualGraph,
     dual_graph,
@@ -53,25 +56,20 @@ DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SHARED_FACES = 500  # from this size on starts are shared with other processes
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
+ALONE = 20_000  # faces of a mesh up to which starts merge in one system
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
-VISIBLE = 30.0  # as many: with less left there are no prices of hidden places, charts need the time
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
-LEAST_LEVEL, LEVEL_RATIO = (
-    60_000,
-    12,
-)  # faces of a level, and at most so many times fewer than before
+LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
-LEVEL_SLACK = (
-    0.08  # as SLACK, for the mesh after a level: less is given back by splitting large charts
-)
-TRIED_TWICE = 25_000  # faces, up to which charts merged on the proxy are tried as well
+LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
+SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too
 NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
@@ -93,6 +91,7 @@ def grown_atlas(
     if options.max_charts is None and options.min_chart_faces == 1:
         tiny = crumbs(surface)
         if tiny.any():
+            surface = with_prices(surface, options, monitor, LEVEL_FACES)
             atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
             atlas.put(tiny, crumb_atlas(surface.part(tiny), bound, worker, monitor))
             if not tiny.all():
@@ -106,18 +105,29 @@ def grown_atlas(
     if bent.all():
         decided = _decided(surface, bound, options, worker, monitor, target)
     else:
+        atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
             part = _decided(surface.part(bent), bound, options, worker, monitor, target)
-            atlas.put(bent, part.atlas)
+            atlas.put(bent, part.atlas if part.plain is None else part.plain())
             decided = decided._replace(relaxing=part.relaxing)
+    if decided.plain is not None and len(surface.faces) > SMALL_FACES:
+        with monitor.stage("enforce"):
+            broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
+        if broken:
+            with monitor.stage("carry"):
+                decided = decided._replace(atlas=decided.plain(), plain=None)
+    merged, whole = decided.atlas, decided.atlas.charts()[0]
     finish(decided, bound, options, worker, monitor, notes)
-    if decided.other is None:
-        return decided.atlas
-    finish(decided._replace(atlas=decided.other), bound, options, worker, monitor, [])
-    for one in (decided.atlas, decided.other):
+    # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
+    if decided.plain is None or merged.charts()[0] <= whole:
+        return merged
+    with monitor.stage("carry"):
+        plain = decided.plain()
+    finish(decided._replace(atlas=plain), bound, options, worker, monitor, [])
+    for one in (plain, merged):
         merge_on(one, bound, MARGIN / 2, monitor)
-    return decided.other if better_in_all(decided.other, decided.atlas) else decided.atlas
+    return merged if better_in_all(merged, plain) else plain
 
 
 class Decided(NamedTuple):
@@ -126,7 +136,7 @@ class Decided(NamedTuple):
     atlas: Atlas
     graph: DualGraph
     relaxing: RelaxOptions = FINAL
-    other: Atlas | None = None  # the same, merged on
+    plain: Callable[[], Atlas] | None = None  # makes it as it was before charts were merged on
 
 
 def finish(
@@ -174,34 +184,42 @@ def _decided(
 ) -> Decided:
     """Seams before the last relaxation, decided on the surface or on its proxy (of ``target`` faces)."""
     if complexity(surface) > LOOPS:
+        surface = with_prices(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
         if complexity(closed) <= complexity(surface) / 2:
             found = _decided(closed, bound, options, worker, monitor)
             return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
     count, graph = len(surface.faces), dual_graph(surface)
+    twice = target is None and options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
         return Decided(_from_level(surface, graph, bound, options, worker, monitor), graph, LOCAL)
-    proxy = None
+    # workers that are opened for a small mesh come as its starts are about to end
+    proxy, alone = None, count <= ALONE
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
             target = target or proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            atlas = decide(surface, bound, MARGIN, options.max_charts, worker, monitor)
+            surface = with_prices(surface, options, monitor)
+            atlas = decide(surface, bound, MARGIN, options.max_charts, worker, monitor, alone)
             return Decided(atlas, graph)
+        prices = prices_beside(surface, proxy, options, monitor)
         inner = 1 + (bound - 1) * (1 - SLACK)
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
-            coarse = decide(proxy.surface, inner, PROXY_MARGIN, options.max_charts, worker, monitor)
-            other = Atlas(coarse.surface, coarse.cut, coarse.corners)
-            if count <= TRIED_TWICE and options.max_charts is None and options.min_chart_faces == 1:
-                merge_on(other, inner, 0.0, monitor)
+            most = options.max_charts
+            coarse = decide(
+                proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, alone, prices
+            )
+            other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
         blind = dataclasses.replace(surface, price=None)
-        second = transfer_to_fine(blind, graph, other, proxy) if fewer else None
-        return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph, other=second)
+        if not fewer:
+            return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
+        plain = partial(transfer_to_fine, blind, graph, coarse, proxy)
+        return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
 
 
 def _from_level(
@@ -283,15 +301,6 @@ def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bo
     asked = options.max_stretch is not None or options.max_distortion <= STRICT
     free = asked and options.max_charts is None and options.min_chart_faces == 1
     return Limits(bound, options.max_stretch or STRETCH), asked, free
-
-
-def with_prices(surface: Surface, options: SeamOptions, monitor: Monitor) -> Surface:
-    """The surface with the prices of its edges by visibility, where they are asked for."""
-    short = monitor.short(VISIBLE * monitor.seconds.get("repair", 0.0))
-    if not options.hide_seams or surface.price is not None or short:
-        return surface
-    with monitor.stage("visibility"):
-        return dataclasses.replace(surface, price=hiding_prices(surface, options.hide_seams))
 
 
 def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:

@@ -2,18 +2,50 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from circparam.core.arrays import FloatArray
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Later
 from circparam.geometry.visibility import edge_shares
 from circparam.mesh.surface import Surface
+from circparam.seams.multires.decimate import Proxy, priced
+from circparam.seams.options import SeamOptions
 
 DIRECTIONS = 64
 FEWER, LARGE = 24, 20_000  # directions for surfaces of more faces than that
 PIXELS = 128
 TYPICAL = 0.5  # of the directions see an edge of a convex shape
 LEAST = 0.2  # of that: what is seen from fewer is as good as hidden
+VISIBLE = 30.0  # seconds over those of the repair: with less left there are no prices, charts need the time
 POWER = 4.0  # of the share in the price, at full strength
+
+
+def asked_beside(surface: Surface, strength: float, monitor: Monitor) -> FloatArray:
+    """As ``hiding_prices``, for a process that has nothing else to do. monitor: not asked, it is soon done."""
+    return hiding_prices(surface, strength)
+
+
+class PricesBeside:
+    """Prices of the edges of a proxy, by what is seen of its surface: found by an idle process, if any."""
+
+    def __init__(self, surface: Surface, strength: float, proxy: Proxy, monitor: Monitor) -> None:
+        self._surface, self._proxy, self._monitor = surface, proxy, monitor
+        # what a surface keeps beside its fields need not be sent
+        task = (replace(surface), strength)
+        self._later = Later(monitor.jobs, asked_beside, task, monitor)
+
+    def begin(self) -> None:
+        """Find them beside what follows, where a process has nothing to do."""
+        self._later.begin()
+
+    def result(self) -> FloatArray | None:
+        """(e,) the prices of the edges of the proxy."""
+        with self._monitor.stage("visibility"):
+            fine = replace(self._surface, price=self._later.result())
+            return priced(self._proxy.surface, fine, self._proxy.cell).price
 
 
 def hiding_prices(surface: Surface, strength: float) -> FloatArray:
@@ -27,3 +59,32 @@ def hiding_prices(surface: Surface, strength: float) -> FloatArray:
     share = edge_shares(surface, count, PIXELS)
     price: FloatArray = np.maximum(share / TYPICAL, LEAST) ** (POWER * strength)
     return price
+
+
+def with_prices(
+    surface: Surface, options: SeamOptions, monitor: Monitor, most: int | None = None
+) -> Surface:
+    """The surface with the prices of its edges by visibility, where they are asked for.
+
+    most: faces, beyond which there are none (those of a level are found there).
+    """
+    large = most is not None and len(surface.faces) > most
+    if large or not options.hide_seams or not _wanted(surface, options, monitor):
+        return surface
+    with monitor.stage("visibility"):
+        return replace(surface, price=hiding_prices(surface, options.hide_seams))
+
+
+def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:
+    """Whether prices by visibility are asked for, there are none yet, and there is time for them."""
+    short = monitor.short(VISIBLE * monitor.seconds.get("repair", 0.0))
+    return bool(options.hide_seams) and surface.price is None and not short
+
+
+def prices_beside(
+    surface: Surface, proxy: Proxy, options: SeamOptions, monitor: Monitor
+) -> PricesBeside | None:
+    """Prices of a proxy where the surface has none yet: seams move on the proxy alone."""
+    if not _wanted(surface, options, monitor):
+        return None
+    return PricesBeside(surface, options.hide_seams or 0.0, proxy, monitor)

@@ -10,7 +10,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    group_sum,
+    stable_order,
+)
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
@@ -33,18 +40,23 @@ def elimination_ranks(surface: Surface) -> IntArray:
     """(vertices,) when elimination takes each vertex of a surface, in an order that fills little.
 
     Any part of the surface, cut in any way, fills no more in the same order than it does as part of the whole.
+    They are kept with the surface.
     """
+    kept: IntArray | None = surface.__dict__.get("_ranks")
+    if kept is not None:
+        return kept
     whole = surface.cut_mesh(np.zeros(len(surface.edges), bool))
     pattern = VertexPattern(whole, None)
     matrix = pattern.numbers(np.ones(3 * len(whole.faces)), np.ones(whole.n_vertices))
-    return Factor(matrix).position
+    kept = surface.__dict__["_ranks"] = Factor(matrix).position
+    return kept
 
 
 def eliminate_as(cut_mesh: CutMesh, ranks: IntArray, vertices: IntArray) -> None:
     """Give a cut mesh the order of elimination of its surface. vertices: (m, 3) those of the surface."""
     rank = np.zeros(cut_mesh.n_vertices, np.int64)
     rank[cut_mesh.faces.ravel()] = ranks[vertices.ravel()]
-    cut_mesh.eliminated_in(np.argsort(rank, kind="stable"))
+    cut_mesh.eliminated_in(stable_order(rank))
 
 
 class VertexPattern:
@@ -77,7 +89,7 @@ class VertexPattern:
         self.count = np.maximum(group_count(self.chart, cut_mesh.n_charts), 1)
         every = np.arange(n)
         key = np.r_[head, tail, every] * n + np.r_[tail, head, every]
-        self.source = np.argsort(key, kind="stable")
+        self.source = stable_order(key)
         found = key[self.source]
         twice = found[1:] == found[:-1]
         self.place: IntArray | None = None
@@ -139,7 +151,7 @@ class VertexPattern:
 
         size: 1 for a matrix of numbers, 2 for blocks.
         """
-        return self.order[np.argsort(factor.position[::size], kind="stable")]
+        return self.order[stable_order(factor.position[::size])]
 
     def _placed(self, values: FloatArray) -> FloatArray:
         if self.place is None:

@@ -18,6 +18,8 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 from circparam.solvers.pattern import pattern_of
 
+MOSTLY = 0.5  # share of the faces in charts with flips, above which the factor of all charts serves again
+
 
 def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
     """(nv, nv) cotangent Laplacian of all charts, positive semidefinite, from the rest triangles alone."""
@@ -65,35 +67,48 @@ def from_jacobians(
     again = flipped & ~(mean > hopeless)
     if not (untangle and again.any()):
         return uv, ~flipped
+    if again[cut_mesh.chart].mean() > MOSTLY:
+        uv, flipped[again] = _untangled(solver, jacobian, uv, again, untangle, low)
+        return uv, ~flipped
     part, vertices, faces = cut_mesh.subset(again)
     if held is not None:
         number = np.full(cut_mesh.n_vertices, -1)
         number[vertices] = np.arange(len(vertices))
         inside = again[cut_mesh.vertex_chart[held[0]]]
         held = number[held[0][inside]], held[1][inside]
-    uv[vertices], fine = _untangled(
-        Poisson(part, held), jacobian[:, :, faces], uv[vertices], untangle, low
+    uv[vertices], flipped[again] = _untangled(
+        Poisson(part, held),
+        jacobian[:, :, faces],
+        uv[vertices],
+        np.ones(part.n_charts, bool),
+        untangle,
+        low,
     )
-    flipped[again] = ~fine
     return uv, ~flipped
 
 
 def _untangled(
-    solver: Poisson, jacobian: FloatArray, uv: FloatArray, rounds: int, low: float
+    solver: Poisson,
+    jacobian: FloatArray,
+    uv: FloatArray,
+    which: BoolArray,
+    rounds: int,
+    low: float,
 ) -> tuple[FloatArray, BoolArray]:
-    """As ``from_jacobians``, for charts that all have flipped faces."""
+    """As ``from_jacobians``, for charts ((n,) bool) that have flipped faces: (layout, which still do)."""
     chart, vertex_chart = solver.cut_mesh.chart, solver.cut_mesh.vertex_chart
-    flipped = np.ones(solver.cut_mesh.n_charts, bool)
+    flipped = which.copy()
     targets = np.zeros_like(jacobian)
     for _ in range(rounds):
         again = flipped[chart]
         targets[:, :, again] = clamp_stretch(jacobian[:, :, again], low)
         moving = flipped[vertex_chart]
         uv = np.where(moving[:, None], solver.layout(targets), uv)
-        jacobian, flipped = solver.judged(uv)
+        jacobian, found = solver.judged(uv)
+        flipped &= found
         if not flipped.any():
             break
-    return uv, ~flipped
+    return uv, flipped[which]
 
 
 class Poisson:

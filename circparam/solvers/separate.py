@@ -26,6 +26,7 @@ from circparam.core.linalg import SparseMatrix
 from circparam.core.monitor import Monitor
 from circparam.geometry.boundary import BoundarySegments, boundary_of
 from circparam.geometry.intersect import meeting, nearby, segment_distance, windings
+from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.newton import Iterate, newton_step
@@ -171,12 +172,9 @@ def push_apart(
 
 def _moved(cut_mesh: CutMesh, uv: FloatArray, springs: _Springs, reach: FloatArray) -> FloatArray:
     """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring."""
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
-
-    tree = cKDTree(np.c_[uv[springs.vertex], _layer(springs.chart, uv)])
-    middle = np.c_[uv[cut_mesh.faces].mean(1), _layer(cut_mesh.chart, uv)]
-    far, _ = tree.query(middle, distance_upper_bound=float(reach.max()))
-    region = far < reach[cut_mesh.chart]
+    region = within(
+        (centres(uv, cut_mesh.faces), cut_mesh.chart), (uv[springs.vertex], springs.chart), reach
+    )
     part, source, fixed = cut_out(cut_mesh, region, np.zeros(len(uv), bool))
     local = _in_part(springs, cut_mesh, part, source)
     if len(local.vertex) == 0:
@@ -214,12 +212,6 @@ def _in_part(springs: _Springs, whole: CutMesh, part: CutMesh, source: IntArray)
         springs.weight[inside] * larger,
         chart,
     )
-
-
-def _layer(chart: IntArray, uv: FloatArray) -> FloatArray:
-    """A third coordinate that keeps the charts of a layout far apart."""
-    result: FloatArray = chart * (4.0 * np.ptp(uv, axis=0).max() + 1.0)
-    return result
 
 
 def _find(

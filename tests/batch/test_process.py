@@ -82,7 +82,7 @@ def test_a_mesh_opens_no_processes_of_its_own(
 ) -> None:
     """A batch has a mesh at work on each core already, and --jobs is no option of it."""
     asked: list[int] = []
-    monkeypatch.setattr("circparam.core.workers.start", lambda jobs, _: asked.append(jobs))
+    monkeypatch.setattr("circparam.core.workers.start", lambda jobs, *_: asked.append(jobs))
     monkeypatch.setattr("circparam.pipeline.options.cores", lambda: 4)
     mesh = str(samples.path("creature"))
     (tmp_path / "o").mkdir()

@@ -21,7 +21,7 @@ from circparam.core import pool as pool_module
 from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.core.pool import Pool, current
-from circparam.core.workers import Worker
+from circparam.core.workers import Later, Worker
 
 HERE = "tests.core.test_workers"
 ROOT = Path(__file__).parents[2]
@@ -73,6 +73,63 @@ def test_tasks_are_done_here_and_beside_in_order() -> None:
     assert os.getpid() in found
     assert len(found) > 1
     assert found - {os.getpid()} <= set(pool.executor._processes)
+
+
+def outer(k: int, monitor: Monitor) -> list[tuple[int, int]]:
+    """What a task finds that hands out tasks itself: the first here, in the end with all processes idle."""
+    if k == 0:
+        pool = current()
+        assert pool is not None
+        while pool.free < 1:  # until the other task is done
+            os.sched_yield()
+    return Worker(monitor.jobs).map(square, [(k, ""), (k + 1, "")], monitor)
+
+
+def test_a_task_here_shares_its_own_work_with_processes_that_are_idle() -> None:
+    pool = opened(2)
+    first, second = Worker(2).map(outer, [(0,), (5,)], Monitor(jobs=2))
+    assert [[value for value, _ in part] for part in (first, second)] == [[0, 1], [25, 36]]
+    assert first[1][1] != os.getpid(), "the process was idle by then"
+    assert first[0][1] == os.getpid()
+    assert len({pid for _, pid in second}) == 1, "in a process nothing is shared further"
+    assert pool.free == 1
+
+
+def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> None:
+    pool = opened(2)
+    first, second = (Later(2, square, (k, ""), Monitor()) for k in (3, 4))
+    first.begin()
+    assert pool.free == 0
+    second.begin()  # none is idle: nothing happens
+    assert first.result()[0] == 9
+    assert first.result()[1] in pool.executor._processes
+    assert second.result() == (16, os.getpid())
+    alone = Later(1, square, (5, ""), Monitor())
+    alone.begin()
+    assert alone.result() == (25, os.getpid())
+    lost = Later(2, square, (6, str(os.getpid())), Monitor())  # dies in the process
+    while pool.free < 1:
+        os.sched_yield()
+    lost.begin()
+    assert lost.result() == (36, os.getpid())
+    assert current() is None
+
+
+def test_tasks_wait_for_a_process_that_does_something_else() -> None:
+    """As soon as it has done it, it gets those of them that are left."""
+    pool = opened(2)
+    Later(2, square, (3, ""), Monitor()).begin()
+    got = Worker(2).map(patient, [(k,) for k in range(3)], Monitor())
+    assert got[0] == os.getpid()
+    assert got[1] in pool.executor._processes
+
+
+def patient(k: int, monitor: Monitor) -> int:
+    """The process; the first task, which is done here, waits until the process has taken one up or ended it."""
+    pool = current()
+    while k == 0 and pool is not None and pool._waiting:
+        os.sched_yield()
+    return os.getpid()
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -197,6 +254,15 @@ for size in (8 << 30, 1 << 30):
     )
 
 
+def test_one_core_is_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)
+    assert workers.free_cores() == workers.cores() == 1
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
+    monkeypatch.setattr(workers, "_quota", lambda: 3)
+    assert workers.free_cores() == workers.cores() == 3
+
+
 def test_cores_are_bounded_by_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     assert workers.cores() == 1
@@ -210,7 +276,8 @@ def test_parts_hold_whole_charts_each_once(label: np.ndarray) -> None:
         patch.setattr(workers, "PARTED", 50)
         patch.setattr(workers, "PART_FACES", 25)
         parts = workers.in_parts(label)
-    assert 1 <= len(parts) <= workers.MOST
+    assert 1 <= len(parts) <= workers.PARTS
+    assert [part.sum() for part in parts] == sorted((part.sum() for part in parts), reverse=True)
     assert (np.sum(parts, axis=0) == 1).all()
     for part in parts:
         assert part.any()
@@ -218,9 +285,9 @@ def test_parts_hold_whole_charts_each_once(label: np.ndarray) -> None:
     if len(parts) > 1:
         assert max(part.mean() for part in parts) <= workers.MOST_SHARE
     sizes = np.bincount(label)
-    if len(label) >= 100 and len(sizes) > 8 and sizes.max() <= len(label) / 8:
-        assert len(parts) == workers.MOST
-        assert max(part.sum() for part in parts) <= len(label) / 4 + 2 * sizes.max()
+    if len(label) >= 200 and sizes.max() <= len(label) / 16:
+        assert len(parts) == workers.PARTS
+        assert max(part.sum() for part in parts) <= len(label) / workers.PARTS + sizes.max()
 
 
 CALLER = """

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
@@ -17,9 +20,12 @@ from circparam.core.pool import current
 from circparam.errors import OptionError
 from circparam.pipeline import jobs
 from circparam.pipeline.options import Options
+from circparam.seams import grown
+from circparam.seams.segmentation import decide
 from tests.support import shapes
 
 QUICK = {"effort": 0.01}
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(autouse=True)
@@ -56,7 +62,11 @@ def unwrapped(source: tuple[np.ndarray, np.ndarray], folder: Path, n: int) -> by
     return out.read_bytes()
 
 
-def test_the_same_bytes_with_1_2_and_3_jobs(tmp_path: Path, sent: list[str]) -> None:
+def test_the_same_bytes_with_1_2_and_3_jobs(
+    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grown, "ALONE", 0)
+    monkeypatch.setattr(decide, "TOGETHER", 0)
     outs = []
     for n in (1, 2, 3):
         outs.append(unwrapped(mesh(), tmp_path, n))
@@ -73,6 +83,71 @@ def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(
     outs = [unwrapped(mesh(), tmp_path, n) for n in (1, 2, 4)]
     assert outs[0] == outs[1] == outs[2]
     assert "settle_part" in sent
+
+
+def test_the_same_bytes_where_prices_are_found_beside(
+    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By what is seen of a mesh, for the seams of its proxy."""
+    begun = []
+    begin = workers.Later.begin
+
+    def told(self: workers.Later) -> None:
+        begin(self)
+        begun.append(self._future is not None)
+
+    monkeypatch.setattr(workers.Later, "begin", told)
+    outs = [unwrapped(mesh(4), tmp_path, n) for n in (1, 2)]
+    assert outs[0] == outs[1]
+    assert begun == [False, True]
+
+
+UNGUARDED = """
+import hashlib, os, sys
+print("run", flush=True)
+import circparam
+from circparam.core.pool import current
+from circparam.pipeline import jobs
+from tests.pipeline.test_jobs import QUICK, mesh
+jobs.FACES = 100
+jobs.start_for(circparam.Options(jobs=2), 1000)
+pool = current()
+print(pool is not None and pool.ready.result() > 0)
+print(hashlib.sha256(circparam.unwrap(mesh(), jobs=2, **QUICK).uv.tobytes()).hexdigest())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="folders that cannot be written to")
+@pytest.mark.parametrize("threads", ["1", "3"])
+def test_a_script_without_a_guard_whose_home_cannot_be_written_to(
+    threads: str, tmp_path: Path
+) -> None:
+    """It is not run again by the processes, which work all the same; so does a number of threads of its own."""
+    script, home = tmp_path / "script.py", tmp_path / "home"
+    script.write_text(UNGUARDED)
+    home.mkdir(mode=0o500)
+    names = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "LOKY_TEMP_FOLDER")
+    own = {name: os.fspath(home / "none") for name in names}
+    done = subprocess.run(
+        [sys.executable, os.fspath(script)],
+        env={**os.environ, **own, "OMP_NUM_THREADS": threads, "PYTHONPATH": os.fspath(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    alone = circparam.unwrap(mesh(), jobs=1, **QUICK)
+    digest = hashlib.sha256(alone.uv.tobytes()).hexdigest()
+    assert done.stdout.split() == ["run", "True", digest]
+    assert not any(home.iterdir())
+
+
+def test_no_more_processes_than_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    monkeypatch.setattr(workers, "start", lambda jobs, *_: asked.append(jobs))
+    for free in (1, 2, 3, 9):
+        monkeypatch.setattr(workers, "free_cores", lambda free=free: free)
+        jobs.start_for(Options(jobs=4), 10**6)
+    assert asked == [2, 2, 3, 4], "two where they were asked for"
 
 
 def test_the_same_bytes_when_workers_are_killed(

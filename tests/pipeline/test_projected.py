@@ -16,6 +16,9 @@ from circparam.mesh.atlas import Atlas
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source
+from circparam.pipeline.flatten import find_seams
+from circparam.pipeline.job import prepare
+from circparam.pipeline.options import Options
 from circparam.pipeline.projected import STEEP, project_charts
 from circparam.pipeline.unwrap import unwrap_document
 from tests.support import shapes
@@ -143,6 +146,46 @@ def test_where_not_even_that_can_be_done_in_time_it_is_told_at_once(
     document = open_source(shapes.cube(2), options)
     with pytest.raises(OutOfTimeError):
         unwrap_document(document, None, options, monitor)
+
+
+@pytest.mark.parametrize(("pace", "begun"), [(0.01, True), (1.0, False)])
+def test_no_charts_are_begun_that_the_time_is_too_short_for(
+    pace: float, begun: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With time up a moment is granted, and used where the mesh is gone through in less."""
+    Clock(monkeypatch)
+    monitor = Monitor(timeout=10.0)
+    job = prepare(open_source(shapes.cube(4), Options()), None, Options(jobs=1), monitor)
+    monitor.seconds["repair"] = pace
+    with monitor.holding(100.0):
+        assert monitor.expired
+        seams = find_seams(job, monitor)
+    assert seams.uv is not None
+    assert np.isfinite(seams.uv).all() == begun
+    assert ("charts" in monitor.seconds) == begun
+    assert any("out of time" in note for note in seams.notes) != begun
+    assert monitor.hurried
+
+
+def test_what_is_late_is_neither_cut_for_its_page_nor_checked_twice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[str] = []
+
+    def counted(place: str) -> None:
+        module, name = place.rsplit(".", 1)
+        owner = __import__(module, fromlist=[name])
+        real = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *a: asked.append(name) or real(*a))
+
+    counted("circparam.pipeline.fallback.settle")
+    counted("circparam.pipeline.stored_fit.hold")
+    counted("circparam.pipeline.fuller_page.fill_page")
+    clock = Clock(monkeypatch)
+    clock.jump_at(monkeypatch, "circparam.pipeline.flatten.rules", 1000.0)
+    result = circparam.unwrap(shapes.cube(4), timeout=900.0, jobs=1, **QUICK)
+    assert result.verification.valid
+    assert asked == ["settle", "hold", "hold"]
 
 
 def test_time_is_kept_for_what_comes_later(monkeypatch: pytest.MonkeyPatch) -> None:

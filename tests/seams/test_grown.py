@@ -101,3 +101,32 @@ def test_what_no_level_can_shrink_is_taken_over_as_it_is() -> None:
         coarse.surface.edge_lengths[coarse.cut].sum()
     )
     assert fine.cut.sum() == coarse.cut.sum()
+
+
+@pytest.mark.parametrize("split", [False, True])
+def test_charts_not_merged_on_are_gone_back_to_where_merged_ones_are_split_on_the_mesh(
+    split: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    chart = np.arange(len(surface.faces)) % 2
+    merged, plain = (Atlas(surface, np.zeros(len(surface.edges), bool)) for _ in range(2))
+    plain.cut = (chart[surface.edges // 3] == 0).any(1)
+    made, finished = [], []
+
+    def again() -> Atlas:
+        made.append(plain)
+        return plain
+
+    def finish(decided: grown.Decided, *_: object) -> None:
+        finished.append(decided.atlas)
+        if split and decided.atlas is merged:
+            decided.atlas.cut = np.ones(len(surface.edges), bool)
+
+    decided = grown.Decided(merged, grown.dual_graph(surface), plain=again)
+    monkeypatch.setattr(grown, "_decided", lambda *_: decided)
+    monkeypatch.setattr(grown, "finish", finish)
+    monkeypatch.setattr(grown, "merge_on", lambda *_: None)
+    atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
+    assert finished == ([merged, plain] if split else [merged])
+    assert made == finished[1:]
+    assert atlas is finished[-1]

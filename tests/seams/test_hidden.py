@@ -10,7 +10,7 @@ from circparam.geometry.visibility import visible_share
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import grown
+from circparam.seams import hidden as hidden_module
 from circparam.seams.charts import charts
 from circparam.seams.hidden import LEAST, POWER, hiding_prices
 from circparam.seams.options import HIDDEN, SeamOptions
@@ -83,7 +83,7 @@ def test_without_strength_no_visibility_is_asked_for(monkeypatch: pytest.MonkeyP
     surface = surface_of(*shapes.torus(20, 10))
     expected = decided(surface, 1e-12).surface.price
     assert expected is None  # the surface of the caller stays as it was
-    monkeypatch.setattr(grown, "hiding_prices", never)
+    monkeypatch.setattr(hidden_module, "hiding_prices", never)
     assert decided(surface, 0.0).charts()[0] >= 1
     with pytest.raises(AssertionError, match="without strength"):
         decided(surface, 0.5)

@@ -33,14 +33,16 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     split = split_vertices(n, mesh.faces.ravel(), stored_uv(uvmap.uv), uvmap.uv_faces.ravel())
     with np.errstate(over="ignore"):
         points = np.nan_to_num(mesh.points, posinf=0.0, neginf=0.0).astype(np.float32)
+    used = np.zeros(n, bool)
+    used[mesh.faces.ravel()] = True
     if not np.isfinite(points).all():
-        far = float(np.abs(mesh.points[np.unique(mesh.faces)]).max())
+        far = float(np.abs(mesh.points[used]).max())
         raise OutputError(
             f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
             "scale the mesh"
         )
     notes, warnings = not_carried(document, "glb")
-    if (points != mesh.points)[np.unique(mesh.faces)].any():
+    if (points != mesh.points)[used].any():
         notes.append("positions were rounded to float32, all that glTF stores")
     if split.added:
         notes.append(duplicated(split.added))

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
-from scipy.optimize import linprog
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
@@ -71,6 +70,9 @@ LAST_TRUSTS = (1.0, 0.5)
 # A step that gains less than this share of what its trust region allows is followed by a shorter one.
 LITTLE_GAIN = 0.2
 
+# One that gains less than this share is followed by one a quarter as long: charts are locked, or nearly.
+LOCKED = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class Growth:
@@ -126,7 +128,9 @@ class Growth:
     def overlaps(self, placement: Placement) -> bool:
         """Whether two charts overlap, to within a coarse raster; it sees what distances of outlines do not."""
         shapes, side = self.shapes, OVERLAP_SIDE
-        page = placement.page[shapes.owner[shapes.start]]
+        own = shapes.owner[shapes.start]
+        # outlines of charts that are not simple do not tell what they cover; the last check does
+        page = np.where(shapes.simple[own], placement.page[own], -1)
         world = shapes.place(placement.angle, placement.offset, placement.scale)
         world *= side / self.options.resolution
         for tile in range(int(placement.page.max()) + 1):
@@ -227,6 +231,8 @@ def compaction_step(
     most = np.concatenate([np.full(2 * n, trust), turn, [trust / reach.max()]])
     cost = np.zeros(3 * n + 1)
     cost[-1] = -1.0
+    from scipy.optimize import linprog  # takes 0.05 s, and a chart alone on its page never needs it
+
     # unknowns in units of the trust region, so that the solver sees numbers near 1
     matrix.data *= most[matrix.indices] / trust
     right = bound / trust
@@ -257,55 +263,93 @@ def compact(
     steps: int,
     trust: float = FIRST_TRUST,
     strict: bool = False,
-    rough: bool = False,
 ) -> Placement:
     """Grow a layout free of overlap until it locks, by at most ``steps`` linear programs.
 
     trust: first trust region in texels of a page of 2048; it is halved when a step gains little of what the
-    region allows, down to a quarter of a texel. A step after which charts overlap on a coarse raster is not
-    made; one that brings charts so near that a tip may be through a neighbour, or to where no step keeps all
-    distances, is taken back. strict: keep the full gap in all directions, where the width of straight strips
-    would do; for layouts that the check refuses. rough: leave out the last small steps, where others follow.
+    region allows, and quartered when it gains next to nothing, down to a quarter of a texel. A step after which
+    charts overlap on a coarse raster is not made; one that brings charts so near that a tip may be through a
+    neighbour, or to where no step keeps all distances, is taken back. strict: keep the full gap in all
+    directions, where the width of straight strips would do; for layouts that the check refuses.
     The budget counts the rows of the programs. The result keeps the distances but for the error of the last
     step: the caller checks.
     """
-    earlier, placement, trust = _grown(growth, placement, steps, trust, strict)
-    if trust >= LAST_TRUSTS[-1] and not rough and not growth.budget.late:
-        placement = _cut_short(growth, earlier, placement, strict)
-    return placement
+    ascent = Ascent(placement, trust, strict)
+    ascent.climb(growth, steps)
+    if ascent.trust >= LAST_TRUSTS[-1] and not growth.budget.late:
+        return _cut_short(growth, ascent.earlier, ascent.placement, strict)
+    return ascent.placement
 
 
-def _grown(
-    growth: Growth, placement: Placement, steps: int, trust: float, strict: bool
-) -> tuple[Placement | None, Placement, float]:
-    """(placement one step before, None where that is taken back; placement; trust region) at the end."""
+def roughly(growth: Growth, placement: Placement, steps: int, reached: float) -> Placement:
+    """As ``compact``, without the last small steps, and not to the end where that can't lead above a scale that
+    another layout has ``reached``."""
+    ascent = Ascent(placement, FIRST_TRUST, reached=reached)
+    ascent.climb(growth, steps)
+    return ascent.placement
+
+
+@dataclass(eq=False)
+class Ascent:
+    """A layout on its way up.
+
+    placement: as far as it has come; earlier: one step before, None where there is none or it was taken back.
+    trust: the trust region now. strict, as in ``compact``; reached: scale that others have.
+    """
+
+    placement: Placement
+    trust: float
+    strict: bool = False
+    reached: float = 0.0
     earlier: Placement | None = None
-    widest = growth.shapes.radius.max()
-    for _ in range(steps):
-        found = _looked_at(growth, placement, trust)
-        after = None
-        if earlier is None or not growth.crossed(found):
-            after = compaction_step(growth, placement, found, trust, strict)
-        if after is None:
-            if earlier is None:
+
+    def climb(self, growth: Growth, steps: int) -> None:
+        """Make up to so many steps."""
+        for number in range(steps):
+            if self.outrun(growth, steps - number):
                 break
-            # the last step was too long: again, half as long
-            placement, earlier, trust = earlier, None, trust / 2
-            continue
-        if growth.overlaps(after):
-            trust /= 2
-            if trust < LEAST_TRUST or growth.budget.over:
+            found = _looked_at(growth, self.placement, self.trust)
+            after = None
+            if self.earlier is None or not growth.crossed(found):
+                after = compaction_step(growth, self.placement, found, self.trust, self.strict)
+            if after is None:
+                if self.earlier is None:
+                    break
+                # the last step was too long: again, half as long
+                self.placement, self.earlier = self.earlier, None
+                self.trust /= 2
+                continue
+            if growth.overlaps(after):
+                self.trust /= 2
+            else:
+                self.take(growth, after)
+            if self.trust < LEAST_TRUST or growth.budget.over:
                 break
-            continue
-        gain = after.scale / placement.scale - 1
-        earlier, placement = placement, after
-        if gain < LITTLE_GAIN * trust * growth.unit / (widest * placement.scale):
-            trust /= 2
-        if trust < LEAST_TRUST or growth.budget.over:
-            break
-    if earlier is not None and growth.crossed(_looked_at(growth, placement, trust)):
-        return None, earlier, trust
-    return earlier, placement, trust
+        if self.earlier is not None and growth.crossed(
+            _looked_at(growth, self.placement, self.trust)
+        ):
+            self.placement, self.earlier = self.earlier, None
+
+    def take(self, growth: Growth, after: Placement) -> None:
+        """Make a step; what it gains sets the next trust region."""
+        gain = after.scale / self.placement.scale - 1
+        self.earlier, self.placement = self.placement, after
+        most = self.most(growth)
+        if gain >= LITTLE_GAIN * most:
+            return
+        if abs(gain) > LOCKED * most or self.trust <= 2 * LEAST_TRUST:
+            self.trust /= 2
+        else:  # locked; for good where that is below what others have reached
+            self.trust /= 4 if after.scale >= self.reached else np.inf
+
+    def most(self, growth: Growth) -> float:
+        """What a step in the trust region gains at most."""
+        widest = growth.shapes.radius.max() * self.placement.scale
+        return float(self.trust * growth.unit / max(widest, 1e-9))
+
+    def outrun(self, growth: Growth, steps: int) -> bool:
+        """Whether no steps, so many, lead to the scale that others have reached."""
+        return bool(self.placement.scale * (1 + self.most(growth)) ** steps < self.reached)
 
 
 def _looked_at(growth: Growth, placement: Placement, trust: float) -> Contacts:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter, minimum_filter
-from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, first_of_runs, ranges
 from circparam.packing.outlines import Shapes
@@ -89,6 +87,8 @@ def find_contacts(
     world = to_world(placement, outlines.chart, outlines.points)
     tiled = _pages_apart(placement, outlines.chart, world, reach)
     some = _near_others(tiled, outlines.chart, reach)
+    from scipy.spatial import cKDTree  # takes 0.1 s, and a chart alone on its page never needs it
+
     tree = cKDTree(tiled[some], balanced_tree=False, compact_nodes=False)
     pairs = tree.query_pairs(reach, output_type="ndarray")
     # a < b in every pair, and samples are sorted by chart: i < j
@@ -143,8 +143,18 @@ def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
     last = np.full(first.shape, -1)
     np.minimum.at(first, (y, x), chart)
     np.maximum.at(last, (y, x), chart)
-    several = minimum_filter(first, 3, mode="nearest") != maximum_filter(last, 3, mode="nearest")
+    several = _round_it(first, np.minimum) != _round_it(last, np.maximum)
     return np.flatnonzero(several[y, x])
+
+
+def _round_it(squares: IntArray, extreme: np.ufunc) -> IntArray:
+    """The least (or largest, as ``extreme`` says) number in each square and the eight round it."""
+    for _ in range(2):  # along one axis, then along the other
+        out = squares.copy()
+        extreme(out[1:], squares[:-1], out=out[1:])
+        extreme(out[:-1], squares[1:], out=out[:-1])
+        squares = out.T
+    return squares
 
 
 def _nearest_of_squares(

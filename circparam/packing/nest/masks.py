@@ -40,9 +40,7 @@ def chart_masks(start: FloatArray, end: FloatArray, angle: FloatArray, grow: flo
     The inside is filled by winding number, so holes stay free and charts that cross themselves are full.
     """
     c, s = np.cos(angle), np.sin(angle)
-    turn = np.stack([np.stack([c, -s], 1), np.stack([s, c], 1)], 1)
-    a = np.einsum("kij,ej->kei", turn, start)
-    b = np.einsum("kij,ej->kei", turn, end)
+    a, b = _at_angles(start, c, s), _at_angles(end, c, s)
     low = np.floor(a.min(1) - grow - 0.01)
     high = np.ceil(a.max(1) + grow + 0.01)
     size = np.maximum(high - low, 1).astype(np.int64)
@@ -51,6 +49,12 @@ def chart_masks(start: FloatArray, end: FloatArray, angle: FloatArray, grow: flo
     cells = _fill(a, b, height, width)
     _touch(cells, a, b, grow)
     return Masks(cells, size[:, ::-1], low, angle)
+
+
+def _at_angles(p: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
+    """(k, e, 2) points (e, 2) at each of k angles."""
+    c, s = cosine[:, None], sine[:, None]
+    return np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]], 2)
 
 
 def _fill(a: FloatArray, b: FloatArray, height: int, width: int) -> BoolArray:

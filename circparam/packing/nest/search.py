@@ -26,8 +26,8 @@ _TIP = 3.0
 
 Spectrum = npt.NDArray[np.complex64]
 
-# Threads of the transforms: always as many, whatever the machine has, so that results repeat.
-THREADS = 2
+# Threads of the transforms: a second one costs 70 µs a call, about what those of one chart take.
+THREADS = 1
 
 # The grid of the transforms is this much larger than the page at the density that is hoped for.
 SLACK = 1.25
@@ -201,18 +201,24 @@ def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Place
 
 
 def search(
-    board: Board, shapes: Shapes, options: PackOptions, cells: int, budget: Budget
+    board: Board,
+    shapes: Shapes,
+    options: PackOptions,
+    cells: int,
+    budget: Budget,
+    largest: int | None = None,
 ) -> list[GridLayout]:
     """Layouts of falling page side, best first.
 
     Greedy orders by size come first, then perturbed orders with a random part of the angles and another
-    blur; each must beat the best page side by a cell, and goes on for as long as it does.
+    blur; each must beat the best page side by a cell, and goes on for as long as it does. largest: page side
+    in cells beyond which a layout is of no use (None: the whole grid).
     """
     rng = np.random.default_rng(20)
     area = np.log(np.maximum(shapes.area, 1e-300))
     span = 2 * np.log(np.maximum(shapes.radius, 1e-300))
     results: list[GridLayout] = []
-    most = int(board.side)
+    most = int(board.side) if largest is None else min(int(board.side), largest)
     tried = 0
     failures = 0
     while failures < 400:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.packing.budget import Budget
-from circparam.packing.nest.compaction import Growth, compact
+from circparam.packing.nest.compaction import Growth, compact, roughly
 from circparam.packing.nest.search import (
     GridLayout,
     cell_size,
@@ -64,7 +64,7 @@ class Schedule:
     coarse_budget: float = 0.3e8
     budget: float = 0.3e8
     compacted_up_to: int = 150
-    kept: int = 3
+    kept: int = 2
     rough_steps: int = 5
     fine_steps: int = 12
     fine_trust: float = 8.0
@@ -97,8 +97,7 @@ def nested(
         return _at_fixed_scale(task, options.fixed_scale)
     if shapes.n == 1:
         return _alone(shapes, options)
-    layouts = _searched(task)
-    layouts, straight = _along_axes(task, layouts)
+    layouts, straight = _found(task)
     if shapes.n <= SCHEDULE.compacted_up_to:
         compacted = _compacted(task, layouts, (skyline, shelf), straight)
         if compacted is not None:
@@ -106,20 +105,24 @@ def nested(
     return layouts[0] if layouts else None
 
 
-def _along_axes(
-    task: PackTask, layouts: list[Placement]
-) -> tuple[list[Placement], Straight | None]:
-    """Layouts with straight charts along the axes where that costs little, and those charts; else as given."""
+def _found(task: PackTask) -> tuple[list[Placement], Straight | None]:
+    """Layouts of the search, and the charts that lie along the axes in them.
+
+    Straight charts do where that costs little. What no straight chart lies along the axes for must be so much
+    better, so it is asked for nothing less.
+    """
     shapes, options = task.shapes, task.options
-    if options.rotate != "free" or not layouts:
-        return layouts, None
+    if options.rotate != "free":
+        return _searched(task), None
     side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / options.pages))
     straight = straight_charts(shapes, SCHEDULE.askew * side)
     if shapes.area[straight.counts].sum() < SCHEDULE.straight_area * shapes.area.sum():
-        return layouts, None
+        return _searched(task), None
     along = _searched(task, straight)
-    least = layouts[0].scale * np.sqrt(1 - SCHEDULE.straight_cost)
-    return (along, straight) if along and along[0].scale >= least else (layouts, None)
+    if not along:
+        return _searched(task), None
+    free = _searched(task, beat=along[0].scale / np.sqrt(1 - SCHEDULE.straight_cost))
+    return (free, None) if free else (along, straight)
 
 
 def _compacted(
@@ -146,8 +149,8 @@ def _compacted(
         reached = rough[0].scale if rough else 0.0
         if start is shelf and not few and reached > SCHEDULE.shelf_below * start.scale:
             continue
-        rough.append(compact(growth, start, _steps(SCHEDULE.rough_steps, part), rough=True))
-    rough.sort(key=lambda p: -p.scale)
+        rough.append(roughly(growth, start, _steps(SCHEDULE.rough_steps, part), reached))
+        rough.sort(key=lambda p: -p.scale)
     steps = _steps(SCHEDULE.fine_steps if few else SCHEDULE.fine_steps // 2, part)
     for start in rough:
         fine = compact(growth, start, steps, SCHEDULE.fine_trust)
@@ -182,10 +185,13 @@ def _steps(most: int, part: float) -> int:
     return max(2, round(most * part))
 
 
-def _searched(task: PackTask, straight: Straight | None = None) -> list[Placement]:
+def _searched(
+    task: PackTask, straight: Straight | None = None, beat: float | None = None
+) -> list[Placement]:
     """Layouts of the search on the grid, best first; empty where it found none.
 
-    straight: charts that lie along the axes in all of them.
+    straight: charts that lie along the axes in all of them. beat: scale that they must exceed, for which one
+    grid is searched, with half the budget as with straight charts.
     """
     shapes, options = task.shapes, task.options
     # several pages share the cells of one, so that the work stays the same
@@ -199,16 +205,20 @@ def _searched(task: PackTask, straight: Straight | None = None) -> list[Placemen
     box = shapes.boxes(least_square_angles(shapes, options.rotate))
     widest = float((box[:, 2:] - box[:, :2]).max())
     density = float(min(SCHEDULE.hoped_share, 0.97 * shapes.area.sum() / widest**2 / options.pages))
-    operations *= 1.0 if straight is None else SCHEDULE.straight_budget
+    operations *= SCHEDULE.straight_budget if straight is not None or beat is not None else 1.0
     budget = Budget(operations * options.effort, lambda: task.monitor.expired)
-    for _ in range(SCHEDULE.tries):
+    for _ in range(SCHEDULE.tries if beat is None else 1):
         cell = cell_size(shapes, options, cells, density)
         angles = chart_angles(shapes, options, cell, 64 if shapes.n <= SCHEDULE.very_few else 24)
         if straight is not None:
             for c in np.flatnonzero(straight.counts).tolist():
                 angles[c] = straight.angle[c] + np.arange(4) * (np.pi / 2)
         board = make_board(shapes, options, angles, cells, density)
-        found = search(board, shapes, options, cells, budget)
+        largest = None
+        if beat is not None:
+            inner = options.resolution - 2 * options.border + options.gap
+            largest = int(np.ceil(inner / (beat * cell))) - 1
+        found = search(board, shapes, options, cells, budget, largest)
         if found:
             return [to_placement(board, f, options) for f in _different(found)]
         density *= SCHEDULE.less_hope

@@ -13,6 +13,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_min,
     group_sum,
+    sorted_distinct,
 )
 from circparam.core.graph import components
 from circparam.core.monitor import Monitor
@@ -219,10 +220,10 @@ def _moved(atlas: Atlas, old_cut: BoolArray, chart: IntArray) -> BoolArray:
 def _torn(cut_mesh: CutMesh, chart: IntArray, moved: BoolArray) -> BoolArray:
     """(n,) bool: charts that are no disks, or do not hold what stayed of just one former chart."""
     bad = not_disks(cut_mesh)
-    pairs = np.unique(np.stack([cut_mesh.chart[~moved], chart[~moved]]), axis=1)
-    bad |= np.bincount(pairs[0], minlength=cut_mesh.n_charts) != 1
-    parted = np.bincount(pairs[1]) > 1
-    bad[pairs[0][parted[pairs[1]]]] = True
+    n = int(chart.max()) + 1
+    now, was = np.divmod(sorted_distinct(cut_mesh.chart[~moved] * n + chart[~moved]), n)
+    bad |= np.bincount(now, minlength=cut_mesh.n_charts) != 1
+    bad[now[np.bincount(was, minlength=n)[was] > 1]] = True
     return bad
 
 

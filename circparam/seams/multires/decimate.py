@@ -116,10 +116,10 @@ def decimate(surface: Surface, target: int) -> Proxy:
     number[kept] = np.arange(len(kept))
     proxy, apart = pair_edges(position[kept], number[coarse])
     cell = _settle(surface, number[root])
-    return Proxy(_priced(proxy, surface, cell), cell, apart)
+    return Proxy(priced(proxy, surface, cell), cell, apart)
 
 
-def _priced(proxy: Surface, surface: Surface, cell: IntArray) -> Surface:
+def priced(proxy: Surface, surface: Surface, cell: IntArray) -> Surface:
     """The proxy with the prices of the surface: those of both cells that an edge joins, in the mean."""
     if surface.price is None:
         return proxy

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
@@ -17,7 +17,9 @@ from circparam.seams.segmentation.state import main_parts
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.poisson import from_jacobians
+from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
+from circparam.solvers.untangle import untangle
 
 UNTANGLE = 12
 
@@ -68,8 +70,12 @@ def lay_out_fresh(
 
 def chart_parts(cut_mesh: CutMesh) -> list[tuple[BoolArray, CutMesh, IntArray, IntArray]]:
     """CutMesh as ``in_parts`` has them: [((n,) charts, cut mesh of those, vertices, faces)]."""
-    out = []
-    for faces in in_parts(cut_mesh.chart):
+    out: list[tuple[BoolArray, CutMesh, IntArray, IntArray]] = []
+    shares = in_parts(cut_mesh.chart)
+    if len(shares) == 1:
+        whole = np.ones(cut_mesh.n_charts, bool)
+        return [(whole, cut_mesh, np.arange(cut_mesh.n_vertices), np.arange(len(cut_mesh.faces)))]
+    for faces in shares:
         part = np.zeros(cut_mesh.n_charts, bool)
         part[cut_mesh.chart[faces]] = True
         out.append((part, *cut_mesh.subset(part)))
@@ -112,3 +118,68 @@ def lay_out_again(
     relaxed = relax(cut_mesh, uv, options)
     atlas.scatter(cut_mesh, relaxed.uv)
     return judge(cut_mesh, relaxed.uv, margin)
+
+
+def lay_out_sound(
+    cut_mesh: CutMesh, uv: FloatArray, options: RelaxOptions, monitor: Monitor
+) -> FloatArray:
+    """Relax a layout; charts with flipped faces are untangled, or else embedded anew, first."""
+    parts = chart_parts(cut_mesh)
+    out = np.zeros_like(uv)
+    tasks = [(part, uv[vid], options) for _, part, vid, _ in parts]
+    done = Worker(monitor.jobs).map(lay_out_part, tasks, monitor)
+    for (_, _, vid, _), of_part in zip(parts, done, strict=True):
+        out[vid] = of_part
+    return out
+
+
+def pushed_apart(
+    cut_mesh: CutMesh, uv: FloatArray, margin: float, bound: float, monitor: Monitor
+) -> tuple[FloatArray, BoolArray]:
+    """As ``push_apart``; many faces in parts, by all processes."""
+    parts = chart_parts(cut_mesh)
+    tasks = [(part, uv[vid], margin, bound) for _, part, vid, _ in parts]
+    done = Worker(monitor.jobs).map(push_apart, tasks, monitor)
+    out, fine = np.zeros_like(uv), np.zeros(cut_mesh.n_charts, bool)
+    for (which, _, vid, _), (moved, good) in zip(parts, done, strict=True):
+        out[vid], fine[which] = moved, good
+    return out, fine
+
+
+def lay_out_part(
+    cut_mesh: CutMesh, uv: FloatArray, options: RelaxOptions, monitor: Monitor
+) -> FloatArray:
+    """As ``lay_out_sound``, of the charts that are worked on together."""
+    alone = np.flatnonzero((np.bincount(cut_mesh.chart) == 1)[cut_mesh.chart])
+    if len(alone):  # a single face lies as it is
+        uv = uv.copy()
+        uv[cut_mesh.faces[alone]] = cut_mesh.rest_triangles[alone]
+    bad = ~np.isfinite(chart_energies(cut_mesh, uv))
+    wild = bad & _wild(cut_mesh, uv)
+    bad &= ~wild
+    if wild.any():
+        uv = uv.copy()
+        sub, vid, _ = cut_mesh.subset(wild)
+        uv[vid] = tutte_embedding(sub, "mean-value")[0]
+    if bad.any():
+        uv = uv.copy()
+        sub, vid, _ = cut_mesh.subset(bad)
+        part, report = untangle(sub, uv[vid], monitor=monitor)
+        uv[vid] = part
+        left = report.after > 0
+        if left.any():
+            rest, inner, _ = sub.subset(left)
+            uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
+    return relax(cut_mesh, uv, options, monitor).uv
+
+
+def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
+    """(n,) bool: the layout of the chart is far too large for it, or no numbers at all."""
+    n = cut_mesh.n_charts
+    low = np.stack([group_min(uv[:, d], cut_mesh.vertex_chart, n) for d in range(2)], 1)
+    high = np.stack([group_max(uv[:, d], cut_mesh.vertex_chart, n) for d in range(2)], 1)
+    with np.errstate(invalid="ignore"):
+        size = (high - low).max(1)
+    rim = group_sum(cut_mesh.edge_lengths.sum(1), cut_mesh.chart, n)
+    result: BoolArray = ~(size <= 10 * rim)
+    return result

@@ -19,9 +19,9 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.unroll import slits
-from circparam.seams.segmentation.enforce import enforce, lay_out_sound
+from circparam.seams.segmentation.enforce import enforce
 from circparam.seams.segmentation.grow import dual_graph, make_disks, split_charts
-from circparam.seams.segmentation.layout import judge
+from circparam.seams.segmentation.layout import judge, lay_out_sound
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.slits import slit_charts, slit_to, smoothed_area_distortion
 from circparam.seams.segmentation.tips import cut_tips

@@ -165,11 +165,11 @@ def _bent(unions: Unions, options: MergeOptions, crowd: bool) -> Tried:
     if np.isfinite(options.room):
         return _within(cut_mesh, targets, options, crowd)
     if options.rigid:
-        uv = better_start(cut_mesh, targets, jacobian, unions.in_right, options.bound)
-    else:
-        # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
-        hopeless = HOPELESS * (options.bound - 1)
-        uv, _ = from_jacobians(cut_mesh, targets, options.untangle, hopeless=hopeless)
+        uv, energy = better_start(cut_mesh, targets, jacobian, unions.in_right, options.bound)
+        return _relax_some(cut_mesh, uv, np.isfinite(energy), options, crowd)
+    # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
+    hopeless = HOPELESS * (options.bound - 1)
+    uv, _ = from_jacobians(cut_mesh, targets, options.untangle, hopeless=hopeless)
     return _relax(cut_mesh, uv, options, crowd)
 
 
@@ -183,11 +183,18 @@ def _within(cut_mesh: CutMesh, targets: FloatArray, options: MergeOptions, crowd
         ((jacobian - targets) ** 2).sum((0, 1)) * cut_mesh.areas, cut_mesh.chart, len(flipped)
     )
     near = ~flipped & (off <= AFAR * options.room)
+    return _relax_some(cut_mesh, uv, near, options, crowd)
+
+
+def _relax_some(
+    cut_mesh: CutMesh, uv: FloatArray, which: BoolArray, options: MergeOptions, crowd: bool
+) -> Tried:
+    """Relax some unions ((n,) bool); the others are distorted."""
     tried = Tried.nothing(cut_mesh)
     tried.uv[:], tried.distorted[:] = uv, True
-    if near.any():
-        sub, vid, _ = cut_mesh.subset(near)
-        tried.put(near, vid, _relax(sub, uv[vid], options, crowd))
+    if which.any():
+        sub, vid, _ = cut_mesh.subset(which)
+        tried.put(which, vid, _relax(sub, uv[vid], options, crowd))
     return tried
 
 

@@ -8,12 +8,14 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
 from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
 from circparam.geometry.distortion import chart_distortion, face_stretch
+from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.segmentation.layout import chart_parts, pushed_apart
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.region import cut_out
-from circparam.solvers.separate import push_apart
 
 TAIL = 1e-3  # share of the surface on which the stretch may be larger
 AIMED = 0.8  # of that share: what is aimed for, since a file stores rounded numbers
@@ -81,7 +83,7 @@ def even_out(
         heavier[spared] = 1.0
         weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
         reach = np.where(small, np.inf, limits.near * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
-        at = _relaxed_near(cut_mesh, at, weight, np.where(active, reach, 0.0))
+        at = _relaxed_beside(cut_mesh, at, weight, np.where(active, reach, 0.0), monitor)
         stretch = face_stretch(cut_mesh, at)
         over = share_over(cut_mesh, stretch, most)
         good = active & (over < best.over) & (chart_distortion(cut_mesh, at) <= limit)
@@ -101,7 +103,7 @@ def even_out(
     if coiled.any() and best.over.sum() > limits.allowed:
         sub, vid, _ = cut_mesh.subset(coiled)
         at = folded.uv.copy()
-        at[vid], apart = push_apart(sub, at[vid], GAP, limits.bound, monitor)
+        at[vid], apart = pushed_apart(sub, at[vid], GAP, limits.bound, monitor)
         over = share_over(cut_mesh, face_stretch(cut_mesh, at), most)
         coiled[coiled] = apart
         best = best.taken(cut_mesh, at, over, coiled & (over < best.over))
@@ -140,16 +142,35 @@ def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> BoolArr
     return out
 
 
-def _relaxed_near(
-    cut_mesh: CutMesh, uv: FloatArray, weight: FloatArray, reach: FloatArray
+def _relaxed_beside(
+    cut_mesh: CutMesh, uv: FloatArray, weight: FloatArray, reach: FloatArray, monitor: Monitor
 ) -> FloatArray:
-    """Relax the faces within reach ((n,) by charts) of those that weigh more than 1; the rest stays."""
-    heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
-    middle = np.c_[uv[cut_mesh.faces].mean(1), 4.0 * cut_mesh.chart * np.ptp(uv, axis=0).max()]
-    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+    """As ``relaxed_near``; charts that nothing moves are left out, the others are shared out in parts."""
+    sub, vid, fid = cut_mesh.subset(reach > 0)
+    tasks = []
+    parts = chart_parts(sub)
+    for of_part, part, v, f in parts:
+        tasks.append((part, uv[vid[v]], weight[fid[f]], reach[reach > 0][of_part]))
+    out = uv.copy()
+    done = Worker(monitor.jobs).map(relaxed_near, tasks, monitor)
+    for (_, _, v, _), moved in zip(parts, done, strict=True):
+        out[vid[v]] = moved
+    return out
 
-    far, _ = cKDTree(middle[heavy]).query(middle, distance_upper_bound=float(reach.max()))
-    region = far < reach[cut_mesh.chart]
+
+def relaxed_near(
+    cut_mesh: CutMesh, uv: FloatArray, weight: FloatArray, reach: FloatArray, monitor: Monitor
+) -> FloatArray:
+    """Relax the faces within reach ((n,) by charts) of those that weigh more than 1; the rest stays.
+
+    monitor: not asked, since two steps are soon done.
+    """
+    heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
+    if not heavy.any():
+        return uv
+    middle = centres(uv, cut_mesh.faces)
+    places = middle[heavy], cut_mesh.chart[heavy]
+    region = within((middle, cut_mesh.chart), places, reach)
     hold = np.zeros(len(uv), bool)
     # one vertex of a chart that moves as a whole
     whole = group_count(cut_mesh.chart[~region], cut_mesh.n_charts) == 0

@@ -113,9 +113,9 @@ def test_of_two_starts_the_better_one_is_taken() -> None:
     c, s = np.cos(1.0), np.sin(1.0)
     turned = np.stack([c * jacobian[0] - s * jacobian[1], s * jacobian[0] + c * jacobian[1]])
     targets = np.where(right, turned, jacobian)
-    poor = chart_energies(cut_mesh, better_start(cut_mesh, targets, jacobian, right, np.inf))
-    good = chart_energies(cut_mesh, better_start(cut_mesh, targets, jacobian, right, 1.05))
+    poor = chart_energies(cut_mesh, better_start(cut_mesh, targets, jacobian, right, np.inf)[0])
+    good = chart_energies(cut_mesh, better_start(cut_mesh, targets, jacobian, right, 1.05)[0])
     assert poor[0] > 1.05
     assert good == pytest.approx([1.0])
-    best = chart_energies(cut_mesh, better_start(cut_mesh, jacobian, jacobian, right, 1.05))
+    best = chart_energies(cut_mesh, better_start(cut_mesh, jacobian, jacobian, right, 1.05)[0])
     assert best == pytest.approx([1.0])

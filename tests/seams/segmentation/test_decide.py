@@ -10,7 +10,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.hard.regions import seam_prices
 from circparam.seams.segmentation import decide as module
-from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
@@ -36,15 +36,32 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
         return end(one, *rest)
 
     monkeypatch.setattr(module, "BEHIND", behind)
+    monkeypatch.setattr(module, "TOGETHER", 0)
     monkeypatch.setattr(module, "grow_and_merge", started)
     monkeypatch.setattr(module, "shortened", shortened)
-    atlas = module.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    atlas = module.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), together=False)
     assert len(cost) == 4
     assert len(set(cost.values())) > 1
     assert len(gone_on) == most
     assert min(gone_on) == min(cost.values())
     assert module._cost(atlas) <= min(gone_on)
     assert np.isfinite(atlas.corners).all()
+
+
+def test_starts_that_merge_together_come_to_what_each_comes_to_alone() -> None:
+    points, faces = shapes.icosphere(3)
+    surface = surface_of(points * (1 + 0.3 * np.sin(3 * points[:, :1])), faces)
+    seeds = [40, 12, 25]
+    found = module.merged_together(surface, 1.05, 0.004, seeds, Monitor())
+    cuts = []
+    for one, k in zip(found, seeds, strict=True):
+        alone = module.grow_and_merge(surface, 1.05, 0.004, k, None, Monitor()).merger
+        np.testing.assert_array_equal(one.merger.atlas.cut, alone.atlas.cut)
+        np.testing.assert_allclose(one.merger.atlas.corners, alone.atlas.corners, atol=1e-6)
+        np.testing.assert_allclose(one.merger.lower_bound, alone.lower_bound, atol=1e-6)
+        np.testing.assert_array_equal(one.merger.overlapped, alone.overlapped)
+        cuts.append(alone.atlas.cut.sum())
+    assert len(set(cuts)) > 1
 
 
 def test_a_start_goes_on_as_it_would_have_in_one_piece() -> None:
@@ -80,3 +97,43 @@ def test_where_a_round_finds_nothing_on_a_hard_surface_no_other_is_made(hard, mo
     monkeypatch.setattr(Merger, "round", barren)
     module.merge_on(atlas, 1.05, 0.002, Monitor())
     assert len(rounds) == (1 if hard else 5)
+
+
+def bumped_ring(height: float) -> tuple[np.ndarray, np.ndarray]:
+    """A sheet with a hole in its right half and a hill in its left one."""
+    points, faces = shapes.grid(61, 45)
+    middle = points[faces].mean(1)
+    hole = (np.abs(middle[:, 0] - 0.7) < 0.1) & (np.abs(middle[:, 1] - 0.5) < 0.2)
+    used, index = np.unique(faces[~hole], return_inverse=True)
+    points = points[used]
+    far = (points[:, :2] - [0.1, 0.5]) ** 2
+    points[:, 2] = height * np.exp(-far.sum(1) / (2 * 0.15**2))
+    return points, index.reshape(-1, 3)
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.1])
+def test_charts_of_a_proxy_merge_as_if_they_were_relaxed(stretch: float) -> None:
+    """A layout that is no minimum must neither hide what fits nor, when it is one, pay for what does not."""
+    surface = surface_of(*bumped_ring(0.3))
+    halves = cut_between(surface, (middles(surface)[:, 1] > 0.5).astype(np.int64))
+    laid = lay_out_fresh(halves, None, RelaxOptions(tolerance=1e-8, max_iterations=60))
+    area, least = laid.cut_mesh.chart_areas, laid.energy
+    rough = Atlas(surface, halves.cut, halves.corners * [stretch, 1 / stretch])
+    was = judge(*rough.open()).energy
+    given = rough.corners.copy()
+    out = module.merged_on(rough, 1.05, Monitor())
+    np.testing.assert_array_equal(rough.corners, given)
+    after = judge(*out.open())
+    mean = np.average(after.energy, weights=after.cut_mesh.chart_areas)
+    assert not after.bad(1.05).any()
+    assert mean <= (1 + module.RISE) * np.average(was, weights=area)
+    assert out.seam_length <= rough.seam_length
+    # what is saved by relaxing pays for one chart, which costs three times as much as may be added
+    assert mean <= (1 + 4 * module.RISE) * np.average(least, weights=area)
+    assert out.charts()[0] == (2 if stretch == 1 else 1)
+
+
+def test_one_piece_is_left_alone() -> None:
+    surface = surface_of(*bumped_ring(0.3))
+    whole = Atlas(surface, np.zeros(len(surface.edges), bool))
+    assert module.merged_on(whole, 1.05, Monitor()) is whole

@@ -7,13 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from circparam.core import workers
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.segmentation import enforce as module
 from circparam.seams.segmentation import grow
-from circparam.seams.segmentation.enforce import enforce, lay_out_sound, unstick
-from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh
+from circparam.seams.segmentation.enforce import enforce, unstick
+from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_fresh, lay_out_sound
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
@@ -121,6 +122,33 @@ def test_a_closed_shape_ends_in_good_disks_whatever_the_bound(bound: float) -> N
     assert (after.cut_mesh.n_charts > count) == (laid.energy.max() > 1 + (bound - 1) * 1.6)
 
 
+def test_what_is_left_of_many_faces_is_gone_on_with_in_parts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each part holds whole charts that are bad, all together all of them, and the bound holds in the end."""
+    monkeypatch.setattr(workers, "PARTED", 200)
+    monkeypatch.setattr(workers, "PART_FACES", 60)
+    surface = surface_of(*shapes.icosphere(3))
+    atlas = cut_between(surface, (middles(surface)[:, 2] > 0).astype(np.int64))
+    laid = lay_out_fresh(atlas, None, GAPS)
+    calls, hold_part = [], module.hold_part
+
+    def told(part: Atlas, held: object, monitor: Monitor) -> Atlas:
+        start = judged(part)
+        assert start.bad(1.0015).all()
+        calls.append(len(part.surface.faces))
+        done = hold_part(part, held, monitor)
+        assert not judged(done).bad(1.0015).any()
+        return done
+
+    monkeypatch.setattr(module, "hold_part", told)
+    enforce(atlas, grow.dual_graph(surface), laid, 1.0015, GAPS, Monitor())
+    after = judged(atlas)
+    assert len(calls) > 1
+    assert not after.bad(1.0015).any()
+    assert not not_disks(after.cut_mesh).any()
+
+
 def test_good_charts_and_single_cells_are_left_as_they_are() -> None:
     atlas = as_it_lies(uncut(*shapes.grid(5, 5)))
     before = atlas.corners.copy()
@@ -189,3 +217,17 @@ def test_layouts_of_any_kind_become_sound_ones(wild: str) -> None:
         # what was untangled is relaxed for some steps, not to the end
         worst = 1.2 if wild in ("flipped", "folded") else 1.001
         assert (chart_energies(cut_mesh, out) <= worst * good).all()
+
+
+@pytest.mark.parametrize(
+    ("low", "bound", "breaks"), [(0, 1.001, True), (0, 9, False), (0.9, 1.001, False)]
+)
+def test_a_second_atlas_breaks_up_where_more_than_one_chart_would_be_split(
+    low: float, bound: float, breaks: bool
+) -> None:
+    """Two halves of a ball are both above a low bound; of a small cap and the rest only the rest is."""
+    ball = surface_of(*shapes.icosphere(3))
+    atlas = cut_between(ball, (middles(ball)[:, 2] > low).astype(np.int64))
+    lay_out_fresh(atlas, None, GAPS)
+    graph = grow.dual_graph(ball)
+    assert module.breaks_up(atlas, graph, bound, module.FINAL, Monitor()) == breaks

@@ -1,0 +1,61 @@
+"""Which points of a layout lie near some few places of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+
+PAIRS = 4_000_000  # of points and places up to which all are compared: a tree takes 0.1 s to import, too
+
+
+def centres(uv: FloatArray, faces: IntArray) -> FloatArray:
+    """(m, 2) centre of each face (m, 3) of a layout (n, 2)."""
+    result: FloatArray = (uv[faces[:, 0]] + uv[faces[:, 1]] + uv[faces[:, 2]]) / 3
+    return result
+
+
+def within(
+    points: tuple[FloatArray, IntArray], places: tuple[FloatArray, IntArray], reach: FloatArray
+) -> BoolArray:
+    """(m,) bool: points that have a place of their own group nearer than the reach of the group.
+
+    points, places: (m, 2) and (k, 2) with their groups (m,) and (k,). reach: (n,) by groups.
+    """
+    at, group = points
+    to, of = places
+    low, high = (np.full((len(reach), 2), x) for x in (np.inf, -np.inf))
+    np.minimum.at(low, of, to)
+    np.maximum.at(high, of, to)
+    whole = np.isinf(reach) & np.isfinite(low[:, 0])
+    out: BoolArray = whole[group]
+    with np.errstate(invalid="ignore"):  # a group without places has no box
+        near = at >= (low - reach[:, None])[group]
+        near &= at <= (high + reach[:, None])[group]
+    some = np.flatnonzero(near[:, 0] & near[:, 1] & ~out)
+    if len(some) == 0:
+        return out
+    if len(some) * len(to) > PAIRS:
+        out[some] = _by_tree(at[some], group[some], places, reach)
+        return out
+    square = (at[some, :1] - to[:, 0]) ** 2
+    square += (at[some, 1:] - to[:, 1]) ** 2
+    square[group[some, None] != of] = np.inf
+    out[some] = square.min(1) < reach[group[some]] ** 2
+    return out
+
+
+def _by_tree(
+    at: FloatArray, group: IntArray, places: tuple[FloatArray, IntArray], reach: FloatArray
+) -> BoolArray:
+    """``within`` of many points and places; groups are layers of space that lie far apart."""
+    from scipy.spatial import cKDTree
+
+    to, of = places
+    apart = 4.0 * float(np.ptp(np.concatenate([at, to]), axis=0).max())
+    apart += float(reach[np.isfinite(reach)].max(initial=1.0))
+    tree = cKDTree(np.c_[to, of * apart])
+    most = float(reach[np.unique(of)].max())
+    far, _ = tree.query(np.c_[at, group * apart], distance_upper_bound=most)
+    result: BoolArray = far < reach[group]
+    return result

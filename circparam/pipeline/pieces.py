@@ -1,0 +1,124 @@
+"""Pieces of charts: what a plan of cuts is made of. Every cut of a plan is made along the edges of the mesh at
+once, so that a plan knows how long its seams are, and holds no cut that cannot be made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.geometry.distortion import best_chart_scales
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.surface import Surface
+from circparam.packing.nest.sketch import Easel, Sketch
+from circparam.pipeline.chords import Chords, Outline, outlines
+from circparam.pipeline.cut_along import Chord, Limits, cut_along
+from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
+from circparam.seams.hard.regions import HARD, hardness, seam_prices
+
+STEP = 0.6  # cells of a sketch between the corners of an outline
+THROUGH_FLATS = 0.2  # of the length of a cut that may run through flats
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """The atlas of one chart, on which it can be cut. faces: (k,) those of the whole.
+
+    costs: (e,) of a cut along each edge. flat: (e,) bool, edges inside flats that are meant.
+    """
+
+    faces: IntArray
+    atlas: Atlas
+    costs: FloatArray
+    flat: BoolArray
+
+    def part(self, after: Atlas, mine: BoolArray) -> Ground:
+        """What it is of some faces (bool) of the atlas that it became."""
+        inside = mine[self.atlas.surface.edges // 3].all(1)
+        return Ground(self.faces[mine], after.part(mine), self.costs[inside], self.flat[inside])
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A chart, or what cuts have left of it. outline: scaled to the size of the surface. places: (k, 2) uv of
+    its corners in the atlas. ground: None where nothing was cut."""
+
+    outline: Outline
+    sketch: Sketch
+    places: FloatArray
+    ground: Ground | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Carver:
+    """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. easel: of the sketches of its pieces."""
+
+    atlas: Atlas
+    cut_mesh: CutMesh
+    uv: FloatArray
+    easel: Easel
+    limits: Limits
+
+    def pieces(self, charts: IntArray) -> list[Piece]:
+        """Some charts as they are; those without an outline are left out."""
+        return self._pieces(self.cut_mesh, self.uv, charts)
+
+    def cut(self, piece: Piece, chords: Chords, k: int) -> tuple[list[Piece], float] | None:
+        """(both parts of a piece cut along edges near chord k, the length of the seam); None where it cannot be."""
+        ground = piece.ground or self._ground(piece.outline.chart)
+        start, end = (piece.places[int(at[k])] for at in (chords.i, chords.j))
+        chord = Chord(start, end, float(chords.least[k]))
+        after = cut_along(ground.atlas, chord, ground.costs, self.limits)
+        if after is None:
+            return None
+        new = after.cut & ~ground.atlas.cut
+        lengths = after.surface.edge_lengths
+        length = float(lengths[new].sum())
+        if float(lengths[new & ground.flat].sum()) > THROUGH_FLATS * length:
+            return None
+        _, chart = after.charts()
+        parts: list[Piece] = []
+        for c in (0, 1):
+            part = ground.part(after, chart == c)
+            cut_mesh, uv = part.atlas.open()
+            parts += self._pieces(cut_mesh, uv, np.zeros(1, np.int64), part)
+        return (parts, length) if len(parts) == 2 else None
+
+    def joined(self, pieces: Sequence[Piece]) -> Atlas:
+        """The whole atlas with the cuts that the pieces have."""
+        surface = self.atlas.surface
+        label = np.zeros(len(surface.faces), np.int64)
+        after = Atlas(surface, self.atlas.cut, self.atlas.corners, self.atlas.prices)
+        for number, piece in enumerate(pieces):
+            if piece.ground is not None:
+                label[piece.ground.faces] = number + 1
+                after.corners[piece.ground.faces] = piece.ground.atlas.corners
+        after.cut |= np.diff(label[surface.edges // 3], axis=1)[:, 0] != 0
+        return after
+
+    def _pieces(
+        self, cut_mesh: CutMesh, uv: FloatArray, charts: IntArray, ground: Ground | None = None
+    ) -> list[Piece]:
+        scale = best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
+        shown = outlines(cut_mesh, uv * scale, charts, STEP * self.easel.cell)
+        return [Piece(o, self.easel.sketch(*o.edges), uv[o.vertex], ground) for o in shown]
+
+    def _ground(self, chart: int) -> Ground:
+        mine = self.cut_mesh.chart == chart
+        part = self.atlas.part(mine)
+        return Ground(np.flatnonzero(mine), part, *_costs(part.surface))
+
+
+def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
+    """((e,) what a cut along each edge costs, (e,) bool: edges inside flats that are meant)."""
+    cost = np.where(surface.locked, np.inf, surface.priced_lengths)
+    flat, size = real_flats(surface)
+    flat = flat & (size > 2)
+    hard = hardness(surface) == HARD
+    if hard.any():
+        prices = hard_prices(surface, [(hard, seam_prices(surface.part(hard)))])
+        return cost * prices.price, flat | prices.flat
+    return cost * np.where(flat, DEAR, 1.0), flat
