@@ -138,6 +138,10 @@ def map_meshes(
 
 
 def _landmarks(given: Given, a: Side, b: Side) -> Landmarks:
+    if given.paths and given.layouts:
+        raise OptionError(
+            "paths between landmarks and --charts both say where to cut: leave one out"
+        )
     if given.pairs is not None:
         marks = marking.given_landmarks(given.pairs, a, b)
         if not given.mirrored:

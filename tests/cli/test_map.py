@@ -14,7 +14,8 @@ from circparam.formats.io import read
 from circparam.maps import load_map
 from circparam.mesh.mesh import Mesh
 from tests.cli.test_unwrap import obj, one_line_error
-from tests.support import pairs, shapes
+from tests.support import pairs, shapes, tori
+from tests.support.baking import write_obj
 
 
 def run(*args: object) -> Result:
@@ -81,3 +82,34 @@ def test_errors_are_one_line_with_a_code(files, tmp_path: Path) -> None:
     one_line_error(run(a, b, "-o", out), 2, "--overwrite")
     assert out.read_text() == "old"
     assert isinstance(mirror, Mesh)
+
+
+def test_handles_by_paths_charts_and_overlay(tmp_path: Path) -> None:
+    """A torus: paths in the file of landmarks, charts that correspond, and the overlay with its morph."""
+    one, layout = tori.patchwork(16, 9, 4, 3)
+    two, other = tori.patchwork(20, 12, 4, 3)
+    for name, mesh, uv in (("a", one, layout), ("b", two, other)):
+        write_obj(tmp_path / f"{name}.obj", mesh.points, uv, mesh.faces)
+    a, b = tmp_path / "a.obj", tmp_path / "b.obj"
+    marks = tori.marks(one, two)
+    rows = [f"{u} {v}" for u, v in marks.tolist()]
+    rows += [f"path {marks[0, 0]} {marks[1, 0]} {marks[2, 0]} {marks[0, 0]}  # round the tube"]
+    (tmp_path / "pairs.txt").write_text("\n".join(rows))
+    out = tmp_path / "m.npz"
+    done = run(a, b, "--landmarks", tmp_path / "pairs.txt", "--overlay", "-o", out, "--json", "-q")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["inversions"] == {"a": 0, "b": 0}
+    assert load_map(out).overlay is not None
+    words = ["morph", a, b, "--map", out, "--overlay", "-o", tmp_path / "m.glb", "--json", "-q"]
+    made = CliRunner().invoke(cli, [str(w) for w in words])
+    assert made.exit_code == 0, made.stderr
+    assert json.loads(made.stdout)["faces"] == len(load_map(out).overlay.faces)
+    charts = run(a, b, "--charts", "--landmarks", tmp_path / "pairs.txt", "-o", tmp_path / "c.npz")
+    one_line_error(charts, 2, "leave one out")
+    (tmp_path / "pairs.txt").write_text("\n".join(rows[:-1]))
+    charts = run(a, b, "--charts", "--landmarks", tmp_path / "pairs.txt", "-o", tmp_path / "c.npz")
+    assert charts.exit_code == 0, charts.stderr
+    one_line_error(run(a, b, "--charts", "-o", tmp_path / "d.npz"), 3, "correspond in 24 ways")
+    plate = tori.plate(2)
+    obj(tmp_path / "plate.obj", (plate.points, plate.faces))
+    one_line_error(run(a, tmp_path / "plate.obj", "-o", tmp_path / "d.npz"), 4, "genus 1 and B 2")
