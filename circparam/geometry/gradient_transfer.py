@@ -80,5 +80,7 @@ def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[Float
     """
     normals = atlas.surface.normals
     source, have = nearest_known(atlas, known)
-    rotated = turn_gradients(gradients[source], normals[source], normals)
-    return np.where(known[:, None, None], gradients, rotated), have
+    todo = np.flatnonzero(~known)
+    out = gradients.copy()
+    out[todo] = turn_gradients(gradients[source[todo]], normals[source[todo]], normals[todo])
+    return out, have

@@ -26,8 +26,7 @@ from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import (
     ANY_BOUND,
-    CHART_COST,
-    LOOPS,
+    Starting,
     better_in_all,
     decide,
     merge_on,
@@ -48,6 +47,7 @@ from circparam.seams.segmentation.grow import (
 )
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.starts import CHART_COST, LOOPS
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits, share_over
@@ -214,16 +214,17 @@ def _decided(
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             surface = with_prices(surface, options, monitor)
-            atlas = decide(surface, bound, MARGIN, options.max_charts, worker, monitor, alone)
+            atlas = decide(
+                surface, bound, MARGIN, options.max_charts, worker, monitor, Starting(alone)
+            )
             return Decided(atlas, graph)
         prices = prices_beside(surface, proxy, options, monitor)
         inner = 1 + (bound - 1) * (1 - SLACK)
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
             most = options.max_charts
-            coarse = decide(
-                proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, alone, prices
-            )
+            starting = Starting(alone, prices)
+            coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
             other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]
     with monitor.stage("carry"):
