@@ -57,7 +57,7 @@ def test_four_gigabytes_cut_short(tmp_path: Path, enough: bool) -> None:
 @pytest.mark.slow
 def test_memory_that_ends_at_any_step(tmp_path: Path) -> None:
     """From what the libraries take to what the mesh takes: a line and its code, or the whole file."""
-    shape = shapes.noisy(*shapes.torus(256, 100), amount=0.002)
+    shape = shapes.noisy(*shapes.torus(128, 50), amount=0.002)
     path = tmp_path / "in.obj"
     points, faces = shape
     path.write_text(
