@@ -10,6 +10,7 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import MethodOptions
+from circparam.packing.options import Packed
 
 # Distortion at which a chart counts as faulty whatever was promised: that of one scaled by 1 : 1400 throughout,
 # since (s² + s⁻²) / 2 = 10⁶, which fills one and a half texels where it should fill 2048.
@@ -36,6 +37,14 @@ def _nothing() -> IntArray:
 
 
 @dataclass(frozen=True, eq=False)
+class KnownPacking:
+    """What packing charts with the coordinates ``before`` (nv, 2) came to."""
+
+    before: FloatArray
+    packed: Packed
+
+
+@dataclass(frozen=True, eq=False)
 class Cascade:
     """A layout, and how far each chart has come; every step makes a new one.
 
@@ -43,7 +52,7 @@ class Cascade:
     laid down one by one, 2 and more for those with a regular polygon in their place, larger each time. stopped,
     iterations: of each chart as the method made it. notes: of methods and seams. repairs: what the cascade had
     to do, one line each. extent: a length of the whole surface, to which sizes of stand-ins are taken; its own
-    where 0.
+    where 0. packing: of this layout, where it was packed to be compared with another.
     """
 
     atlas: Atlas
@@ -55,6 +64,7 @@ class Cascade:
     notes: tuple[str, ...] = ()
     repairs: tuple[str, ...] = ()
     extent: float = 0.0
+    packing: KnownPacking | None = None
 
     def __post_init__(self) -> None:
         if self.extent == 0:

@@ -83,16 +83,18 @@ class Planner:
         """Side of a cell of the sketches in uv."""
         return self.carver.easel.cell
 
-    def best(self, first: Plan) -> Plan:
-        """The plan of the highest value, cut by cut; ``first`` where no cut is worth its seam."""
+    def best(self, first: Plan, count: int = 1) -> list[Plan]:
+        """The plans of the highest value, cut by cut, at most so many; all worth more than ``first``."""
         best = plan = first
+        found: list[Plan] = []
         while plan.cuts < min(best.cuts + AHEAD, self.most) and plan.share < GOOD:
             after = self._next(plan, best.value)
             if after is None:
                 break
             plan = after
             best = plan if plan.value > best.value else best
-        return best
+            found += [plan] if plan.value > first.value else []
+        return sorted(found, key=lambda p: -p.value)[:count]
 
     def _next(self, plan: Plan, best: float) -> Plan | None:
         """The plan with the cut more that is worth most; None where none can lead to more than ``best``."""

@@ -10,31 +10,37 @@ A mesh that needs no seam gets none, and all cuts together make the seams no lon
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
-from circparam.packing.options import PackOptions
+from circparam.core.workers import Worker
+from circparam.errors import CircparamError
+from circparam.packing import pack
 from circparam.pipeline import fallback
-from circparam.pipeline.cascade import Cascade
+from circparam.pipeline.cascade import Cascade, KnownPacking
+from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits
-from circparam.pipeline.cut_plan import Planner, easel_of, first_plan
+from circparam.pipeline.cut_plan import RATE, Planner, easel_of, first_plan
+from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
+from circparam.pipeline.place import chart_signs, sized
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
+COMPARED = 2  # plans that are packed, beside the one without a cut: sketches only rank them
 CUTS = 8  # at most
 
 
-def fill_page(
-    cascade: Cascade, most: int | None, least_faces: int, options: PackOptions, monitor: Monitor
-) -> Cascade:
+def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """Cut charts where a page so much fuller is worth the seam; a note tells what was done.
 
-    most: charts that there may be, None for any number. least_faces: of either part of a chart that is cut.
-    Charts keep the layout they had, so nothing overlaps, and their bound.
+    There are never more charts than ``options.max_charts``, nor parts of fewer faces than
+    ``options.min_chart_faces``. Charts keep the layout they had, so nothing overlaps, and their bound.
     """
+    most, least_faces = options.max_charts, options.min_chart_faces or 1
     cascade = fallback.settle(cascade, monitor)
     before = cascade.atlas
     cut_mesh, uv = before.open()
@@ -46,18 +52,45 @@ def fill_page(
     def stop() -> bool:
         return monitor.expired
 
-    easel = easel_of(cut_mesh, options)
+    easel = easel_of(cut_mesh, pack_options(options))
     carver = Carver(before, cut_mesh, uv, easel, Limits(cascade.rules.bound, least_faces))
     first = first_plan(carver, stop)
     if first is None:
         return cascade
     area = float(cut_mesh.chart_areas.sum())
-    plan = Planner(carver, area, first.length + LIMIT * seams, cuts, stop).best(first)
-    if not plan.cuts:
+    planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop)
+    plans = [first, *planner.best(first, COMPARED)]
+    if len(plans) == 1:
         return cascade
-    after = carver.joined(plan.pieces)
-    longer = after.seam_length / before.seam_length - 1
-    return replace(cascade, atlas=after).noted(
-        f"{counted(plan.cuts, 'cut')} for a fuller page made the seams {longer:.1%} longer "
+    tried = [cascade, *(replace(cascade, atlas=carver.joined(p.pieces)) for p in plans[1:])]
+    packings = Worker(monitor.jobs).map(packing, [(c, options) for c in tried], monitor)
+    value = [_value(k, plan.length) for k, plan in zip(packings, plans, strict=True)]
+    best = int(np.argmax(value))  # the first where several are alike: no cut
+    chosen = replace(tried[best], packing=packings[best])
+    if best == 0:
+        return chosen
+    longer = chosen.atlas.seam_length / before.seam_length - 1
+    return chosen.noted(
+        f"{counted(plans[best].cuts, 'cut')} for a fuller page made the seams {longer:.1%} longer "
         "(--pack-splits 0 makes none)"
     )
+
+
+def packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacking | None:
+    """The charts packed as they will be; None where they cannot be."""
+    cut_mesh, uv = cascade.open()
+    uv[:, 0] *= chart_signs(cascade.atlas.surface, cut_mesh, options)[cut_mesh.vertex_chart]
+    uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh))
+    with contextlib.suppress(CircparamError):
+        return KnownPacking(
+            uv, pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor)
+        )
+    return None
+
+
+def _value(found: KnownPacking | None, length: float) -> float:
+    """What ``Plan.value`` is for a page that was packed."""
+    if found is None:
+        return -np.inf
+    pages = int(found.packed.page.max()) + 1
+    return float(np.log(found.packed.share[:pages].mean()) - RATE * np.log(length))

@@ -12,6 +12,7 @@ from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing import pack
+from circparam.pipeline.cascade import KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.options import Options
 from circparam.pipeline.verify import reversed_charts
@@ -42,15 +43,18 @@ def place(
     monitor: Monitor,
     group: IntArray | None = None,
     keep: BoolArray | None = None,
+    known: KnownPacking | None = None,
 ) -> Placed:
     """Charts at their best scales, packed into pages; or side by side as the solver left them.
 
     group: (n_charts,) charts of different groups get pages of their own, one atlas each.
-    keep: (n_charts,) charts that keep the size they have.
+    keep: (n_charts,) charts that keep the size they have. known: not packed again where it is of this layout.
     """
     if not options.packed:
         return Placed(_side_by_side(cut_mesh, np.where(np.isfinite(uv), uv, 0.0)), [])
     uv = sized(cut_mesh, uv, keep)
+    if known is not None and group is None and np.array_equal(known.before, uv):
+        return Placed(known.packed.uv.copy(), known.packed.notes)
     asked = pack_options(options)
     notes: list[str] = []
     for label in np.unique(group if group is not None else 0):

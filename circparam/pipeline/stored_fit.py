@@ -75,7 +75,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         after = fallback.advance(cascade, trial.fault, monitor)
         if after is None:
             break
-        cascade = after
+        cascade = replace(after, packing=None)
         settled = options.packed and cascade.rules.may_split and not monitor.hurried
         if settled:
             cascade = _hold_stored(job, cascade, trial.size, monitor)
@@ -93,7 +93,7 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
         group = None if tiles is None else chart_tiles(cut_mesh, tiles)
         sign = chart_signs(job.surface, cut_mesh, options)
         uv[:, 0] *= sign[cut_mesh.vertex_chart]
-        placed = place(cut_mesh, uv, options, monitor, group, keep)
+        placed = place(cut_mesh, uv, options, monitor, group, keep, cascade.packing)
     with monitor.stage("check"):
         turn = options.packed and options.rotate != "none"
         held = hold(job, cut_mesh, placed.uv, sign < 0, turn)

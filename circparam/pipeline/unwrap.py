@@ -120,8 +120,7 @@ def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if options.fills_page:
         from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
 
-        least = options.min_chart_faces or 1
-        return fill_page(cascade, options.max_charts, least, pack_options(options), monitor)
+        return fill_page(cascade, options, monitor)
     if isinstance(options.pack_splits, int) and options.pack_splits:
         from circparam.pipeline.pack_splits import split_for_packing
 

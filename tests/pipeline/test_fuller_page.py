@@ -15,7 +15,6 @@ from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
 from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
-from circparam.packing.options import PackOptions
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import LIMIT, fill_page
@@ -41,7 +40,8 @@ def roll(length: int = 100, width: int = 10, rough: float = 0.05) -> Atlas:
 
 def filled(atlas: Atlas, most: int | None = None, least: int = 1, bound: float = 1.05) -> Cascade:
     cascade = Cascade(atlas, CascadeRules(bound=bound))
-    return fill_page(cascade, most, least, PackOptions(512), Monitor())
+    options = Options(max_charts=most, min_chart_faces=least, resolution=512)
+    return fill_page(cascade, options, Monitor())
 
 
 def test_a_long_strip_is_cut_across() -> None:
