@@ -26,7 +26,7 @@ A line "path 12 77 503" cuts both along shortest paths between landmarks, by ver
 def _methods() -> list[str]:
     from circparam.solvers.tutte.weights import WEIGHTS
 
-    return WEIGHTS.names()
+    return WEIGHTS.tagged("positive")  # the others may fold
 
 
 @click.command(epilog=_EPILOG)

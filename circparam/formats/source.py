@@ -12,6 +12,8 @@ from urllib.parse import unquote
 
 from circparam.errors import InputError
 
+HEAD = 4096  # bytes in which anything but blanks stands at first
+
 
 @dataclass(frozen=True)
 class Source:
@@ -49,7 +51,10 @@ def read_bytes(path: str | os.PathLike[str]) -> tuple[bytes, Source]:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise source.error(f"it can't be read ({reason})") from None
-    if not data.strip():
+        except MemoryError:
+            size = os.stat(path).st_size / 1e9
+            raise source.error(f"its {size:.1f} GB are more memory than there is") from None
+    if not data[:HEAD].strip() and not data.strip():  # else a copy of gigabytes of text
         raise source.error("the file is empty")
     return data, source
 
@@ -62,6 +67,19 @@ def safe_path(folder: Path, uri: str) -> Path | None:
     if "%" in uri and (as_it_stands := _inside(folder, uri)) is not None and as_it_stands.is_file():
         return as_it_stands
     return _inside(folder, unquote(uri))
+
+
+def found_beside(folder: Path | None, uri: str) -> Path | None:
+    """The file that a relative URI names inside a folder, in another case where only that is there (files that
+    were made where case means nothing); None where there is none."""
+    path = None if folder is None else safe_path(folder, uri)
+    if path is None or path.is_file():
+        return path
+    try:
+        alike = [p for p in path.parent.iterdir() if p.name.casefold() == path.name.casefold()]
+    except OSError:
+        return None
+    return min((p for p in alike if p.is_file()), default=None)
 
 
 def _inside(folder: Path, name: str) -> Path | None:

@@ -6,6 +6,7 @@ import hashlib
 import io
 import os
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,6 @@ from circparam.mesh.mesh import Mesh
 
 FORMAT = "circparam-map-1"
 OVERLAY = ("o_faces", "o_parents", "o_a_face", "o_a_weights", "o_b_face", "o_b_weights")
-FIELDS = ("a_face", "a_weights", "b_face", "b_weights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +68,19 @@ class SurfaceMap:
     overlay: Refinement | None = None
 
     def check(self, a: Mesh, b: Mesh) -> None:
-        """Raises InputError where the map was made for other meshes."""
+        """Raises InputError where the map was made for other meshes, or holds places that they do not have."""
         for mesh, mark, name in ((a, self.a, "first"), (b, self.b, "second")):
             if fingerprint(mesh) != mark:
                 raise InputError(
                     f"the map was made for another {name} mesh: make it again with circparam map"
+                )
+
+        for places, at, on in ((self.to_b, a, b), (self.to_a, b, a)):
+            face = places.face
+            if len(face) != len(at.points) or face.max(initial=-1) >= len(on.faces):
+                raise InputError(
+                    "the map is damaged (it tells places that its meshes do not have): make it again with "
+                    "circparam map"
                 )
 
     def turned(self) -> SurfaceMap:
@@ -122,19 +130,44 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
         with np.load(path, allow_pickle=False) as data:
             if str(data["format"]) != FORMAT:
                 raise ValueError(f"its format is {data['format']}")
-            rows = {name: data[name] for name in FIELDS}
+            to_b, to_a = (_places(data[f"{k}_face"], data[f"{k}_weights"]) for k in "ab")
             a, b = str(data["a"]), str(data["b"])
-            more = [data[name] for name in OVERLAY] if OVERLAY[0] in data else None
+            arrays = [data[name] for name in OVERLAY] if OVERLAY[0] in data else None
+            overlay = None if arrays is None else _refinement(*arrays)
     except OSError as error:
         raise InputError(f"{path}: it can't be read ({error.strerror or error})") from None
-    except (KeyError, ValueError, zipfile.BadZipFile, EOFError) as error:
+    except (KeyError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise InputError(
             f"{path}: no map between surfaces ({error}); circparam map makes one"
         ) from None
-    to_b = Places(rows["a_face"].astype(np.int64), rows["a_weights"].astype(np.float64))
-    to_a = Places(rows["b_face"].astype(np.int64), rows["b_weights"].astype(np.float64))
-    overlay = None
-    if more is not None:
-        faces, parents, a_face, a_weights, b_face, b_weights = more
-        overlay = Refinement(faces, parents, Places(a_face, a_weights), Places(b_face, b_weights))
     return SurfaceMap(to_b, to_a, a, b, overlay)
+
+
+def _refinement(
+    faces: IntArray,
+    parents: IntArray,
+    a_face: IntArray,
+    a_weights: FloatArray,
+    b_face: IntArray,
+    b_weights: FloatArray,
+) -> Refinement:
+    """The overlay as a file has it. Raises ValueError where it can't be one."""
+    on_a, on_b = _places(a_face, a_weights), _places(b_face, b_weights)
+    if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError("its overlay has no triangles")
+    if parents.dtype.kind not in "iu" or parents.shape != (len(faces), 2):
+        raise ValueError("the triangles of its overlay lie in no faces")
+    if faces.min(initial=0) < 0 or faces.max(initial=-1) >= min(len(on_a.face), len(on_b.face)):
+        raise ValueError("its overlay names vertices that it does not have")
+    return Refinement(faces.astype(np.int64), parents.astype(np.int64), on_a, on_b)
+
+
+def _places(face: np.ndarray, weights: np.ndarray) -> Places:
+    """Places as a file has them. Raises ValueError where they can't be any."""
+    if face.dtype.kind not in "iu" or weights.dtype.kind != "f" or face.ndim != 1:
+        raise ValueError("its arrays are of another kind")
+    if weights.shape != (len(face), 3):
+        raise ValueError("its arrays are of different lengths")
+    if face.min(initial=0) < 0 or not np.isfinite(weights).all():
+        raise ValueError("its places are none")
+    return Places(face.astype(np.int64), weights.astype(np.float64))

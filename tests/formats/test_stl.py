@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 
 from circparam.errors import InputError
 from circparam.formats.io import read_data
+from circparam.formats.source import Source
+from circparam.formats.stl import _through_trimesh
 from tests.support.formats_tools import (
     grid,
 )
@@ -55,3 +59,14 @@ def test_scenes_of_several_solids_are_groups() -> None:
     assert one.mesh.groups is None
     with pytest.raises(InputError, match="no faces"):
         read_data(bytes(84), format="stl")
+
+
+def test_binary_files_are_read_as_trimesh_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same points and faces, and nothing is imported for them."""
+    data, _ = stl()
+    theirs = _through_trimesh(data, Source("memory")).mesh
+    monkeypatch.setitem(sys.modules, "trimesh", None)  # an import of it fails
+    mine = read_data(data).mesh
+    np.testing.assert_array_equal(mine.points, theirs.points)
+    np.testing.assert_array_equal(mine.faces, theirs.faces)
+    assert mine.points.dtype == np.float64

@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum, next_half_edge
 from circparam.core.monitor import Monitor
-from circparam.geometry.overlap import crossings, self_overlapping
+from circparam.geometry.overlap import SelfContacts, crossings, self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.fit import better_start, composed, hardly_near
 from circparam.seams.segmentation.state import CONE
@@ -204,11 +204,14 @@ def _keep_apart(cut_mesh: CutMesh, tried: Tried, options: MergeOptions, crowd: b
     if not good.any():
         return
     sub, vid, _ = cut_mesh.subset(good)
-    over = np.zeros(len(good), bool)
-    over[good] = self_overlapping(sub, tried.uv[vid], margin=options.margin, chamfers=options.rigid)
+    contacts = SelfContacts.of(sub, tried.uv[vid])
+    over = good.copy()
+    over[good] = contacts.meets
+    if options.margin > 0:
+        over[good] |= contacts.near(options.margin, ~contacts.meets, options.rigid) > 0
     tried.overlapping[over] = True
-    if options.rigid and over.any():
-        over &= hardly_near(cut_mesh, tried.uv, over, options.margin)
+    if options.rigid:
+        over[good] = hardly_near(contacts, over[good], options.margin)
     if over.any() and not crowd:
         sub, vid, _ = cut_mesh.subset(over)
         pushed, fine = push_apart(
@@ -223,7 +226,8 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
     """Relax the unions; those that overlap deep, or still do after two steps, are given up.
 
     Of 160 unions of two meshes that overlapped after two steps, 158 overlapped when they had converged; of
-    some 400 of six meshes whose boundaries crossed more than twice before any step, all did.
+    some 400 of six meshes whose boundaries crossed more than twice before any step, all did. Where there is
+    room for hardly any change, so did all 19 of four meshes that crossed at all.
     """
     enough = 1 + ENOUGH * (options.bound - 1) if options.rigid else None
     steps = RelaxOptions(options.tolerance, 2, bound=enough, give_up=options.bound)
@@ -231,7 +235,7 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
     tried.uv[:] = uv
     pairs = crossings(uv, cut_mesh)
     crossed = np.bincount(cut_mesh.chart[pairs[:, 0] // 3], minlength=cut_mesh.n_charts)
-    tried.overlapping[:] = crossed > (0 if crowd else SHALLOW)
+    tried.overlapping[:] = crossed > (0 if crowd or np.isfinite(options.room) else SHALLOW)
     live = ~tried.overlapping
     if live.any():
         sub, vid, _ = cut_mesh.subset(live)
@@ -240,9 +244,11 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
         tried.floor[live] = first.floor
         tried.energy[live] = first.energy
         live[live] = np.isfinite(first.energy) & np.array([r != "gave up" for r in first.stopped])
-    if live.any():
-        sub, vid, _ = cut_mesh.subset(live)
-        tried.overlapping[live] = self_overlapping(sub, tried.uv[vid])
+    # what is as good as it needs to be is looked at once, when its margins are
+    later = live & (tried.energy > (enough or 0.0))
+    if later.any():
+        sub, vid, _ = cut_mesh.subset(later)
+        tried.overlapping[later] = self_overlapping(sub, tried.uv[vid])
         live &= ~tried.overlapping
     tried.deep[:] = tried.overlapping
     if live.any():

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from circparam.core.monitor import Monitor
 from circparam.packing import pack
 from circparam.packing.budget import Budget
 from circparam.packing.nest import compaction
 from circparam.packing.nest.contacts import least_distance
+from circparam.packing.nest.growth import Growth
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
@@ -28,13 +30,13 @@ def test_a_bundle_of_needles_makes_no_huge_program(monkeypatch: pytest.MonkeyPat
     uv[2::3] = [0.5, 1e-6]
     faces = np.arange(3 * n).reshape(n, 3)
     rows: list[int] = []
-    solve = compaction.linprog
+    solve = scipy.optimize.linprog
 
     def recorded(*args: object, **options: object) -> object:
         rows.append(options["A_ub"].shape[0])  # type: ignore[attr-defined]
         return solve(*args, **options)
 
-    monkeypatch.setattr(compaction, "linprog", recorded)
+    monkeypatch.setattr(scipy.optimize, "linprog", recorded)
     options = PackOptions(resolution=256, padding=2, effort=QUICK)
     pack(faces, uv, np.arange(n), options)
     most = max(rows)
@@ -66,7 +68,7 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
 
 
 def growth_of(shapes, options, budget=None):
-    return compaction.Growth(shapes, options, budget or Budget(1e9, lambda: False))
+    return Growth(shapes, options, budget or Budget(1e9, lambda: False))
 
 
 def step(growth, placement, trust, strict=False):
@@ -182,3 +184,52 @@ def test_charts_that_overlap_are_seen_whatever_the_distance_of_their_outlines():
         offset = np.array([[256.0, 256], [inside, 256]])
         placement = Placement(200.0, np.zeros(2), offset, np.array([0, page]))
         assert growth.overlaps(placement) == expected
+
+
+def test_a_layout_that_cannot_catch_up_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No program where no step leads to the scale that others have; few where charts lock below it."""
+    options = PackOptions(resolution=256, padding=2, rotate="none")
+    shapes, start = lone_square(options, 100.0)
+    made: list[float] = []
+    step = compaction.compaction_step
+
+    def counted(growth, placement, *rest, **more):
+        made.append(placement.scale)
+        return step(growth, placement, *rest, **more)
+
+    monkeypatch.setattr(compaction, "compaction_step", counted)
+    room = options.resolution - 2 * options.border
+    free = compaction.roughly(growth_of(shapes, options), start, 40, 0.0)
+    assert free.scale == pytest.approx(room, rel=0.01)
+    needed = len(made)
+    made.clear()
+    # five steps of 32 texels of 2048 make a square of a page of 256 at most so much wider
+    assert compaction.roughly(growth_of(shapes, options), start, 5, 100 * 1.1**5) is start
+    assert not made
+    # within reach by what steps may gain, but there is no room for it
+    locked = compaction.roughly(growth_of(shapes, options), free, 12, 1.05 * free.scale)
+    assert 1 <= len(made) < min(needed, 5)
+    assert locked.scale >= 0.999 * free.scale
+
+
+def test_three_faces_at_an_edge_are_no_overlap() -> None:
+    """The outline of such a chart is not closed: it says nothing of the rows where it lies."""
+    uv = np.array([[0.0, 0], [0, 1], [-1, 0.5], [-0.9, 0.6], [-0.8, 0.4], [4, 0], [5, 0], [4, 1]])
+    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [5, 6, 7]])
+    options = PackOptions(resolution=256, padding=2)
+    shapes = shapes_of(faces, uv, np.array([0, 0, 0, 1]))
+    apart = Placement(
+        60.0, np.zeros(2), np.array([[70.0, 120.0], [180.0, 120.0]]), np.zeros(2, int)
+    )
+    growth = growth_of(shapes, options)
+    assert finish(shapes, apart, options)[1] is None
+    assert not growth.overlaps(apart)
+    assert compaction.compact(growth, apart, 6).scale > 1.2 * apart.scale
+
+
+def test_charts_on_each_other_overlap() -> None:
+    options = PackOptions(resolution=256, padding=2)
+    shapes = rectangles([[1.0, 1.0], [1.0, 1.0]])
+    on = Placement(60.0, np.zeros(2), np.array([[100.0, 120.0], [120.0, 120.0]]), np.zeros(2, int))
+    assert growth_of(shapes, options).overlaps(on)
+    assert not growth_of(shapes, options).overlaps(replace(on, page=np.array([0, 1])))

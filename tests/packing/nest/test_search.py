@@ -129,3 +129,16 @@ def test_a_placement_uses_the_page_up_to_its_border():
     assert box.max() <= options.resolution - options.border + 1e-9
     assert box.min() <= options.border + cell * 2
     assert box.max() >= options.resolution - options.border - cell * 2
+
+
+def test_no_layout_is_larger_than_asked_for():
+    """Pages too large to be of use are not laid out, nor given: the best found without that is still found."""
+    shapes = shapes_of(*blobs(8, 4, 0.4))
+    options = PackOptions(resolution=512, padding=3)
+    board = board_of(shapes, options)
+    free = search(board, shapes, options, 48, Budget(4e6, lambda: False))
+    largest = free[-1].side - 1
+    found = search(board, shapes, options, 48, Budget(4e6, lambda: False), largest)
+    assert found
+    assert max(f.side for f in found) <= largest
+    assert not search(board, shapes, options, 48, Budget(4e6, lambda: False), free[0].side // 2)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.geometry.overlap import self_overlapping
+from circparam.geometry.overlap import SelfContacts, self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.seams.hard import fit
 from circparam.seams.hard.fit import better_start, composed, hardly_near
 from circparam.seams.hard.regions import (
     turns,
@@ -99,8 +100,9 @@ def test_few_near_places_are_told_from_crossings_and_from_many() -> None:
     atlas = as_it_lies(Atlas(surface, np.zeros(len(surface.edges), bool)))
     uv = atlas.gather(cut_mesh)
     every = np.ones(3, bool)
-    assert hardly_near(cut_mesh, uv, every, 0.01).tolist() == [True, True, False]
-    assert hardly_near(cut_mesh, uv, np.array([False, True, True]), 0.01).tolist() == [
+    contacts = SelfContacts.of(cut_mesh, uv)
+    assert hardly_near(contacts, every, 0.01).tolist() == [True, True, False]
+    assert hardly_near(contacts, np.array([False, True, True]), 0.01).tolist() == [
         False, True, False,
     ]  # fmt: skip
 
@@ -119,3 +121,24 @@ def test_of_two_starts_the_better_one_is_taken() -> None:
     assert good == pytest.approx([1.0])
     best = chart_energies(cut_mesh, better_start(cut_mesh, jacobian, jacobian, right, 1.05)[0])
     assert best == pytest.approx([1.0])
+
+
+def test_what_is_torn_apart_gets_no_second_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Jacobians that point every way: the one solve tells, and no part is bent round the other."""
+    cut_mesh, corners, right = sheet_in_two(0.0)
+    gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+    jacobian = dirichlet.jacobians(gradients, corners.transpose(2, 1, 0))
+    turn = np.random.default_rng(0).uniform(0, 2 * np.pi, len(right))
+    c, s = np.cos(turn), np.sin(turn)
+    torn = np.stack([c * jacobian[0] - s * jacobian[1], s * jacobian[0] + c * jacobian[1]])
+    bends: list[int] = []
+    bend = fit.transported
+    monkeypatch.setattr(fit, "transported", lambda *of: (bends.append(1), bend(*of))[1])
+    uv, energy = better_start(cut_mesh, torn, jacobian, right, 1.05)
+    assert not bends
+    np.testing.assert_array_equal(energy, chart_energies(cut_mesh, uv))
+    assert not energy[0] <= 1.05
+    c, s = np.cos(1.0), np.sin(1.0)
+    turned = np.stack([c * jacobian[0] - s * jacobian[1], s * jacobian[0] + c * jacobian[1]])
+    better_start(cut_mesh, np.where(right, turned, jacobian), jacobian, right, 1.05)
+    assert bends

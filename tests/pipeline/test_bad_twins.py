@@ -1,0 +1,55 @@
+"""What is bad about a file costs little more than the mesh: work is counted, not seconds."""
+
+from __future__ import annotations
+
+import sys
+from types import FrameType
+from typing import Any
+
+import pytest
+
+import circparam
+from circparam.core.linalg import Factor
+from tests.support.bad_twins import TWINS, Faces, clean
+from tests.support.parts import bracket
+
+TIMES = 3.0  # what the issue allows a bad twin
+
+
+def work_of(mesh: Faces, monkeypatch: pytest.MonkeyPatch) -> tuple[float, float]:
+    """(calls of Python functions, unknowns of all systems that were factored) of an unwrap."""
+    calls, unknowns = 0, 0
+    init = Factor.__init__
+
+    def counted(self: Factor, matrix: Any, ordered: bool = False) -> None:
+        nonlocal unknowns
+        unknowns += matrix.shape[0]
+        init(self, matrix, ordered)
+
+    def called(frame: FrameType, event: str, argument: object) -> None:
+        nonlocal calls
+        calls += event == "call"
+
+    monkeypatch.setattr(Factor, "__init__", counted)
+    before = sys.getprofile()
+    sys.setprofile(called)
+    try:
+        result = circparam.unwrap(mesh, jobs=1)
+    finally:
+        sys.setprofile(before)
+        monkeypatch.undo()
+    assert result.verification.flips == 0
+    assert len(result.charts) == len(mesh[1])
+    return calls, unknowns
+
+
+def test_bad_twins_are_no_more_work_than_three_clean_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    part = bracket()
+    circparam.unwrap(clean(part), jobs=1)  # what is imported on the way is no work of the part
+    calls, unknowns = work_of(clean(part), monkeypatch)
+    slow = {}
+    for name, make in TWINS.items():
+        more = work_of(make(part), monkeypatch)
+        if more[0] > TIMES * calls or more[1] > TIMES * unknowns:
+            slow[name] = (more[0] / calls, more[1] / unknowns)
+    assert not slow

@@ -1,0 +1,77 @@
+"""Parts as bad files hold them: as soup, with T-junctions, doubled faces, needles or noise, tiny."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tests.support.parts import Floats, Ints, Part, shaken
+
+Faces = tuple[Floats, Ints]
+
+
+def clean(part: Part) -> Faces:
+    """The part as it is."""
+    return part.points, part.faces
+
+
+def soup(part: Part) -> Faces:
+    """Three points of its own for each face, as STL has them."""
+    corners = part.points[part.faces].reshape(-1, 3)
+    return corners, np.arange(len(corners)).reshape(-1, 3)
+
+
+def t_junctions(part: Part) -> Faces:
+    """One face in eight cut in two at the middle of its longest edge; the face beyond is not."""
+    points, faces = part.points, part.faces
+    chosen = np.arange(0, len(faces), 8)
+    p = points[faces[chosen]]
+    length = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2)
+    k = length.argmax(1)
+    f = np.take_along_axis(faces[chosen], (k[:, None] + np.arange(3)) % 3, 1)
+    middle = (points[f[:, 0]] + points[f[:, 1]]) / 2
+    new = len(points) + np.arange(len(chosen))
+    halves = np.concatenate(
+        [np.stack([f[:, 0], new, f[:, 2]], 1), np.stack([new, f[:, 1], f[:, 2]], 1)]
+    )
+    rest = np.delete(faces, chosen, axis=0)
+    return np.concatenate([points, middle]), np.concatenate([rest, halves])
+
+
+def doubled(part: Part) -> Faces:
+    """One face in ten twice."""
+    return part.points, np.concatenate([part.faces, part.faces[::10]])
+
+
+def needles(part: Part) -> Faces:
+    """One face in six cut into three at a place a hundred-thousandth of its size from a corner."""
+    points, faces = part.points, part.faces
+    chosen = np.arange(0, len(faces), 6)
+    a, b, c = faces[chosen].T
+    near = points[a] + 1e-5 * (points[b] - points[a]) + 1e-5 * (points[c] - points[a])
+    new = len(points) + np.arange(len(chosen))
+    split = [np.stack([a, b, new], 1), np.stack([b, c, new], 1), np.stack([c, a, new], 1)]
+    rest = np.delete(faces, chosen, axis=0)
+    return np.concatenate([points, near]), np.concatenate([rest, *split])
+
+
+def noisy(part: Part) -> Faces:
+    """Flats split by noise of 1e-7 of the size of the part."""
+    other = shaken(part, 1e-7)
+    return other.points, other.faces
+
+
+def inches(part: Part) -> Faces:
+    """The part at a thousandth of its size, in inches."""
+    return part.points * (1e-3 / 25.4), part.faces
+
+
+TWINS: dict[str, Callable[[Part], Faces]] = {
+    "soup": soup,
+    "T-junctions": t_junctions,
+    "doubled": doubled,
+    "needles": needles,
+    "noisy": noisy,
+    "inches": inches,
+}
