@@ -26,7 +26,7 @@ A line "path 12 77 503" cuts both along shortest paths between landmarks, by ver
 def _methods() -> list[str]:
     from circparam.solvers.tutte.weights import WEIGHTS
 
-    return WEIGHTS.names()
+    return WEIGHTS.tagged("positive")  # the others may fold
 
 
 @click.command(epilog=_EPILOG)
@@ -53,6 +53,11 @@ def _methods() -> list[str]:
     click.option("--mirrored", is_flag=True, help="B is the mirror image of what is meant."),
     click.option(
         "--no-relax", is_flag=True, help="Leave the composition of the convex maps as it is."
+    ),
+    click.option(
+        "--overlay",
+        is_flag=True,
+        help="Also the common refinement of both meshes, for circparam morph --overlay.",
     ),
     common.library_option("reader"),
     common.overwrite,
@@ -84,6 +89,7 @@ def command(a: str, b: str, **given: Any) -> None:
             method=given["method"],
             mirrored=given["mirrored"],
             relax=not given["no_relax"],
+            overlay=given["overlay"],
             listener=listener,
         )
     save_map(out, found.map, given["overwrite"])

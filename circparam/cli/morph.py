@@ -40,6 +40,11 @@ Examples:
     metavar="N",
     help="Key frames of the animation from A to B; it comes back the same way.",
 )
+@click.option(
+    "--overlay",
+    is_flag=True,
+    help="Morph the common refinement of both meshes, which ends as B itself; needs map --overlay.",
+)
 @common.library_option("reader")
 @common.overwrite
 @common.json_option
@@ -61,7 +66,7 @@ def command(first: str, second: str, **given: Any) -> None:
     check_place(str(path), given["overwrite"])
     mapped = load_map(given["mapped"])
     a, b = (read(mesh, reader=given["reader"]) for mesh in (first, second))
-    made = morph(a, b, mapped, given["frames"])
+    made = morph(a, b, mapped, given["frames"], given["overlay"])
     write_files({path: made.data}, overwrite=True)
     for line in [*a.warnings, *b.warnings, *made.warnings, *made.notes]:
         progress.warn(f"{first}: {line}", given["quiet"])

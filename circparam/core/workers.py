@@ -31,7 +31,7 @@ PARTED = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it
 PARTS = 8  # at most: more than processes, so that none waits long for the last one
 LARGE = 8  # charts of more than such a part of a part are dealt out one by one
-MOST_SHARE = 0.75  # of the faces in one part, above which the others are not worth the trouble
+MOST_SHARE = 0.9  # of the faces in one part, above which the others are not worth the trouble
 
 
 def cores() -> int:
@@ -147,7 +147,7 @@ class Later:
     def result(self) -> Any:
         """What the function gives, found there or here."""
         if self._pool is not None:
-            answer = _answered(self._pool, self._future)
+            answer = _answered(self._pool, self._future, self._monitor)
             if answer is not None:
                 return answer[0]
         return self._function(*self._task, self._monitor)
@@ -163,7 +163,7 @@ def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:
     return future
 
 
-def _answered(pool: Pool, future: Future[bytes] | None) -> tuple[Any] | None:
+def _answered(pool: Pool, future: Future[bytes] | None, m: Monitor) -> tuple[Any] | None:
     """What a process has found; None where it has not, and if it failed, no more is asked of any."""
     if not pool.ready.done():  # they are not even up
         if future is not None:
@@ -171,7 +171,9 @@ def _answered(pool: Pool, future: Future[bytes] | None) -> tuple[Any] | None:
         return None
     with contextlib.suppress(Exception):
         if future is not None:
-            return (pickle.loads(future.result()),)
+            answer = (pickle.loads(future.result()),)
+            m.late |= m.expired  # the process may have been told that time is up
+            return answer
     stop()
     return None
 
@@ -237,7 +239,7 @@ class _Shared:
 
     def _answer(self, k: int, future: Future[bytes] | None) -> Any:
         """What a process answered; else the same done here."""
-        answer = _answered(self._pool, future)
+        answer = _answered(self._pool, future, self._monitor)
         return self._here(k) if answer is None else answer[0]
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import io
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,12 +12,14 @@ import numpy.typing as npt
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
+from circparam.formats.materials import Textures
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
 if TYPE_CHECKING:
     import trimesh
+    from PIL.Image import Image as Image
     from trimesh import Trimesh as Trimesh
 
 
@@ -98,8 +101,59 @@ def whole_numbers(indices: npt.ArrayLike, what: str) -> IntArray:
     return given.astype(np.int64)
 
 
+@dataclass(frozen=True, eq=False)
+class TrimeshDocument(PlainDocument):
+    """A trimesh object: its triangles and uv, and what its visuals show. visual: as trimesh has it, or None."""
+
+    visual: Any = None
+
+    @property
+    def image(self) -> Image | None:
+        """The image of the base colour; trimesh gives a material without one four equal pixels."""
+        material = getattr(self.visual, "material", None)
+        image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+        if image is None:
+            return None
+        found: Image = image
+        if found.size == (2, 2) and not np.ptp(np.asarray(found).reshape(4, -1), axis=0).any():
+            return None
+        return found
+
+    def colours(self) -> FloatArray | None:
+        """(m, 3, 3) colours of vertices or faces, those beside a texture too; None where there are none."""
+        faces, kind = self.mesh.faces, getattr(self.visual, "kind", None)
+        if kind == "face":
+            of_face = _colours(self.visual.face_colors, len(faces))
+            return None if of_face is None else np.repeat(of_face[:, None], 3, axis=1)
+        beside = getattr(self.visual, "vertex_attributes", None) or {}
+        given = self.visual.vertex_colors if kind == "vertex" else beside.get("color")
+        of_vertex = _colours(given, len(self.mesh.points))
+        return None if of_vertex is None else of_vertex[faces]
+
+    def textures(self) -> Textures | None:
+        """The image of the base colour, as PNG; None where the material has none."""
+        image = self.image
+        if image is None or self.layout is None:
+            return None
+        out = io.BytesIO()
+        (image if image.mode in ("L", "RGB", "RGBA") else image.convert("RGBA")).save(out, "PNG")
+        m = len(self.mesh.faces)
+        return Textures((out.getvalue(),), ("texture.png",), np.zeros(m, np.int64), np.ones((m, 3)))
+
+
+def _colours(given: Any, n: int) -> FloatArray | None:
+    """(n, 3) in 0..1 of colours as trimesh has them, bytes or 0..1; None where they are not one each."""
+    table = np.asarray(given if given is not None else [])
+    if table.ndim != 2 or len(table) != n or table.shape[1] < 3:
+        return None
+    whole = 255.0 if table.dtype.kind in "iu" else 1.0
+    result: FloatArray = np.clip(table[:, :3] / whole, 0.0, 1.0)
+    return result
+
+
 def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene | Any) -> Document:
-    """A document from a trimesh.Trimesh, with its uv; a Scene is joined with its node transforms applied.
+    """A document from a trimesh.Trimesh, with its uv, colours and base colour texture; a Scene is joined with
+    its node transforms applied.
 
     Raises InputError for an object without faces, such as a PointCloud.
     """
@@ -109,15 +163,35 @@ def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene | Any) -> Document:
         raise InputError(
             f"a trimesh {type(mesh).__name__} has no faces: there is nothing to unwrap"
         )
-    uv = getattr(getattr(mesh, "visual", None), "uv", None)
+    visual = getattr(mesh, "visual", None)
+    uv = getattr(visual, "uv", None)
     if uv is not None and np.shape(uv) != (len(mesh.vertices), 2):
         uv = None
-    return from_arrays(mesh.vertices, mesh.faces, uv, name="the trimesh object")
+    plain = from_arrays(mesh.vertices, mesh.faces, uv, name="the trimesh object")
+    found = TrimeshDocument(
+        plain.source, plain.format, plain.mesh, plain.uv_sets, layout=plain.uv(), visual=visual
+    )
+    shown = (("colours", found.colours() is not None), ("textures", found.image is not None))
+    return replace(found, features=tuple(name for name, there in shown if there))
 
 
-def to_trimesh(points: FloatArray, faces: IntArray, uv: npt.NDArray[np.float32]) -> Trimesh:
-    """Points (k, 3), faces (m, 3) and a uv for each point (k, 2) as a trimesh.Trimesh, in their order."""
+def to_trimesh(
+    points: FloatArray,
+    faces: IntArray,
+    uv: npt.NDArray[np.float32],
+    colours: FloatArray | None = None,
+    image: Image | None = None,
+) -> Trimesh:
+    """Points (k, 3), faces (m, 3) and a uv for each point (k, 2) as a trimesh.Trimesh, in their order.
+
+    colours: (m, 3, 3) in 0..1 of the corners; kept where each point has one. image: drawn for these uv.
+    """
     import trimesh
 
-    visual = trimesh.visual.TextureVisuals(uv=uv.astype(np.float64))  # type: ignore[no-untyped-call]
+    visual = trimesh.visual.TextureVisuals(uv=uv.astype(np.float64), image=image)  # type: ignore[no-untyped-call]
+    if colours is not None:
+        of_point = np.ones((len(points), 4))
+        of_point[faces.ravel(), :3] = colours.reshape(-1, 3)
+        if np.array_equal(of_point[faces][:, :, :3], colours):
+            visual.vertex_attributes["color"] = np.round(255 * of_point).astype(np.uint8)
     return trimesh.Trimesh(vertices=points, faces=faces, visual=visual, process=False)

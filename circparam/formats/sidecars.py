@@ -18,23 +18,20 @@ from circparam.errors import InputError
 
 # Bytes; ten million lines of numbers, more than any mesh that is read has vertices to pin.
 LIMIT = 1 << 28
+HIGHEST = 2**53  # of a vertex; beyond it numbers with a point skip some
 
 
 def read_pins(path: str | os.PathLike[str]) -> FloatArray:
     """(p, 3): vertex, u, v of every line. Raises InputError where a line holds something else."""
     rows = _numbers(path, 3, "a vertex number, u and v")
-    if len(rows) and (rows[:, 0] != np.round(rows[:, 0])).any():
-        raise InputError(f"{path}: a vertex number is no whole number")
+    _whole(path, rows[:, :1])
     return rows
 
 
 def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
     """(k, 2): a vertex of one mesh and a vertex of another on every line. Raises InputError where a line holds
     something else. Lines ``path ...`` are left out, see ``read_paths``."""
-    rows = _numbers(path, 2, "two vertex numbers", besides="path")
-    if (rows != np.round(rows)).any():
-        raise InputError(f"{path}: a vertex number is no whole number")
-    return rows.astype(np.int64)
+    return _whole(path, _numbers(path, 2, "two vertex numbers", besides="path"))
 
 
 def read_paths(path: str | os.PathLike[str]) -> list[list[int]]:
@@ -74,9 +71,7 @@ def read_seams(path: str | os.PathLike[str]) -> IntArray:
     obj = [words for words in lines if words and words[0] == "l"]
     if not obj and Path(path).suffix.lower() != ".obj":
         rows = _numbers(path, 2, "two vertex numbers")
-        if len(rows) and (rows != np.round(rows)).any():
-            raise InputError(f"{path}: a vertex number is no whole number")
-        return rows.astype(np.int64)
+        return _whole(path, rows)
     n = sum(1 for words in lines if words and words[0] == "v")
     pairs: list[tuple[int, int]] = []
     for words in obj:
@@ -85,6 +80,8 @@ def read_seams(path: str | os.PathLike[str]) -> IntArray:
         except ValueError:
             raise InputError(f"{path}: 'l {' '.join(words[1:])}' is no line element") from None
         chain = [k - 1 if k > 0 else n + k for k in chain]
+        if any(abs(k) > HIGHEST for k in chain):
+            raise InputError(f"{path}: 'l {' '.join(words[1:])}' is no line element")
         pairs += list(itertools.pairwise(chain))
     return np.array(pairs, np.int64).reshape(-1, 2)
 
@@ -133,3 +130,12 @@ def _numbers(
     if not rows:
         raise InputError(f"{path}: it holds no line with {what}")
     return np.array(rows, np.float64).reshape(-1, columns)
+
+
+def _whole(path: str | os.PathLike[str], rows: FloatArray) -> IntArray:
+    """Numbers of vertices as such. Raises InputError where one is none, or beyond what any array holds."""
+    if (rows != np.round(rows)).any():
+        raise InputError(f"{path}: a vertex number is no whole number")
+    if (np.abs(rows) > HIGHEST).any():
+        raise InputError(f"{path}: {rows[np.abs(rows) > HIGHEST][0]:g} is no vertex number")
+    return rows.astype(np.int64)

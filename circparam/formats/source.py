@@ -12,6 +12,8 @@ from urllib.parse import unquote
 
 from circparam.errors import InputError
 
+HEAD = 4096  # bytes in which anything but blanks stands at first
+
 
 @dataclass(frozen=True)
 class Source:
@@ -49,7 +51,10 @@ def read_bytes(path: str | os.PathLike[str]) -> tuple[bytes, Source]:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise source.error(f"it can't be read ({reason})") from None
-    if not data.strip():
+        except MemoryError:
+            size = os.stat(path).st_size / 1e9
+            raise source.error(f"its {size:.1f} GB are more memory than there is") from None
+    if not data[:HEAD].strip() and not data.strip():  # else a copy of gigabytes of text
         raise source.error("the file is empty")
     return data, source
 

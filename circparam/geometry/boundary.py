@@ -15,9 +15,11 @@ from circparam.core.arrays import (
     first_of_runs,
     group_sum,
     next_half_edge,
+    norms2,
     sorted_distinct,
 )
 from circparam.core.graph import lowest_of_cycles
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
@@ -44,7 +46,7 @@ class BoundarySegments:
         lowest = lowest_of_cycles(self.following)
         head = lowest == np.arange(n)
         loop = (np.cumsum(head) - 1)[lowest]
-        length = np.linalg.norm(self.end - self.start, axis=1)
+        length = norms2(self.end - self.start)
         # length from each segment on to the head of its loop; n is past the end
         ahead = np.r_[length, 0.0]
         jump = np.r_[np.where(head[self.following], n, self.following), n]
@@ -55,10 +57,17 @@ class BoundarySegments:
         return loop, total - ahead[:n], total
 
 
-def boundary_of(
-    faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
-) -> BoundarySegments:
-    """The boundary segments of charts; mirrored charts are walked the other way, so their inside is left."""
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """How boundary half-edges (b,) follow each other: following, before (b,) places in ``half_edge``."""
+
+    half_edge: IntArray
+    following: IntArray
+    before: IntArray
+
+
+def rim_of(faces: IntArray, edges: IntArray) -> Rim:
+    """The rim of faces (m, 3) joined across ``edges`` (e, 2)."""
     h = boundary_half_edges(len(faces), edges)
     flat = faces.ravel()
     label = flat
@@ -71,8 +80,31 @@ def boundary_of(
     following = at[label[next_half_edge(h)]]
     before = np.empty(len(h), np.int64)
     before[following] = np.arange(len(h))
-    p = uv[faces]
-    area = group_sum(cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), chart, n) / 2
+    return Rim(h, following, before)
+
+
+def boundary_in(cut_mesh: CutMesh, uv: FloatArray) -> BoundarySegments:
+    """The boundary segments of a cut mesh in a layout (nv, 2); it keeps its rim for the next one."""
+    rim: Rim | None = cut_mesh.__dict__.get("_rim")
+    if rim is None:
+        rim = cut_mesh.__dict__["_rim"] = rim_of(cut_mesh.faces, cut_mesh.edges)
+    return _segments(cut_mesh.faces, uv, cut_mesh.chart, rim, cut_mesh.n_charts)
+
+
+def boundary_of(
+    faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
+) -> BoundarySegments:
+    """The boundary segments of charts; mirrored charts are walked the other way, so their inside is left."""
+    return _segments(faces, uv, chart, rim_of(faces, edges), n)
+
+
+def _segments(
+    faces: IntArray, uv: FloatArray, chart: IntArray, rim: Rim, n: int
+) -> BoundarySegments:
+    h, following, before = rim.half_edge, rim.following, rim.before
+    flat = faces.ravel()
+    a, b, c = uv[faces[:, 0]], uv[faces[:, 1]], uv[faces[:, 2]]
+    area = group_sum(cross2(b - a, c - a), chart, n) / 2
     own = chart[h // 3]
     start, end = uv[flat[h]], uv[flat[next_half_edge(h)]]
     back = area[own] < 0

@@ -54,11 +54,8 @@ def targets_from(atlas: Atlas, gradients: FloatArray) -> FloatArray:
     return result
 
 
-def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Give faces without a gradient that of the nearest known face of their chart, rotated to their plane.
-
-    Returns (gradients, (m,) bool: the face has one now).
-    """
+def nearest_known(atlas: Atlas, known: BoolArray) -> tuple[IntArray, BoolArray]:
+    """(m,) the nearest known face ((m,) bool) in the chart of each face; (m,) bool: there is one."""
     surface = atlas.surface
     inner = ~atlas.cut
     fi, fj = surface.edges[inner, 0] // 3, surface.edges[inner, 1] // 3
@@ -73,5 +70,17 @@ def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[Float
         fill = (near >= 0) & ~known
         source[fill] = near[fill]
         have |= fill
-    rotated = turn_gradients(gradients[source], surface.normals[source], surface.normals)
-    return np.where(known[:, None, None], gradients, rotated), have
+    return source, have
+
+
+def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:
+    """Give faces without a gradient that of the nearest known face of their chart, rotated to their plane.
+
+    Returns (gradients, (m,) bool: the face has one now).
+    """
+    normals = atlas.surface.normals
+    source, have = nearest_known(atlas, known)
+    todo = np.flatnonzero(~known)
+    out = gradients.copy()
+    out[todo] = turn_gradients(gradients[source[todo]], normals[source[todo]], normals[todo])
+    return out, have

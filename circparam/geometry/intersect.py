@@ -9,6 +9,7 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     group_sum,
+    norms2,
     ranges,
     sorted_distinct,
     stable_order,
@@ -29,7 +30,7 @@ def meeting(boundary: BoundarySegments, between: bool) -> tuple[IntArray, IntArr
     between: compare different charts, else parts of one chart. Returns (i, j, charts so crowded with
     segments that not every pair was looked at: empty but for degenerate layouts).
     """
-    live = np.flatnonzero((boundary.start != boundary.end).any(1))
+    live = np.flatnonzero(_moves(boundary))
     group = np.zeros(len(live), np.int64) if between else boundary.chart[live]
     candidates = Candidates(boundary.start[live], boundary.end[live], group, np.zeros(len(live)))
     found = [np.zeros((0, 2), np.int64)]
@@ -43,6 +44,13 @@ def meeting(boundary: BoundarySegments, between: bool) -> tuple[IntArray, IntArr
     pairs = _distinct(np.concatenate(found), len(boundary.start))
     crowded = np.zeros(0, np.int64) if between else candidates.crowded
     return pairs[:, 0], pairs[:, 1], crowded
+
+
+def _moves(boundary: BoundarySegments) -> BoolArray:
+    """(b,) bool: the segment is no single point."""
+    s, e = boundary.start, boundary.end
+    result: BoolArray = (s[:, 0] != e[:, 0]) | (s[:, 1] != e[:, 1])
+    return result
 
 
 def _meet(boundary: BoundarySegments, i: IntArray, j: IntArray) -> IntArray:
@@ -151,7 +159,7 @@ def nearby(
     Parts of one loop that are less than 8 distances apart along it are neighbours and left out. chamfers: so
     are long segments with so little boundary between them that they cannot but be near.
     """
-    live = np.flatnonzero(charts[boundary.chart] & (boundary.start != boundary.end).any(1))
+    live = np.flatnonzero(charts[boundary.chart] & _moves(boundary))
     if len(live) == 0:
         return live, live
     reach = distance[boundary.chart]
@@ -177,7 +185,7 @@ def nearby(
         far = (loop[i] != loop[j]) | (apart > NEIGHBOURS * reach[i])
         far &= (boundary.following[i] != j) & (boundary.before[i] != j)
         if chamfers:
-            length = np.linalg.norm(boundary.end - boundary.start, axis=1)
+            length = norms2(boundary.end - boundary.start)
             ahead = np.mod(position[j] - position[i], total[i]) - length[i]
             behind = np.mod(position[i] - position[j], total[i]) - length[j]
             far &= (loop[i] != loop[j]) | (np.minimum(ahead, behind) > CHAMFER * reach[i])
@@ -207,7 +215,7 @@ def _pieces(
     """
     loop, position, _ = boundary.along
     member = live[np.lexsort((position[live], loop[live]))]
-    length = np.linalg.norm(boundary.end[member] - boundary.start[member], axis=1)
+    length = norms2(boundary.end[member] - boundary.start[member])
     short = length < SHORT * reach[member]
     step = np.floor(position[member] / np.maximum(PIECE * reach[member], 1e-300))
     joined = short[1:] & short[:-1] & (step[1:] == step[:-1])
@@ -231,15 +239,20 @@ def _all_pairs(
 def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
     """(n,) distance between segments ab and cd that do not cross."""
 
-    def to_segment(p: FloatArray, q: FloatArray, x: FloatArray) -> FloatArray:
-        e = q - p
-        t = np.clip(((x - p) * e).sum(1) / np.maximum((e * e).sum(1), 1e-300), 0.0, 1.0)
-        result: FloatArray = np.linalg.norm(p + t[:, None] * e - x, axis=1)
-        return result
+    def to_segment(p: FloatArray, e: FloatArray, square: FloatArray, x: FloatArray) -> FloatArray:
+        t = x - p
+        t *= e
+        share = np.clip((t[:, 0] + t[:, 1]) / square, 0.0, 1.0)
+        return norms2(p + share[:, None] * e - x)
 
+    def squares(e: FloatArray) -> FloatArray:
+        return np.maximum(e[:, 0] * e[:, 0] + e[:, 1] * e[:, 1], 1e-300)
+
+    ab, cd = b - a, d - c
+    of_ab, of_cd = squares(ab), squares(cd)
     result: FloatArray = np.minimum(
-        np.minimum(to_segment(a, b, c), to_segment(a, b, d)),
-        np.minimum(to_segment(c, d, a), to_segment(c, d, b)),
+        np.minimum(to_segment(a, ab, of_ab, c), to_segment(a, ab, of_ab, d)),
+        np.minimum(to_segment(c, cd, of_cd, a), to_segment(c, cd, of_cd, b)),
     )
     return result
 

@@ -28,11 +28,11 @@ from circparam.core.arrays import (
     next_half_edge,
     sorted_distinct,
 )
-from circparam.geometry.boundary import BoundarySegments, boundary_of, turned_out
+from circparam.geometry.boundary import BoundarySegments, boundary_in, boundary_of, turned_out
 from circparam.geometry.intersect import meeting, nearby, winding_pairs
 from circparam.geometry.predicates import SignArray, orientation
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.mesh.halfedge import boundary_half_edges, shared_edges
+from circparam.mesh.halfedge import shared_edges
 
 
 def signs(uv: FloatArray, faces: IntArray) -> SignArray:
@@ -88,7 +88,7 @@ def overlaps(
     n = int(chart.max(initial=-1)) + 1
     boundary = boundary_of(faces, uv, chart, edges, n)
     i, j, undecided = meeting(boundary, between=False)
-    found = _wound_twice(faces, uv, chart, edges, n)
+    found = _wound_twice(faces, uv, chart, boundary.half_edge, n)
     found[boundary.chart[i]] = True
     found[undecided] = True
     found |= turned_out(boundary, len(found))
@@ -123,9 +123,9 @@ class SelfContacts:
     def of(cut_mesh: CutMesh, uv: FloatArray) -> SelfContacts:
         """Those of a layout (n_vertices, 2)."""
         mesh, n = cut_mesh, cut_mesh.n_charts
-        boundary = boundary_of(mesh.faces, uv, mesh.chart, mesh.edges, n)
+        boundary = boundary_in(mesh, uv)
         i, _, undecided = meeting(boundary, between=False)
-        meets = _wound_twice(mesh.faces, uv, mesh.chart, mesh.edges, n)
+        meets = _wound_twice(mesh.faces, uv, mesh.chart, boundary.half_edge, n)
         meets[boundary.chart[i]] = True
         meets[undecided] = True
         meets |= turned_out(boundary, n)
@@ -145,7 +145,7 @@ def crossings(uv: FloatArray, cut_mesh: CutMesh, margin: float = 0.0) -> IntArra
 
     uv, margin: as in ``self_overlapping``. Pairs are in ascending order.
     """
-    boundary = boundary_of(cut_mesh.faces, uv, cut_mesh.chart, cut_mesh.edges, cut_mesh.n_charts)
+    boundary = boundary_in(cut_mesh, uv)
     i, j, _ = meeting(boundary, between=False)
     if margin > 0:
         first, second = nearby(boundary, margin * boundary.size, np.ones(cut_mesh.n_charts, bool))
@@ -156,13 +156,12 @@ def crossings(uv: FloatArray, cut_mesh: CutMesh, margin: float = 0.0) -> IntArra
 
 
 def _wound_twice(
-    faces: IntArray, uv: FloatArray, chart: IntArray, edges: IntArray, n: int
+    faces: IntArray, uv: FloatArray, chart: IntArray, h: IntArray, n: int
 ) -> BoolArray:
-    """(n,) charts with an inner vertex that its faces wind round more than once.
+    """(n,) charts with an inner vertex that its faces wind round more than once. h: boundary half-edges.
 
     Counted exactly: a corner passes the direction of the positive x axis where it begins below and ends above.
     """
-    h = boundary_half_edges(len(faces), edges)
     on_boundary = np.zeros(len(uv), bool)
     on_boundary[faces.ravel()[h]] = True
     on_boundary[faces.ravel()[next_half_edge(h)]] = True
@@ -176,7 +175,8 @@ def _wound_twice(
     turns = np.bincount(faces.ravel(), passes.ravel(), len(uv))
     bad = (np.abs(turns) > 1) & ~on_boundary
     out = np.zeros(n, bool)
-    out[chart[bad[faces].any(1)]] = True
+    if bad.any():
+        out[chart[bad[faces].any(1)]] = True
     return out
 
 

@@ -213,3 +213,12 @@ def _newton(nodes: IntArray, r: FloatArray, missing: FloatArray, curved: bool) -
             matrix = matrix + group_sum(value, nodes[:, i] * n + nodes[:, j], n * n).reshape(n, n)
     free = 0.0 if curved else 1.0 / n  # in the plane a common factor is
     return np.asarray(np.linalg.solve(matrix - free, missing), np.float64)
+
+
+class Round(Geometry):
+    """The unit sphere: directions."""
+
+    def normal(self, q: FloatArray) -> FloatArray:
+        """Unit vectors."""
+        result: FloatArray = q / np.linalg.norm(q, axis=-1)[..., None]
+        return result

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.maps.base import Round
 from circparam.maps.composition import composed, relaxed, start_of
-from circparam.maps.cones import signs
+from circparam.maps.cones import Locator, signs
+from circparam.maps.cover import Cover, Development
 from circparam.maps.distortion import Distortion, distortion
-from circparam.maps.domain import common_domain
-from circparam.maps.handles import composed_in_patches, handle_domain
+from circparam.maps.domain import Domain, common_domain
+from circparam.maps.handles import (
+    Laid,
+    Lifted,
+    Patched,
+    composed_in_patches,
+    handle_domain,
+    located,
+)
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.lifted import back_again, relaxed_lifted
 from circparam.maps.places import along_boundaries, with_boundaries
@@ -26,7 +36,8 @@ PlacesOnSheet = tuple[IntArray, FloatArray]
 class Found:
     """there: (face, weights) of the vertices of A on the sheet of B; back: of those of B on the sheet of A.
     sheets: of A and B. inversions: faces turned over in the domain. start: the distortion of A → B before
-    relaxation. relaxed: whether it was relaxed."""
+    relaxation. relaxed: whether it was relaxed. laid: both over the domain, and the places of all vertices of
+    the sheet of B on that of A, for the overlay."""
 
     there: PlacesOnSheet
     back: PlacesOnSheet
@@ -34,6 +45,7 @@ class Found:
     inversions: tuple[int, int]
     start: Distortion
     relaxed: bool
+    laid: Callable[[], tuple[Laid, PlacesOnSheet]]
 
 
 def on_sphere(
@@ -53,7 +65,28 @@ def on_sphere(
         )
         there = composed(a, b, marks, domain)
         back = composed(b, a, replace(marks, a=marks.b, b=marks.a), domain.turned())
-    return Found(there, back, domain.sheets, (first, second), start, found is not None)
+    return Found(
+        there,
+        back,
+        domain.sheets,
+        (first, second),
+        start,
+        found is not None,
+        lambda: _laid_on_sphere(domain),
+    )
+
+
+def _laid_on_sphere(domain: Domain) -> tuple[Laid, PlacesOnSheet]:
+    one, two = (
+        Cover(Round(False), s, q[s.faces], np.zeros(3 * len(s.faces), np.int64), np.eye(3)[None])
+        for s, q in zip(domain.sheets, domain.spheres, strict=True)
+    )
+    none = np.zeros(0, np.int64)
+    whole = Development(one.sheet.faces, none, np.zeros((0, 3, 3, 3)))
+    face, w = Locator(two.sheet, domain.spheres[1]).find(domain.spheres[0])
+    turn = np.broadcast_to(np.eye(3), (len(face), 3, 3)).copy()
+    back = Locator(one.sheet, domain.spheres[0]).find(domain.spheres[1])
+    return Laid(one, two, whole, domain.spheres[0], Lifted(face, w, turn)), back
 
 
 def with_handles(
@@ -79,6 +112,7 @@ def with_handles(
                 domain.inversions,
                 start,
                 False,
+                lambda: _laid_in_patches(one, two),
             )
         mine, cover = found.covers
         back = with_boundaries(back_again(found, two), along_boundaries(b, a, turned, mine.sheet))
@@ -89,4 +123,12 @@ def with_handles(
             (mine.inversions, cover.inversions),
             start,
             True,
+            lambda: (found.laid(), back_again(found, two)),
         )
+
+
+def _laid_in_patches(one: Patched, two: Patched) -> tuple[Laid, PlacesOnSheet]:
+    lifted = located(one, two)
+    back = located(two, one)
+    laid = Laid(one.cover, two.cover, one.own(), one.vertices(), lifted)
+    return laid, (back.face, back.weights)

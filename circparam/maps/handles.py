@@ -35,6 +35,18 @@ class Lifted:
 
 
 @dataclass(frozen=True, eq=False)
+class Laid:
+    """Two sheets over one domain: covers of both, the development of A's faces, its vertices in their frames
+    (n, 3), and the places of these on the sheet of B."""
+
+    a: Cover
+    b: Cover
+    whole: Development
+    vertices: FloatArray
+    lifted: Lifted
+
+
+@dataclass(frozen=True, eq=False)
 class Patched:
     """One sheet of the domain. patch (m,), places (m, 3, 3): see ``laid_in_patches``; cover; first (n,):
     the half-edge in whose face's frame each vertex lies; whole: the development of the faces before edges
@@ -120,14 +132,21 @@ def _patched(
     return Patched(patch, places, cover, first, whole)
 
 
+def located(one: Patched, two: Patched) -> Lifted:
+    """All vertices of one sheet on the other, each looked for in its patch."""
+    patch, place = one.patch[one.first // 3], one.places.reshape(-1, 3)[one.first]
+    tree = cKDTree(np.column_stack([APART * two.patch, two.places.mean(1)]))
+    near = np.asarray(tree.query(np.column_stack([APART * patch, place]))[1], np.int64)
+    face, w, turn = two.cover.find(one.vertices(), near)
+    return Lifted(face, w, turn)
+
+
 def composed_in_patches(a: Side, b: Side, marks: Landmarks, one: Patched, two: Patched) -> Lifted:
     """The vertices of the sheet of A on the sheet of B, patch by patch."""
     n = a.sheet.n
-    h = one.first[:n]
-    patch, place = one.patch[h // 3], one.places.reshape(-1, 3)[h]
-    tree = cKDTree(np.column_stack([APART * two.patch, two.places.mean(1)]))
-    near = np.asarray(tree.query(np.column_stack([APART * patch, place]))[1], np.int64)
-    face, w, turn = two.cover.find(one.vertices()[:n], near)
+    patch = one.patch[one.first[:n] // 3]
+    found = located(one, two)
+    face, w, turn = found.face[:n], found.weights[:n], found.turn[:n]
     vertex, edge_face, edge_w = along_boundaries(a, b, marks, two.cover.sheet)
     face[vertex], w[vertex], turn[vertex] = edge_face, edge_w, np.eye(3)
     for u, v in zip(marks.a, marks.b, strict=True):

@@ -21,7 +21,7 @@ from circparam.maps.composition import (
 )
 from circparam.maps.cones import counter_clockwise, signs_of
 from circparam.maps.cover import Cover, Development
-from circparam.maps.handles import HandleDomain, Lifted, Patched
+from circparam.maps.handles import HandleDomain, Laid, Lifted, Patched
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.lifted_mend import mend_lifted
 from circparam.maps.relax import Relaxation
@@ -37,6 +37,11 @@ class Relaxed:
     covers: tuple[Cover, Cover]
     lifted: Lifted
     whole: Development
+
+    def laid(self) -> Laid:
+        """Both over the domain."""
+        mine, cover = self.covers
+        return Laid(mine, cover, self.whole, _vectors(cover, self.lifted), self.lifted)
 
 
 def relaxed_lifted(

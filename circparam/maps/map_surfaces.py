@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from circparam.maps.distortion import Distortion, distortion, face_energies
 from circparam.maps.found import Found, on_sphere, with_handles
 from circparam.maps.guess import guess
 from circparam.maps.landmarks import Landmarks
+from circparam.maps.overlaid import refinement
 from circparam.maps.places import at_vertices, for_file, on_surface
 from circparam.maps.sheet import Sheet
 from circparam.maps.sides import Side, require_same, side_of
@@ -73,6 +74,7 @@ class Given:
     alike. paths: sequences of vertices of a among the pairs; shortest paths between them are the first arcs
     on both. layouts: of a and b, whose charts correspond. method: row of WEIGHTS that is positive.
     mirrored: b is read as its mirror image. relax: False leaves the composed convex maps as they are.
+    overlay: the common refinement as well.
     """
 
     pairs: IntArray | None = None
@@ -81,6 +83,7 @@ class Given:
     method: str = "mean-value"
     mirrored: bool = False
     relax: bool = True
+    overlay: bool = False
 
 
 STANDARD = Given()
@@ -116,8 +119,12 @@ def map_meshes(
         )
     with monitor.stage("check"):
         checked = _Checked(side_a, side_b, marks, found)
+    refined = None
+    if given.overlay:
+        with monitor.stage("overlay"):
+            refined = refinement(side_a, side_b, found)
     return MapResult(
-        checked.map(),
+        replace(checked.map(), overlay=refined),
         checked.a_to_b,
         checked.b_to_a,
         found.start,

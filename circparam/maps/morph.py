@@ -14,6 +14,7 @@ from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.dressing import dressed
 from circparam.formats.gltf.morphing import Target, with_morph
 from circparam.geometry.shading import corner_normals, unit
+from circparam.maps.overlaid import overlaid
 from circparam.maps.pair import MIRRORED, moved, oriented, turned_over
 from circparam.maps.surface_map import SurfaceMap
 from circparam.mesh.mesh import Mesh
@@ -34,12 +35,15 @@ class Morphed:
     warnings: list[str] = field(default_factory=list)
 
 
-def morph(a: Document, b: Document, mapped: SurfaceMap, frames: int = FRAMES) -> Morphed:
+def morph(
+    a: Document, b: Document, mapped: SurfaceMap, frames: int = FRAMES, overlay: bool = False
+) -> Morphed:
     """A GLB of A with B as its morph target, and an animation from A to B and back.
 
     mapped: between A and B, either way round. frames: key frames from A to B, 2 to 10,000. uv, materials and
-    textures of A stay. Raises OptionError for frames out of range, InputError where the map was made for other
-    meshes or turns the surface over, or where A has morph targets of its own.
+    textures of A stay. overlay: the common refinement of both, which ends as B itself. Raises OptionError
+    for frames out of range, InputError where the map was made for other meshes or turns the surface over,
+    or where A has morph targets of its own.
     """
     if not 2 <= frames <= MOST_FRAMES:
         raise OptionError(f"--frames {frames}: give 2 to {MOST_FRAMES} key frames")
@@ -50,7 +54,14 @@ def morph(a: Document, b: Document, mapped: SurfaceMap, frames: int = FRAMES) ->
             f"{b.source.name}: the map turns {100 * over.mean():.0f} % of the faces over: one of the two "
             "meshes looks mirrored or wound the other way; turn it, and make the map again"
         )
-    ends = moved(mapped, a.mesh, b.mesh)
+    notes = []
+    if overlay:
+        a, ends = overlaid(a, b, mapped)
+        notes = [
+            "the overlay is a mesh of its own: other parts of the file, and normals it had, are left out"
+        ]
+    else:
+        ends = moved(mapped, a.mesh, b.mesh)
     base = dressed(a)
     points = ends[base.vertex]
     normals = vertex_normals(base.document, points, base.normals)
@@ -64,9 +75,10 @@ def morph(a: Document, b: Document, mapped: SurfaceMap, frames: int = FRAMES) ->
         "seconds": float(times[-1]),
         "moved_mean": float(far.mean()),
         "moved_max": float(far.max()),
-        "reversed": int(over.sum()),
+        "reversed": 0 if overlay else int(over.sum()),
+        "overlay": overlay,
     }
-    return Morphed(with_morph(base.document, target), report, base.notes, base.warnings)
+    return Morphed(with_morph(base.document, target), report, notes + base.notes, base.warnings)
 
 
 def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:

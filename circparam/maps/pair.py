@@ -16,13 +16,13 @@ MIRRORED = 0.5  # share of faces turned over from which a surface looks mirrored
 def oriented(mapped: SurfaceMap, target: Document, source: Document) -> SurfaceMap:
     """The map from target to source, whichever way round it was made.
 
-    Raises InputError where it was made for other meshes.
+    Raises InputError where it was made for other meshes, or is damaged.
     """
     marks = fingerprint(target.mesh), fingerprint(source.mesh)
-    if marks == (mapped.a, mapped.b):
-        return mapped
-    if marks == (mapped.b, mapped.a):
-        return mapped.turned()
+    for found in (mapped, mapped.turned()):
+        if marks == (found.a, found.b):
+            found.check(target.mesh, source.mesh)
+            return found
     lone = target if marks[0] not in (mapped.a, mapped.b) else source
     raise InputError(
         f"{lone.source.name}: the map was made for another mesh (other faces or vertex numbers): make it again "

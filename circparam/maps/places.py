@@ -89,10 +89,14 @@ def for_file(places: Places, source: Side, target: Side) -> Places:
     Vertices that no face uses get the first corner of the first face.
     """
     vertex = np.maximum(source.vertex, 0)
-    face, w = places.face[vertex], places.weights[vertex]
-    out = np.empty_like(w)
-    np.put_along_axis(out, target.winding[face], w, 1)
-    found = target.surface.source[face]
+    found = on_file(Places(places.face[vertex], places.weights[vertex]), target)
     unused = source.vertex < 0
-    out[unused], found[unused] = [1.0, 0.0, 0.0], 0
-    return Places(found, out)
+    found.weights[unused], found.face[unused] = [1.0, 0.0, 0.0], 0
+    return found
+
+
+def on_file(places: Places, side: Side) -> Places:
+    """Places on the faces of a surface as places on the faces of its file."""
+    out = np.empty_like(places.weights)
+    np.put_along_axis(out, side.winding[places.face], places.weights, 1)
+    return Places(side.surface.source[places.face], out)

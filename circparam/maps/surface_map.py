@@ -6,8 +6,10 @@ import hashlib
 import io
 import os
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh
 
 FORMAT = "circparam-map-1"
-FIELDS = ("a_face", "a_weights", "b_face", "b_weights")
+OVERLAY = ("o_faces", "o_parents", "o_a_face", "o_a_weights", "o_b_face", "o_b_weights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,28 +36,57 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
+class Refinement:
+    """The overlay of both meshes: what the map takes straight from one to the other.
+
+    faces (m, 3): triangles of k vertices. parents (m, 2): the face of A and the face of B that each is a part
+    of. on_a, on_b: (k) places of the vertices on both.
+    """
+
+    faces: IntArray
+    parents: IntArray
+    on_a: Places
+    on_b: Places
+
+    def turned(self) -> Refinement:
+        """B first."""
+        return Refinement(self.faces, self.parents[:, ::-1], self.on_b, self.on_a)
+
+
+@dataclass(frozen=True, eq=False)
 class SurfaceMap:
     """Where every vertex of A lies on B and every vertex of B on A; vertices and faces as the files have them.
 
     to_b: (n_A) places on B. to_a: (n_B) places on A. a, b: fingerprints of the meshes it was made for.
+    overlay: the common refinement, None where none was asked for.
     """
 
     to_b: Places
     to_a: Places
     a: str
     b: str
+    overlay: Refinement | None = None
 
     def check(self, a: Mesh, b: Mesh) -> None:
-        """Raises InputError where the map was made for other meshes."""
+        """Raises InputError where the map was made for other meshes, or holds places that they do not have."""
         for mesh, mark, name in ((a, self.a, "first"), (b, self.b, "second")):
             if fingerprint(mesh) != mark:
                 raise InputError(
                     f"the map was made for another {name} mesh: make it again with circparam map"
                 )
 
+        for places, at, on in ((self.to_b, a, b), (self.to_a, b, a)):
+            face = places.face
+            if len(face) != len(at.points) or face.max(initial=-1) >= len(on.faces):
+                raise InputError(
+                    "the map is damaged (it tells places that its meshes do not have): make it again with "
+                    "circparam map"
+                )
+
     def turned(self) -> SurfaceMap:
         """The map from B to A."""
-        return SurfaceMap(self.to_a, self.to_b, self.b, self.a)
+        overlay = None if self.overlay is None else self.overlay.turned()
+        return SurfaceMap(self.to_a, self.to_b, self.b, self.a, overlay)
 
 
 def fingerprint(mesh: Mesh) -> str:
@@ -71,6 +102,11 @@ def fingerprint(mesh: Mesh) -> str:
 def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = False) -> None:
     """Write a map as .npz. Raises OptionError where the file exists, OutputError where the disk refuses."""
     out = io.BytesIO()
+    more: dict[str, Any] = {}
+    if found.overlay is not None:
+        o = found.overlay
+        rows = (o.faces, o.parents, o.on_a.face, o.on_a.weights, o.on_b.face, o.on_b.weights)
+        more = dict(zip(OVERLAY, rows, strict=True))
     np.savez_compressed(
         out,
         format=np.array(FORMAT),
@@ -80,6 +116,7 @@ def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = 
         a_weights=found.to_b.weights,
         b_face=found.to_a.face,
         b_weights=found.to_a.weights,
+        **more,
     )
     write_files({Path(path): out.getvalue()}, overwrite)
 
@@ -93,14 +130,44 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
         with np.load(path, allow_pickle=False) as data:
             if str(data["format"]) != FORMAT:
                 raise ValueError(f"its format is {data['format']}")
-            rows = {name: data[name] for name in FIELDS}
+            to_b, to_a = (_places(data[f"{k}_face"], data[f"{k}_weights"]) for k in "ab")
             a, b = str(data["a"]), str(data["b"])
+            arrays = [data[name] for name in OVERLAY] if OVERLAY[0] in data else None
+            overlay = None if arrays is None else _refinement(*arrays)
     except OSError as error:
         raise InputError(f"{path}: it can't be read ({error.strerror or error})") from None
-    except (KeyError, ValueError, zipfile.BadZipFile, EOFError) as error:
+    except (KeyError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise InputError(
             f"{path}: no map between surfaces ({error}); circparam map makes one"
         ) from None
-    to_b = Places(rows["a_face"].astype(np.int64), rows["a_weights"].astype(np.float64))
-    to_a = Places(rows["b_face"].astype(np.int64), rows["b_weights"].astype(np.float64))
-    return SurfaceMap(to_b, to_a, a, b)
+    return SurfaceMap(to_b, to_a, a, b, overlay)
+
+
+def _refinement(
+    faces: IntArray,
+    parents: IntArray,
+    a_face: IntArray,
+    a_weights: FloatArray,
+    b_face: IntArray,
+    b_weights: FloatArray,
+) -> Refinement:
+    """The overlay as a file has it. Raises ValueError where it can't be one."""
+    on_a, on_b = _places(a_face, a_weights), _places(b_face, b_weights)
+    if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError("its overlay has no triangles")
+    if parents.dtype.kind not in "iu" or parents.shape != (len(faces), 2):
+        raise ValueError("the triangles of its overlay lie in no faces")
+    if faces.min(initial=0) < 0 or faces.max(initial=-1) >= min(len(on_a.face), len(on_b.face)):
+        raise ValueError("its overlay names vertices that it does not have")
+    return Refinement(faces.astype(np.int64), parents.astype(np.int64), on_a, on_b)
+
+
+def _places(face: np.ndarray, weights: np.ndarray) -> Places:
+    """Places as a file has them. Raises ValueError where they can't be any."""
+    if face.dtype.kind not in "iu" or weights.dtype.kind != "f" or face.ndim != 1:
+        raise ValueError("its arrays are of another kind")
+    if weights.shape != (len(face), 3):
+        raise ValueError("its arrays are of different lengths")
+    if face.min(initial=0) < 0 or not np.isfinite(weights).all():
+        raise ValueError("its places are none")
+    return Places(face.astype(np.int64), weights.astype(np.float64))

@@ -28,6 +28,7 @@ class Keywords(TypedDict, total=False):
     method: str
     mirrored: bool
     relax: bool
+    overlay: bool
     listener: Listener | None
 
 
@@ -51,7 +52,8 @@ def map_surfaces(
     are cut by shortest paths between landmarks where none are given. charts: both files have uv whose
     charts correspond, which are mapped chart on chart. method: the weights of the convex maps, any that are
     positive (circle, mean-value, floater, uniform). mirrored: b is the mirror image of what is meant.
-    relax: False keeps the composition of the convex maps.
+    relax: False keeps the composition of the convex maps. overlay: True adds the common refinement of both
+    (``map.overlay``), of closed surfaces.
 
     Returns a MapResult: ``map`` (a SurfaceMap; ``circparam.save_map`` writes it), distortion both ways,
     inversions.
@@ -86,6 +88,7 @@ def map_surfaces(
         keywords.get("method", STANDARD.method),
         keywords.get("mirrored", STANDARD.mirrored),
         keywords.get("relax", STANDARD.relax),
+        keywords.get("overlay", STANDARD.overlay),
     )
     return map_meshes(*meshes, wanted, Monitor(keywords.get("listener")))
 

@@ -21,7 +21,15 @@ from circparam.core.graph import cycles
 from circparam.mesh.halfedge import boundary_half_edges
 
 # what a cut mesh remembers that does not depend on lengths
-TOPOLOGICAL = ("n_vertices", "n_charts", "vertex_chart", "boundary", "_elimination", "_pattern")
+TOPOLOGICAL = (
+    "n_vertices",
+    "n_charts",
+    "vertex_chart",
+    "boundary",
+    "_elimination",
+    "_pattern",
+    "_rim",
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,7 +145,9 @@ class Surface:
         return CutMesh(corners, self.rest_triangles[fid], chart[fid], e), fid
 
     def without_edges(self, cut: BoolArray) -> Surface:
-        """The surface opened along some edges ((e,) bool), which become boundaries."""
+        """The surface opened along some edges ((e,) bool), which become boundaries; of none: itself."""
+        if not cut.any():
+            return self
         keep = ~cut
         price = None if self.price is None else self.price[keep]
         return replace(self, edges=self.edges[keep], locked=self.locked[keep], price=price)
@@ -169,7 +171,9 @@ class Surface:
         )
 
     def part(self, faces: BoolArray) -> Surface:
-        """Some faces ((m,) bool); where they meet the others is a boundary."""
+        """Some faces ((m,) bool); where they meet the others is a boundary. Of all: itself."""
+        if faces.all() and not len(self.torn):
+            return self
         fid = np.flatnonzero(faces)
         local = np.full(len(self.faces), -1)
         local[fid] = np.arange(len(fid))

@@ -145,8 +145,8 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas | None:
     """An atlas cut along a path (edges) if its two charts are as they should be, else None.
 
-    Both disks (holes allowed) of as many faces as asked for, the smaller of about the area that was planned, and
-    below the bound: as they are, or relaxed.
+    Both disks (holes allowed) of as many faces as asked for, the smaller of about the area that was planned,
+    and below the bound: as they are, or relaxed.
     """
     count, chart = atlas.charts()
     if count != 2 or np.bincount(chart).min() < limits.faces:
@@ -163,7 +163,8 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas |
         return atlas
     part, vertices, faces = cut_mesh.subset(high)
     scale = best_chart_scales(part, uv[vertices])[part.vertex_chart][:, None]
-    better = relax(part, uv[vertices] * scale, RelaxOptions(max_iterations=STEPS)).uv
+    options = RelaxOptions(max_iterations=STEPS, give_up=limits.bound)
+    better = relax(part, uv[vertices] * scale, options).uv
     sound = np.isfinite(better).all() and (signs(better, part.faces) > 0).all()
     if not sound or (chart_distortion(part, better) > limits.bound).any():
         return None

@@ -16,7 +16,7 @@ from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.nest.sketch import Easel, least_side
 from circparam.packing.options import PackOptions
-from circparam.pipeline.chords import Chords, chords, split
+from circparam.pipeline.chords import Chords, split
 from circparam.pipeline.pieces import Carver, Piece
 
 RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
@@ -35,6 +35,7 @@ LONG, PART = (
 )  # or so much of the side of the page; share of a chart that either part must have
 WEIGHED = 14  # chords that are sketched
 MADE = 8  # of those, the best that are tried along edges until one can be made
+COMPARED = 3  # where none is worth it by itself the best of so many is taken
 NEAR = 0.06  # what a chord may be worth less than the best so far, and be kept for that
 TRIES, MORE = 5, 10  # of each sketch, and of what was made
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
@@ -45,8 +46,8 @@ ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Charts with some cuts: the pieces that are sketched, the length of their boundaries (halved, as seams have
-    two sides) and the side in cells of the page that holds them. cuts: how many were made."""
+    """Charts with some cuts: the pieces that are sketched, the length of their boundaries (halved, as seams
+    have two sides) and the side in cells of the page that holds them. cuts: how many were made."""
 
     pieces: list[Piece]
     length: float
@@ -107,15 +108,17 @@ class Planner:
                 weighed.append((value, trial))
                 highest = max(highest, value)
         weighed.sort(key=lambda w: -w[0])
+        made: list[Plan] = []
         for _, trial in weighed[:MADE]:
             after = None if self.stop() else self._made(plan, trial)
-            if after is not None:
-                return after
-        return None
+            made += [] if after is None else [after]
+            if after is not None and (after.value > plan.value or len(made) == COMPARED):
+                break
+        return max(made, key=lambda p: p.value, default=None)
 
     def _made(self, plan: Plan, trial: _Trial) -> Plan | None:
         """The plan with one cut more, made along edges; None where it cannot be, or the page gets no better."""
-        made = self.carver.cut(plan.pieces[trial.n], trial.chords, trial.k)
+        made = self.carver.cut(plan.pieces[trial.n], trial.k)
         if made is None or plan.length + made[1] > self.longest:
             return None
         pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *made[0]]
@@ -132,10 +135,11 @@ class Planner:
         boxes = np.array([float(s.masks.size.prod(1).min()) for s in sketches])
         squares = np.array([float(s.least) for s in sketches])
         trials = []
-        for n, outline in enumerate(p.outline for p in plan.pieces):
-            if outline.area < CUT * self.area and squares[n] < LONG * plan.side:
+        for n, piece in enumerate(plan.pieces):
+            outline = piece.outline
+            if boxes[n] < CUT * CELLS**2 and squares[n] < LONG * plan.side:
                 continue
-            found = chords(outline)
+            found = piece.chords
             others = np.delete(squares, n).max(initial=0.0)
             square = np.maximum(found.square / self.cell, others)
             box = boxes.sum() - boxes[n] + found.box / self.cell**2

@@ -4,7 +4,8 @@ once, so that a plan knows how long its seams are, and holds no cut that cannot 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing.nest.sketch import Easel, Sketch
-from circparam.pipeline.chords import Chords, Outline, outlines
+from circparam.pipeline.chords import Chords, Outline, chords, outlines
 from circparam.pipeline.cut_along import Chord, Limits, cut_along
 from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
 from circparam.seams.hard.regions import HARD, hardness, seam_prices
@@ -51,26 +52,35 @@ class Piece:
     places: FloatArray
     ground: Ground | None = None
 
+    @cached_property
+    def chords(self) -> Chords:
+        """The chords of its outline."""
+        return chords(self.outline)
+
 
 @dataclass(frozen=True, eq=False)
 class Carver:
-    """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. easel: of the sketches of its pieces."""
+    """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. easel: of the sketches of its pieces.
+
+    grounds: of the charts that a cut was tried on.
+    """
 
     atlas: Atlas
     cut_mesh: CutMesh
     uv: FloatArray
     easel: Easel
     limits: Limits
+    grounds: dict[int, Ground] = field(default_factory=dict)
 
     def pieces(self, charts: IntArray) -> list[Piece]:
         """Some charts as they are; those without an outline are left out."""
         return self._pieces(self.cut_mesh, self.uv, charts)
 
-    def cut(self, piece: Piece, chords: Chords, k: int) -> tuple[list[Piece], float] | None:
-        """(both parts of a piece cut along edges near chord k, the length of the seam); None where it cannot be."""
+    def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float] | None:
+        """(both parts of a piece cut along edges near its chord k, length of the seam), or None."""
         ground = piece.ground or self._ground(piece.outline.chart)
-        start, end = (piece.places[int(at[k])] for at in (chords.i, chords.j))
-        chord = Chord(start, end, float(chords.least[k]))
+        start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
+        chord = Chord(start, end, float(piece.chords.least[k]))
         after = cut_along(ground.atlas, chord, ground.costs, self.limits)
         if after is None:
             return None
@@ -107,9 +117,11 @@ class Carver:
         return [Piece(o, self.easel.sketch(*o.edges), uv[o.vertex], ground) for o in shown]
 
     def _ground(self, chart: int) -> Ground:
-        mine = self.cut_mesh.chart == chart
-        part = self.atlas.part(mine)
-        return Ground(np.flatnonzero(mine), part, *_costs(part.surface))
+        if chart not in self.grounds:
+            mine = self.cut_mesh.chart == chart
+            part = self.atlas.part(mine)
+            self.grounds[chart] = Ground(np.flatnonzero(mine), part, *_costs(part.surface))
+        return self.grounds[chart]
 
 
 def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:

@@ -21,7 +21,7 @@ from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
 if TYPE_CHECKING:
-    from circparam.formats.memory import Trimesh
+    from circparam.formats.memory import Image, Trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +98,16 @@ class Result:
         table = np.concatenate([self.uv, np.zeros((1, 2))])
         return table[self._split[1]].astype(np.float32)
 
-    def to_trimesh(self) -> Trimesh:
-        """The mesh with its layout as a trimesh.Trimesh: vertices split along seams, faces in their order."""
-        return to_trimesh(self.mesh.points[self._split[0]], self._split[2], self.uvs)
+    def to_trimesh(self, image: Image | None = None) -> Trimesh:
+        """The mesh with its layout as a trimesh.Trimesh: vertices split along seams, faces in their order.
+
+        Colours of vertices go along. A texture of the input was drawn for its uv and does not: give the
+        image (of PIL) that ``circparam bake`` made of it. Raises InputError where the file's colours are
+        malformed.
+        """
+        vertex, _, faces = self._split
+        colours = self.document.colours()
+        return to_trimesh(self.mesh.points[vertex], faces, self.uvs, colours, image)
 
 
 def promise(options: Options) -> Promise:

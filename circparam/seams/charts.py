@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from circparam.core.workers import PARTED, Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams.ahead import StretchAhead
 from circparam.seams.constraints import constrain
 from circparam.seams.crumbs import debris
 from circparam.seams.grown import (
@@ -22,22 +24,22 @@ from circparam.seams.grown import (
     Decided,
     finish,
     grown_atlas,
-    hold_all,
     stretch_limits,
-    transfer_to_fine,
 )
 from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
+from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
-from circparam.seams.segmentation.decide import CHART_COST, CROWD, merge_on, reach_count, worth
+from circparam.seams.segmentation.decide import merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
     dual_graph,
     make_disks,
 )
 from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.starts import CHART_COST, CROWD
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
@@ -73,15 +75,16 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         notes.append(mirror.note)
     opened = surface.without_edges(forced)
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
+    limits, slits, splits = stretch_limits(bound, options)
+    stretch = StretchAhead(limits, slits and mirror is None, splits, monitor)
     if mirror is None:
-        atlas = bounded_atlas(opened, bound, options, monitor, notes)
+        atlas = bounded_atlas(opened, bound, options, monitor, notes, stretch.begin)
     else:
         atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
     with monitor.stage("stretch"):
         if monitor.expired:
             return _seams(atlas, forced, notes)
-        limits, slits, splits = stretch_limits(bound, options)
-        hold_all(atlas, limits, monitor, slits and mirror is None, splits)
+        stretch.hold(atlas)
     if mirror is None:
         with monitor.stage("charts"):
             straighten_parts(atlas, limits, monitor)
@@ -144,15 +147,21 @@ def mirrored_atlas(
 
 
 def bounded_atlas(
-    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
+    surface: Surface,
+    bound: float,
+    options: SeamOptions,
+    monitor: Monitor,
+    notes: list[str],
+    almost: Callable[[Atlas], None] | None = None,
 ) -> Atlas:
     """Decide the seams of a surface and lay its charts out: hard components from their regions.
 
-    A number of charts is reached from the atlas without one, so that it never leads to more.
+    A number of charts is reached from the atlas without one, so that it never leads to more. almost: told the
+    atlas that only merging on may still change.
     """
     most = options.max_charts
     if most is None:
-        return free_atlas(surface, bound, options, monitor, notes)
+        return free_atlas(surface, bound, options, monitor, notes, almost)
     free = dataclasses.replace(options, max_charts=None)
     atlas = free_atlas(surface, bound, free, monitor, notes)
     count = atlas.charts()[0]
@@ -171,13 +180,30 @@ def bounded_atlas(
 
 
 def free_atlas(
-    surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
+    surface: Surface,
+    bound: float,
+    options: SeamOptions,
+    monitor: Monitor,
+    notes: list[str],
+    almost: Callable[[Atlas], None] | None = None,
 ) -> Atlas:
     """As many charts as the bound needs, and no more than can be had at the same distortion."""
     atlas = _first_atlas(surface, bound, options, monitor, notes)
-    if options.min_chart_faces == 1:  # else small charts are what decides who joins whom
-        with monitor.stage("charts"):
+    if almost is not None:
+        almost(atlas)
+    if options.min_chart_faces > 1:  # small charts are what decides who joins whom then
+        return atlas
+    with monitor.stage("charts"):
+        if len(surface.faces) <= LEVEL_FACES:
             merge_on(atlas, bound, MARGIN / 2, monitor)
+            return atlas
+        hard = with_hard_prices(atlas)
+        for which in (hard, ~hard):
+            # charts from a level were merged there: a union costs a twelfth of what it does here
+            if which.any() and (which is hard or which.sum() <= LEVEL_FACES):
+                part = atlas.part(which)
+                merge_on(part, bound, MARGIN / 2, monitor)
+                atlas.put(which, part)
     return atlas
 
 

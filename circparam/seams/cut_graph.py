@@ -70,7 +70,7 @@ def disk(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     cut_mesh = surface.cut_mesh(cut)
     genus = genus_of(cut_mesh)
     if genus.any():
-        cut = cut | _cut_handles(surface, cut, genus > 0, monitor)
+        cut = cut | cut_handles(surface, cut, genus > 0, monitor)
         cut_mesh = surface.cut_mesh(cut)
     boundaries = cut_mesh.loops.chart[~_slits(surface, cut_mesh)]
     closed = group_count(boundaries, cut_mesh.n_charts) == 0
@@ -143,10 +143,8 @@ def _nodes(cut_mesh: CutMesh) -> tuple[int, IntArray]:
     return cut_mesh.n_vertices + len(loops.chart), node
 
 
-def _cut_handles(
-    surface: Surface, cut: BoolArray, charts: BoolArray, monitor: Monitor
-) -> BoolArray:
-    """(e,) edges along which some charts (bool over the charts of ``cut``) lose their handles."""
+def cut_handles(surface: Surface, cut: BoolArray, charts: BoolArray, monitor: Monitor) -> BoolArray:
+    """(e,) bool: edges along which some charts (bool over the charts of ``cut``) lose their handles."""
     _, chart = surface.charts(cut)
     part = _part(surface, cut, charts[chart])
     seam = _shorten(part, _tree_cotree(part), monitor)

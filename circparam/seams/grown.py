@@ -14,31 +14,32 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
+from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.hidden import prices_beside, with_prices
-from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
+from circparam.seams.multires.decimate import decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
-from circparam.seams.multires.transfer_layout import (
-    drop_slivers,
-    fine_targets,
-    nearest_coarse_face,
-    separate,
-)
-from circparam.seams.multires.transfer_seams import NEAR_RINGS, RINGS, transfer_seams
+from circparam.seams.multires.roughness import roughness
+from circparam.seams.multires.transfer import from_level, transfer_to_fine
+from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import (
     ANY_BOUND,
-    CHART_COST,
-    LOOPS,
+    Starting,
     better_in_all,
     decide,
     merge_on,
     merged_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import FINAL, breaks_up, enforce, relaxed_layouts
+from circparam.seams.segmentation.enforce import (
+    FINAL,
+    below,
+    breaks_up,
+    enforce,
+    relaxed_layouts,
+)
 from circparam.seams.segmentation.grow import (
     DualGraph,
     dual_graph,
@@ -46,11 +47,11 @@ from circparam.seams.segmentation.grow import (
 )
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.starts import CHART_COST, LOOPS
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits, share_over
 from circparam.solvers.newton import RelaxOptions
-from circparam.solvers.poisson import from_jacobians
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
@@ -70,7 +71,10 @@ LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many t
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
 LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
 SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too
-NEARBY = 0.05  # as ``weigh.NEAR``, where a level has settled what is further away
+# as ``weigh.NEAR``, where a level has settled what is further away; and in roots of the area of a face
+NEARBY, NEAR_FACES = 0.05, 6.0
+MOST_LOST = 0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
+UNEVEN = 1.3  # times the mean roughness: half of the charts have more, and pieces of those more yet
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
 
@@ -149,6 +153,11 @@ def finish(
 ) -> None:
     """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
     atlas = decided.atlas
+    if decided.relaxing.local is not None:
+        # handles that only the mesh has, as those of noise: a loop each, where halves would go right across
+        genus = genus_of(atlas.cut_mesh())
+        if genus.any():
+            atlas.cut |= cut_handles(atlas.surface, atlas.cut, genus > 0, monitor)
     make_disks(atlas, decided.graph)
     with monitor.stage("enforce"):
         count, chart = atlas.charts()
@@ -170,7 +179,11 @@ def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Moni
     """Relax charts, and hold them to a bound."""
     with monitor.stage("relax"):
         layouts = relaxed_layouts(atlas, options, monitor)
-    enforce(atlas, dual_graph(atlas.surface), layouts, bound, FINAL, monitor)
+        steps = FINAL
+        if options.local is not None:  # what a level has decided need not be relaxed to the end
+            layouts = below(atlas, layouts, bound, monitor)
+            steps = dataclasses.replace(FINAL, bound=bound)
+    enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
     return atlas
 
 
@@ -201,16 +214,17 @@ def _decided(
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             surface = with_prices(surface, options, monitor)
-            atlas = decide(surface, bound, MARGIN, options.max_charts, worker, monitor, alone)
+            atlas = decide(
+                surface, bound, MARGIN, options.max_charts, worker, monitor, Starting(alone)
+            )
             return Decided(atlas, graph)
         prices = prices_beside(surface, proxy, options, monitor)
         inner = 1 + (bound - 1) * (1 - SLACK)
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
             most = options.max_charts
-            coarse = decide(
-                proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, alone, prices
-            )
+            starting = Starting(alone, prices)
+            coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
             other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]
     with monitor.stage("carry"):
@@ -234,7 +248,11 @@ def _from_level(
     with monitor.stage("charts"):
         level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
     middle = with_prices(level.surface, options, monitor)
-    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK)
+    with monitor.stage("charts"):
+        near = nearest_coarse_face(surface, level)
+        rough = UNEVEN * roughness(surface, middle, near)
+        lost = min(rough, MOST_LOST * (bound - 1))
+    inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
     rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
     with monitor.holding(rest, least=DECIDING):
         targets = [proxy_faces(middle)]
@@ -244,8 +262,9 @@ def _from_level(
         tried = [Atlas(middle, *t) for t in worker.map(_level_atlas, tasks, monitor) if t]
     cost = [a.seam_length + CHART_COST * a.charts()[0] for a in tried]
     with monitor.stage("carry"):
-        blind = dataclasses.replace(surface, price=None)
-        return transfer_to_fine(blind, graph, tried[int(np.argmin(cost))], level, True)
+        # another surface would have areas, normals and all else of its own
+        blind = surface if surface.price is None else dataclasses.replace(surface, price=None)
+        return from_level(blind, graph, tried[int(np.argmin(cost))], level, near)
 
 
 def _level_atlas(
@@ -264,6 +283,9 @@ def _level_atlas(
         return None
     with monitor.alone("level"):
         atlas = grown_atlas(surface, bound, options, monitor, [], target)
+        if options.min_chart_faces == 1:
+            with monitor.stage("charts"):
+                merge_on(atlas, bound, MARGIN, monitor)
         limits, slits, splits = stretch_limits(bound, options)
         if not monitor.expired:
             with monitor.stage("stretch"):
@@ -291,7 +313,10 @@ def hold_all(
     rest = limits.without(over[~which].sum(), cut_mesh, cut_mesh.subset(which)[0])
     faces = which[cut_mesh.chart]
     part = atlas.part(faces)
-    hold_stretch(part, dataclasses.replace(rest, near=NEARBY), monitor, slits, splits)
+    # on a rough mesh such faces are everywhere: what is near is told in faces
+    face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
+    near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
+    hold_stretch(part, dataclasses.replace(rest, near=near), monitor, slits, splits)
     atlas.put(faces, part)
 
 
@@ -318,29 +343,3 @@ def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> Non
     fixed = np.zeros(len(atlas.cut), bool)
     options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
     Merger(atlas, options, fixed, worker).run(monitor)
-
-
-def transfer_to_fine(
-    surface: Surface,
-    graph: DualGraph,
-    coarse: Atlas,
-    proxy: Proxy,
-    near_level: bool = False,
-) -> Atlas:
-    """Seams and layout of the proxy on the fine surface (not relaxed yet).
-
-    near_level: the proxy is a level, whose layout is so near that single flips are left to be untangled.
-    """
-    rings, untangle = (NEAR_RINGS, 0) if near_level else (RINGS, 8)
-    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
-    transfer_seams(coarse, proxy, fine, rings)
-    near = nearest_coarse_face(surface, proxy)
-    _, coarse_chart = coarse.charts()
-    separate(fine, graph, coarse, coarse_chart, near)
-    transferred = drop_slivers(fine, coarse_chart, near)
-    targets, _ = fine_targets(coarse, fine, coarse_chart, near, transferred)
-    cut_mesh = fine.cut_mesh()
-    bad = not_disks(cut_mesh)
-    uv, _ = from_jacobians(cut_mesh, targets, 0 if bad.any() else untangle)
-    fine.scatter(cut_mesh, uv)
-    return fine

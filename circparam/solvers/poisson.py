@@ -111,6 +111,14 @@ def _untangled(
     return uv, flipped[which]
 
 
+def divergence(cut_mesh: CutMesh, gradients: FloatArray, targets: FloatArray) -> FloatArray:
+    """(nv, 2) the Laplacian of the layout with these Jacobians (2, 2, m); gradients: (2, 3, m)."""
+    n, flat = cut_mesh.n_vertices, cut_mesh.faces.T.ravel()
+    flux = targets * cut_mesh.areas
+    corner = flux[:, 0, None] * gradients[0] + flux[:, 1, None] * gradients[1]
+    return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
+
+
 class Poisson:
     """The system of ``from_jacobians``, factored once. held: as there."""
 
@@ -145,12 +153,8 @@ class Poisson:
 
     def layout(self, targets: FloatArray) -> FloatArray:
         """(nv, 2) the layout for these Jacobians (2, 2, m)."""
-        n, g = self.cut_mesh.n_vertices, self.gradients
-        flux = targets * self.cut_mesh.areas
-        corner = flux[:, 0, None] * g[0] + flux[:, 1, None] * g[1]
-        flat = self.corners.ravel()
-        right = np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
-        uv = np.zeros((n, 2))
+        right = divergence(self.cut_mesh, self.gradients, targets)
+        uv = np.zeros((self.cut_mesh.n_vertices, 2))
         if self.held is None:
             order = self.pattern.order
             uv[order] = self.factor.solve(right[order])

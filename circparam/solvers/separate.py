@@ -24,7 +24,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.linalg import SparseMatrix
 from circparam.core.monitor import Monitor
-from circparam.geometry.boundary import BoundarySegments, boundary_of
+from circparam.geometry.boundary import BoundarySegments, boundary_in
 from circparam.geometry.intersect import meeting, nearby, segment_distance, windings
 from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
@@ -142,7 +142,7 @@ def push_apart(
     for turn in range(ROUNDS + 1):
         energy, _ = objective.energies(u)
         todo &= energy <= limit
-        boundary = boundary_of(work.faces, u, work.chart, work.edges, n)
+        boundary = boundary_in(work, u)
         i, _, _ = meeting(boundary, between=False)
         near = nearby(boundary, PULL * margin * boundary.size, todo, chamfers)
         close = segment_distance(*(x[k] for k in near for x in (boundary.start, boundary.end)))

@@ -21,6 +21,7 @@ from circparam.solvers.region import WHOLE, grow, moving_region
 # varies much, as conformal ones do, is kept best by a narrow one.
 RINGS = (8, 3, 20, WHOLE)
 NARROW_RINGS = (2, 5, 12, 30, WHOLE)
+NEAR_RINGS = (3, 8, 20, WHOLE)  # where nothing but a few faces is wrong
 POLISH = 10  # Newton steps on what was untangled, for its shape
 
 
@@ -48,12 +49,13 @@ def untangle(
     hold: BoolArray | None = None,
     monitor: Monitor | None = None,
     conformal: bool = False,
+    near: bool = False,
 ) -> tuple[FloatArray, UntangleReport]:
     """A layout near ``uv`` without flipped faces, where the energy finds one.
 
     uv: (n_vertices, 2). hold: (n_vertices,) vertices that keep their places (none by default). Charts without
-    flips are returned as they are. conformal: the map keeps angles rather than areas. Returns (uv, report);
-    the input is not changed.
+    flips are returned as they are. conformal: the map keeps angles rather than areas. near: hardly anything but
+    the flips is wrong, so that narrow regions come first. Returns (uv, report); the input is not changed.
     """
     hold = np.zeros(cut_mesh.n_vertices, bool) if hold is None else hold
     n = cut_mesh.n_charts
@@ -61,7 +63,7 @@ def untangle(
     widest = 0
     uv = uv.copy()
     touched = np.zeros(len(cut_mesh.faces), bool)
-    for rings in NARROW_RINGS if conformal else RINGS:
+    for rings in NARROW_RINGS if conformal else NEAR_RINGS if near else RINGS:
         if not bad.any() or (monitor is not None and monitor.expired):
             break
         widest = rings

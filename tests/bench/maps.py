@@ -2,7 +2,8 @@
 
     python -m tests.bench maps [--no-report] [--no-speed]
 
-Ten pairs out of the project's own scripts. Where a surface meets its own remeshing (with noise or without), it
+Pairs out of the project's own scripts, four of them with handles. Where a surface
+meets its own remeshing (with noise or without), it
 is known where every vertex belongs: the error is the distance from there, in sizes (diagonals of the box). The
 weights are compared by the distortion of the composed convex maps as they are, before relaxation.
 """
@@ -10,6 +11,7 @@ weights are compared by the distortion of the composed convex maps as they are, 
 from __future__ import annotations
 
 import argparse
+import resource
 import sys
 import time
 from collections.abc import Callable
@@ -22,8 +24,9 @@ from circparam.maps.map_surfaces import MapResult
 from circparam.mesh.mesh import Mesh
 from tests.bench import common
 from tests.bench.common import ROOT, Line, say
-from tests.support import pairs, shapes
+from tests.support import pairs, shapes, tori
 
+OVERLAID = ("blob, its remeshing", "creature and its pose", "torus, its remeshing", "two tori")
 METHODS = ("circle", "mean-value", "floater", "uniform")
 # tail, snout, feet and ears of the creature of data/implicit.py
 TIPS = np.array(
@@ -104,8 +107,23 @@ def ring(around: int, along: int, height: float) -> Mesh:
     return Mesh(*shapes.waved(shapes.annulus(around, along), height))
 
 
+def with_handles() -> list[Pair]:
+    """Four pairs of genus 1 and 2, three of them with a known answer."""
+    ring, again = tori.torus(80, 36, 0.3), tori.torus(104, 52, 0.3)
+    other = tori.torus(72, 40, 0.1)
+    plate, fine = tori.plate(5), tori.plate(5, fine=True)
+    own = tori.spread(plate, 20)
+    marks = np.stack([own, pairs.nearest(fine, plate.points[own])], 1)
+    return [
+        Pair("torus, its remeshing", ring, again, tori.marks(ring, again, 8, 4), ring.points),
+        Pair("two tori", ring, other, tori.marks(ring, other, 8, 4)),
+        Pair("genus 2, in finer triangles", plate, fine, marks, plate.points),
+        Pair("genus 2, finer with noise", plate, noisy(fine), marks, plate.points),
+    ]
+
+
 def all_pairs() -> list[Pair]:
-    """Ten pairs: six with a known answer, a pose, and three of unlike shapes."""
+    """Fourteen pairs: nine with a known answer, a pose, and four of unlike shapes."""
     ball, turned = pairs.blob(4, 1), pairs.blob(4, 1, turned=5)
     other, coarse = pairs.blob(4, 6, turned=3), pairs.blob(3, 1, turned=2)
     a, b = creature(0.115), creature(0.1, 0.37)
@@ -127,6 +145,7 @@ def all_pairs() -> list[Pair]:
         Pair("two blobs", ball, other, pairs.marks(ball, other)),
         Pair("two sheets", sheet, flat, on_sheet(sheet, flat)),
         Pair("two rings", first, second, rings[:1]),
+        *with_handles(),
     ]
 
 
@@ -171,11 +190,24 @@ HEADS = (
 )  # fmt: skip
 
 
+def overlays(all_of_them: list[Pair]) -> Line:
+    """How far the way through the overlay moves the vertices of closed surfaces, in sizes."""
+    worst = 0.0
+    chosen = [p for p in all_of_them if p.name in OVERLAID]
+    for pair in chosen:
+        found = circparam.map_surfaces(pair.a, pair.b, landmarks=pair.marks, overlay=True)
+        moved = pairs.back_through_overlay(pair.a, pair.b, found.map) / size_of(pair.a)
+        worst = max(worst, moved)
+        print(pair.name, len(found.map.overlay.faces), moved, found.seconds["overlay"], flush=True)
+    note = f"{len(chosen)} pairs: {', '.join(p.name for p in chosen)}"
+    return Line("A → B → A through the overlay, largest move", worst, "sizes", "<= 1e-6", note)
+
+
 def speed() -> list[Line]:
-    """50k faces against 50k, and about 200k."""
+    """50k faces against 50k, about 200k, and about 500k."""
     out = []
     seconds = []
-    for step in (0.0445, 0.0222):
+    for step in (0.0445, 0.0222, 0.0141):
         a, b = creature(step), creature(step * 1.01, 0.37)
         marks = nearest_marks(a, b, TIPS)
         found, took = timed(lambda a=a, b=b, m=marks: circparam.map_surfaces(a, b, landmarks=m))
@@ -185,7 +217,10 @@ def speed() -> list[Line]:
         note = f"distortion {found.a_to_b.mean:.4f}, {sum(found.inversions)} inversions"
         out.append(Line(name, took, "s", wanted, note))
         say(out[-1])
-    out.append(Line("CPU a face, large / small", seconds[1] / seconds[0], "", None))
+    out.append(Line("CPU a face, 200k / 50k", seconds[1] / seconds[0], "", None))
+    out.append(Line("CPU a face, 500k / 50k", seconds[2] / seconds[0], "", None))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    out.append(Line("largest memory", peak, "GiB", "<= 4"))
     return out
 
 
@@ -226,6 +261,7 @@ def main() -> None:
     columns = np.array([[float(x) for x in w[1 : 1 + len(METHODS)]] for w in weights])
     for name, value in zip(METHODS, np.median(columns, 0), strict=True):
         lines.append(Line(f"composed maps, {name}: median distortion", float(value), "", None))
+    lines.append(overlays([p for p, _ in results]))
     for line in lines:
         say(line)
     if not options.no_speed:

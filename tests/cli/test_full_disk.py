@@ -21,7 +21,7 @@ QUICK = ("--cut", "none", "--method", "mean-value")
 
 @pytest.fixture(scope="module")
 def meshes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """A disk without uv, and one with uv and colours."""
+    """A disk without uv, one with uv and colours, and a map between both."""
     folder = tmp_path_factory.mktemp("meshes")
     plain = obj(folder / "plain.obj", shapes.bumped_disk(150))
     done = folder / "done.obj"
@@ -29,7 +29,10 @@ def meshes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     assert result.exit_code == 0, result.stderr
     lines = [f"{x} 1 0 0" if x[:2] == "v " else x for x in done.read_text().splitlines()]
     done.write_text("\n".join(lines) + "\n")
-    return {"plain": str(plain), "done": str(done)}
+    mapped = folder / "map.npz"
+    result = CliRunner().invoke(cli, ["map", str(done), str(plain), "-o", str(mapped), "-q"])
+    assert result.exit_code == 0, result.stderr
+    return {"plain": str(plain), "done": str(done), "map": str(mapped)}
 
 
 @pytest.fixture(params=["tmpfs", "limit"])
@@ -84,6 +87,17 @@ COMMANDS: dict[str, Words] = {
         ]
         for kind in ("png", "glb")
     },
+    **{
+        f"bake normals {kind} through {way}": lambda m, at, kind=kind, way=way: [  # type: ignore[misc]
+            *("bake", m["done"], "--from", "normals", "--source", m["plain"], "--size", "256"),
+            *("--map", m.get(way, way), "-o", str(at / f"new.{kind}")),
+        ]
+        for kind, way in (("png", "nearest"), ("glb", "nearest"), ("png", "map"))
+    },
+    "map": lambda m, at: ["map", m["done"], m["plain"], "-o", str(at / "new.npz")],
+    "morph": lambda m, at: [
+        *("morph", m["done"], m["plain"], "--map", m["map"], "-o", str(at / "new.glb")),
+    ],
     "compare": lambda m, at: [
         *("compare", m["plain"], "--methods", "mean-value", "--csv", str(at / "new.csv")),
         *("--report", str(at / "new.html"), "--plot", str(at / "new.png")),

@@ -63,7 +63,9 @@ def test_errors_are_one_line_with_a_code(files, tmp_path: Path) -> None:
     a, b, marks = files
     out = tmp_path / "m.npz"
     one_line_error(run(a, b, "-o", tmp_path / "m.txt"), 2, ".npz")
-    one_line_error(run(a, b, "-o", out, "--method", "harmonic"), 2, "positive")
+    one_line_error(
+        run(a, b, "-o", out, "--method", "harmonic"), 2, "of circle, mean-value, floater, uniform."
+    )
     one_line_error(run(a, tmp_path / "none.obj", "-o", out), 3, "none.obj")
     (tmp_path / "bad.txt").write_text("1 2\n3 x\n")
     one_line_error(run(a, b, "-o", out, "--landmarks", tmp_path / "bad.txt"), 3, "line 2")

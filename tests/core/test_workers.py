@@ -115,6 +115,21 @@ def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> 
     assert current() is None
 
 
+@pytest.mark.parametrize("seconds", [-1.0, 1000.0])
+def test_what_a_process_was_too_late_for_is_known_here(seconds: float) -> None:
+    opened(2)
+    monitor = Monitor(None, seconds)
+    later = Later(2, square, (3, ""), monitor)
+    later.begin()
+    assert not monitor.late
+    later.result()
+    assert monitor.late is (seconds < 0)
+    monitor = Monitor(None, seconds)
+    got = Worker(2).map(square, [(1, ""), (2, "")], monitor)
+    assert got[1][1] != os.getpid()
+    assert monitor.late is (seconds < 0)
+
+
 def test_tasks_wait_for_a_process_that_does_something_else() -> None:
     """As soon as it has done it, it gets those of them that are left."""
     pool = opened(2)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from circparam.errors import InputError
+from circparam.formats.materials import decode
 from circparam.formats.memory import from_arrays, from_trimesh
 from tests.support.formats_tools import (
     grid,
@@ -49,6 +50,49 @@ def test_trimesh_objects() -> None:
     scene = trimesh.Scene([mesh])
     scene.apply_translation([1, 0, 0])
     np.testing.assert_allclose(from_trimesh(scene).mesh.points, points + np.array([1, 0, 0]))
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "P", "CMYK", "L"])
+@pytest.mark.parametrize("kind", ["simple", "pbr"])
+def test_a_texture_of_a_trimesh_object_is_there_to_bake(mode: str, kind: str) -> None:
+    import trimesh
+    from PIL import Image
+
+    points, faces = grid(3)
+    image = Image.new("RGB", (8, 4), (200, 100, 50)).convert(mode)
+    materials = trimesh.visual.material
+    material = (
+        materials.SimpleMaterial(image=image)
+        if kind == "simple"
+        else materials.PBRMaterial(baseColorTexture=image)
+    )
+    uv = np.random.default_rng(0).random((9, 2))
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    found = from_trimesh(trimesh.Trimesh(points, faces, process=False, visual=visual)).textures()
+    assert found is not None
+    assert found.face.tolist() == [0] * len(faces)
+    shown = np.asarray(decode(found.images[0], found.names[0]).convert("RGB"))
+    assert shown.shape == (4, 8, 3)
+    np.testing.assert_allclose(shown, np.asarray(image.convert("RGB")), atol=2)
+    bare = trimesh.visual.TextureVisuals(uv=uv)
+    document = from_trimesh(trimesh.Trimesh(points, faces, process=False, visual=bare))
+    assert document.textures() is None
+    assert document.textured_sets() == set()
+
+
+def test_colours_of_a_trimesh_object() -> None:
+    import trimesh
+
+    points, faces = grid(3)
+    rng = np.random.default_rng(0)
+    of_vertex, of_face = (rng.integers(0, 256, (k, 4), np.uint8) for k in (9, len(faces)))
+    mesh = trimesh.Trimesh(points, faces, process=False, vertex_colors=of_vertex)
+    np.testing.assert_allclose(from_trimesh(mesh).colours(), of_vertex[faces][:, :, :3] / 255)
+    mesh = trimesh.Trimesh(points, faces, process=False, face_colors=of_face)
+    np.testing.assert_allclose(
+        from_trimesh(mesh).colours(), np.repeat(of_face[:, None, :3] / 255, 3, axis=1)
+    )
+    assert from_trimesh(trimesh.Trimesh(points, faces, process=False)).colours() is None
 
 
 def test_uv_with_faces_of_their_own() -> None:

@@ -49,6 +49,8 @@ def test_seams_come_back_as_written(tmp_path: Path) -> None:
         ("1 0 0\n2 0 x\n", "line 2"),
         ("1 0 nan\n", "line 1"),
         ("1.5 0 0\n", "no whole number"),
+        ("1e30 0 0\n", "1e\\+30 is no vertex number"),
+        ("-99999999999999999999 0 0\n", "no vertex number"),
         ("# nothing\n", "no line"),
         (b"\xff\xfe\x00", "no text file"),
     ],
@@ -56,6 +58,21 @@ def test_seams_come_back_as_written(tmp_path: Path) -> None:
 def test_bad_pins(tmp_path: Path, text: str | bytes, word: str) -> None:
     with pytest.raises(InputError, match=word):
         sidecars.read_pins(file(tmp_path, text))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("number", ["1e30", "99999999999999999999", "-1e300"])
+def test_numbers_beyond_any_vertex_are_named(tmp_path: Path, number: str) -> None:
+    """They became -9223372036854775808, with a warning of NumPy."""
+    for read in (sidecars.read_landmarks, sidecars.read_seams):
+        with pytest.raises(InputError, match=r"1e\+.* is no vertex number"):
+            read(file(tmp_path, f"0 1\n2 {number}\n"))
+
+
+def test_line_elements_beyond_any_vertex_are_named(tmp_path: Path) -> None:
+    path = file(tmp_path, "v 0 0 0\nl 1 99999999999999999999\n", "seams.obj")
+    with pytest.raises(InputError, match="no line element"):
+        sidecars.read_seams(path)
 
 
 def test_missing_file(tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ from hypothesis import given, settings
 
 import circparam
 from circparam.errors import InputError, OptionError
+from circparam.formats.materials import decode
+from circparam.formats.memory import from_trimesh
 from tests.support import shapes, strategies
 
 xatlas = pytest.importorskip("xatlas", reason="the baseline is not installed")
@@ -132,4 +134,45 @@ def test_a_result_has_the_same_three_arrays() -> None:
     np.testing.assert_array_equal(mesh.vertices[mesh.faces], p[f])
     np.testing.assert_array_equal(
         np.asarray(mesh.visual.uv, np.float32)[mesh.faces], result.uvs[result.indices]
+    )
+
+
+def test_a_trimesh_object_comes_back_with_its_colours_and_a_baked_texture(tmp_path) -> None:
+    """There and back, then through a file: uv, colours and the image that was baked are all there."""
+    import trimesh
+    from PIL import Image
+
+    p, f = shapes.icosphere(2)
+    rng = np.random.default_rng(0)
+    colours = rng.integers(0, 256, (len(p), 4), np.uint8)
+    given = trimesh.Trimesh(p, f, process=False, vertex_colors=colours)
+    result = circparam.unwrap(given, **QUICK)
+    back = result.to_trimesh(Image.new("RGB", (16, 16), (10, 200, 30)))
+    np.testing.assert_array_equal(
+        back.visual.vertex_attributes["color"][:, :3], colours[result.vmapping][:, :3]
+    )
+    back.export(tmp_path / "back.glb")
+    again = circparam.read(tmp_path / "back.glb")
+    np.testing.assert_array_equal(again.mesh.faces, result.indices)
+    image = decode(again.textures().images[0], "image")
+    assert image.getpixel((3, 3))[:3] == (10, 200, 30)
+    layout = again.uv()
+    np.testing.assert_allclose(layout.uv[layout.uv_faces], result.uvs[result.indices], atol=1e-6)
+    # colours of faces have no place at vertices that faces share
+    of_face = rng.integers(0, 256, (len(f), 4), np.uint8)
+    plain = circparam.unwrap(trimesh.Trimesh(p, f, process=False, face_colors=of_face), **QUICK)
+    assert "color" not in plain.to_trimesh().visual.vertex_attributes
+
+
+def test_a_texture_that_does_not_fit_the_new_uv_is_not_shown_and_said(tmp_path) -> None:
+    import trimesh
+    from PIL import Image
+
+    p, f = shapes.bumped_disk(80)
+    old = trimesh.visual.TextureVisuals(uv=p[:, :2], image=Image.new("RGB", (4, 4)))
+    given = trimesh.Trimesh(p, f, process=False, visual=old)
+    result = circparam.unwrap(given, tmp_path / "new.glb", **QUICK)
+    assert any("texture" in line for line in result.warnings), result.warnings
+    assert from_trimesh(result.to_trimesh()).textures() is None, (
+        "trimesh puts four white pixels there"
     )

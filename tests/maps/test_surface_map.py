@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 
 from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document
+from circparam.formats.memory import from_arrays
 from circparam.maps import Places, SurfaceMap, load_map, save_map
+from circparam.maps.pair import oriented
 from circparam.maps.surface_map import fingerprint
 from circparam.mesh.mesh import Mesh
 
@@ -68,3 +73,49 @@ def test_another_npz_is_named(tmp_path) -> None:
     np.savez(path, format=np.array("something"), x=np.zeros(3))
     with pytest.raises(InputError, match="circparam map"):
         load_map(path)
+
+
+def document(mesh: Mesh) -> Document:
+    return from_arrays(mesh.points, mesh.faces)
+
+
+DAMAGE = {
+    "fewer faces": lambda d: d.update(a_face=d["a_face"][:-1]),
+    "fewer of both": lambda d: d.update(a_face=d["a_face"][:-1], a_weights=d["a_weights"][:-1]),
+    "two weights": lambda d: d.update(b_weights=d["b_weights"][:, :2]),
+    "flat weights": lambda d: d.update(b_weights=d["b_weights"].ravel()),
+    "no number": lambda d: d.update(a_weights=d["a_weights"] * np.nan),
+    "faces that are not there": lambda d: d.update(b_face=d["b_face"] + 7),
+    "negative faces": lambda d: d.update(b_face=d["b_face"] - 7),
+    "text": lambda d: d.update(a_face=d["a_face"].astype(str)),
+    "one number": lambda d: d.update(a_face=np.array(3)),
+}
+
+
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_a_damaged_map_is_told_before_it_is_used(tmp_path, kind: str) -> None:
+    """Whoever edited it, or whatever half of a file is left."""
+    path = tmp_path / "map.npz"
+    save_map(path, some_map())
+    with np.load(path) as file:
+        data = dict(file)
+    DAMAGE[kind](data)
+    np.savez(path, **data)
+    for first, second in ((A, B), (B, A)):
+        with pytest.raises(InputError, match="circparam map"):
+            oriented(load_map(path), document(first), document(second))
+
+
+def test_a_map_with_wrong_bytes_is_told_or_read(tmp_path) -> None:
+    """Nothing but an InputError leaves, wherever the file is spoilt."""
+    path = tmp_path / "map.npz"
+    save_map(path, some_map())
+    whole = path.read_bytes()
+    told = 0
+    for at in range(1, len(whole), 97):
+        path.write_bytes(whole[:at] + bytes(20) + whole[at + 20 :])
+        with contextlib.suppress(InputError):
+            oriented(load_map(path), document(A), document(B))
+            continue
+        told += 1
+    assert told > 5

@@ -13,8 +13,10 @@ from circparam.core.arrays import next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
+from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
 from circparam.packing.options import PackOptions
+from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import LIMIT, fill_page
 from circparam.pipeline.job import prepare
@@ -100,6 +102,37 @@ def test_what_may_not_be_a_seam_is_none() -> None:
     locked = replace(before.surface, locked=np.ones(len(before.surface.edges), bool))
     held = Atlas(locked, before.cut, before.corners)
     assert filled(held).atlas is held
+
+
+def test_a_part_above_the_bound_is_relaxed() -> None:
+    """Two fifths of the strip are drawn to 1.6 times their length: the whole is below the bound, that part is
+    not until it is laid out again."""
+    before = roll()
+    corners = before.corners.copy()
+    corners[..., 0] += 0.6 * np.maximum(corners[..., 0] - 60, 0)
+    drawn = Atlas(before.surface, before.cut, corners)
+    part = before.part(before.corners[..., 0].min(1) >= 60)
+    stretched = Atlas(part.surface, part.cut, drawn.corners[before.corners[..., 0].min(1) >= 60])
+    assert chart_distortion(*drawn.open()).max() < 1.08 < chart_distortion(*stretched.open()).max()
+    after = filled(drawn, bound=1.08).atlas
+    cut_mesh, uv = after.open()
+    assert cut_mesh.n_charts == 2
+    assert chart_distortion(cut_mesh, uv).max() <= 1.08
+    assert fallback.faults(cut_mesh, uv)[0].max() == fallback.SOUND
+
+
+def test_a_cut_that_cannot_be_made_gives_way_to_the_next() -> None:
+    """No seam may run across the middle fifth of the strip, where a cut would be worth most."""
+    before = roll()
+    s = before.surface
+    x = before.corners[..., 0].mean(1)[s.edges[:, 0] // 3]
+    locked = (x > 40) & (x < 60)
+    after = filled(Atlas(replace(s, locked=locked), before.cut, before.corners))
+    made = after.atlas.charts()[0] - 1
+    assert made >= 1
+    assert not (after.atlas.cut & ~before.cut & locked).any()
+    (note,) = after.notes
+    assert note.startswith(f"{made} cut")
 
 
 @pytest.mark.parametrize("shape", [shapes.torus(24, 8, 4.0, 1.0), shapes.double_torus(3)])

@@ -21,7 +21,7 @@ from circparam.errors import OptionError
 from circparam.pipeline import jobs
 from circparam.pipeline.options import Options
 from circparam.seams import grown
-from circparam.seams.segmentation import decide
+from circparam.seams.segmentation import starts
 from tests.support import shapes
 
 QUICK = {"effort": 0.01}
@@ -66,7 +66,7 @@ def test_the_same_bytes_with_1_2_and_3_jobs(
     tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(grown, "ALONE", 0)
-    monkeypatch.setattr(decide, "TOGETHER", 0)
+    monkeypatch.setattr(starts, "TOGETHER", 0)
     outs = []
     for n in (1, 2, 3):
         outs.append(unwrapped(mesh(), tmp_path, n))

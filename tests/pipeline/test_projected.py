@@ -109,7 +109,7 @@ class Clock:
     [
         "circparam.seams.grown.decide",
         "circparam.seams.grown.dual_graph",
-        "circparam.seams.segmentation.decide.split_charts",
+        "circparam.seams.segmentation.starts.split_charts",
         "circparam.seams.grown.relaxed_layouts",
         "circparam.seams.grown.hold_stretch",
         "circparam.pipeline.flatten.rules",

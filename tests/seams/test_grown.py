@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
+from circparam.seams.multires.transfer import from_level
+from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
+from circparam.seams.multires.transfer_seams import NEAR_RINGS, transfer_seams
 from circparam.seams.options import SeamOptions
+from circparam.seams.segmentation.grow import dual_graph
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import surface_of
@@ -96,11 +101,81 @@ def test_what_no_level_can_shrink_is_taken_over_as_it_is() -> None:
             coarse.cut[edge] = True
             at = int(ends[edge].sum()) - at
     fine = Atlas(surface, np.zeros(len(surface.edges), bool))
-    assert grown.transfer_seams(coarse, level, fine, grown.NEAR_RINGS) == 0
+    assert transfer_seams(coarse, level, fine, NEAR_RINGS) == 0
     assert fine.surface.edge_lengths[fine.cut].sum() == pytest.approx(
         coarse.surface.edge_lengths[coarse.cut].sum()
     )
     assert fine.cut.sum() == coarse.cut.sum()
+
+
+def test_what_no_level_can_shrink_keeps_its_layout_too() -> None:
+    """Closed balls with a slit through many edges: on the mesh they have the seams and the uv of the level."""
+    surface = surface_of(*rough(3))
+    level = grown.decimate(surface, 4_000)
+    coarse = Atlas(level.surface, np.zeros(len(level.surface.edges), bool))
+    _, component = level.surface.components
+    balls = np.isin(component, np.flatnonzero(np.bincount(component) == 80))
+    part = coarse.part(balls)
+    height = part.surface.points[part.surface.corner_vertex][..., 2].mean(1)
+    side = height[part.surface.edges // 3] > 0
+    part.cut = side[:, 0] != side[:, 1]
+    part.corners = np.random.default_rng(0).normal(size=part.corners.shape)
+    cut_mesh = part.cut_mesh()
+    part.scatter(cut_mesh, part.gather(cut_mesh))
+    coarse.put(balls, part)
+    # the rest needs any layout: each face as it lies, cut from all others
+    coarse.cut[~balls[coarse.surface.edges[:, 0] // 3]] = True
+    coarse.corners[~balls] = coarse.surface.rest_triangles[~balls]
+    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
+    near = nearest_coarse_face(surface, level)
+    taken = take_over(fine, coarse, level, near)
+    assert taken.sum() == balls.sum()
+    assert np.array_equal(np.bincount(surface.components[1])[surface.components[1]] == 80, taken)
+    inside = taken[surface.edges[:, 0] // 3]
+    assert fine.cut[inside].sum() == part.cut.sum() > 30
+    assert not fine.cut[~inside].any()
+    whole = from_level(surface, dual_graph(surface), coarse, level, near)
+    assert np.array_equal(whole.corners[taken], coarse.corners[near[taken]])
+    assert np.array_equal(whole.cut[inside], fine.cut[inside])
+    p = surface.points[surface.faces[taken]]
+    assert np.array_equal(p, level.surface.points[level.surface.faces[near[taken]]])
+
+
+def test_roughness_is_left_free_on_the_level(
+    small_levels: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Charts of a level stay as far below the bound as noise will take."""
+    bounds: list[float] = []
+    level_atlas = grown._level_atlas
+
+    def noted(surface: Surface, bound: float, *rest: object) -> object:
+        bounds.append(bound)
+        return level_atlas(surface, bound, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(grown, "_level_atlas", noted)
+    for given in (0.0, 0.02):
+        monkeypatch.setattr(grown, "roughness", lambda *_, told=given: told)
+        SEAMS["charts"].function(surface_of(*rough()), SeamOptions(), Monitor())
+    smooth, noisy = bounds[0], bounds[-1]
+    assert BOUND - 0.006 < smooth < BOUND
+    assert noisy == pytest.approx(smooth - 0.02 * grown.UNEVEN)
+
+
+def test_handles_that_only_the_mesh_has_cost_a_loop_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chart stays whole: halves, and halves of those, would be seams right across it."""
+    surface = surface_of(*shapes.handles(2, 3))
+    graph = dual_graph(surface)
+    monkeypatch.setattr(grown, "settle_part", lambda atlas, *_: atlas)
+    made = {}
+    for steps in (grown.LOCAL, grown.FINAL):
+        atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+        decided = grown.Decided(atlas, graph, steps)
+        grown.finish(decided, 1e6, SeamOptions(), Worker(1), Monitor(), [])
+        assert not not_disks(atlas.cut_mesh()).any()
+        made[steps.local is not None] = atlas
+    assert made[True].charts()[0] == 1
+    assert made[False].charts()[0] > 1
+    assert made[True].seam_length < made[False].seam_length
 
 
 @pytest.mark.parametrize("split", [False, True])

@@ -57,6 +57,34 @@ def there_and_back(a: Mesh, b: Mesh, found) -> float:
     return float(np.linalg.norm(again - a.points, axis=1).max())
 
 
+def back_through_overlay(a: Mesh, b: Mesh, mapped) -> float:
+    """How far A → B → A moves a vertex of A, back through the part of the overlay that it lies in on B."""
+    made = mapped.overlay
+    there = mapped.to_b.of(b.points, b.faces)
+    order = np.argsort(made.parents[:, 1], kind="stable")
+    keys = made.parents[order, 1]
+    first = np.searchsorted(keys, mapped.to_b.face)
+    count = np.searchsorted(keys, mapped.to_b.face, side="right") - first
+    who = np.repeat(np.arange(len(there)), count)
+    part = order[np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())]
+    on_a, on_b = (p.of(m.points, m.faces) for p, m in ((made.on_a, a), (made.on_b, b)))
+    c, x = on_b[made.faces[part]], there[who]
+    d, e = c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]
+    n = np.cross(d, e)
+    size = np.maximum((n * n).sum(1), 1e-300)
+    v = (np.cross(x - c[:, 0], e) * n).sum(1) / size
+    w = (np.cross(d, x - c[:, 0]) * n).sum(1) / size
+    weights = np.clip(np.column_stack([1 - v - w, v, w]), 0, 1)
+    weights /= weights.sum(1, keepdims=True)
+    miss = np.linalg.norm(np.einsum("kc,kcd->kd", weights, c) - x, axis=1)
+    home = np.einsum("kc,kcd->kd", weights, on_a[made.faces[part]])
+    off = np.linalg.norm(home - a.points[who], axis=1)
+    best = np.lexsort((off, np.round(miss, 9), who))
+    best = best[np.unique(who[best], return_index=True)[1]]
+    assert len(best) == len(there)
+    return float(off[best].max())
+
+
 def solid_angles(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(m,) signed solid angle of each face, seen from the origin (van Oosterom and Strackee 1983)."""
     a, b, c = (

@@ -13,6 +13,8 @@ from circparam.formats.ply.model import TYPES, Element, Property
 from circparam.formats.source import Source
 from circparam.formats.tokens import Tokens, as_bytes, gather, parse_floats, parse_ints, tokenize
 
+UNFILLED = 1 << 12  # bytes
+CHUNK = 1 << 22  # rows that are looked at at once
 MAX_HEADER = 1 << 20  # bytes: the longest header of a real file is a thousandth of it
 
 
@@ -115,13 +117,41 @@ class Layout:
                 if self._fits(e):
                     return rows
         else:
+            if e is self.elements[-1] and self._unfilled(at):
+                raise self.source.error(
+                    f"the rows of {e.name!r} end in zeros: the file was not filled to its end"
+                )
             one = self._chase(e, at, 1)
             stride = int(one[1] - one[0])
             if at + stride * e.count <= self._size:
                 e.row = at + stride * np.arange(e.count + 1, dtype=np.int64)
                 if self._fits(e):
                     return e.row
+            elif self._cut_short(e, at, stride):
+                raise self._short(e)
         return self._chase(e, at, e.count)
+
+    def _unfilled(self, at: int) -> bool:
+        """Whether a long end of the file is zeros, as a stopped download leaves it: no row with a list is."""
+        end = self.raw[max(at, self._size - UNFILLED) :]
+        return len(end) == UNFILLED and not end.any()
+
+    def _cut_short(self, e: Element, at: int, stride: int) -> bool:
+        """Whether all rows that the file has are alike, and what is behind them is too little for the others.
+
+        Row after row would tell the same of gigabytes in minutes. stride: bytes of the first row.
+        """
+        whole, left = divmod(self._size - at, stride)
+        least = sum(self._width(p.count_type or p.type) for p in e.properties)
+        if (e.count - whole) * least <= left:
+            return False
+        for first in range(0, whole, CHUNK):
+            count = min(CHUNK, whole - first)
+            part = Element(e.name, count, e.properties)
+            part.row = at + stride * np.arange(first, first + count + 1, dtype=np.int64)
+            if not self._fits(part):
+                return False
+        return True
 
     def _fits(self, e: Element) -> bool:
         try:

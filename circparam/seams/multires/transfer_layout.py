@@ -16,12 +16,13 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import nearest, undirected
 from circparam.geometry.gradient_transfer import (
+    nearest_known,
     space_gradients,
-    spread,
     targets_from,
     turn_gradients,
 )
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy
 from circparam.seams.segmentation.grow import DualGraph
@@ -147,14 +148,23 @@ def drop_slivers(fine: Atlas, coarse_chart: IntArray, near: IntArray) -> Transfe
     return match_charts(fine, coarse_chart, near)
 
 
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """What a coarse layout asks of fine faces. targets: (2, 2, m) Jacobians, zero where it says nothing.
+    source: (m,) coarse face that each is taken from, −1 for none."""
+
+    targets: FloatArray
+    source: IntArray
+
+
 def fine_targets(
     coarse: Atlas,
     fine: Atlas,
     coarse_chart: IntArray,
     near: IntArray,
     transferred: TransferredCharts,
-) -> tuple[FloatArray, BoolArray]:
-    """(2, 2, m) Jacobians that the coarse layout asks of the fine faces, and which charts have any."""
+) -> Carried:
+    """The Jacobians that the coarse layout asks of the fine faces."""
     gradients = space_gradients(coarse)
     surface, chart = fine.surface, transferred.chart
     clear = _clear_of_seams(coarse)
@@ -163,10 +173,68 @@ def fine_targets(
     # small charts may have no face clear of seams: there every face of its own counts
     none_clear = np.bincount(chart, known, int(chart.max()) + 1) == 0
     known |= own & none_clear[chart]
-    source = np.where(known, near, 0)
-    turned = turn_gradients(gradients[source], coarse.surface.normals[source], surface.normals)
-    turned[~known] = 0
-    filled, have = spread(fine, turned, known)
-    whole = np.ones(int(chart.max()) + 1, bool)
-    whole[chart[np.flatnonzero(~have)]] = False
-    return targets_from(fine, filled), whole
+    nearby, have = nearest_known(fine, known)
+    source = np.where(have, near[nearby], -1)
+    turned = np.zeros((len(near), 2, 3))
+    # by way of the normal of the known face: the coarse one may look away from the others
+    there = nearby[have]
+    turned[have] = turn_gradients(
+        gradients[source[have]], coarse.surface.normals[source[have]], surface.normals[there]
+    )
+    far = have & ~known
+    turned[far] = turn_gradients(turned[far], surface.normals[nearby[far]], surface.normals[far])
+    return Carried(targets_from(fine, turned), source)
+
+
+def prolonged(coarse: Atlas, fine: Atlas, cut_mesh: CutMesh, source: IntArray) -> FloatArray:
+    """(nv, 2) the coarse layout continued to the vertices of the fine surface, in the mean of their faces.
+
+    source: (m,) coarse face whose map is taken for each fine face, −1: zero. Right but for what is near:
+    errors are those of one coarse face against the next.
+    """
+    faces = np.flatnonzero(source >= 0)
+    of = source[faces]
+    gradients, surface = space_gradients(coarse), coarse.surface
+    # each map as affine in space: uv = G p + offset
+    first = surface.points[surface.faces[:, 0]]
+    offset = coarse.corners[:, 0] - np.einsum("fdx,fx->fd", gradients, first)
+    n = cut_mesh.n_vertices
+    total, count = np.zeros((n, 2)), np.zeros(n)
+    for k in range(3):
+        p = fine.surface.points[fine.surface.faces[faces, k]]
+        vertex = cut_mesh.faces[faces, k]
+        value = np.einsum("fdx,fx->fd", gradients[of], p) + offset[of]
+        count += group_count(vertex, n)
+        for d in range(2):
+            total[:, d] += group_sum(value[:, d], vertex, n)
+    result: FloatArray = total / np.maximum(count, 1)[:, None]
+    return result
+
+
+def cells_in_charts(fine: Surface, cut_mesh: CutMesh, proxy: Proxy) -> IntArray:
+    """(nv,) label of the cell of each vertex of the cut mesh, one for each chart that a cell has parts in."""
+    vertex = np.zeros(cut_mesh.n_vertices, np.int64)
+    vertex[cut_mesh.faces.ravel()] = fine.corner_vertex.ravel()
+    key = cut_mesh.vertex_chart * (len(proxy.surface.points) + 1) + proxy.cell[vertex] + 1
+    label: IntArray = np.unique(key, return_inverse=True)[1].reshape(-1)
+    return label
+
+
+def take_over(fine: Atlas, coarse: Atlas, proxy: Proxy, near: IntArray) -> BoolArray:
+    """Give components that decimation left as they were the seams they have; (m,) bool: their faces.
+
+    near: (m,) coarse face of each face, in such components the same one.
+    """
+    surface = fine.surface
+    n, component = surface.components
+    same = (near >= 0) & (proxy.cell[surface.corner_vertex] == proxy.surface.faces[near]).all(1)
+    same &= np.bincount(near[near >= 0], minlength=len(coarse.surface.faces))[near] == 1
+    changed = np.zeros(n, bool)
+    changed[component[~same]] = True
+    taken: BoolArray = ~changed[component]
+    joined = np.zeros(3 * len(coarse.surface.faces), bool)
+    joined[coarse.surface.edges[~coarse.cut]] = True
+    edges = np.flatnonzero(taken[surface.edges[:, 0] // 3])
+    h = surface.edges[edges]
+    fine.cut[edges] = ~joined[3 * near[h // 3] + h % 3].all(1)
+    return taken

@@ -159,10 +159,12 @@ def _find_way(fine: Atlas, usable: IntArray, cost: FloatArray, start: int, end: 
     free = ~fine.on_boundary
     free[a[fine.cut]] = free[b[fine.cut]] = False
     free[[start, end]] = True
-    use = usable[free[a[usable]] & free[b[usable]] & ~fine.cut[usable]]
-    links = undirected(n, a[use], b[use], cost[use])
     points = fine.surface.vertex_points
     reach = 6 * float(np.linalg.norm(points[start] - points[end]))
+    # what is further away straight on is further along edges too
+    free &= ((points - points[start]) ** 2).sum(1) <= (1 + 1e-9) * reach**2
+    use = usable[free[a[usable]] & free[b[usable]] & ~fine.cut[usable]]
+    links = undirected(n, a[use], b[use], cost[use])
     distance, before, _ = nearest(links, np.array([start]), reach)
     if not np.isfinite(distance[end]):
         return False

@@ -23,7 +23,7 @@ from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sou
 from circparam.seams.segmentation.overlap_cut import split_layers
 from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
-from circparam.solvers.newton import RelaxOptions
+from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.preconditioner import SMALL_CHART
 
@@ -321,3 +321,15 @@ def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> Ch
             uv[vid] = lay_out_sound(sub, uv[vid], asked, monitor)
     atlas.scatter(cut_mesh, uv)
     return judge(cut_mesh, uv)
+
+
+def below(atlas: Atlas, layouts: ChartLayouts, bound: float, monitor: Monitor) -> ChartLayouts:
+    """Relax the charts above the bound on, to below it: what was relaxed for a few steps may get there."""
+    over = (layouts.energy > bound) & np.isfinite(layouts.energy)
+    if not over.any():
+        return layouts
+    sub, vid, fid = layouts.cut_mesh.subset(over)
+    uv = layouts.uv.copy()
+    uv[vid] = relax(sub, uv[vid], replace(FINAL, bound=bound, give_up=bound), monitor).uv
+    atlas.corners[fid] = uv[vid][sub.faces]
+    return judge(layouts.cut_mesh, uv)

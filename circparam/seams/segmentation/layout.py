@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,14 +14,18 @@ from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.segmentation.state import main_parts
+from circparam.solvers.dirichlet import energy, jacobians
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.poisson import from_jacobians
+from circparam.solvers.region import cut_out, grow
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import untangle
 
 UNTANGLE = 12
+HOT, HOT_RINGS = 3.0, 3  # energy of a face, and rings round it that are relaxed before the chart
+COOLING = RelaxOptions(tolerance=1e-3, max_iterations=25)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,13 +168,32 @@ def lay_out_part(
     if bad.any():
         uv = uv.copy()
         sub, vid, _ = cut_mesh.subset(bad)
-        part, report = untangle(sub, uv[vid], monitor=monitor)
+        near = options.local is not None
+        part, report = untangle(sub, uv[vid], monitor=monitor, near=near)
         uv[vid] = part
         left = report.after > 0
         if left.any():
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
+    if options.local is not None:
+        uv = _cooled(cut_mesh, uv)
     return relax(cut_mesh, uv, options, monitor).uv
+
+
+def _cooled(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """The layout relaxed near faces that are distorted out of all proportion, the rest held.
+
+    A Newton step widens a nearly collapsed face by a third; all other faces need not wait for it.
+    """
+    jacobian = jacobians(cut_mesh.gradients.transpose(1, 2, 0), uv.T[:, cut_mesh.faces.T])
+    hot = ~(energy(jacobian) <= HOT)
+    if not hot.any():
+        return uv
+    held = np.zeros(cut_mesh.n_vertices, bool)
+    part, source, fixed = cut_out(cut_mesh, grow(cut_mesh, hot, HOT_RINGS), held)
+    out = uv.copy()
+    out[source[~fixed]] = relax(part, uv[source], replace(COOLING, fixed=fixed)).uv[~fixed]
+    return out
 
 
 def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:

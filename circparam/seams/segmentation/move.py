@@ -13,6 +13,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.segmentation.layout import lay_out_again
 from circparam.seams.segmentation.shorten import Proposal, edge_costs, propose
+from circparam.seams.segmentation.state import LaidOut
 from circparam.solvers.newton import RelaxOptions
 from circparam.solvers.separate import push_apart
 
@@ -64,13 +65,14 @@ def _most_moved(
     once, the others later. limits: the bound and the margin.
     """
     best, taken, queue = None, np.zeros_like(wanted), [wanted]
+    seen: list[_Trial] = []
     for _ in range(TRIES):
         while queue and not queue[-1].any():
             queue.pop()
         if not queue:
             break
         group = queue.pop()
-        trial = _moved(atlas, proposal, taken | group, limits, monitor)
+        trial = _moved(atlas, proposal, taken | group, limits, monitor, seen)
         if not trial.bad.any():
             best, taken = trial.atlas, taken | group
             continue
@@ -126,20 +128,55 @@ def _moved(
     take: BoolArray,
     limits: tuple[float, float],
     monitor: Monitor,
+    seen: list[_Trial],
 ) -> _Trial:
-    """Lay out the charts whose seams move; the others keep their layout."""
-    bound, margin = limits
+    """Lay out the charts whose seams move; the others keep their layout.
+
+    seen: earlier trials; a chart that one of them has laid out is as it was there. This one is added.
+    """
     _, before = atlas.charts()
     moved = Atlas(atlas.surface, proposal.cut(take), atlas.corners, atlas.prices)
     n, chart = moved.charts()
-    bad, stretch = _torn(chart, before), np.ones(len(chart))
+    trial = _Trial(moved, chart, _torn(chart, before), np.ones(len(chart)))
     touched = np.zeros(n, bool)
     touched[chart[atlas.surface.edges[moved.cut != atlas.cut] // 3]] = True
-    faces, number = touched[chart], np.flatnonzero(touched)
-    part = moved.part(faces)
-    bad[number[not_disks(part.cut_mesh())]] = True
-    if bad.any():  # no need to lay anything out
-        return _Trial(moved, chart, bad, stretch)
+    number = np.flatnonzero(touched)
+    trial.bad[number[not_disks(moved.part(touched[chart]).cut_mesh())]] = True
+    if trial.bad.any():  # no need to lay anything out
+        return trial
+    touched &= ~_known(trial, touched, seen)
+    if touched.any():
+        _lay_out(trial, touched, before, limits, monitor)
+    seen.append(trial)
+    return trial
+
+
+def _known(trial: _Trial, touched: BoolArray, seen: list[_Trial]) -> BoolArray:
+    """(n,) bool: touched charts of a trial that earlier ones have laid out; it takes over what they know."""
+    out = np.zeros_like(touched)
+    for one in reversed(seen):
+        laid = LaidOut(one.atlas.cut, one.chart, one.atlas.corners, one.bad)
+        edges = trial.atlas.surface.edges
+        same = laid.same(trial.atlas.cut, trial.chart, len(touched), edges) & touched & ~out
+        faces = same[trial.chart]
+        trial.atlas.corners[faces] = one.atlas.corners[faces]
+        trial.stretch[faces] = one.stretch[faces]
+        trial.bad[trial.chart[faces]] = one.bad[one.chart[faces]]
+        out |= same
+    return out
+
+
+def _lay_out(
+    trial: _Trial,
+    which: BoolArray,
+    before: IntArray,
+    limits: tuple[float, float],
+    monitor: Monitor,
+) -> None:
+    """Lay some charts ((n,) bool) of a trial out and say which are bad. before: (m,) charts they had."""
+    bound, margin = limits
+    faces, number = which[trial.chart], np.flatnonzero(which)
+    part = trial.atlas.part(faces)
     enough = replace(RELAX, bound=1 + ENOUGH * (bound - 1), give_up=bound)
     layouts = lay_out_again(part, before[faces], enough, margin)
     wrong = layouts.bad(bound)
@@ -150,7 +187,6 @@ def _moved(
         kept = fine[sub.chart]
         part.corners[fid[kept]] = pushed[sub.faces[kept]]
         wrong[np.flatnonzero(near)[fine]] = False
-    moved.put(faces, part)
-    bad[number[wrong]] = True
-    stretch[faces] = face_stretch(layouts.cut_mesh, layouts.uv)
-    return _Trial(moved, chart, bad, stretch)
+    trial.atlas.put(faces, part)
+    trial.bad[number[wrong]] = True
+    trial.stretch[faces] = face_stretch(layouts.cut_mesh, layouts.uv)

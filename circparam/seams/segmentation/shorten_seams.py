@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.graph import matching
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_again
 from circparam.seams.segmentation.shorten import Proposal, propose
+from circparam.seams.segmentation.state import LaidOut
 from circparam.solvers.newton import RelaxOptions
 
 ROUNDS = 8  # of single chains that are tried again where all at once spoil a chart
@@ -39,14 +39,14 @@ def shorten_seams(
     seams = float(atlas.surface.priced_lengths[atlas.cut].sum())
     take = gain > 0
     spoilt = work.attempt(take)
-    frail = work.frail() if spoilt.any() else np.zeros(work.start.n_charts, bool)
+    fragile = bool(spoilt.any())
     while spoilt.any():
         take &= ~spoilt
         spoilt = work.attempt(take)
     work.keep(take)
     open_chains = np.flatnonzero(~take & (gain > WORTH_IT * seams))
     for _ in range(ROUNDS):
-        if len(open_chains) == 0 or (frail & work.beyond_help(open_chains)).any():
+        if len(open_chains) == 0 or (fragile and work.frail(work.beyond_help(open_chains))):
             break
         pick = matching(
             gain[open_chains], left[open_chains], right[open_chains], work.start.n_charts
@@ -60,35 +60,11 @@ def shorten_seams(
         work.keep(take)
     # charts whose parts were pushed apart fall on each other again as soon as they are relaxed: what they
     # gain by shorter seams here is lost where they are cut up on the mesh itself
-    if (frail & work.untouched()).any():
+    if fragile and work.frail(work.untouched()):
         take[:] = False
         work.attempt(take)
     cut_mesh = atlas.cut_mesh()
     return judge(cut_mesh, atlas.gather(cut_mesh))
-
-
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Seams (e,), charts (m,), corners (m, 3, 2), and which charts are bad (n,)."""
-
-    cut: BoolArray
-    chart: IntArray
-    corners: FloatArray
-    bad: BoolArray
-
-    @property
-    def n_charts(self) -> int:
-        """Number of charts."""
-        return len(self.bad)
-
-    def same(self, cut: BoolArray, chart: IntArray, n: int, edges: IntArray) -> BoolArray:
-        """(n,) bool: a chart of other seams that is one of these, opened along the same edges."""
-        of = np.zeros(n, np.int64)
-        of[chart] = self.chart
-        out: BoolArray = group_count(chart, n) == group_count(self.chart, self.n_charts)[of]
-        out[chart[self.chart != of[chart]]] = False
-        out[chart[edges[self.cut != cut] // 3]] = False
-        return out
 
 
 class _Shortening:
@@ -101,8 +77,11 @@ class _Shortening:
         self.bound, self.options, self.margin = bound, options, margin
         n, chart = atlas.charts()
         # what is bad before any seam moves is no fault of a chain
-        self.start = _State(atlas.cut.copy(), chart, atlas.corners.copy(), np.zeros(n, bool))
+        self.start = LaidOut(atlas.cut.copy(), chart, atlas.corners.copy(), np.zeros(n, bool))
         self.kept = self.last = self.start
+        self._sound = np.zeros(
+            n, bool
+        )  # charts that are good when they are laid out again as they were
 
     def attempt(self, take: BoolArray) -> BoolArray:
         """Move the chains ``take`` ((k,) bool) alone; (k,) bool: those of them that lie beside bad charts."""
@@ -119,7 +98,7 @@ class _Shortening:
             known |= same
         if not known.all():
             bad[~known] = self._laid_out(~known[chart])
-        self.last = _State(atlas.cut, chart, atlas.corners, bad)
+        self.last = LaidOut(atlas.cut, chart, atlas.corners, bad)
         return self._beside(bad, take)
 
     def keep(self, take: BoolArray) -> None:
@@ -127,11 +106,17 @@ class _Shortening:
         self.attempt(take)
         self.kept = self.last
 
-    def frail(self) -> BoolArray:
-        """(n,) bool: charts that are bad when they are laid out again as they were."""
-        start = self.start
-        was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices)
-        return lay_out_again(was, start.chart, self.options, self.margin).bad(self.bound)
+    def frail(self, which: BoolArray) -> bool:
+        """Whether some of those charts ((n,) bool) are bad when they are laid out again as they were."""
+        start, asked = self.start, which & ~self._sound
+        if not asked.any():
+            return False
+        faces = asked[start.chart]
+        was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices).part(faces)
+        before = (np.cumsum(asked) - 1)[start.chart[faces]]
+        bad = lay_out_again(was, before, self.options, self.margin).bad(self.bound)
+        self._sound[asked] = ~bad
+        return bool(bad.any())
 
     def beyond_help(self, chains: IntArray) -> BoolArray:
         """(n,) bool: untouched charts that none of these chains lies beside, on its old path or its new one."""

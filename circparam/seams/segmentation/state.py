@@ -1,4 +1,4 @@
-"""The state that merging works on: arcs of the seams, and what charts were before a change."""
+"""The state that segmentation works on: arcs of the seams, charts before a change, charts laid out."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_count,
+    group_sum,
+)
 from circparam.core.graph import components
 from circparam.mesh.atlas import Atlas
 
@@ -54,6 +61,30 @@ def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
     tip[arc[free[a] | free[b]]] = True
     length = group_sum(atlas.lengths[c], arc, count)
     return Arcs(c, arc, left, right, length, tip)
+
+
+@dataclass(frozen=True, eq=False)
+class LaidOut:
+    """Seams (e,), charts (m,), corners (m, 3, 2), and which charts are bad (n,)."""
+
+    cut: BoolArray
+    chart: IntArray
+    corners: FloatArray
+    bad: BoolArray
+
+    @property
+    def n_charts(self) -> int:
+        """Number of charts."""
+        return len(self.bad)
+
+    def same(self, cut: BoolArray, chart: IntArray, n: int, edges: IntArray) -> BoolArray:
+        """(n,) bool: a chart of other seams that is one of these, opened along the same edges."""
+        of = np.zeros(n, np.int64)
+        of[chart] = self.chart
+        out: BoolArray = group_count(chart, n) == group_count(self.chart, self.n_charts)[of]
+        out[chart[self.chart != of[chart]]] = False
+        out[chart[edges[self.cut != cut] // 3]] = False
+        return out
 
 
 def main_parts(chart: IntArray, before: IntArray, areas: FloatArray) -> BoolArray:

@@ -8,6 +8,8 @@ import pytest
 from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
+from circparam.formats.ply import reading
+from circparam.formats.ply.model import Element
 from circparam.formats.ply.reading import Layout
 from circparam.formats.source import Source
 from tests.support.formats_tools import (
@@ -74,8 +76,73 @@ def test_cut_files(encoding: str) -> None:
             read_data(data[:end], format="ply")
 
 
+def triangles(count: int) -> bytes:
+    """A binary file of three vertices and so many equal triangles."""
+    head = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        f"property float z\nelement face {count}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = np.zeros(count, dtype=[("n", "u1"), ("i", "<i4", 3)])
+    rows["n"], rows["i"] = 3, [0, 1, 2]
+    return head.encode() + np.eye(3, dtype="<f4").tobytes() + rows.tobytes()
+
+
+@pytest.mark.parametrize("rows", [5_000, 9_900])
+def test_a_large_file_cut_short_is_not_gone_through_row_by_row(
+    rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is left of 10,000 equal rows: gigabytes of them would take minutes."""
+    monkeypatch.setattr(reading, "CHUNK", 1_000)
+    chase, asked = Layout._chase, []
+
+    def noted(self: Layout, e: Element, at: int, n: int) -> np.ndarray:
+        asked.append(n)
+        return chase(self, e, at, n)
+
+    monkeypatch.setattr(Layout, "_chase", noted)
+    data = triangles(10_000)
+    for end in (13 * (10_000 - rows), 13 * (10_000 - rows) + 5):
+        with pytest.raises(InputError, match="promises 10000 rows of 'face', the file ends before"):
+            read_data(data[:-end], format="ply")
+    assert max(asked) == 1
+    # one row that is longer: now each has to be looked at
+    at = len(data) - 13 * 5_000
+    longer = data[:at] + b"\4" + np.arange(4, dtype="<i4").tobytes() + data[at + 13 :]
+    with pytest.raises(InputError, match="the file ends before"):
+        read_data(longer[: -13 * 20], format="ply")
+    assert max(asked) == 10_000
+
+
+@pytest.mark.parametrize("kept", [0, 1, 6_000])
+def test_a_download_that_stopped_ends_in_zeros(kept: int) -> None:
+    data = triangles(10_000)
+    end = len(data) - 13 * (10_000 - kept)
+    with pytest.raises(InputError, match="not filled to its end"):
+        read_data(data[:end] + bytes(len(data) - end), format="ply")
+
+
+def test_zeros_behind_the_rows_of_lists_are_data() -> None:
+    """Another element may follow, all of whose values are 0."""
+    data = triangles(20).replace(
+        b"end_header\n", b"element weight 9000\nproperty uchar value\nend_header\n"
+    )
+    document = read_data(data + bytes(9_000), format="ply")
+    assert len(document.mesh.faces) == 20
+
+
+@pytest.mark.parametrize("sides", [(4, 4, 3), (4, 3), (4, 4, 4, 3, 3, 3), (5, 3, 3, 3)])
+def test_rows_shorter_than_the_first_are_all_read(sides: tuple[int, ...]) -> None:
+    """The file ends before so many rows like the first would: it is whole for all that."""
+    rows = [[list(range(k))] for k in sides]
+    data = build("binary_little_endian", {
+        "vertex": (["float x", "float y", "float z"], [[np.cos(k), np.sin(k), 0] for k in range(5)]),
+        "face": (["list uchar int vertex_indices"], rows),
+    })  # fmt: skip
+    assert len(read_data(data).mesh.faces) == sum(sides) - 2 * len(sides)
+
+
 def test_faces_that_name_no_vertex() -> None:
-    for bad in (7, -1):
+    for bad in (7, -1, 2**31 - 1, -(2**31)):
         data = sample("ascii").replace(b"3 3 2 6", f"3 3 2 {bad}".encode())
         with pytest.raises(InputError, match="a face names vertex"):
             read_data(data)

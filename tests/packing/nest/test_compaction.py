@@ -13,6 +13,7 @@ from circparam.packing import pack
 from circparam.packing.budget import Budget
 from circparam.packing.nest import compaction
 from circparam.packing.nest.contacts import least_distance
+from circparam.packing.nest.growth import Growth
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
@@ -67,7 +68,7 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
 
 
 def growth_of(shapes, options, budget=None):
-    return compaction.Growth(shapes, options, budget or Budget(1e9, lambda: False))
+    return Growth(shapes, options, budget or Budget(1e9, lambda: False))
 
 
 def step(growth, placement, trust, strict=False):
@@ -209,3 +210,26 @@ def test_a_layout_that_cannot_catch_up_is_left(monkeypatch: pytest.MonkeyPatch) 
     locked = compaction.roughly(growth_of(shapes, options), free, 12, 1.05 * free.scale)
     assert 1 <= len(made) < min(needed, 5)
     assert locked.scale >= 0.999 * free.scale
+
+
+def test_three_faces_at_an_edge_are_no_overlap() -> None:
+    """The outline of such a chart is not closed: it says nothing of the rows where it lies."""
+    uv = np.array([[0.0, 0], [0, 1], [-1, 0.5], [-0.9, 0.6], [-0.8, 0.4], [4, 0], [5, 0], [4, 1]])
+    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [5, 6, 7]])
+    options = PackOptions(resolution=256, padding=2)
+    shapes = shapes_of(faces, uv, np.array([0, 0, 0, 1]))
+    apart = Placement(
+        60.0, np.zeros(2), np.array([[70.0, 120.0], [180.0, 120.0]]), np.zeros(2, int)
+    )
+    growth = growth_of(shapes, options)
+    assert finish(shapes, apart, options)[1] is None
+    assert not growth.overlaps(apart)
+    assert compaction.compact(growth, apart, 6).scale > 1.2 * apart.scale
+
+
+def test_charts_on_each_other_overlap() -> None:
+    options = PackOptions(resolution=256, padding=2)
+    shapes = rectangles([[1.0, 1.0], [1.0, 1.0]])
+    on = Placement(60.0, np.zeros(2), np.array([[100.0, 120.0], [120.0, 120.0]]), np.zeros(2, int))
+    assert growth_of(shapes, options).overlaps(on)
+    assert not growth_of(shapes, options).overlaps(replace(on, page=np.array([0, 1])))

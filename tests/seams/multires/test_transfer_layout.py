@@ -13,6 +13,7 @@ from circparam.seams.multires.transfer_layout import (
     fine_targets,
     match_charts,
     nearest_coarse_face,
+    prolonged,
     separate,
 )
 from circparam.seams.segmentation.grow import dual_graph
@@ -176,11 +177,16 @@ def test_the_fine_layout_is_the_coarse_one(bend: float) -> None:
     coarse.corners = np.where(second, plane @ turn, plane)
     near = nearest_coarse_face(fine, proxy)
     found = drop_slivers(atlas, coarse_chart, near)
-    targets, whole = fine_targets(coarse, atlas, coarse_chart, near, found)
-    assert whole.all()
+    carried = fine_targets(coarse, atlas, coarse_chart, near, found)
+    assert (coarse_chart[carried.source] == found.main[found.chart]).all()
     cut_mesh = atlas.cut_mesh()
-    uv, _ = from_jacobians(cut_mesh, targets)
+    uv, _ = from_jacobians(cut_mesh, carried.targets)
     assert energies(cut_mesh, uv) == pytest.approx([1.0, 1.0], abs=2e-2 if bend else 1e-9)
+    if not bend:  # continued from coarse faces it is the same already, where they lie, too
+        start = prolonged(coarse, atlas, cut_mesh, carried.source)
+        assert np.abs(np.diff((start - uv)[cut_mesh.faces], axis=1)).max() < 1e-9
+        place = coarse.corners[carried.source].mean(1) - start[cut_mesh.faces].mean(1)
+        assert np.abs(place).max() < 4 / N
     edge = np.diff(uv[cut_mesh.faces], axis=1)
     own = flat.points[flat.faces][:, :, :2]
     mine = np.where((found.main[found.chart] == 1)[:, None, None], own @ turn, own)
@@ -195,6 +201,8 @@ def test_charts_without_a_coarse_face_have_no_targets() -> None:
     near = nearest_coarse_face(fine, proxy)
     near[middles(fine)[:, 0] > 0.5] = -1
     found = match_charts(atlas, coarse_chart, near)
-    _, whole = fine_targets(coarse, atlas, coarse_chart, near, found)
-    right = found.chart[middles(fine)[:, 0] > 0.5][0]
-    assert whole.tolist() == [k != right for k in range(2)]
+    carried = fine_targets(coarse, atlas, coarse_chart, near, found)
+    right = found.chart == found.chart[middles(fine)[:, 0] > 0.5][0]
+    assert np.array_equal(carried.source < 0, right)
+    assert not carried.targets[:, :, right].any()
+    assert np.abs(carried.targets[:, :, ~right]).max() > 0

@@ -10,6 +10,7 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams.hard.regions import seam_prices
 from circparam.seams.segmentation import decide as module
+from circparam.seams.segmentation import starts
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.solvers.newton import RelaxOptions
@@ -24,27 +25,27 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     surface = surface_of(*shapes.icosphere(3))
     cost: dict[int, float] = {}
     gone_on: list[float] = []
-    start, end = module.grow_and_merge, module.shortened
+    start, end = starts.grow_and_merge, starts.shortened
 
-    def started(*task: object) -> module.Start:
+    def started(*task: object) -> starts.Start:
         one = start(*task)
-        cost[len(cost)] = module._cost(one.merger.atlas)
+        cost[len(cost)] = starts._cost(one.merger.atlas)
         return one
 
-    def shortened(one: module.Start, *rest: object) -> Atlas:
-        gone_on.append(module._cost(one.merger.atlas))
+    def shortened(one: starts.Start, *rest: object) -> Atlas:
+        gone_on.append(starts._cost(one.merger.atlas))
         return end(one, *rest)
 
-    monkeypatch.setattr(module, "BEHIND", behind)
-    monkeypatch.setattr(module, "TOGETHER", 0)
-    monkeypatch.setattr(module, "grow_and_merge", started)
-    monkeypatch.setattr(module, "shortened", shortened)
-    atlas = module.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), together=False)
+    monkeypatch.setattr(starts, "BEHIND", behind)
+    monkeypatch.setattr(starts, "TOGETHER", 0)
+    monkeypatch.setattr(starts, "grow_and_merge", started)
+    monkeypatch.setattr(starts, "shortened", shortened)
+    atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), together=False)
     assert len(cost) == 4
     assert len(set(cost.values())) > 1
     assert len(gone_on) == most
     assert min(gone_on) == min(cost.values())
-    assert module._cost(atlas) <= min(gone_on)
+    assert starts._cost(atlas) <= min(gone_on)
     assert np.isfinite(atlas.corners).all()
 
 
@@ -52,10 +53,10 @@ def test_starts_that_merge_together_come_to_what_each_comes_to_alone() -> None:
     points, faces = shapes.icosphere(3)
     surface = surface_of(points * (1 + 0.3 * np.sin(3 * points[:, :1])), faces)
     seeds = [40, 12, 25]
-    found = module.merged_together(surface, 1.05, 0.004, seeds, Monitor())
+    found = starts.merged_together(surface, 1.05, 0.004, seeds, Monitor())
     cuts = []
     for one, k in zip(found, seeds, strict=True):
-        alone = module.grow_and_merge(surface, 1.05, 0.004, k, None, Monitor()).merger
+        alone = starts.grow_and_merge(surface, 1.05, 0.004, k, None, Monitor()).merger
         np.testing.assert_array_equal(one.merger.atlas.cut, alone.atlas.cut)
         np.testing.assert_allclose(one.merger.atlas.corners, alone.atlas.corners, atol=1e-6)
         np.testing.assert_allclose(one.merger.lower_bound, alone.lower_bound, atol=1e-6)
@@ -69,11 +70,11 @@ def test_a_start_goes_on_as_it_would_have_in_one_piece() -> None:
     import pickle
 
     surface = surface_of(*shapes.icosphere(3))
-    one = module.grow_and_merge(surface, 1.05, 0.004, 12, None, Monitor())
+    one = starts.grow_and_merge(surface, 1.05, 0.004, 12, None, Monitor())
     copy = pickle.loads(pickle.dumps(one, 5))
     assert len(one.merger.tried) > 0
-    here = module.shorten_once(one, 1.05, 0.004, Monitor())
-    there = module.shorten_once(copy, 1.05, 0.004, Monitor())
+    here = starts.shorten_once(one, 1.05, 0.004, Monitor())
+    there = starts.shorten_once(copy, 1.05, 0.004, Monitor())
     for a, b in zip(here, there, strict=True):
         np.testing.assert_array_equal(a, b)
 

@@ -112,8 +112,7 @@ def test_no_chain_is_tried_again_where_none_can_help_a_frail_chart(monkeypatch) 
     def moved_bad(part: Atlas, *rest, **named):
         """As above, but what lies in the straight sheet is good: nothing forbids another try."""
         now = all_bad(part, *rest, **named)
-        if len(part.surface.faces) > m:
-            now.energy[2:] = 1.0
+        now.energy[now.cut_mesh.chart[part.surface.source >= m]] = 1.0
         return now
 
     monkeypatch.setattr(module, "lay_out_again", moved_bad)

@@ -1,0 +1,242 @@
+"""The common refinement of two surfaces: their vertices, and where their edges cross in the domain.
+
+All faces of both are straight triangles of the domain, each counter-clockwise, so every face of A and every
+face of B share a convex polygon or nothing. Edges of A walk over the faces of B by exact signs; no vertex
+may lie on an edge then, so the vertices of A are first moved by a billionth of their edges, which moves
+nothing visible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, next_half_edge, ranges
+from circparam.core.graph import components, cycles
+from circparam.errors import NoResultError
+from circparam.maps.cones import counter_clockwise, determinants, signs_of
+from circparam.maps.cover import Cover
+from circparam.maps.handles import Laid, Lifted
+
+NOISES = (1e-9, 1e-7, 1e-6, 1e-5)  # of an edge, tried in turn
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """faces (m, 3) of the refinement; the faces of both sheets that each is a part of, a (m,) and b (m,).
+    Its vertices are those of A, those of B, and crossings, which lie on edges: edge_a, edge_b (c,)
+    half-edges of the sheets, share_a, share_b (c,) how far along them."""
+
+    faces: IntArray
+    a: IntArray
+    b: IntArray
+    edge_a: IntArray
+    share_a: FloatArray
+    edge_b: IntArray
+    share_b: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """In order along the edges of A: the half-edge of A (its lower one), the half-edge of B that it leaves
+    a face by, and how far along both."""
+
+    edge_a: IntArray
+    share_a: FloatArray
+    edge_b: IntArray
+    share_b: FloatArray
+
+
+def overlay(laid: Laid) -> Overlay:
+    """The common refinement. Raises NoResultError where double precision cannot tell edges apart."""
+    for noise in NOISES:
+        moved = _shaken(laid, noise)
+        found = None if moved is None else _crossings(moved)
+        out = None if found is None else _assembled(laid.a, laid.b, found)
+        if out is not None:
+            return out
+    raise NoResultError(
+        "the edges of the two surfaces lie on each other beyond double precision: no overlay; "
+        "map without --overlay, or move one of the meshes"
+    )
+
+
+def _shaken(laid: Laid, noise: float) -> Laid | None:
+    """Every vertex of A a little aside, in the same way every time; None where that turns a face over."""
+    faces = laid.a.sheet.faces
+    edge = np.linalg.norm(laid.a.cones - np.roll(laid.a.cones, 1, 1), axis=2).min(1)
+    least = np.full(len(laid.vertices), np.inf)
+    np.minimum.at(least, faces.ravel(), np.repeat(edge, 3))
+    shake = np.random.default_rng(0).uniform(-1, 1, laid.vertices.shape)
+    q = laid.a.geometry.normal(laid.vertices + noise * least[:, None] * shake)
+    cones = laid.whole.corners(q)
+    if not counter_clockwise(cones).all():
+        return None
+    near = laid.lifted
+    start = np.asarray(np.linalg.solve(near.turn, q[..., None])[..., 0], np.float64)
+    face, w, turn = laid.b.find(start, near.face)
+    if (w <= 0).any():
+        return None
+    lifted = Lifted(face, w, near.turn @ turn)
+    return replace(laid, a=replace(laid.a, cones=cones), vertices=q, lifted=lifted)
+
+
+def _crossings(laid: Laid) -> Crossings | None:
+    """All edges of A walk over B at once; None where one loses its way."""
+    a, b, at = laid.a, laid.b, laid.lifted
+    twin, other = a.sheet.twin, b.sheet.twin
+    edges = np.flatnonzero(np.arange(len(twin)) < twin)
+    f, k = edges // 3, edges % 3
+    v = a.sheet.faces[f, k]
+    into = np.linalg.inv(laid.whole.of(edges) @ at.turn[v])
+    p = np.einsum("kij,kj->ki", into, a.cones[f, k])
+    q = np.einsum("kij,kj->ki", into, a.cones[f, (k + 1) % 3])
+    face, came = at.face[v], np.full(len(edges), -1)
+    going = np.arange(len(edges))
+    out: list[tuple[IntArray, FloatArray, IntArray, FloatArray]] = []
+    for _ in range(4 * len(b.cones) + 4):
+        cone = b.cones[face[going]]
+        inside = np.stack(
+            [signs_of(np.stack([cone[:, i], cone[:, (i + 1) % 3], q[going]], 1)) for i in range(3)],
+            1,
+        )
+        going = going[~(inside > 0).all(1)]
+        if len(going) == 0:
+            break
+        cone = b.cones[face[going]]
+        side = np.stack(
+            [signs_of(np.stack([p[going], q[going], cone[:, i]], 1)) for i in range(3)], 1
+        )
+        leaves = (side < 0) & (np.roll(side, -1, 1) > 0)
+        leaves &= 3 * face[going][:, None] + np.arange(3) != came[going][:, None]
+        if not (leaves.sum(1) == 1).all():
+            return None
+        i = leaves.argmax(1)
+        h = 3 * face[going] + i
+        rows = np.arange(len(going))
+        c0, c1 = cone[rows, i], cone[rows, (i + 1) % 3]
+        s0, s1 = determinants(c0, c1, p[going]), -determinants(c0, c1, q[going])
+        t0, t1 = -determinants(p[going], q[going], c0), determinants(p[going], q[going], c1)
+        if not ((s0 > 0) & (s1 > 0) & (t0 > 0) & (t1 > 0)).all():
+            return None
+        out.append((edges[going], s0 / (s0 + s1), h, t0 / (t0 + t1)))
+        matrix = b.matrices[b.index[h]]
+        p[going] = np.einsum("kij,kj->ki", matrix, p[going])
+        q[going] = np.einsum("kij,kj->ki", matrix, q[going])
+        came[going], face[going] = other[h], other[h] // 3
+    else:
+        return None
+    empty = (edges[:0], np.zeros(0), edges[:0], np.zeros(0))
+    edge, share, h, part = (np.concatenate(x) for x in zip(empty, *out, strict=True))
+    order = np.argsort(edge, kind="stable")  # steps were appended in order
+    return Crossings(edge[order], share[order], h[order], part[order])
+
+
+def _assembled(a: Cover, b: Cover, x: Crossings) -> Overlay | None:
+    """The faces between the parts of all edges; None where they do not close."""
+    m_a, m_b = a.sheet, b.sheet
+    n, count = m_a.n + m_b.n, len(x.edge_a)
+    own = np.arange(count)
+    lower = np.minimum(x.edge_b, m_b.twin[x.edge_b])
+    share = np.where(lower == x.edge_b, x.share_b, 1 - x.share_b)
+    along = np.lexsort((share, lower))
+    if (np.diff(share[along])[lower[along][1:] == lower[along][:-1]] <= 0).any():
+        return None
+    first = _Chains(m_a.faces, m_a.twin, 0, x.edge_a, own + n)
+    second = _Chains(m_b.faces, m_b.twin, m_a.n, lower[along], along + n)
+    follower = _followers(first, second, x)
+    start = np.concatenate([first.start, second.start])
+    label, order, size = cycles(follower)
+    euler = n + count - len(start) // 2 + len(size)
+    if euler != m_a.n - len(m_a.faces) // 2 or (size < 3).any():
+        return None
+    return _triangles((first, second), (label, order, size), start, x)
+
+
+class _Chains:
+    """The parts of the edges of one sheet: part s of an edge is the half-edges 2s along its lower half-edge
+    and 2s + 1 back. of (2p,): the half-edge of the sheet that each lies on; start (2p,): the vertex it
+    leaves."""
+
+    def __init__(
+        self, faces: IntArray, twin: IntArray, shift: int, edge: IntArray, crossing: IntArray
+    ) -> None:
+        h = np.arange(len(twin))
+        edges = np.flatnonzero(h < twin)
+        number = np.searchsorted(edges, edge)
+        counts = np.bincount(number, minlength=len(edges))
+        parts = counts + 1
+        self.first = np.cumsum(parts) - parts  # part of each edge
+        self.last = self.first + counts
+        self.edges, self.total = edges, int(parts.sum())
+        where = np.repeat(np.arange(len(edges)), parts)
+        begin = faces.ravel()[edges][where] + shift
+        end = faces.ravel()[next_half_edge(edges)][where] + shift
+        # crossing k of an edge ends its part k and begins part k + 1
+        at = self.first[number] + ranges(counts)
+        begin[at + 1] = crossing
+        end[at] = crossing
+        self.before = np.empty(int(crossing.max(initial=-1)) + 1, np.int64)
+        self.before[crossing] = at  # the part that ends in a crossing; the next one begins there
+        self.start = np.stack([begin, end], 1).ravel()
+        self.of = np.stack([edges[where], twin[edges[where]]], 1).ravel()
+        self.part = np.full(len(twin), -1)  # first part along each half-edge, and last one
+        self.part[edges] = 2 * self.first
+        self.part[twin[edges]] = 2 * self.last + 1
+        self.final = np.full(len(twin), -1)
+        self.final[edges] = 2 * self.last
+        self.final[twin[edges]] = 2 * self.first + 1
+
+
+def _followers(a: _Chains, b: _Chains, x: Crossings) -> IntArray:
+    """(2p,) what follows each half-edge round the face on its left; those of B count from where those of A
+    end."""
+    shift = 2 * a.total
+    out = np.empty(shift + 2 * b.total, np.int64)
+    for chains, move in ((a, 0), (b, shift)):
+        h = np.arange(len(chains.part))
+        out[chains.final[h] + move] = chains.part[next_half_edge(h)] + move
+    n = len(a.before) - len(x.edge_a)
+    vertex = n + np.arange(len(x.edge_a))
+    a_in = 2 * a.before[vertex]  # forward into the crossing; + 2 forward out of it
+    b_in = 2 * b.before[vertex] + shift
+    # B's lower half-edge leads from the right of A to its left where it is the one that A leaves the face by
+    left = b.of[b_in - shift] == x.edge_b
+    to_left, to_right = np.where(left, b_in + 2, b_in + 1), np.where(left, b_in + 1, b_in + 2)
+    from_right, from_left = np.where(left, b_in, b_in + 3), np.where(left, b_in + 3, b_in)
+    out[a_in] = to_left
+    out[from_right] = a_in + 1
+    out[a_in + 3] = to_right
+    out[from_left] = a_in + 2
+    return out
+
+
+def _triangles(
+    chains: tuple[_Chains, _Chains],
+    walks: tuple[IntArray, IntArray, IntArray],
+    start: IntArray,
+    x: Crossings,
+) -> Overlay:
+    """The polygons in fans of triangles, with the faces of both sheets round each."""
+    label, order, size = walks
+    parents = []
+    shift = 2 * chains[0].total
+    half = (np.arange(shift), np.arange(shift, len(label)))
+    for k in (0, 1):
+        own, across = half[k], half[1 - k]
+        # what hangs together across the edges of the other sheet lies in one face of this one
+        count, group = components(len(size), label[across], label[across ^ 1])
+        face = np.full(count, -1)
+        face[group[label[own]]] = chains[k].of // 3
+        parents.append(face[group])
+    begin = np.cumsum(size) - size
+    fans = np.repeat(np.arange(len(size)), size - 2)
+    step = ranges(size - 2)
+    corner = start[order]
+    faces = np.stack(
+        [corner[begin[fans]], corner[begin[fans] + step + 1], corner[begin[fans] + step + 2]], 1
+    )
+    return Overlay(
+        faces, parents[0][fans], parents[1][fans], x.edge_a, x.share_a, x.edge_b, x.share_b
+    )

@@ -1,0 +1,67 @@
+"""Charts of a coarse surface on the fine one: seams along its edges, and a layout to be relaxed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import IntArray
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
+from circparam.mesh.surface import Surface
+from circparam.seams.multires.decimate import Proxy
+from circparam.seams.multires.transfer_layout import (
+    Carried,
+    cells_in_charts,
+    drop_slivers,
+    fine_targets,
+    nearest_coarse_face,
+    prolonged,
+    separate,
+    take_over,
+)
+from circparam.seams.multires.transfer_seams import NEAR_RINGS, transfer_seams
+from circparam.seams.segmentation.grow import DualGraph
+from circparam.solvers.cell_poisson import CellPoisson
+from circparam.solvers.poisson import from_jacobians
+
+UNTANGLE = 8  # rounds, of a layout carried from a proxy
+
+
+def transfer_to_fine(surface: Surface, graph: DualGraph, coarse: Atlas, proxy: Proxy) -> Atlas:
+    """Seams and layout of the proxy on the fine surface (not relaxed yet)."""
+    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
+    transfer_seams(coarse, proxy, fine)
+    carried = _carried(fine, graph, coarse, nearest_coarse_face(surface, proxy))
+    cut_mesh = fine.cut_mesh()
+    bad = not_disks(cut_mesh)
+    uv, _ = from_jacobians(cut_mesh, carried.targets, 0 if bad.any() else UNTANGLE)
+    fine.scatter(cut_mesh, uv)
+    return fine
+
+
+def from_level(
+    surface: Surface, graph: DualGraph, coarse: Atlas, level: Proxy, near: IntArray
+) -> Atlas:
+    """As ``transfer_to_fine`` from a level, whose layout is right but for what is near: in linear time.
+
+    near: (m,) face of the level near each face. Components that the level left as they are keep what they have;
+    of the others single flips are left to be untangled.
+    """
+    fine = Atlas(surface, np.zeros(len(surface.edges), bool))
+    transfer_seams(coarse, level, fine, NEAR_RINGS)
+    same = take_over(fine, coarse, level, near)
+    carried = _carried(fine, graph, coarse, near)
+    cut_mesh = fine.cut_mesh()
+    system = CellPoisson(cut_mesh, cells_in_charts(surface, cut_mesh, level))
+    start = prolonged(coarse, fine, cut_mesh, carried.source)
+    fine.scatter(cut_mesh, system.unfolded(system.towards(carried.targets, start)))
+    fine.corners[same] = coarse.corners[near[same]]
+    return fine
+
+
+def _carried(fine: Atlas, graph: DualGraph, coarse: Atlas, near: IntArray) -> Carried:
+    """What the coarse layout asks of the fine charts, once their seams have been put in order."""
+    _, coarse_chart = coarse.charts()
+    separate(fine, graph, coarse, coarse_chart, near)
+    transferred = drop_slivers(fine, coarse_chart, near)
+    return fine_targets(coarse, fine, coarse_chart, near, transferred)

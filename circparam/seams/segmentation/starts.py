@@ -1,0 +1,203 @@
+"""Starts of a search for charts: regions grown, merged, their seams shortened, and merged again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
+from circparam.seams.multires.holes import complexity
+from circparam.seams.segmentation.grow import (
+    dual_graph,
+    first_charts,
+    make_disks,
+    split_charts,
+)
+from circparam.seams.segmentation.layout import lay_out_fresh
+from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.shorten import propose
+from circparam.seams.segmentation.shorten_seams import shorten_seams
+from circparam.seams.segmentation.state import arcs_of
+from circparam.seams.segmentation.unions import MergeOptions
+from circparam.solvers.newton import RelaxOptions
+
+CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
+SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
+START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
+TOGETHER = 1500  # faces up to which starts merge in one system: calls cost more there than faces do
+CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
+# share by which a start costs more when it has merged, from which it is given up: of 15 meshes none of them won
+BEHIND = 0.1
+ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
+HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
+FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
+LOOPS = 300  # handles and holes above which the regions that charts are grown from hardly matter
+CROWD = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
+
+
+def best_of_starts(
+    surface: Surface,
+    bound: float,
+    margin: float,
+    worker: Worker,
+    monitor: Monitor,
+    together: bool = True,
+    begin: Callable[[], None] | None = None,
+) -> Atlas:
+    """Grow, merge and shorten charts: the best of a few starts where that is cheap.
+
+    Starts that are clearly behind when they have merged are not gone on with. together: whether starts merge
+    in one system, which takes a third less work, or one in a process, which takes a third less time. begin:
+    called when what is left keeps one process busy, hardly more.
+    """
+    begin = begin or _nothing
+    seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
+    # so many holes and handles cut the surface up that regions hardly matter
+    if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
+        seeds = seeds[:1]
+    if len(seeds) == 1:
+        start = grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
+        begin()
+        return shortened(start, bound, margin, monitor)
+    if together or len(surface.faces) <= TOGETHER:
+        starts = merged_together(surface, bound, margin, seeds, monitor)
+    else:
+        tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
+        starts = [s for s in worker.map(start_once, tasks, monitor) if s]
+    begin()
+    cost = np.array([_cost(s.merger.atlas) for s in starts])
+    near = np.flatnonzero(cost <= (1 + BEHIND) * cost.min())
+    if monitor.expired:
+        near = np.array([int(cost.argmin())])
+    done = worker.map(shorten_once, [(starts[k], bound, margin) for k in near], monitor)
+    ends = [Atlas(surface, *one) for one in done]
+    return ends[int(np.argmin([_cost(end) for end in ends]))]
+
+
+def _nothing() -> None:
+    pass
+
+
+def _cost(atlas: Atlas) -> float:
+    """What starts are compared by."""
+    return atlas.seam_length + CHART_COST * atlas.charts()[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Charts that have merged, and what the merging has learnt. crowd: they came from very many."""
+
+    merger: Merger
+    crowd: bool
+
+
+def start_once(
+    surface: Surface, bound: float, margin: float, seeds: int, needed: bool, monitor: Monitor
+) -> Start | None:
+    """One start; None where it is not needed and there is no time for it."""
+    if monitor.expired and not needed:
+        return None
+    return grow_and_merge(surface, bound, margin, seeds, None, monitor)
+
+
+def shorten_once(
+    start: Start, bound: float, margin: float, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """(cut, corners) of a start when its seams are short."""
+    atlas = shortened(start, bound, margin, monitor)
+    return atlas.cut, atlas.corners
+
+
+def grow_and_merge(
+    surface: Surface,
+    bound: float,
+    margin: float,
+    seeds: int,
+    worker: Worker | None,
+    monitor: Monitor,
+) -> Start:
+    """Grow charts round so many seeds, split what is bad, merge.
+
+    worker: lays half of the charts out where there is nothing better for it to do.
+    """
+    atlas, crowd = _grown(surface, bound, seeds, worker, monitor)
+    fixed = np.zeros(len(atlas.cut), bool)
+    merger = Merger(atlas, MergeOptions(bound, margin=margin), fixed, worker)
+    merger.run(monitor)
+    return Start(merger, crowd)
+
+
+def merged_together(
+    surface: Surface, bound: float, margin: float, seeds: list[int], monitor: Monitor
+) -> list[Start]:
+    """The starts from so many seeds each, merged side by side: on small surfaces calls are what trials cost."""
+    grown: list[tuple[Atlas, bool]] = []
+    for k in seeds:
+        if not (monitor.expired and grown):
+            grown.append(_grown(surface, bound, k, None, monitor))
+    cut = np.concatenate([atlas.cut for atlas, _ in grown])
+    corners = np.concatenate([atlas.corners for atlas, _ in grown])
+    all_of_them = Atlas(surface.copies(len(grown)), cut, corners)
+    options = MergeOptions(bound, margin=margin)
+    merger = Merger(all_of_them, options, np.zeros(len(cut), bool))
+    merger.run(monitor)
+    starts = []
+    e, m = len(surface.edges), len(surface.faces)
+    for k, (_, crowd) in enumerate(grown):
+        mine = slice(k * e, (k + 1) * e)
+        one = Atlas(surface, merger.atlas.cut[mine], merger.atlas.corners[k * m : (k + 1) * m])
+        of_one = Merger(one, options, np.zeros(e, bool))
+        of_one.lower_bound, of_one.overlapped = (
+            merger.lower_bound[mine],
+            merger.overlapped[:, mine].copy(),
+        )
+        starts.append(Start(of_one, crowd))
+    return starts
+
+
+def _grown(
+    surface: Surface, bound: float, seeds: int, worker: Worker | None, monitor: Monitor
+) -> tuple[Atlas, bool]:
+    """(charts grown round so many seeds and split until they are good, whether they are a crowd)."""
+    graph = dual_graph(surface)
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    first_charts(atlas, graph, seeds)
+    make_disks(atlas, graph)
+    proposal = propose(atlas, 2)
+    atlas.cut = proposal.cut(np.ones(proposal.n, bool))
+    make_disks(atlas, graph)
+    crowd = atlas.charts()[0] > CROWD
+    layouts = lay_out_fresh(atlas, None, HASTY if crowd else ROUGH, worker, monitor)
+    for _ in range(12):
+        bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
+        if not bad.any():
+            break
+        was = bad[layouts.cut_mesh.chart]
+        split_charts(atlas, graph, layouts.cut_mesh.chart, bad, 4 if bad.sum() > CROWD else 2)
+        make_disks(atlas, graph)
+        n, chart = atlas.charts()
+        again = np.zeros(n, bool)
+        again[chart[was]] = True
+        steps = HASTY if bad.sum() > CROWD else ROUGH
+        layouts = lay_out_fresh(atlas, again, steps, worker, monitor)
+    return atlas, crowd
+
+
+def shortened(start: Start, bound: float, margin: float, monitor: Monitor) -> Atlas:
+    """Shorten the seams, merge again, and shorten once more where that changed anything."""
+    merger, atlas = start.merger, start.merger.atlas
+    _, before = atlas.charts()
+    arcs, was = arcs_of(atlas, before), atlas.cut.copy()
+    steps = HASTY if start.crowd else FAIR
+    shorten_seams(atlas, bound, steps, 3, margin=margin)
+    merger.seams_moved(before, arcs)
+    merger.run(monitor)
+    if (atlas.cut != was).any():
+        shorten_seams(atlas, bound, steps, 1, margin=margin)
+    return atlas

@@ -1,0 +1,76 @@
+"""The layout with given Jacobians, from one that is right but for a few cells of a coarser surface.
+
+Conjugate gradients, preconditioned by the diagonal and by the system of one number for each cell, of which
+there are a twelfth as many as vertices: linear in the faces, and no factor of the mesh has to be held.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+
+from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.linalg import Factor, gradient_iterates
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.solvers import dirichlet
+from circparam.solvers.poisson import clamp_stretch, divergence, laplacian
+
+NEAR = 1e-3  # what the residual falls to, in the norm of the preconditioner
+LIMIT = 80  # iterations at most; from the layout of a level it takes 20 to 60
+RIDGE = 1e-9  # of the diagonal of the cells, since no system sees a chart move as a whole
+ROUNDS = 3  # of clamping: of the flips of a rough mesh they leave a twentieth
+CLAMPED = 10  # iterations after each
+LOW = 0.6  # the least singular value that a target keeps
+
+
+class CellPoisson:
+    """Σ area |J(u) − target|² over the layouts u of a cut mesh.
+
+    cell: (nv,) labels 0..k−1, any: cells that hang together within a chart serve best.
+    """
+
+    def __init__(self, cut_mesh: CutMesh, cell: IntArray) -> None:
+        self.cut_mesh, self.cell = cut_mesh, cell
+        self.gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
+        self.matrix = laplacian(cut_mesh)
+        diagonal = self.matrix.diagonal()
+        self.inverse = 1 / np.where(diagonal > 0, diagonal, 1.0)
+        n = len(cell)
+        self.cells = int(cell.max(initial=-1)) + 1
+        sums = sps.csr_matrix((np.ones(n), cell, np.arange(n + 1)), shape=(n, self.cells))
+        coarse = sums.T @ self.matrix @ sums
+        diagonal = coarse.diagonal()
+        coarse = coarse + sps.diags(np.where(diagonal > 0, RIDGE * diagonal, 1.0))
+        self.coarse = Factor(sps.csc_matrix(coarse))
+
+    def precondition(self, r: FloatArray) -> FloatArray:
+        """(nv,) about the inverse of the Laplacian times the residual (nv,)."""
+        return self.inverse * r + self.coarse.solve(group_sum(r, self.cell, self.cells))[self.cell]
+
+    def towards(self, targets: FloatArray, start: FloatArray, limit: int = LIMIT) -> FloatArray:
+        """(nv, 2) about the layout with these Jacobians (2, 2, m), from ``start`` (nv, 2) on."""
+        right = divergence(self.cut_mesh, self.gradients, targets)
+        out = np.empty_like(start)
+        for d in range(2):
+            first = np.inf
+            iterates = gradient_iterates(self.matrix, right[:, d], self.precondition, start[:, d])
+            for k, at in enumerate(iterates):
+                first = at.weight if k == 0 else first
+                out[:, d] = at.x
+                if k == limit or not at.weight > NEAR**2 * first:
+                    break
+        return out
+
+    def unfolded(self, uv: FloatArray) -> FloatArray:
+        """The layout (nv, 2) with few of the flips it had, by rounds of clamping the stretch of its faces.
+
+        What is not stretched by more than 1 / ``LOW`` asks for what it has (local and global steps: Liu and
+        others 2008).
+        """
+        corners = self.cut_mesh.faces.T
+        for _ in range(ROUNDS):
+            jacobian = dirichlet.jacobians(self.gradients, uv.T[:, corners])
+            if (dirichlet.determinants(jacobian) > 0).all():
+                break
+            uv = self.towards(clamp_stretch(jacobian, LOW), uv, CLAMPED)
+        return uv

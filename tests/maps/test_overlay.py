@@ -1,0 +1,176 @@
+"""The common refinement of two surfaces: a partition of both, closed, and morphs that end as B itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.errors import InputError, OptionError
+from circparam.formats.io import read
+from circparam.maps.morph import morph
+from circparam.maps.surface_map import Refinement, load_map, save_map
+from circparam.mesh.mesh import Mesh, UVMap
+from tests.maps.test_morph import ends, reopened, stored
+from tests.support import pairs, shapes, tori
+
+
+def areas(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    c = points[faces]
+    return np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) / 2
+
+
+def partitions(mesh: Mesh, places, faces: np.ndarray, parent: np.ndarray) -> None:
+    """Every part lies in its face, looks its way, and the parts of a face fill it."""
+    points = places.of(mesh.points, mesh.faces)
+    size = np.linalg.norm(np.ptp(mesh.points, axis=0))
+    whole, part = areas(mesh.points, mesh.faces), areas(points, faces)
+    normal = whole / np.linalg.norm(whole, axis=1)[:, None]
+    off = (points[faces] - mesh.points[mesh.faces[parent, 0]][:, None]) * normal[parent][:, None]
+    assert np.abs(off.sum(2)).max() < 1e-7 * size
+    signed = (part * normal[parent]).sum(1)
+    assert signed.min() > -1e-8 * size**2
+    filled = np.bincount(parent, signed, len(mesh.faces))
+    np.testing.assert_allclose(filled, np.linalg.norm(whole, axis=1), atol=1e-7 * size**2)
+
+
+def is_refinement(a: Mesh, b: Mesh, made: Refinement) -> None:
+    partitions(a, made.on_a, made.faces, made.parents[:, 0])
+    partitions(b, made.on_b, made.faces, made.parents[:, 1])
+    edges = np.stack([made.faces.ravel(), made.faces[:, [1, 2, 0]].ravel()], 1)
+    assert len(np.unique(edges, axis=0)) == len(edges)
+    np.testing.assert_array_equal(np.unique(edges, axis=0), np.unique(edges[:, ::-1], axis=0))
+    # the vertices of both are its first ones
+    for mesh, places in ((a, made.on_a), (b, made.on_b)):
+        there = places.of(mesh.points, mesh.faces)
+        gap = np.linalg.norm(there[None, : 4 * len(mesh.points)] - mesh.points[:20, None], axis=2)
+        assert gap.min(1).max() < 1e-9
+
+
+@pytest.mark.parametrize("relax", [True, False])
+@pytest.mark.parametrize("kind", ["sphere", "torus", "genus 2"])
+def test_the_overlay_is_a_partition_of_both(kind: str, relax: bool) -> None:
+    if kind == "sphere":
+        a, b = pairs.blob(2, 1), pairs.blob(3, 4, turned=5)
+        marks = pairs.marks(a, b)
+    elif kind == "torus":
+        a, b = tori.torus(18, 9), tori.torus(20, 12, 0.2)
+        marks = tori.marks(a, b)
+    else:
+        a, b = tori.plate(2), tori.plate(2, fine=True)
+        own = tori.spread(a, 16)
+        marks = np.stack([own, pairs.nearest(b, a.points[own])], 1)
+    found = circparam.map_surfaces(a, b, landmarks=marks, relax=relax, overlay=True)
+    made = found.map.overlay
+    is_refinement(a, b, made)
+    size = np.linalg.norm(np.ptp(a.points, axis=0))
+    assert pairs.back_through_overlay(a, b, found.map) < 1e-6 * size
+    # what it says of the vertices of A is what the map says
+    own = made.on_b.of(b.points, b.faces)[: len(a.points)]
+    order = pairs.nearest(Mesh(made.on_a.of(a.points, a.faces)[: len(a.points)], a.faces), a.points)
+    image = found.map.to_b.of(b.points, b.faces)
+    size = np.linalg.norm(np.ptp(b.points, axis=0))
+    assert np.abs(own[order] - image).max() < 1e-6 * size
+
+
+def test_there_and_back_moves_nothing() -> None:
+    """From A to B face by face, and back by the place on B alone: 1e-6 of the size, at any place."""
+    a, b = pairs.blob(2, 1), pairs.blob(3, 4, turned=5)
+    made = circparam.map_surfaces(a, b, landmarks=pairs.marks(a, b), overlay=True).map.overlay
+    rng = np.random.default_rng(0)
+    w = rng.dirichlet(np.ones(3), len(made.faces))
+    on_a, on_b = (p.of(m.points, m.faces)[made.faces] for p, m in ((made.on_a, a), (made.on_b, b)))
+    there = np.einsum("fc,fcd->fd", w, on_b)
+    big = np.linalg.norm(areas(made.on_b.of(b.points, b.faces), made.faces), axis=1) > 1e-6
+    m = np.stack([on_b[:, 1] - on_b[:, 0], on_b[:, 2] - on_b[:, 0]], 2)[big]
+    st = np.einsum("fij,fj->fi", np.linalg.pinv(m), (there - on_b[:, 0])[big])
+    again = np.column_stack([1 - st.sum(1), st])
+    home = np.einsum("fc,fcd->fd", again, on_a[big])
+    assert big.sum() > 1000
+    assert np.abs(home - np.einsum("fc,fcd->fd", w[big], on_a[big])).max() < 1e-6
+
+
+def test_a_mesh_and_itself_have_an_overlay_too() -> None:
+    """All edges lie on each other."""
+    a = pairs.blob(2, 1)
+    found = circparam.map_surfaces(a, a, landmarks=pairs.marks(a, a), overlay=True)
+    made = found.map.overlay
+    partitions(a, made.on_a, made.faces, made.parents[:, 0])
+    moved = made.on_a.of(a.points, a.faces) - made.on_b.of(a.points, a.faces)
+    assert np.abs(moved).max() < pairs.longest_edge(a)
+
+
+def test_the_file_keeps_it(tmp_path: Path) -> None:
+    a, b = pairs.blob(2, 1), pairs.blob(2, 4, turned=5)
+    found = circparam.map_surfaces(a, b, landmarks=pairs.marks(a, b), overlay=True).map
+    save_map(tmp_path / "map.npz", found)
+    read_back = load_map(tmp_path / "map.npz")
+    for x, y in (
+        (found.overlay, read_back.overlay),
+        (found.turned().overlay, read_back.turned().overlay),
+    ):
+        np.testing.assert_array_equal(x.faces, y.faces)
+        np.testing.assert_array_equal(x.parents, y.parents)
+        np.testing.assert_array_equal(x.on_a.weights, y.on_a.weights)
+        np.testing.assert_array_equal(x.on_b.face, y.on_b.face)
+    assert read_back.turned().overlay.on_a.face.max() < len(b.faces)
+
+
+def round_layout(mesh: Mesh) -> UVMap:
+    """uv by height and side, two charts."""
+    c = mesh.points[mesh.faces]
+    chart = (c[:, :, 0].mean(1) > 0).astype(float)
+    uv = (
+        0.2
+        + 0.25 * c[:, :, [1, 2]] / np.abs(mesh.points).max()
+        + 0.4 * chart[:, None, None] * [1, 0]
+    )
+    return UVMap(uv.reshape(-1, 2), np.arange(mesh.faces.size).reshape(-1, 3))
+
+
+def test_a_morph_of_the_overlay_begins_as_a_and_ends_as_b(tmp_path: Path) -> None:
+    a, b = pairs.blob(2, 1), pairs.blob(3, 4, turned=5)
+    one, two = (
+        stored(tmp_path, "one", a, round_layout(a)),
+        stored(tmp_path, "two", b, round_layout(b)),
+    )
+    mapped = circparam.map_surfaces(one, two, landmarks=pairs.marks(a, b), overlay=True).map
+    made = morph(one, two, mapped, overlay=True)
+    document = reopened(made.data)
+    points, _ = ends(document)
+    for mesh, at in ((a, document.mesh.points), (b, points)):
+        whole = np.linalg.norm(areas(mesh.points, mesh.faces), axis=1).sum()
+        assert np.linalg.norm(areas(at, document.mesh.faces), axis=1).sum() == pytest.approx(
+            whole, rel=1e-6
+        )
+        # every vertex of both is one of it
+        gap = np.linalg.norm(mesh.points[:, None] - at[None], axis=2).min(1)
+        assert gap.max() < 1e-6
+    # uv of A: straight on its faces, whatever the part
+    layout = document.uv()
+    c = document.mesh.points[document.mesh.faces]
+    uv = layout.uv[layout.uv_faces]
+    chart = (uv[:, :, 0].mean(1) > 0.43).astype(float)
+    assert set(np.unique(chart)) == {0.0, 1.0}
+    wanted = 0.2 + 0.25 * c[:, :, [1, 2]] / np.abs(a.points).max()
+    wanted = wanted + 0.4 * (np.abs(uv[:, :, :1] - wanted[:, :, :1]) > 0.2) * [1, 0]
+    assert np.abs(uv - wanted).max() < 1e-5
+    assert made.report["overlay"]
+    assert len(document.mesh.points) < 1.5 * (mapped.overlay.faces.max() + 1)
+
+
+def test_what_has_no_overlay_is_told(tmp_path: Path) -> None:
+    a, b = pairs.blob(2, 1), pairs.blob(2, 4, turned=5)
+    one, two = (
+        stored(tmp_path, "one", a, round_layout(a)),
+        stored(tmp_path, "two", b, round_layout(b)),
+    )
+    mapped = circparam.map_surfaces(one, two, landmarks=pairs.marks(a, b)).map
+    with pytest.raises(InputError, match="map --overlay"):
+        morph(one, two, mapped, overlay=True)
+    sheet = Mesh(*shapes.bumped_disk(200, seed=0))
+    with pytest.raises(OptionError, match="boundaries"):
+        circparam.map_surfaces(sheet, sheet, overlay=True)
+    assert read(tmp_path / "one.obj").mesh.faces.shape == a.faces.shape

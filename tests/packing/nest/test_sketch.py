@@ -1,0 +1,86 @@
+"""Sketches of pages: how large a page some outlines need."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.arrays import FloatArray
+from circparam.packing.nest.sketch import FULLEST, Easel, Sketch, least_side
+
+EASEL = Easel(0.1, 0.0)
+
+
+def box(width: float, height: float) -> tuple[FloatArray, FloatArray]:
+    """Edges of a rectangle, four to a side."""
+    corner = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+    ahead = np.roll(corner, -1, axis=0)
+    t = np.arange(4) / 4
+    start = (corner[:, None] + t[None, :, None] * (ahead - corner)[:, None]).reshape(-1, 2)
+    return start, np.roll(start, -1, axis=0)
+
+
+def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
+    return [EASEL.sketch(*box(w, h)) for w, h in sizes]
+
+
+def never() -> bool:
+    return False
+
+
+def test_a_sketch_knows_its_cells() -> None:
+    """A rectangle of 8 by 4 cells: at least these, at most those that its outline touches."""
+    (one,) = sketches((0.8, 0.4))
+    assert one.masks.area.min() >= 32
+    assert one.area <= (8 + 2 * np.sqrt(2)) * (4 + 2 * np.sqrt(2)) + 1
+    assert 8 * np.sqrt(0.5) < one.least <= 10
+
+
+def test_grown_outlines_have_more_cells() -> None:
+    grown = Easel(0.1, 1.5).sketch(*box(0.8, 0.4))
+    (plain,) = sketches((0.8, 0.4))
+    assert (grown.masks.size >= plain.masks.size + 2).all()
+
+
+@pytest.mark.parametrize(("count", "across"), [(1, 1), (4, 2), (9, 3)])
+def test_squares_lie_side_by_side(count: int, across: int) -> None:
+    """The page holds them in rows and columns, and none is smaller than their cells."""
+    some = sketches(*[(0.8, 0.8)] * count)
+    side = least_side(some, 60, 6, never)
+    assert side is not None
+    assert np.sqrt(sum(float(s.masks.area.min()) for s in some)) <= side
+    tried = int(np.sqrt(sum(s.area for s in some) / FULLEST))  # smaller pages are not
+    assert side <= max(across * some[0].least, tried + 1)
+
+
+def test_two_squares_need_a_page_as_wide_as_both() -> None:
+    """Whatever their angles (Erdos' squares: two in a unit square have sides of 1 together), though their cells
+    would fill but half of it."""
+    some = sketches((1.6, 1.6), (1.6, 1.6))
+    side = least_side(some, 60, 6, never)
+    assert side is not None
+    assert 2 * 16 <= side < 2 * some[0].least
+
+
+def test_small_ones_lie_in_the_room_beside_large_ones() -> None:
+    """Two strips of 24 by 8 cells leave a third of their square: smaller ones need no larger page."""
+    strips = sketches((2.4, 0.8), (2.4, 0.8))
+    more = [*strips, *sketches((0.5, 0.5), (0.5, 0.5))]
+    assert least_side(more, 60, 6, never) == least_side(strips, 60, 6, never)
+
+
+def test_it_looks_below_the_side_asked_for_alone() -> None:
+    some = sketches(*[(0.8, 0.8)] * 4)
+    side = least_side(some, 60, 6, never)
+    assert side is not None
+    assert least_side(some, side, 6, never) is None
+    assert least_side(some, side + 1, 6, never) == side
+
+
+def test_it_ends_where_there_is_no_time() -> None:
+    assert least_side(sketches((0.8, 0.8)), 60, 6, lambda: True) is None
+
+
+def test_the_same_outlines_need_the_same_page() -> None:
+    some = sketches((1.6, 0.4), (0.8, 0.8), (0.3, 1.2), (0.5, 0.4))
+    assert least_side(some, 60, 6, never) == least_side(some, 60, 6, never)

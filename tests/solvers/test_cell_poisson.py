@@ -1,0 +1,84 @@
+"""The layout that Jacobians ask for, from one that is nearly it: the direct solve is the judge."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.core.arrays import group_count, group_sum
+from circparam.geometry.intrinsic import jacobians
+from circparam.solvers.cell_poisson import CellPoisson
+from circparam.solvers.objective import chart_energies
+from circparam.solvers.poisson import from_jacobians
+from circparam.solvers.tutte.embed import tutte_embedding
+from circparam.solvers.untangle import flipped
+from tests.support import shapes
+from tests.support.charts import patches_of
+
+
+def cells_of(cut_mesh, uv, side: float) -> np.ndarray:
+    """Squares of the plane, chart by chart."""
+    square = np.floor(uv / side).astype(np.int64)
+    square -= square.min(0)
+    key = (cut_mesh.vertex_chart * 1000 + square[:, 0]) * 1000 + square[:, 1]
+    return np.unique(key, return_inverse=True)[1].reshape(-1)
+
+
+def centred(cut_mesh, uv):
+    n = cut_mesh.n_charts
+    count = group_count(cut_mesh.vertex_chart, n)
+    mean = np.stack([group_sum(uv[:, d], cut_mesh.vertex_chart, n) / count for d in range(2)], 1)
+    return uv - mean[cut_mesh.vertex_chart]
+
+
+def two_bumps():
+    """Two bumped disks of 1500 vertices, on a circle each."""
+    cut_mesh, points = patches_of(shapes.row_of(shapes.bumped_disk(1500, 0.6), 2))
+    return cut_mesh, tutte_embedding(cut_mesh, "mean-value")[0], points
+
+
+@pytest.mark.parametrize("far", [0.0, 0.4])
+def test_the_direct_solve_and_conjugate_gradients_agree(far: float) -> None:
+    cut_mesh, uv, _ = two_bumps()
+    rng = np.random.default_rng(0)
+    targets = np.moveaxis(jacobians(cut_mesh, uv), 0, -1)
+    targets = targets + 0.2 * rng.normal(size=targets.shape)
+    wanted, _ = from_jacobians(cut_mesh, targets)
+    # wrong by noise on every vertex, and by a wave that is as long as a chart
+    start = wanted + 0.05 * rng.normal(size=wanted.shape) + far * np.sin(wanted)
+    system = CellPoisson(cut_mesh, cells_of(cut_mesh, uv, 0.2))
+    found = centred(cut_mesh, system.towards(targets, start))
+    size = np.ptp(wanted, axis=0).max()
+    assert np.abs(found - centred(cut_mesh, wanted)).max() < 1e-2 * size
+    assert np.abs(centred(cut_mesh, start) - centred(cut_mesh, wanted)).max() > 5e-2 * size
+
+
+def test_cells_settle_what_is_far_from_right_in_few_iterations() -> None:
+    """Without cells a change passes on by an edge an iteration, and a sheet of 100 edges takes as many."""
+    cut_mesh, points = patches_of(shapes.grid(100, 100))
+    uv = points[:, :2]
+    targets = np.moveaxis(jacobians(cut_mesh, uv), 0, -1)
+    start = uv * [1.3, 0.8]
+    left = []
+    for side in (0.05, 10.0):
+        system = CellPoisson(cut_mesh, cells_of(cut_mesh, uv, side))
+        found = centred(cut_mesh, system.towards(targets, start, 25))
+        left.append(np.abs(found - centred(cut_mesh, uv)).max())
+    assert left[0] < 0.01
+    assert left[0] < 0.2 * left[1]
+
+
+def test_unfolding_leaves_few_flips_and_little_else_changed() -> None:
+    cut_mesh, uv, _ = two_bumps()
+    system = CellPoisson(cut_mesh, cells_of(cut_mesh, uv, 0.2))
+    assert np.array_equal(system.unfolded(uv), uv)  # nothing is flipped: nothing is done
+    rng = np.random.default_rng(1)
+    edge = np.sqrt(np.abs(cut_mesh.areas).mean())
+    thrown = rng.random(len(uv)) < 0.03
+    folded = uv + np.where(thrown[:, None], 1.5 * edge * rng.normal(size=uv.shape), 0.0)
+    before, after = (
+        int(flipped(cut_mesh.faces, x).sum()) for x in (folded, system.unfolded(folded))
+    )
+    assert before > 100
+    assert after < 0.3 * before
+    assert not np.isfinite(chart_energies(cut_mesh, folded)).any()
