@@ -1,4 +1,4 @@
-"""What stays the same while charts grow: their outlines, sampled, and how they are looked at."""
+"""What stays the same while charts grow: their outlines, sampled, and how near and how crossed they are."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ CROSSED = 0.2
 # Side in cells of the raster on which a step is looked at: gaps are about a cell wide there, overlap shows.
 OVERLAP_SIDE = 256
 
+# Samples of outlines lie so many texels apart in the last steps.
+FINEST = 0.75
+
 # Steps at which outlines are sampled lie on a ladder of this ratio.
 STEP_RATIO = 2**0.5
 
 # Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
 SLACK = 0.02
-
-# Texels between samples in the last steps.
-FINEST = 0.75
 
 
 @dataclass(frozen=True, eq=False)
