@@ -16,7 +16,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
-from circparam.formats.source import safe_path
+from circparam.formats.source import found_beside
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -69,11 +69,13 @@ class ImageFiles:
         return self._known[name]
 
     def _content(self, name: str) -> bytes:
-        """The bytes of an image; of a path on the exporter's machine the last part is looked for here."""
+        """The bytes of an image; of a path on the exporter's machine the last part is looked for here, and
+        what follows a # is a comment where no file has it in its name."""
         far = re.match(r"[A-Za-z]:|/", name) is not None
-        for place in [name, name.rpartition("/")[2]] if far else [name]:
-            path = None if self.folder is None else safe_path(self.folder, place)
-            if path is not None and path.is_file():
+        places = [name, name.rpartition("/")[2]] if far else [name]
+        for place in [*places, *(re.sub(r"\s+#.*", "", p) for p in places if "#" in p)]:
+            path = found_beside(self.folder, place)
+            if path is not None:
                 return path.read_bytes()
         raise FileNotFoundError(name)
 

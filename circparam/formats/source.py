@@ -69,6 +69,19 @@ def safe_path(folder: Path, uri: str) -> Path | None:
     return _inside(folder, unquote(uri))
 
 
+def found_beside(folder: Path | None, uri: str) -> Path | None:
+    """The file that a relative URI names inside a folder, in another case where only that is there (files that
+    were made where case means nothing); None where there is none."""
+    path = None if folder is None else safe_path(folder, uri)
+    if path is None or path.is_file():
+        return path
+    try:
+        alike = [p for p in path.parent.iterdir() if p.name.casefold() == path.name.casefold()]
+    except OSError:
+        return None
+    return min((p for p in alike if p.is_file()), default=None)
+
+
 def _inside(folder: Path, name: str) -> Path | None:
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name) or name.startswith(("/", "\\")):
         return None

@@ -21,7 +21,6 @@ from circparam.pipeline.pieces import Carver, Piece
 
 RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
-REACH = 16  # of these cells: what is longer is a sliver, for which no page is sketched
 LARGE, LEAST = 20, 0.005  # charts that are sketched, those of more than this share of the area
 CUT, PIECE = (
     0.06,
@@ -210,9 +209,6 @@ def first_plan(carver: Carver, stop: Callable[[], bool]) -> Plan | None:
     area = carver.cut_mesh.chart_areas
     large = np.argsort(-area, kind="stable")[:LARGE]
     pieces = carver.pieces(large[area[large] > LEAST * area.sum()])
-    longest = max((float(np.ptp(p.outline.p, axis=0).max()) for p in pieces), default=0.0)
-    if longest > REACH * CELLS * carver.easel.cell:
-        return None
     sketches = [p.sketch for p in pieces]
     widest = max((s.least for s in sketches), default=0)
     side = least_side(sketches, max(2 * CELLS, widest + 2), MORE, stop) if pieces else None

@@ -20,6 +20,7 @@ from circparam.pipeline.cut_along import Chord, Limits, cut_along
 from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
 from circparam.seams.hard.regions import HARD, hardness, seam_prices
 
+LONGEST = 512  # cells of a sketch: what is longer is a sliver, for which no page is sketched
 STEP = 0.6  # cells of a sketch between the corners of an outline
 THROUGH_FLATS = 0.2  # of the length of a cut that may run through flats
 
@@ -73,7 +74,7 @@ class Carver:
     grounds: dict[int, Ground] = field(default_factory=dict)
 
     def pieces(self, charts: IntArray) -> list[Piece]:
-        """Some charts as they are; those without an outline are left out."""
+        """Some charts as they are; those without an outline are left out, all where one is a sliver."""
         return self._pieces(self.cut_mesh, self.uv, charts)
 
     def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float] | None:
@@ -114,6 +115,8 @@ class Carver:
     ) -> list[Piece]:
         scale = best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
         shown = outlines(cut_mesh, uv * scale, charts, STEP * self.easel.cell)
+        if any(np.ptp(o.p, axis=0).max() > LONGEST * self.easel.cell for o in shown):
+            return []
         return [Piece(o, self.easel.sketch(*o.edges), uv[o.vertex], ground) for o in shown]
 
     def _ground(self, chart: int) -> Ground:

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
+
+import numpy as np
+
+from tests.support import shapes
 
 PROGRAM = """
 import sys
@@ -25,3 +30,32 @@ assert callable(numpy.testing.assert_allclose)
 def test_what_nobody_uses_is_not_loaded_and_works_when_it_is() -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+UNWRAP = """
+import sys
+from circparam.cli import main
+sys.argv = ["circparam", "unwrap", *sys.argv[1:], "--quiet", "-j1", "--pack-splits", "0"]
+try:
+    main()
+except SystemExit as end:
+    assert not end.code
+wanted = {"numpy.testing._private", "numpy.f2py.crackfortran"}
+wanted |= {"scipy.spatial", "scipy.ndimage", "scipy.optimize"}
+print(sorted(wanted & set(sys.modules)))
+"""
+
+
+def test_a_mesh_of_one_chart_loads_nothing_that_only_others_need(tmp_path: Path) -> None:
+    mesh = tmp_path / "dome.obj"
+    points, faces = shapes.delaunay_square(200)
+    points = np.c_[points[:, :2], 0.1 * (points[:, :2] ** 2).sum(1)]
+    lines = [f"v {x} {y} {z}" for x, y, z in points]
+    mesh.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in faces + 1)]) + "\n")
+    done = subprocess.run(
+        [sys.executable, "-c", UNWRAP, str(mesh), "-o", str(tmp_path / "out.obj")],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip().splitlines()[-1] == "[]"

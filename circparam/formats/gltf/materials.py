@@ -13,6 +13,9 @@ from circparam.formats.gltf.model import Pool, Primitive
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.materials import ImageFiles, Textures, srgb
 
+_MOVES = {"offset", "rotation", "scale"}  # keys of KHR_texture_transform that move uv
+_UNMOVED = "textures lie elsewhere by KHR_texture_transform, which is not applied: bake it into the uv first"
+
 
 def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None:
     """(m, 3, 3) COLOR_0 of every corner, which glTF defines as linear light; None where there is none."""
@@ -42,12 +45,17 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
         texture = pbr.get("baseColorTexture")
         image = -1
         if texture is not None:
-            source = _texture_source(tree.item("textures", texture["index"]))
+            shown = tree.item("textures", texture["index"])
+            source, moved = _texture_source(shown), _moved(texture)
+            notes = (
+                [_unread(shown)] if source is None else [_UNMOVED] if moved.keys() & _MOVES else []
+            )
+            files.notes += [note for note in notes if note and note not in files.notes]
             if source is not None:
                 if source not in known:
                     known[source] = _image(tree, files, source)
                 image = known[source]
-                sets.append(int(texture.get("texCoord", 0)))
+                sets.append(int(moved.get("texCoord", texture.get("texCoord", 0))))
         factor = srgb(np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0])[:3], float))
         faces.append(np.full(len(p.triangles), image))
         plain.append(np.tile(factor, (len(p.triangles), 1)))
@@ -82,8 +90,8 @@ def texture_sets(entries: Any) -> set[int]:
         if isinstance(value, dict):
             for key, info in value.items():
                 if key.endswith("Texture") and isinstance(info, dict) and "index" in info:
-                    moved = info.get("extensions", {}).get("KHR_texture_transform", {})
-                    out.add(int(moved.get("texCoord", info.get("texCoord", 0))))
+                    plain: Any = info.get("texCoord", 0)
+                    out.add(int(_moved(info).get("texCoord", plain)))
             stack += value.values()
         elif isinstance(value, list):
             stack += value
@@ -96,6 +104,21 @@ def _texture_source(texture: dict[str, Any]) -> int | None:
         if "source" in holder:
             return int(holder["source"])
     return None
+
+
+def _unread(texture: dict[str, Any]) -> str:
+    """What to say of a texture whose image only an extension knows; nothing where there is none."""
+    named = texture.get("extensions", {})
+    known = [str(n) for n, held in named.items() if isinstance(held, dict) and "source" in held]
+    return (
+        f"a texture is compressed ({known[0]}): it is not read, export PNG or JPEG" if known else ""
+    )
+
+
+def _moved(info: dict[str, Any]) -> dict[str, Any]:
+    """How a texture info moves the uv."""
+    found: dict[str, Any] = info.get("extensions", {}).get("KHR_texture_transform", {})
+    return found
 
 
 def _image(tree: Tree, files: ImageFiles, number: int) -> int:

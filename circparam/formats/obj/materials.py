@@ -10,7 +10,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.materials import ImageFiles, Textures
 from circparam.formats.obj.mtl import read_mtl
 from circparam.formats.obj.reading import Scan
-from circparam.formats.source import safe_path
+from circparam.formats.source import found_beside
 
 
 def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
@@ -29,11 +29,14 @@ def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | Non
     """The images and colours of the materials. owner: (m,) polygon of each face. None where there are none."""
     files = ImageFiles(folder)
     materials: dict[str, tuple[int, FloatArray]] = {}
-    for library in scan.libraries():
-        path = None if folder is None else safe_path(folder, library)
+    for library in (one for line in scan.libraries() for one in _named(line, folder)):
+        path = found_beside(folder, library)
         try:
-            text = "" if path is None else path.read_text("utf-8", "replace")
+            text = None if path is None else path.read_text("utf-8", "replace")
+            text = "" if folder is None else text  # what came through a pipe has nothing beside it
         except OSError:
+            text = None
+        if text is None:
             files.notes.append(f"material file {library} is missing: put it beside the mesh")
             continue
         for name, colour, image in read_mtl(text):
@@ -49,3 +52,10 @@ def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | Non
         image_of[0], plain[0] = next(iter(materials.values()))
     at = np.searchsorted(lines, scan.face_lines)[owner]
     return files.textures(image_of[at], plain[at])
+
+
+def _named(line: str, folder: Path | None) -> list[str]:
+    """The files of one mtllib line: a name with blanks, perhaps in quotes, where it is there, else several."""
+    line = line.strip().strip('"')
+    several = " " in line and found_beside(folder, line) is None
+    return line.split() if several else [line]

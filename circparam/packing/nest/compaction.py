@@ -8,30 +8,17 @@ non-convex polygons", here with turns and growth); a few steps in a shrinking tr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.packing.budget import Budget
-from circparam.packing.coverage import outline_runs, painted
-from circparam.packing.nest.contacts import (
-    Contacts,
-    Outlines,
-    find_contacts,
-    least_distance,
-    sample_outlines,
-    to_world,
-)
-from circparam.packing.options import PackOptions, strip_gap
-from circparam.packing.outlines import Shapes
+from circparam.packing.nest.contacts import Contacts, to_world
+from circparam.packing.nest.growth import REACH, SLACK, Growth
+from circparam.packing.options import strip_gap
 from circparam.packing.placement import Placement
-from circparam.packing.straight import Straight
-
-# Contacts closer to each other than this share of the trust region count once.
-THIN = 1.0
 
 # Rows of one linear program; layouts of real charts have some ten thousand at most.
 MOST_ROWS = 60_000
@@ -41,25 +28,8 @@ MOST_ROWS = 60_000
 PIVOTS = 60
 STALLED = 1
 
-# Contacts within so many trust regions beyond the gap count: 3 cover as much of the page as 4 with a quarter
-# fewer rows; with 2, steps are taken back too often.
-REACH = 3.0
-
-# Share of the gap below which charts have come so near that a tip may be through a neighbour.
-CROSSED = 0.2
-
-# Samples lie at most this share of a trust region apart along the edges, in the last steps so many texels.
+# Samples lie at most this share of a trust region apart along the edges.
 STEP = 0.7
-FINEST = 0.75
-
-# Side in cells of the raster on which a step is looked at: gaps are about a cell wide there, overlap shows.
-OVERLAP_SIDE = 256
-
-# Steps at which outlines are sampled lie on a ladder of this ratio.
-STEP_RATIO = 2**0.5
-
-# Room in texels for what the linear programs leave out: curvature of the outlines and of the turns.
-_SLACK = 0.02
 
 # Trust regions in texels of a page of 2048: the first one; the one below which steps gain nothing that the
 # raster could show; and those of the last steps after an early end, which take back what was overshot.
@@ -72,78 +42,6 @@ LITTLE_GAIN = 0.2
 
 # One that gains less than this share is followed by one a quarter as long: charts are locked, or nearly.
 LOCKED = 0.02
-
-
-@dataclass(frozen=True, eq=False)
-class Growth:
-    """What stays the same while charts grow, for all layouts of the same charts.
-
-    straight: charts that stay along the axes where they lie so, None for none. sampled: outlines that were
-    sampled already, by their step.
-    """
-
-    shapes: Shapes
-    options: PackOptions
-    budget: Budget
-    straight: Straight | None = None
-    sampled: dict[float, Outlines] = field(default_factory=dict)
-
-    def turning(self, placement: Placement) -> FloatArray:
-        """(n,) 1 for charts that may be turned, 0 for those that may not, or lie along the axes and stay so."""
-        free = np.full(self.shapes.n, float(self.options.rotate == "free"))
-        if self.straight is not None:
-            free[self.straight.lying(placement.angle)] = 0.0
-        return free
-
-    @property
-    def unit(self) -> float:
-        """Texels of the page in one texel of a page of 2048."""
-        return self.options.resolution / 2048
-
-    @property
-    def finest(self) -> float:
-        """Texels between samples in the last steps: more where the gap is wide, which gives no finer answer."""
-        return max(FINEST, self.options.gap / 40)
-
-    @property
-    def slack(self) -> float:
-        """Room in texels for what the linear programs leave out, and for what lies between the samples."""
-        return _SLACK + 0.1 * (self.finest - FINEST)
-
-    def outlines(self, step: float) -> Outlines:
-        """Samples of all outlines at most ``step`` apart, in the units of the uv given.
-
-        Steps are rounded down to one of a ladder, so that layouts of nearly one scale share their samples.
-        """
-        rung = STEP_RATIO ** np.floor(np.log(step) / np.log(STEP_RATIO))
-        if rung not in self.sampled:
-            self.sampled[rung] = sample_outlines(self.shapes, rung)
-        return self.sampled[rung]
-
-    def near(self, placement: Placement, outlines: Outlines, trust: float) -> Contacts:
-        """The contacts that a step in a trust region (texels of a page of 2048) has to know of."""
-        reach = self.options.gap + self.slack + REACH * trust * self.unit
-        return find_contacts(placement, outlines, reach, max(THIN * trust * self.unit, 1.0))
-
-    def overlaps(self, placement: Placement) -> bool:
-        """Whether two charts overlap, to within a coarse raster; it sees what distances of outlines do not."""
-        shapes, side = self.shapes, OVERLAP_SIDE
-        own = shapes.owner[shapes.start]
-        # outlines of charts that are not simple do not tell what they cover; the last check does
-        page = np.where(shapes.simple[own], placement.page[own], -1)
-        world = shapes.place(placement.angle, placement.offset, placement.scale)
-        world *= side / self.options.resolution
-        for tile in range(int(placement.page.max()) + 1):
-            on = page == tile
-            start, end = shapes.start[on], shapes.end[on]
-            runs = outline_runs(world[start], world[end], shapes.owner[start], side)
-            if painted(runs, side)[1]:
-                return True
-        return False
-
-    def crossed(self, found: Contacts) -> bool:
-        """Whether charts have come so near that a tip may be through a neighbour."""
-        return found.crossing or least_distance(found) < CROSSED * self.options.gap
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -194,7 +92,7 @@ def _border_rows(
 ) -> list[tuple[IntArray, FloatArray, FloatArray]]:
     """Rows that keep charts from the four sides of their page: (columns, values, bounds) of each."""
     n, options = growth.shapes.n, growth.options
-    border, side = options.border + _SLACK, float(options.resolution)
+    border, side = options.border + SLACK, float(options.resolution)
     corner, _ = growth.shapes.hull
     own = growth.shapes.owner[corner]
     here = to_world(placement, own, growth.shapes.points[corner])

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from circparam.packing.budget import Budget
-from circparam.packing.nest.compaction import Growth, compact, roughly
+from circparam.packing.nest.compaction import compact, roughly
+from circparam.packing.nest.growth import Growth
 from circparam.packing.nest.search import (
     GridLayout,
     cell_size,

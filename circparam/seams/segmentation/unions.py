@@ -226,7 +226,8 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
     """Relax the unions; those that overlap deep, or still do after two steps, are given up.
 
     Of 160 unions of two meshes that overlapped after two steps, 158 overlapped when they had converged; of
-    some 400 of six meshes whose boundaries crossed more than twice before any step, all did.
+    some 400 of six meshes whose boundaries crossed more than twice before any step, all did. Where there is
+    room for hardly any change, so did all 19 of four meshes that crossed at all.
     """
     enough = 1 + ENOUGH * (options.bound - 1) if options.rigid else None
     steps = RelaxOptions(options.tolerance, 2, bound=enough, give_up=options.bound)
@@ -234,7 +235,7 @@ def _relax(cut_mesh: CutMesh, uv: FloatArray, options: MergeOptions, crowd: bool
     tried.uv[:] = uv
     pairs = crossings(uv, cut_mesh)
     crossed = np.bincount(cut_mesh.chart[pairs[:, 0] // 3], minlength=cut_mesh.n_charts)
-    tried.overlapping[:] = crossed > (0 if crowd else SHALLOW)
+    tried.overlapping[:] = crossed > (0 if crowd or np.isfinite(options.room) else SHALLOW)
     live = ~tried.overlapping
     if live.any():
         sub, vid, _ = cut_mesh.subset(live)

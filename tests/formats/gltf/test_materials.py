@@ -149,3 +149,42 @@ def test_specular_glossiness_of_older_exports() -> None:
     (material,) = tree["materials"]
     assert not material.get("extensions")
     assert "baseColorTexture" in material["pbrMetallicRoughness"]
+
+
+@pytest.mark.parametrize(
+    ("texture", "info", "words"),
+    [
+        ({"source": 0}, {}, None),
+        ({"source": 0}, {"texCoord": 0}, None),
+        ({"source": 0}, {"scale": [2, 2]}, "KHR_texture_transform"),
+        ({"source": 0}, {"offset": [0.5, 0]}, "KHR_texture_transform"),
+        ({"extensions": {"KHR_texture_basisu": {"source": 0}}}, {}, "KHR_texture_basisu"),
+        ({"extensions": {"KHR_texture_basisu": {"source": 0}}, "source": 0}, {}, None),
+        ({}, {}, None),
+    ],
+)
+def test_textures_that_are_not_shown_as_they_are_meant_are_told(
+    texture: dict[str, object], info: dict[str, object], words: str | None
+) -> None:
+    """Blender's mapping nodes and packed uv move them; other programs leave nothing but a compressed image."""
+    g = full_mesh()
+    g.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(b"picture").decode()}]
+    g.tree["textures"] = [texture]
+    extensions = {"extensions": {"KHR_texture_transform": info}} if info else {}
+    pbr = {"baseColorTexture": {"index": 0, **extensions}}
+    g.tree["materials"] = [{"pbrMetallicRoughness": pbr}, {"pbrMetallicRoughness": pbr}]
+    found = read_data(g.glb()).textures()
+    notes = [] if found is None else found.notes
+    assert len(notes) == (words is not None)
+    assert words is None or words in notes[0]
+
+
+def test_a_transform_may_name_another_uv_set() -> None:
+    g = full_mesh()
+    g.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(b"picture").decode()}]
+    g.tree["textures"] = [{"source": 0}]
+    info = {"index": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}
+    g.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": info}}]
+    found = read_data(g.glb()).textures()
+    assert found is not None
+    assert (found.uv_set, found.notes) == (1, [])

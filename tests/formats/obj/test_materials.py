@@ -75,6 +75,38 @@ def test_an_image_by_a_path_of_another_machine_is_looked_for_beside_the_mesh(fol
     assert (found.face.tolist(), found.images, found.notes) == ([0], (b"s",), [])
 
 
+@pytest.mark.parametrize(
+    ("mtl", "line"),
+    [
+        ("map_Kd S.PNG", "mtllib far.mtl"),
+        ("map_Kd s.png # the skin", "mtllib far.mtl"),
+        ("map_Kd tex\\S.png\t# the skin", "mtllib far.mtl"),
+        ("map_Kd s.png", "mtllib FAR.MTL"),
+        ("map_Kd s.png", 'mtllib "far.mtl"'),
+        ("map_Kd s.png", "mtllib none.mtl far.mtl"),
+        ("map_Kd s #1.png", "mtllib far.mtl"),
+        ("map_Kd s.png", "mtllib my own.mtl"),
+    ],
+)
+def test_names_as_other_programs_write_them(folder: Path, mtl: str, line: str) -> None:
+    """Another case, comments behind names, quotes, several libraries in a line."""
+    (folder / "tex").mkdir()
+    for name in ("tex/s.png", "s #1.png"):
+        (folder / name).write_bytes(b"s")
+    for name in ("far.mtl", "my own.mtl"):
+        (folder / name).write_text(f"newmtl Material #25\n{mtl}\n")
+    found = textures(folder, f"{line}\nusemtl Material #25\nf 1 2 3\n".encode())
+    assert found.images == (b"s",)
+    assert found.face.tolist() == [0]
+
+
+def test_no_other_file_is_taken_for_a_name(folder: Path) -> None:
+    (folder / "far.mtl").write_text("newmtl a\nmap_Kd ../S.PNG\n")
+    (folder.parent / "s.png").write_bytes(b"secret")
+    found = textures(folder, b"mtllib far.mtl\nusemtl a\nf 1 2 3\n")
+    assert (found.images, len(found.notes)) == ((), 1)
+
+
 def test_materials_do_not_leak_into_each_other() -> None:
     text = "Kd 0 0 0\nnewmtl a\nKd 0 0 0\nmap_Kd a.png\nnewmtl b\nnewmtl c\nKd 1 0\nnewmtl d\nKd e.e 1 1"
     rows = [(name, colour.tolist(), image) for name, colour, image in read_mtl(text)]

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from circparam.core.monitor import Monitor
 from circparam.packing import pack
 from circparam.packing.budget import Budget
 from circparam.packing.nest import compaction
 from circparam.packing.nest.contacts import least_distance
+from circparam.packing.nest.growth import Growth
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
@@ -28,13 +30,13 @@ def test_a_bundle_of_needles_makes_no_huge_program(monkeypatch: pytest.MonkeyPat
     uv[2::3] = [0.5, 1e-6]
     faces = np.arange(3 * n).reshape(n, 3)
     rows: list[int] = []
-    solve = compaction.linprog
+    solve = scipy.optimize.linprog
 
     def recorded(*args: object, **options: object) -> object:
         rows.append(options["A_ub"].shape[0])  # type: ignore[attr-defined]
         return solve(*args, **options)
 
-    monkeypatch.setattr(compaction, "linprog", recorded)
+    monkeypatch.setattr(scipy.optimize, "linprog", recorded)
     options = PackOptions(resolution=256, padding=2, effort=QUICK)
     pack(faces, uv, np.arange(n), options)
     most = max(rows)
@@ -66,7 +68,7 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
 
 
 def growth_of(shapes, options, budget=None):
-    return compaction.Growth(shapes, options, budget or Budget(1e9, lambda: False))
+    return Growth(shapes, options, budget or Budget(1e9, lambda: False))
 
 
 def step(growth, placement, trust, strict=False):
