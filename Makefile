@@ -85,7 +85,7 @@ bench-scale: $(VENV)/.dev ## rough meshes of 0.09 to 1.2 million faces, made her
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench scale $(SCALE)
 
 bench-batch: $(VENV)/.dev ## many files: rates, overhead, memory, and the tests of faults that take minutes
-	CIRCPARAM_SLOW=1 $(RUN) -m pytest -m slow tests/batch
+	CIRCPARAM_SLOW=1 $(RUN) -m pytest -m slow tests/batch tests/cli
 	$(RUN) -m tests.bench batch
 
 fuzz: $(VENV)/.dev ## hostile meshes and broken files: make fuzz FUZZ=5000 SEED=1

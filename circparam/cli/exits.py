@@ -44,6 +44,14 @@ class Terminated(BaseException):
     """SIGTERM has arrived: raised in the main thread, so that temporary files are removed."""
 
 
+def _out_of_memory(error: BaseException) -> bool:
+    """Whether memory was missing: for arrays, or for a library that is loaded only when it is needed."""
+    unmapped = isinstance(error, ImportError) and (
+        "failed to map segment" in str(error) or "cannot allocate memory" in str(error).lower()
+    )
+    return unmapped or isinstance(error, MemoryError)
+
+
 def code_of(error: BaseException) -> int:
     """The exit code of an exception: its class or the nearest base decides, 1 where none is listed."""
     for cls in type(error).__mro__:
@@ -53,7 +61,7 @@ def code_of(error: BaseException) -> int:
         return INTERRUPTED
     if isinstance(error, Terminated):
         return TERMINATED
-    if isinstance(error, MemoryError):
+    if _out_of_memory(error):
         return CODES[errors.NoResultError]
     if isinstance(error, OSError):
         return CODES[errors.OutputError]
@@ -68,7 +76,7 @@ def line_of(error: BaseException) -> str:
         text = "interrupted: no partial file is left behind"
     elif isinstance(error, Terminated):
         text = "terminated: no partial file is left behind"
-    elif isinstance(error, MemoryError):
+    elif _out_of_memory(error):
         text = "out of memory with no result: give a larger --max-memory, or a smaller mesh"
     elif isinstance(error, BrokenPipeError):
         text = "standard output was closed before everything was written"

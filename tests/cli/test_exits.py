@@ -22,6 +22,8 @@ def test_every_error_has_its_own_code() -> None:
         (KeyboardInterrupt(), 130, "interrupted"),
         (exits.Terminated(), 143, "terminated"),
         (MemoryError(), 5, "memory"),
+        (ImportError("x.so: failed to map segment from shared object"), 5, "memory"),
+        (ImportError("No module named x"), 1, "internal"),
         (OSError(errno.ENOSPC, "No space left on device", "out.obj"), 8, "out.obj: no space"),
         (BrokenPipeError(), 8, "closed"),
         (RuntimeError("two\nlines"), 1, "RuntimeError: two lines"),
