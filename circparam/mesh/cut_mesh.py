@@ -155,6 +155,8 @@ class CutMesh:
         for name in TOPOLOGICAL:
             if name in self.__dict__:
                 out.__dict__[name] = self.__dict__[name]
+            else:  # what an earlier solve left there would make results differ in their last bits
+                out.__dict__.pop(name, None)
         return out
 
     def euler(self) -> IntArray:

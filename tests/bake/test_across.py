@@ -19,7 +19,7 @@ from circparam.formats.io import encode, read, read_data
 from circparam.formats.source import Source
 from circparam.geometry.shading import corner_normals, unit
 from circparam.maps.map_surfaces import Given, map_meshes
-from circparam.maps.surface_map import SurfaceMap, fingerprint
+from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.baking import sample_back, sheet, some_places, write_obj
 from tests.support.bumps import belt, traced
@@ -244,7 +244,8 @@ def test_a_map_tells_between_layers(tmp_path: Path):
     source = read(tmp_path / "two.obj")
     target = stored(tmp_path, "one", Mesh(points, faces), UVMap(points[:, :2].copy(), faces))
     down = same_map(target.mesh)
-    mapped = SurfaceMap(down.to_b, down.to_a, down.a, fingerprint(source.mesh))
+    up = Places(np.tile(down.to_a.face, 2), np.tile(down.to_a.weights, (2, 1)))
+    mapped = SurfaceMap(down.to_b, up, down.a, fingerprint(source.mesh))
     image = bake_document(
         target, "vertex-colors", source=source, across=Across(mapped), size=32
     ).tiles[0, 0]

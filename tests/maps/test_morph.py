@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.source import Source
 from circparam.maps.morph import key_frames, morph
+from circparam.maps.surface_map import Places
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.bake.test_write import chunks
 from tests.support.baking import picture, write_obj
@@ -243,6 +245,8 @@ def test_vertices_that_no_face_uses_stay(tmp_path: Path):
     two = stored(tmp_path, "two", Mesh(mesh.points * 2, mesh.faces), layout)
     mapped = same_map(one.mesh, two.mesh)
     mapped.to_b.face[-1] = -1
+    back = Places(mapped.to_b.face[:-1], mapped.to_b.weights[:-1])
+    mapped = replace(mapped, to_a=back)
     points, _ = ends(reopened(morph(one, two, mapped).data))
     assert points[len(mesh.points)].tolist() == [9, 9, 9]
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import circparam
-from circparam.core.arrays import next_half_edge
+from circparam.core.arrays import FloatArray, IntArray, next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
 from circparam.geometry.distortion import chart_distortion
 from circparam.mesh.atlas import Atlas
-from circparam.pipeline import fallback
+from circparam.packing.options import Packed
+from circparam.pipeline import fallback, fuller_page, place
 from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import LIMIT, fill_page
 from circparam.pipeline.job import prepare
@@ -59,6 +61,53 @@ def test_a_long_strip_is_cut_across() -> None:
     (note,) = after.notes
     assert "1 cut " in note
     assert "--pack-splits 0" in note
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.5, 1), (0.52, 1), (0.9, 2)])
+def test_what_counts_is_the_page_as_it_is_packed(
+    share: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cut that sketches recommend stays where the page of packed charts gets so much fuller, not else.
+
+    The seam of the strip grows by 10 of 210, and 10 ends: 0.52 instead of 0.5 is less than that is worth.
+    """
+    pack = fuller_page.pack
+
+    def packed(faces: IntArray, uv: FloatArray, chart: IntArray, *rest: Any) -> Packed:
+        full = np.array([0.5 if chart.max() == 0 else share])
+        return replace(pack(faces, uv, chart, *rest), share=full)
+
+    monkeypatch.setattr(fuller_page, "pack", packed)
+    before = roll()
+    after = filled(before)
+    assert after.atlas.charts()[0] == count
+    assert (after.atlas is before) == (count == 1)
+    assert len(after.notes) == count - 1
+
+
+def test_a_layout_that_was_packed_for_the_choice_is_not_packed_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    options = Options(resolution=512)
+    chosen = filled(roll())
+    cut_mesh, uv = chosen.open()
+    known = chosen.packing
+    assert known is not None
+
+    def placed(uv: FloatArray) -> FloatArray:
+        return place.place(cut_mesh, uv, options, Monitor(), known=known).uv
+
+    assert np.array_equal(placed(uv), known.packed.uv)
+    asked: list[int] = []
+    pack = place.pack
+    monkeypatch.setattr(place, "pack", lambda *given: asked.append(1) or pack(*given))
+    again = placed(uv)
+    assert not asked
+    again[:] = 0  # the caller's own
+    assert np.array_equal(placed(uv), known.packed.uv)
+    assert not asked
+    assert np.isfinite(placed(uv[:, ::-1] * [1.0, -1.0])).all()
+    assert asked == [1]
 
 
 def test_nothing_is_cut_that_fills_its_page() -> None:
