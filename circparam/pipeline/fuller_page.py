@@ -19,6 +19,8 @@ from circparam.core.monitor import Monitor
 from circparam.core.words import counted
 from circparam.core.workers import Worker
 from circparam.errors import CircparamError
+from circparam.geometry.distortion import face_stretch
+from circparam.mesh.atlas import Atlas
 from circparam.packing import pack
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
@@ -28,6 +30,10 @@ from circparam.pipeline.cut_plan import RATE, Planner, easel_of, first_plan
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
+from circparam.seams.grown import STRETCH, STRICT
+from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.weigh import Limits as StretchLimits
+from circparam.seams.segmentation.weigh import share_over
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 COMPARED = 2  # plans that are packed, beside the one without a cut: sketches only rank them
@@ -59,10 +65,14 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         return cascade
     area = float(cut_mesh.chart_areas.sum())
     planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop)
-    plans = [first, *planner.best(first, COMPARED)]
+    plans, tried = [first], [cascade]
+    for plan in planner.best(first, COMPARED):
+        atlas = carver.joined(plan.pieces)
+        if stretch_kept(atlas, before, options, cascade.rules.bound, monitor):
+            plans.append(plan)
+            tried.append(replace(cascade, atlas=atlas))
     if len(plans) == 1:
         return cascade
-    tried = [cascade, *(replace(cascade, atlas=carver.joined(p.pieces)) for p in plans[1:])]
     packings = Worker(monitor.jobs).map(packing, [(c, options) for c in tried], monitor)
     value = [_value(k, plan.length) for k, plan in zip(packings, plans, strict=True)]
     best = int(np.argmax(value))  # the first where several are alike: no cut
@@ -74,6 +84,28 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         f"{counted(plans[best].cuts, 'cut')} for a fuller page made the seams {longer:.1%} longer "
         "(--pack-splits 0 makes none)"
     )
+
+
+def stretch_kept(
+    atlas: Atlas, before: Atlas, options: Options, bound: float, monitor: Monitor
+) -> bool:
+    """Whether no more of an atlas with cuts is stretched too much than may be, or was; by weights if need be.
+
+    Parts of a chart have a scale each, and those that were relaxed have lost the weights that they had.
+    """
+    if options.max_stretch is None and (options.bound or np.inf) > STRICT:
+        return True
+    limits = StretchLimits(bound, options.max_stretch or STRETCH)
+    allowed = max(_stretched(before, limits.most), limits.allowed)
+    if _stretched(atlas, limits.most) <= allowed:
+        return True
+    hold_stretch(atlas, limits, monitor, slits=False, splits=False)
+    return _stretched(atlas, limits.most) <= allowed
+
+
+def _stretched(atlas: Atlas, most: float) -> float:
+    cut_mesh, uv = atlas.open()
+    return float(share_over(cut_mesh, face_stretch(cut_mesh, uv), most).sum())
 
 
 def packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacking | None:

@@ -1,18 +1,24 @@
-"""The stretch of a few large charts, held beside merging on, which seldom finds anything to merge of those."""
+"""The stretch of an atlas held; of a few large charts beside merging on, which seldom finds any to merge."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Later
+from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
-from circparam.seams.grown import hold_all
-from circparam.seams.segmentation.weigh import Limits
+from circparam.seams import grown
+from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.weigh import Limits, share_over
 
 # charts: of real meshes those with 3 stayed as they were, those with 9, 18 and 32 did not
 FEW = 6
+# as ``weigh.NEAR``, where a level has settled what is further away; and in roots of the area of a face
+NEARBY, NEAR_FACES = 0.05, 6.0
 
 
 class StretchAhead:
@@ -54,3 +60,27 @@ def held(
     """(cut, corners) of an atlas whose stretch was held."""
     hold_all(atlas, limits, monitor, slits, splits)
     return atlas.cut, atlas.corners
+
+
+def hold_all(
+    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
+) -> None:
+    """As ``hold_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
+    if len(atlas.surface.faces) <= grown.LEVEL_FACES:
+        hold_stretch(atlas, limits, monitor, slits, splits)
+        return
+    cut_mesh, uv = atlas.open()
+    over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
+    if over.sum() <= limits.allowed:
+        return
+    order = np.argsort(over, kind="stable")
+    which = np.ones(cut_mesh.n_charts, bool)
+    which[order[np.cumsum(over[order]) <= limits.allowed / 2]] = False
+    rest = limits.without(over[~which].sum(), cut_mesh, cut_mesh.subset(which)[0])
+    faces = which[cut_mesh.chart]
+    part = atlas.part(faces)
+    # on a rough mesh such faces are everywhere: what is near is told in faces
+    face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
+    near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
+    hold_stretch(part, replace(rest, near=near), monitor, slits, splits)
+    atlas.put(faces, part)

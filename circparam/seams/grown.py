@@ -12,7 +12,6 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
-from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
@@ -50,7 +49,7 @@ from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.starts import CHART_COST, LOOPS
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.seams.segmentation.weigh import Limits, share_over
+from circparam.seams.segmentation.weigh import Limits
 from circparam.solvers.newton import RelaxOptions
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
@@ -71,8 +70,7 @@ LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many t
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
 LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
 SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too
-# as ``weigh.NEAR``, where a level has settled what is further away; and in roots of the area of a face
-NEARBY, NEAR_FACES = 0.05, 6.0
+BROKEN = 0.5  # of what the next best level costs, above which that is tried on the mesh too
 MOST_LOST = 0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
 UNEVEN = 1.3  # times the mean roughness: half of the charts have more, and pieces of those more yet
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
@@ -115,7 +113,7 @@ def grown_atlas(
             part = _decided(surface.part(bent), bound, options, worker, monitor, target)
             atlas.put(bent, part.atlas if part.plain is None else part.plain())
             decided = decided._replace(relaxing=part.relaxing)
-    if decided.plain is not None and len(surface.faces) > SMALL_FACES:
+    if decided.plain is not None and SMALL_FACES < len(surface.faces) <= LEVEL_FACES:
         with monitor.stage("enforce"):
             broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
         if broken:
@@ -124,14 +122,20 @@ def grown_atlas(
     merged, whole = decided.atlas, decided.atlas.charts()[0]
     finish(decided, bound, options, worker, monitor, notes)
     # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
-    if decided.plain is None or merged.charts()[0] <= whole:
+    if decided.plain is None or merged.charts()[0] <= whole or _cost(merged) <= decided.most:
         return merged
     with monitor.stage("carry"):
         plain = decided.plain()
     finish(decided._replace(atlas=plain), bound, options, worker, monitor, [])
+    if decided.most:
+        return merged if _cost(merged) <= _cost(plain) else plain
     for one in (plain, merged):
         merge_on(one, bound, MARGIN / 2, monitor)
     return merged if better_in_all(merged, plain) else plain
+
+
+def _cost(atlas: Atlas) -> float:
+    return atlas.seam_length + CHART_COST * atlas.charts()[0]
 
 
 class Decided(NamedTuple):
@@ -141,6 +145,9 @@ class Decided(NamedTuple):
     graph: DualGraph
     relaxing: RelaxOptions = FINAL
     plain: Callable[[], Atlas] | None = None  # makes it as it was before charts were merged on
+    most: float = (
+        0.0  # seams and charts up to which one from a level stays, if more break than were
+    )
 
 
 def finish(
@@ -205,7 +212,7 @@ def _decided(
     count, graph = len(surface.faces), dual_graph(surface)
     twice = target is None and options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
-        return Decided(_from_level(surface, graph, bound, options, worker, monitor), graph, LOCAL)
+        return _from_level(surface, graph, bound, options, worker, monitor)
     # workers that are opened for a small mesh come as its starts are about to end
     proxy, alone = None, count <= ALONE
     with monitor.stage("charts"):
@@ -243,8 +250,11 @@ def _from_level(
     options: SeamOptions,
     worker: Worker,
     monitor: Monitor,
-) -> Atlas:
-    """Charts made with all steps on a smaller surface, carried over: those of a large one cost as little."""
+) -> Decided:
+    """Charts made with all steps on a smaller surface, carried over: those of a large one cost as little.
+
+    What the next best of that surface promised, and a half more, is what they may come to.
+    """
     with monitor.stage("charts"):
         level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
     middle = with_prices(level.surface, options, monitor)
@@ -260,11 +270,16 @@ def _from_level(
             targets += [int(k * targets[0]) for k in OTHER_PROXIES]
         tasks = [(middle, inner, options, k, k == targets[0]) for k in targets]
         tried = [Atlas(middle, *t) for t in worker.map(_level_atlas, tasks, monitor) if t]
-    cost = [a.seam_length + CHART_COST * a.charts()[0] for a in tried]
+    cost = [_cost(a) for a in tried]
+    order = np.argsort(cost, kind="stable").tolist()
     with monitor.stage("carry"):
         # another surface would have areas, normals and all else of its own
         blind = surface if surface.price is None else dataclasses.replace(surface, price=None)
-        return from_level(blind, graph, tried[int(np.argmin(cost))], level, near)
+        atlas = from_level(blind, graph, tried[order[0]], level, near)
+        if len(order) == 1:
+            return Decided(atlas, graph, LOCAL)
+        plain = partial(from_level, blind, graph, tried[order[1]], level, near)
+        return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost[order[1]])
 
 
 def _level_atlas(
@@ -294,30 +309,6 @@ def _level_atlas(
                 hold_stretch(atlas, strict, monitor, slits=False)
                 hold_stretch(atlas, limits, monitor, slits, splits)
     return atlas.cut, atlas.corners
-
-
-def hold_all(
-    atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
-) -> None:
-    """As ``hold_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
-    if len(atlas.surface.faces) <= LEVEL_FACES:
-        hold_stretch(atlas, limits, monitor, slits, splits)
-        return
-    cut_mesh, uv = atlas.open()
-    over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
-    if over.sum() <= limits.allowed:
-        return
-    order = np.argsort(over, kind="stable")
-    which = np.ones(cut_mesh.n_charts, bool)
-    which[order[np.cumsum(over[order]) <= limits.allowed / 2]] = False
-    rest = limits.without(over[~which].sum(), cut_mesh, cut_mesh.subset(which)[0])
-    faces = which[cut_mesh.chart]
-    part = atlas.part(faces)
-    # on a rough mesh such faces are everywhere: what is near is told in faces
-    face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
-    near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
-    hold_stretch(part, dataclasses.replace(rest, near=near), monitor, slits, splits)
-    atlas.put(faces, part)
 
 
 def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bool]:

@@ -14,7 +14,7 @@ from circparam.core.arrays import FloatArray, IntArray, next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
-from circparam.geometry.distortion import chart_distortion
+from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.packing.options import Packed
 from circparam.pipeline import fallback, fuller_page, place
@@ -22,6 +22,7 @@ from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import LIMIT, fill_page
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import Options
+from circparam.seams.segmentation.weigh import share_over
 from tests.support import shapes
 
 
@@ -83,6 +84,32 @@ def test_what_counts_is_the_page_as_it_is_packed(
     assert after.atlas.charts()[0] == count
     assert (after.atlas is before) == (count == 1)
     assert len(after.notes) == count - 1
+
+
+def stretched(atlas: Atlas, columns: int) -> Atlas:
+    """The strip with some of its columns drawn three times as long, and what lies behind them moved on."""
+    x = atlas.corners[..., 0]
+    out = np.where(x > 40, x + 2 * np.minimum(x - 40, columns), x)
+    corners = np.stack([out, atlas.corners[..., 1]], 2)
+    return Atlas(atlas.surface, atlas.cut.copy(), corners)
+
+
+def test_cuts_leave_no_more_stretched_than_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Weights bring back what parts with scales of their own are stretched too much; else there is no cut."""
+    before, limits = roll(rough=0.0), Options(resolution=512)
+    after = stretched(before, 2)
+    assert fuller_page.stretch_kept(after, before, limits, 1.2, Monitor())
+    cut_mesh, uv = after.open()
+    assert float(share_over(cut_mesh, face_stretch(cut_mesh, uv), 2.0).sum()) <= 1e-3
+    monkeypatch.setattr(fuller_page, "hold_stretch", lambda *given, **more: None)
+    after = stretched(before, 2)
+    assert not fuller_page.stretch_kept(after, before, limits, 1.2, Monitor())
+    assert fuller_page.stretch_kept(after, after, limits, 1.2, Monitor()), "no more than before"
+    assert fuller_page.stretch_kept(
+        after, before, replace(limits, max_distortion=1.3), 1.3, Monitor()
+    )
+    monkeypatch.setattr(fuller_page, "stretch_kept", lambda *given: False)
+    assert filled(before).atlas is before
 
 
 def test_a_layout_that_was_packed_for_the_choice_is_not_packed_again(

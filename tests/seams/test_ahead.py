@@ -13,8 +13,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.pool import current
 from circparam.mesh.atlas import Atlas
 from circparam.seams import ahead
-from circparam.seams.ahead import StretchAhead
-from circparam.seams.grown import hold_all
+from circparam.seams.ahead import StretchAhead, hold_all
 from circparam.seams.segmentation.weigh import Limits
 from tests.support import shapes
 from tests.support.atlases import relaxed

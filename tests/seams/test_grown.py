@@ -64,6 +64,29 @@ def test_charts_of_a_level_are_good_charts_of_the_surface(small_levels: list[int
     assert (chart_energies(cut_mesh, uv) <= BOUND).all()
 
 
+@pytest.mark.parametrize("broken", [False, True])
+def test_a_level_whose_charts_break_gives_way_to_the_next(
+    small_levels: list[int], monkeypatch: pytest.MonkeyPatch, broken: bool
+) -> None:
+    """What is split over and over on the mesh is not kept where another level has as good charts."""
+    surface = surface_of(*rough(2))
+    carried: list[Atlas] = []
+    finish = grown.finish
+
+    def noted(decided: grown.Decided, *rest: object) -> None:
+        finish(decided, *rest)  # type: ignore[arg-type]
+        if len(decided.atlas.surface.faces) > 6_000:
+            carried.append(decided.atlas)
+            if broken and len(carried) == 1:
+                decided.atlas.cut[:] = True
+
+    monkeypatch.setattr(grown, "finish", noted)
+    atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
+    assert atlas is carried[-1]
+    assert len(carried) == (2 if broken else 1)
+    assert atlas.charts()[0] < 40
+
+
 def test_a_level_leads_to_seams_as_short_as_without_one(
     small_levels: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
