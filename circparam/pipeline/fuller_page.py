@@ -36,6 +36,7 @@ from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.segmentation.weigh import share_over
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
+ENOUGH = 0.7  # covered share of a page on which nothing is looked for
 COMPARED = 2  # plans that are packed, beside the one without a cut: sketches only rank them
 CUTS = 8  # at most
 
@@ -55,6 +56,10 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if cuts < 1 or seams <= 0 or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
+    known = packing(cascade, options, monitor)
+    if known is None or _share(known) >= ENOUGH:
+        return replace(cascade, packing=known)
+
     def stop() -> bool:
         return monitor.expired
 
@@ -62,7 +67,7 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     carver = Carver(before, cut_mesh, uv, easel, Limits(cascade.rules.bound, least_faces))
     first = first_plan(carver, stop)
     if first is None:
-        return cascade
+        return replace(cascade, packing=known)
     area = float(cut_mesh.chart_areas.sum())
     planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop)
     plans, tried = [first], [cascade]
@@ -71,9 +76,8 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         if stretch_kept(atlas, before, options, cascade.rules.bound, monitor):
             plans.append(plan)
             tried.append(replace(cascade, atlas=atlas))
-    if len(plans) == 1:
-        return cascade
-    packings = Worker(monitor.jobs).map(packing, [(c, options) for c in tried], monitor)
+    tasks = [(c, options) for c in tried[1:]]
+    packings = [known, *Worker(monitor.jobs).map(packing, tasks, monitor)]
     value = [_value(k, plan.length) for k, plan in zip(packings, plans, strict=True)]
     best = int(np.argmax(value))  # the first where several are alike: no cut
     chosen = replace(tried[best], packing=packings[best])
@@ -122,7 +126,9 @@ def packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPackin
 
 def _value(found: KnownPacking | None, length: float) -> float:
     """What ``Plan.value`` is for a page that was packed."""
-    if found is None:
-        return -np.inf
-    pages = int(found.packed.page.max()) + 1
-    return float(np.log(found.packed.share[:pages].mean()) - RATE * np.log(length))
+    return -np.inf if found is None else float(np.log(_share(found)) - RATE * np.log(length))
+
+
+def _share(found: KnownPacking) -> float:
+    """Covered share of the pages that are used."""
+    return float(found.packed.share[: int(found.packed.page.max()) + 1].mean())
