@@ -36,8 +36,11 @@ from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.segmentation.weigh import share_over
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
-ENOUGH = 0.7  # covered share of a page on which nothing is looked for
-COMPARED = 2  # plans that are packed, beside the one without a cut: sketches only rank them
+FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
+ENOUGH, ENOUGH_OF_MANY = 0.7, 0.67  # covered share of a page on which nothing is looked for
+COMPARED = (
+    2  # plans of few charts that are packed, beside the one without a cut: sketches only rank them
+)
 CUTS = 8  # at most
 
 
@@ -57,7 +60,8 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         return cascade
 
     known = packing(cascade, options, monitor)
-    if known is None or _share(known) >= ENOUGH:
+    few = cut_mesh.n_charts <= FEW
+    if known is None or _share(known) >= (ENOUGH if few else ENOUGH_OF_MANY):
         return replace(cascade, packing=known)
 
     def stop() -> bool:
