@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from circparam.core.arrays import doubles
 from circparam.formats.memory import PlainDocument
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh
@@ -27,7 +28,7 @@ def read_stl(data: bytes, source: Source) -> PlainDocument:
         return _through_trimesh(data, source)
     if len(facets) == 0:
         raise source.error("it has no faces: there is nothing to unwrap")
-    points = facets["corners"].reshape(-1, 3).astype(np.float64)
+    points = doubles(facets["corners"].reshape(-1, 3))
     return PlainDocument(source, "stl", Mesh(points, np.arange(len(points)).reshape(-1, 3)))
 
 

@@ -16,7 +16,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray, doubles
 from circparam.formats.gltf.model import COMPONENTS, WIDTH, Json
 from circparam.formats.source import Source, safe_path
 from circparam.formats.tokens import ByteArray, as_bytes
@@ -235,7 +235,7 @@ class Tree:
         """(count, k) float64 values, normalised integers as fractions."""
         a = self.item("accessors", index)
         code = np.dtype(COMPONENTS[a["componentType"]])
-        raw = self.rows(index).view(code).astype(np.float64)
+        raw = doubles(self.rows(index).view(code))
         if a.get("normalized") and code.kind != "f":
             raw = np.maximum(raw / np.iinfo(code).max, -1.0)
         return raw

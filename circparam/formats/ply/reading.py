@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import FloatArray, IntArray, ranges
+from circparam.core.arrays import FloatArray, IntArray, doubles, ranges
 from circparam.formats.ply.model import TYPES, Element, Property
 from circparam.formats.source import Source
 from circparam.formats.tokens import Tokens, as_bytes, gather, parse_floats, parse_ints, tokenize
@@ -278,7 +278,7 @@ class Layout:
 
     def columns(self, e: Element, names: tuple[str, ...]) -> FloatArray:
         """(n, k) float64 scalar properties side by side."""
-        return np.stack([self.scalar(e, name).astype(np.float64) for name in names], 1)
+        return np.stack([doubles(self.scalar(e, name)) for name in names], 1)
 
     # bytes -----------------------------------------------------------------------------------
 
