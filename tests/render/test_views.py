@@ -68,6 +68,17 @@ def test_layout_share_overlap_and_tiles():
     assert plan.overlap == pytest.approx(1.0, abs=0.01)
 
 
+def test_a_face_that_is_there_twice_is_no_overlap():
+    """The other side of a sheet takes the place of the first: reports count it once, and so do pictures."""
+    points, faces, uv, uv_faces = cube()
+    both = np.concatenate([faces, faces[:, ::-1]])
+    plan = draw_plan(
+        make_scene(points, both, uv, np.concatenate([uv_faces, uv_faces[:, ::-1]])), 256
+    )
+    assert plan.overlap == 0
+    assert plan.share == pytest.approx(0.64, abs=0.01)
+
+
 def test_uv_outside_the_unit_square_is_shown():
     points, faces, uv, uv_faces = cube()
     scene = make_scene(points, faces, uv * 3, uv_faces)
