@@ -21,6 +21,7 @@ from circparam.core.graph import components
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
+from circparam.mesh.weld import first_duplicates
 from circparam.pipeline.verify import flipped_faces
 
 
@@ -180,6 +181,13 @@ class Scene:
         return out
 
     @cached_property
+    def single(self) -> BoolArray:
+        """(m,) faces with uv; those that are there twice (two sides of a sheet) once, as reports have it."""
+        first = first_duplicates(self.uv_faces, len(self.uv))
+        result: BoolArray = self.mapped & (first == np.arange(len(first)))
+        return result
+
+    @cached_property
     def seams(self) -> IntArray:
         """(s,) half-edges 3f + k along which the uv of a face does not go on into a neighbour.
 
@@ -187,7 +195,7 @@ class Scene:
         """
         a = self.uv_faces.ravel()
         b = self.uv_faces[:, [1, 2, 0]].ravel()
-        ok = (a >= 0) & (b >= 0)
+        ok = (a >= 0) & (b >= 0) & np.repeat(self.single, 3)
         n = len(self.uv) + 1
         key = np.where(ok, edge_keys(a, b, n), -1)
         order = np.argsort(key, kind="stable")

@@ -10,7 +10,6 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.geometry.raster import barycentric, rasterise
-from circparam.mesh.weld import first_duplicates
 from circparam.render import colours as col
 from circparam.render.camera import Camera
 from circparam.render.lines import draw_lines, shrink
@@ -197,11 +196,7 @@ def draw_plan(
     unit = n / max(u1 - u0, v1 - v0)
     origin = np.array([u0 - (n / unit - (u1 - u0)) / 2, v1 + (n / unit - (v1 - v0)) / 2])
     uv = np.stack([scene.uv[:, 0] - origin[0], origin[1] - scene.uv[:, 1]], 1) * unit
-    # a face that is there twice (a sheet with two sides) lies once on the page, as reports count it
-    shown = scene.mapped & (
-        first_duplicates(scene.uv_faces, len(uv)) == np.arange(len(scene.faces))
-    )
-    corners = np.where(shown[:, None, None], uv[np.maximum(scene.uv_faces, 0)], np.nan)
+    corners = np.where(scene.single[:, None, None], uv[np.maximum(scene.uv_faces, 0)], np.nan)
     face, _, layers = rasterise(corners, n, n)
     image = _tile_ground(n, scene.bounds, origin, unit)
     if padding > 0:

@@ -72,9 +72,11 @@ def test_a_face_that_is_there_twice_is_no_overlap():
     """The other side of a sheet takes the place of the first: reports count it once, and so do pictures."""
     points, faces, uv, uv_faces = cube()
     both = np.concatenate([faces, faces[:, ::-1]])
-    plan = draw_plan(
-        make_scene(points, both, uv, np.concatenate([uv_faces, uv_faces[:, ::-1]])), 256
-    )
+    scene = make_scene(points, both, uv, np.concatenate([uv_faces, uv_faces[:, ::-1]]))
+    once = make_scene(points, faces, uv, uv_faces)
+    assert scene.seams.tolist() == once.seams.tolist()
+    assert len(once.seams)
+    plan = draw_plan(scene, 256)
     assert plan.overlap == 0
     assert plan.share == pytest.approx(0.64, abs=0.01)
 
