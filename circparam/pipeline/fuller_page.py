@@ -37,7 +37,7 @@ from circparam.seams.segmentation.weigh import share_over
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
-ENOUGH, ENOUGH_OF_MANY = 0.7, 0.67  # covered share of a page on which nothing is looked for
+ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
 COMPARED = (
     2  # plans of few charts that are packed, beside the one without a cut: sketches only rank them
 )
