@@ -21,9 +21,8 @@ from circparam.errors import OutputError
 WINDOW = 4  # tasks at Dask for each that can be at work
 ATTEMPTS = 5  # of a file whose worker, process or store failed
 PAUSE = 0.5  # seconds before a second attempt; twice as long before each further one
-FULL_WAIT = (
-    600.0  # seconds that a full disk may stay full with nothing done before files count as failed
-)
+# seconds that a full disk may stay full with nothing done before files count as failed
+FULL_WAIT = 600.0
 LOOK = 1.0  # seconds between two looks at what runs
 POLL = 0.01
 

@@ -15,9 +15,8 @@ TEXEL_DENSITY = Range(1e-300, 1e300, "texels per unit of the mesh, more than 0")
 ROTATIONS = ("free", "90", "none")
 
 
-AUTO_PADDING = (
-    512  # texels of a page for each texel of padding that grows with it: 4 at 2048, 8 at 4096
-)
+# texels of a page for each texel of padding that grows with it: 4 at 2048, 8 at 4096
+AUTO_PADDING = 512
 
 
 def auto_padding(resolution: int) -> int:

@@ -12,9 +12,8 @@ from contextlib import contextmanager
 
 from circparam.errors import OutOfTimeError
 
-GRACE = (
-    0.05  # of the time given: work with nothing to show goes on so long after loops were stopped
-)
+# of the time given: work with nothing to show goes on so long after loops were stopped
+GRACE = 0.05
 LAG = 0.2  # and so many seconds
 
 Listener = Callable[[str, float, str], None]

@@ -71,9 +71,8 @@ def rim_of(faces: IntArray, edges: IntArray) -> Rim:
     h = boundary_half_edges(len(faces), edges)
     flat = faces.ravel()
     label = flat
-    if len(sorted_distinct(flat[h])) < len(
-        h
-    ):  # a vertex of several fans: follow each fan for itself
+    # a vertex of several fans: follow each fan for itself
+    if len(sorted_distinct(flat[h])) < len(h):
         label = corner_classes(len(faces), edges)[1].ravel()
     at = np.full(int(label.max(initial=0)) + 1, -1)
     at[label[h]] = np.arange(len(h))

@@ -26,11 +26,8 @@ FRAME = 2  # empty pixels round the picture
 SPACING = 8.0  # pixels between the places at which a long edge is looked at
 MOST = 8  # of them on one edge
 JUDGED = 64  # directions that a reported share is measured from
-COARSE, FINE, FEW = (
-    128,
-    256,
-    10_000,
-)  # side of the picture for it; up to so many faces the coarse one
+# side of the picture for it; up to so many faces the coarse one
+COARSE, FINE, FEW = 128, 256, 10_000
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,14 +18,10 @@ from circparam.maps.relax import Relaxation
 from circparam.maps.sides import Side
 from circparam.maps.targets import SheetTarget, Sphere, Spot
 
-CAP = (
-    1e-3  # weight of what closes boundaries, beside 1 for the surface, where the domain is relaxed
-)
-DOMAIN_STEPS, DOMAIN_TOLERANCE, DOMAIN_ROUNDS = (
-    4,
-    1e-4,
-    4,
-)  # between looks at what is still turned over
+# weight of what closes boundaries, beside 1 for the surface, where the domain is relaxed
+CAP = 1e-3
+# between looks at what is still turned over
+DOMAIN_STEPS, DOMAIN_TOLERANCE, DOMAIN_ROUNDS = 4, 1e-4, 4
 MAP_STEPS, MAP_TOLERANCE = 15, 1e-4
 AGAIN = 12  # guarded steps at most, after faces were turned back
 

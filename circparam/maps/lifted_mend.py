@@ -3,80 +3,51 @@ frame."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
-from circparam.core.graph import components
 from circparam.core.linalg import Factor
 from circparam.maps.base import Geometry
 from circparam.maps.cones import counter_clockwise
 from circparam.maps.cover import Development
-from circparam.maps.mend import (
-    PATCHES,
-    TRIES,
-    WIDTHS,
-    part_of,
-    row_weights,
-    untangled_flat,
-    widened,
-)
+from circparam.maps.mend import Flat, mended
 from circparam.maps.sheet import Sheet
 
 
 def mend_lifted(
     sheet: Sheet, development: Development, geometry: Geometry, q: FloatArray, fixed: BoolArray
 ) -> tuple[FloatArray, int]:
-    """(vectors (n, 3) with fewer faces turned over, how many are left). fixed (n,): vertices that stay."""
-    weights: FloatArray | None = None
-    for rings in WIDTHS:
-        for _ in range(TRIES):
-            bad = ~counter_clockwise(development.corners(q))
-            if not bad.any():
-                return q, 0
-            if weights is None:
-                weights = row_weights(sheet, "mean-value")
-            seed = np.zeros(sheet.n, bool)
-            seed[sheet.faces[bad]] = True
-            free = widened(sheet.faces, seed, rings) & ~fixed
-            if free.any():
-                new = _filled(development, geometry, q, free, weights)
-                q = _kept(development, q, new, free)
-    for rings in PATCHES:
-        q = _untangled(sheet, development, geometry, q, (fixed, rings))
-    return q, int((~counter_clockwise(development.corners(q))).sum())
+    """``mended`` for vectors (n, 3) of vertices in their frames."""
+    return mended(sheet, q, fixed, _InFrames(sheet, development, geometry))
 
 
-def _untangled(
-    sheet: Sheet,
-    development: Development,
-    geometry: Geometry,
-    q: FloatArray,
-    patches: tuple[BoolArray, int],
-) -> FloatArray:
-    """Patches of so many rings round what is left, each rolled out flat, by the foldover-free energy."""
-    fixed, rings = patches
-    bad = ~counter_clockwise(development.corners(q))
-    if not bad.any():
-        return q
-    seed = np.zeros(sheet.n, bool)
-    seed[sheet.faces[bad]] = True
-    inside = widened(sheet.faces, seed, rings)[sheet.faces].all(1)
-    h = np.flatnonzero(np.repeat(inside, 3) & np.repeat(inside, 3)[sheet.twin])
-    _, label = components(len(sheet.faces), h // 3, sheet.twin[h] // 3)
-    out = q.copy()
-    for patch in np.unique(label[bad]).tolist():
-        faces = np.flatnonzero((label == patch) & inside)
-        part = _rolled_out(sheet, development, faces)
-        vertices, local, into = part
-        rolled = np.einsum("kab,kb->ka", into, q[vertices])
-        uv, back = geometry.seen(rolled)
+@dataclass(frozen=True, eq=False)
+class _InFrames:
+    sheet: Sheet
+    development: Development
+    geometry: Geometry
+
+    def turned(self, q: FloatArray, faces: IntArray) -> BoolArray:
+        return ~counter_clockwise(self.development.corners(q)[faces])
+
+    def filled(self, q: FloatArray, free: BoolArray, weights: FloatArray) -> FloatArray:
+        return _filled(self.development, self.geometry, q, free, weights)
+
+    def flat(self, q: FloatArray, faces: IntArray) -> Flat | None:
+        """Rolled out."""
+        vertices, local, into = _rolled_out(self.sheet, self.development, faces)
+        uv, lifted = self.geometry.seen(np.einsum("kab,kb->ka", into, q[vertices]))
         if not np.isfinite(uv).all():
-            continue
-        found, held = untangled_flat(part_of(sheet, faces, local), uv, fixed[vertices])
-        new = np.linalg.solve(into, back(found)[..., None])[..., 0]
-        out[vertices[~held]] = geometry.normal(np.asarray(new[~held], np.float64))
-    return out
+            return None
+
+        def back(found: FloatArray) -> FloatArray:
+            new = np.linalg.solve(into, lifted(found)[..., None])[..., 0]
+            return self.geometry.normal(np.asarray(new, np.float64))
+
+        return Flat(vertices, local, uv, back)
 
 
 def _rolled_out(
@@ -129,22 +100,4 @@ def _filled(
     new = Factor(matrix).solve(b.ravel()).reshape(-1, 3)
     good = new[:, 2] > np.hypot(new[:, 0], new[:, 1]) if geometry.curved else new[:, 2] > 0
     out[np.flatnonzero(free)[good]] = geometry.normal(new[good])
-    return out
-
-
-def _kept(development: Development, q: FloatArray, new: FloatArray, free: BoolArray) -> FloatArray:
-    """``new`` on every patch of free vertices where fewer faces are turned over than before."""
-    faces = development.faces
-    i, j = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    both = free[i] & free[j]
-    count, label = components(len(q), i[both], j[both])
-    touched = free[faces].any(1)
-    of = np.where(free[faces[touched]], label[faces[touched]], -1).max(1)
-    before, after = (
-        np.bincount(of[~counter_clockwise(development.corners(x)[touched])], minlength=count)
-        for x in (q, new)
-    )
-    take = free & (after < before)[label]
-    out = q.copy()
-    out[take] = new[take]
     return out

@@ -32,12 +32,10 @@ POSITIVE = "positive"  # what a row of WEIGHTS must be for its maps to be one to
 class MapResult:
     """A map and what it is worth.
 
-    map: places both ways. a_to_b, b_to_a: its distortion. inversions: faces turned over in the common
-    domain, by exact
-    signs, of A and of B. landmarks: pairs that were given; landmark_error: how far the worst is off, in
-    sizes of B. start:
-    the distortion of A → B before relaxation. seconds: of the stages. notes: what was assumed or had to be
-    mended.
+    map: places both ways. a_to_b, b_to_a: its distortion. inversions: faces turned over in the common domain,
+    by exact signs, of A and of B. landmarks: pairs that were given; landmark_error: how far the worst is off,
+    in sizes of B. start: the distortion of A → B before relaxation. seconds: of the stages. notes: what was
+    assumed or had to be mended.
     """
 
     map: SurfaceMap

@@ -1,8 +1,12 @@
-"""Turn single faces of a sheet on the sphere back: their surroundings are mapped anew by convex
-combinations.
+"""Turn single faces of a sheet back: their surroundings are mapped anew by convex combinations; on the sphere,
+and (``lifted_mend``) over a geometry with handles.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.sparse as sps
@@ -39,62 +43,126 @@ def widened(faces: IntArray, vertices: BoolArray, rings: int) -> BoolArray:
     return out
 
 
-def mend(sheet: Sheet, sphere: FloatArray, fixed: BoolArray) -> tuple[FloatArray, int]:
-    """(directions (n, 3) with fewer faces turned over, how many are left). fixed (n,): vertices that stay.
+class Flat(NamedTuple):
+    """Some faces in a plane: their vertices (k,), the faces by these (m, 3), uv (k, 2), and the way back."""
+
+    vertices: IntArray
+    local: IntArray
+    uv: FloatArray
+    back: Callable[[FloatArray], FloatArray]
+
+
+class Ground(Protocol):
+    """What vertices of a sheet are moved on, as vectors (n, 3)."""
+
+    def turned(self, q: FloatArray, faces: IntArray) -> BoolArray:
+        """(k,) bool: which of some faces are turned over."""
+
+    def filled(self, q: FloatArray, free: BoolArray, weights: FloatArray) -> FloatArray:
+        """The free vertices (some, (n,) bool) as weighted means of their neighbours."""
+
+    def flat(self, q: FloatArray, faces: IntArray) -> Flat | None:
+        """Some connected faces in a plane, None where they cannot lie in one."""
+
+
+def mended(sheet: Sheet, q: FloatArray, fixed: BoolArray, ground: Ground) -> tuple[FloatArray, int]:
+    """(vectors (n, 3) with fewer faces turned over, how many are left). fixed (n,): vertices that stay.
 
     Each patch of faces that are turned over is treated for itself, and only what helps is kept.
     """
     weights: FloatArray | None = None
-    q = sphere
+    every = np.arange(len(sheet.faces))
     for rings in WIDTHS:
         for _ in range(TRIES):
-            bad = ~all_counter_clockwise(q, sheet.faces)
+            bad = ground.turned(q, every)
             if not bad.any():
                 return q, 0
             if weights is None:
                 weights = row_weights(sheet, "mean-value")
-            seed = np.zeros(sheet.n, bool)
-            seed[sheet.faces[bad]] = True
-            free = widened(sheet.faces, seed, rings) & ~fixed
-            q = _kept(sheet, q, _filled(sheet, q, free, weights), free)
+            free = _round(sheet, bad, rings) & ~fixed
+            if free.any():
+                q = _kept(sheet, ground, q, ground.filled(q, free, weights), free)
     for rings in PATCHES:
-        q = _untangled(sheet, q, fixed, rings)
-    return q, int((~all_counter_clockwise(q, sheet.faces)).sum())
+        q = _untangled(sheet, ground, q, fixed, rings)
+    return q, int(ground.turned(q, every).sum())
 
 
-def _untangled(sheet: Sheet, q: FloatArray, fixed: BoolArray, rings: int) -> FloatArray:
-    """Patches round what is left, seen from the centre of the sphere in a plane, by the foldover-free
-    energy.
-    """
-    bad = ~all_counter_clockwise(q, sheet.faces)
-    if not bad.any():
-        return q
+def _round(sheet: Sheet, bad: BoolArray, rings: int) -> BoolArray:
+    """(n,) bool: the vertices of bad faces, and so many rings round them."""
     seed = np.zeros(sheet.n, bool)
     seed[sheet.faces[bad]] = True
-    near = widened(sheet.faces, seed, rings)
-    inside = near[sheet.faces].all(1)
-    twin = sheet.twin
-    h = np.arange(len(twin))
-    inner = np.repeat(inside, 3) & np.repeat(inside, 3)[twin] & (h < twin)
-    _, label = components(len(sheet.faces), h[inner] // 3, twin[inner] // 3)
+    return widened(sheet.faces, seed, rings)
+
+
+def _untangled(
+    sheet: Sheet, ground: Ground, q: FloatArray, fixed: BoolArray, rings: int
+) -> FloatArray:
+    """Patches of so many rings round what is left, each in a plane, by the foldover-free energy."""
+    bad = ground.turned(q, np.arange(len(sheet.faces)))
+    if not bad.any():
+        return q
+    inside = _round(sheet, bad, rings)[sheet.faces].all(1)
+    h = np.flatnonzero(np.repeat(inside, 3) & np.repeat(inside, 3)[sheet.twin])
+    _, label = components(len(sheet.faces), h // 3, sheet.twin[h] // 3)
     out = q.copy()
     for patch in np.unique(label[bad]).tolist():
-        f = np.flatnonzero((label == patch) & inside)
-        vertices, local = np.unique(sheet.faces[f], return_inverse=True)
+        faces = np.flatnonzero((label == patch) & inside)
+        flat = ground.flat(q, faces)
+        if flat is None:
+            continue
+        found, held = untangled_flat(
+            part_of(sheet, faces, flat.local), flat.uv, fixed[flat.vertices]
+        )
+        out[flat.vertices[~held]] = flat.back(found)[~held]
+    return out
+
+
+def mend(sheet: Sheet, sphere: FloatArray, fixed: BoolArray) -> tuple[FloatArray, int]:
+    """``mended`` for directions (n, 3) on the sphere."""
+    return mended(sheet, sphere, fixed, _OnSphere(sheet))
+
+
+@dataclass(frozen=True, eq=False)
+class _OnSphere:
+    sheet: Sheet
+
+    def turned(self, q: FloatArray, faces: IntArray) -> BoolArray:
+        return ~all_counter_clockwise(q, self.sheet.faces[faces])
+
+    def filled(self, q: FloatArray, free: BoolArray, weights: FloatArray) -> FloatArray:
+        i, j = self.sheet.faces.ravel(), self.sheet.faces[:, [1, 2, 0]].ravel()
+        use = free[i]
+        i, j, w = i[use], j[use], weights[use]
+        number, n = np.cumsum(free) - 1, int(free.sum())
+        inner = free[j]
+        matrix = sps.identity(n, format="csr") - sps.csr_matrix(
+            (w[inner], (number[i[inner]], number[j[inner]])), shape=(n, n)
+        )
+        value = w[~inner][:, None] * q[j[~inner]]
+        b = np.stack([group_sum(value[:, d], number[i[~inner]], n) for d in range(3)], 1)
+        out = q.copy()
+        new = Factor(matrix).solve(b)
+        out[free] = new / np.maximum(np.linalg.norm(new, axis=1), 1e-300)[:, None]
+        return out
+
+    def flat(self, q: FloatArray, faces: IntArray) -> Flat | None:
+        """Seen from the centre of the sphere."""
+        vertices, local = np.unique(self.sheet.faces[faces], return_inverse=True)
         centre = q[vertices].mean(0)
         centre /= np.linalg.norm(centre)
         high = q[vertices] @ centre
         if (high < 0.1).any():
-            continue
+            return None
         frame = np.linalg.svd(centre[None])[2][1:]
         frame[1] *= np.sign(np.linalg.det(np.stack([frame[0], frame[1], centre])))
+
+        def back(uv: FloatArray) -> FloatArray:
+            new = uv @ frame + centre
+            result: FloatArray = new / np.linalg.norm(new, axis=1)[:, None]
+            return result
+
         uv = (q[vertices] @ frame.T) / high[:, None]
-        found, held = untangled_flat(part_of(sheet, f, local.reshape(-1, 3)), uv, fixed[vertices])
-        new = found @ frame + centre
-        new[held] = q[vertices][held]
-        out[vertices] = new / np.linalg.norm(new, axis=1)[:, None]
-        out[vertices[held]] = q[vertices[held]]
-    return out
+        return Flat(vertices, local.reshape(-1, 3), uv, back)
 
 
 def untangled_flat(part: CutMesh, uv: FloatArray, fixed: BoolArray) -> tuple[FloatArray, BoolArray]:
@@ -126,36 +194,17 @@ def part_of(sheet: Sheet, faces: IntArray, local: IntArray) -> CutMesh:
     )
 
 
-def _filled(sheet: Sheet, q: FloatArray, free: BoolArray, weights: FloatArray) -> FloatArray:
-    """The free vertices as weighted means of their neighbours, on the sphere."""
-    i, j = sheet.faces.ravel(), sheet.faces[:, [1, 2, 0]].ravel()
-    use = free[i]
-    i, j, w = i[use], j[use], weights[use]
-    number, n = np.cumsum(free) - 1, int(free.sum())
-    if n == 0:
-        return q
-    inner = free[j]
-    matrix = sps.identity(n, format="csr") - sps.csr_matrix(
-        (w[inner], (number[i[inner]], number[j[inner]])), shape=(n, n)
-    )
-    value = w[~inner][:, None] * q[j[~inner]]
-    b = np.stack([group_sum(value[:, d], number[i[~inner]], n) for d in range(3)], 1)
-    out = q.copy()
-    new = Factor(matrix).solve(b)
-    out[free] = new / np.maximum(np.linalg.norm(new, axis=1), 1e-300)[:, None]
-    return out
-
-
-def _kept(sheet: Sheet, q: FloatArray, new: FloatArray, free: BoolArray) -> FloatArray:
+def _kept(
+    sheet: Sheet, ground: Ground, q: FloatArray, new: FloatArray, free: BoolArray
+) -> FloatArray:
     """``new`` on every patch of free vertices where fewer faces are turned over than before."""
     i, j = sheet.faces.ravel(), sheet.faces[:, [1, 2, 0]].ravel()
     both = free[i] & free[j]
     count, label = components(sheet.n, i[both], j[both])
-    touched = free[sheet.faces].any(1)
+    touched = np.flatnonzero(free[sheet.faces].any(1))
     f = sheet.faces[touched]
     of = np.where(free[f], label[f], -1).max(1)
-    before = np.bincount(of[~all_counter_clockwise(q, f)], minlength=count)
-    after = np.bincount(of[~all_counter_clockwise(new, f)], minlength=count)
+    before, after = (np.bincount(of[ground.turned(x, touched)], minlength=count) for x in (q, new))
     take = free & (after < before)[label]
     out = q.copy()
     out[take] = new[take]

@@ -18,9 +18,8 @@ from circparam.maps.mend import row_weights
 from circparam.maps.tracing import Tracer, shares
 
 NEAREST = 0.05  # of an edge: how near to its ends it is split
-BESIDE = (
-    1e-6  # how far beside the diagonal an arc runs: on regular meshes vertices lie on it exactly
-)
+# how far beside the diagonal an arc runs: on regular meshes vertices lie on it exactly
+BESIDE = 1e-6
 
 
 def straighten(layout: Layout, weights: str, first: int) -> None:

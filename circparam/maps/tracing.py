@@ -13,9 +13,8 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edg
 from circparam.core.graph import components, distances, nearest
 from circparam.maps.sheet import Sheet
 
-FIRST = (
-    1.5  # times the shortest distance between two landmarks: how far a path is looked for at first
-)
+# times the shortest distance between two landmarks: how far a path is looked for at first
+FIRST = 1.5
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.packing.outlines import Shapes
 
 BINS = 180  # of a quarter turn: half a degree each
-STRAIGHT = (
-    0.4  # share of an outline that runs along two perpendicular directions where a chart counts
-)
+# share of an outline that runs along two perpendicular directions where a chart counts
+STRAIGHT = 0.4
 EXACT = 1e-9  # radians within which a chart lies along the axes
 _QUARTER = np.pi / 2
 

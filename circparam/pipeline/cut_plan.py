@@ -22,16 +22,12 @@ from circparam.pipeline.pieces import Carver, Piece
 RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 LARGE, LEAST = 20, 0.005  # charts that are sketched, those of more than this share of the area
-CUT, PIECE = (
-    0.06,
-    0.012,
-)  # share of the area that a chart must have to be cut, and either part of it
+# share of the area that a chart must have to be cut, and either part of it
+CUT, PIECE = 0.06, 0.012
 GOOD = 0.7  # covered share of a sketch, from which on nothing is cut: packing makes 0.7 of it
 REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyond
-LONG, PART = (
-    0.6,
-    0.2,
-)  # or so much of the side of the page; share of a chart that either part must have
+# or so much of the side of the page; share of a chart that either part must have
+LONG, PART = 0.6, 0.2
 WEIGHED = 14  # chords that are sketched
 MADE = 8  # of those, the best that are tried along edges until one can be made
 COMPARED = 3  # where none is worth it by itself the best of so many is taken
@@ -56,7 +52,7 @@ class Plan:
     @property
     def value(self) -> float:
         """What is gained by a fuller page less what seams cost."""
-        return -2 * float(np.log(self.side)) - RATE * float(np.log(self.length))
+        return _value(self.side, self.length)
 
     @property
     def share(self) -> float:

@@ -30,7 +30,7 @@ from circparam.pipeline.cut_plan import RATE, Planner, easel_of, first_plan
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
-from circparam.seams.grown import STRETCH, STRICT
+from circparam.seams.grown import STRETCH, stretch_asked
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.segmentation.weigh import share_over
@@ -38,9 +38,8 @@ from circparam.seams.segmentation.weigh import share_over
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
-COMPARED = (
-    2  # plans of few charts that are packed, beside the one without a cut: sketches only rank them
-)
+# plans that are packed, beside the one without a cut: sketches only rank them
+COMPARED = 2
 CUTS = 8  # at most
 
 
@@ -101,7 +100,7 @@ def stretch_kept(
 
     Parts of a chart have a scale each, and those that were relaxed have lost the weights that they had.
     """
-    if options.max_stretch is None and (options.bound or np.inf) > STRICT:
+    if not stretch_asked(options.max_stretch, options.bound or np.inf):
         return True
     limits = StretchLimits(bound, options.max_stretch or STRETCH)
     allowed = max(_stretched(before, limits.most), limits.allowed)

@@ -11,9 +11,8 @@ from circparam.pipeline.options import Options
 
 # What workers import: all that is done in parts, first what is needed first
 MODULES = ("circparam.seams.charts", "circparam.packing.nest.strategy")
-FACES = (
-    1_500  # from this size on there is work enough for a process that starts as late as the solve
-)
+# from this size on there is work enough for a process that starts as late as the solve
+FACES = 1_500
 BYTES = 120_000  # of a file: some 3000 faces as text, a few more in binary
 
 

@@ -12,9 +12,8 @@ from circparam.pipeline.options import Options
 # 0.3 to 0.7 million faces (while charts are carried to the mesh), 1450 on one of floaters.
 FACE = 2_250
 LIKELY = 0.65  # of that: what no mesh has got by with less of
-KNOWN = (
-    50_000  # faces from which on that is known; smaller meshes need hardly more than the libraries
-)
+# faces from which on that is known; smaller meshes need hardly more than the libraries
+KNOWN = 50_000
 GIGABYTE = 1e9
 
 

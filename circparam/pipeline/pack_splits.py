@@ -32,9 +32,8 @@ from circparam.pipeline.chords import boxes, extents, turned
 from circparam.pipeline.cut_along import cheapest_way, two_disks
 
 ANCHORS = 48  # points of a boundary between which paths are tried
-REFLEX = (
-    np.pi * 4 / 9
-)  # a corner of a boundary that turns in by nearly a right angle: an arm may begin there
+# a corner of a boundary that turns in by nearly a right angle: an arm may begin there
+REFLEX = np.pi * 4 / 9
 SNAP = 1e-9  # share of a boundary's length by which a point may lie before its anchor's place: rounding
 HUBS = 2  # charts that are tried for a split, those that waste most
 TRIED = 3  # paths of each that are packed

@@ -12,9 +12,8 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade
 
-STEEP = (
-    0.35  # least share of its area with which a face may be seen along the axis of its neighbours
-)
+# least share of its area with which a face may be seen along the axis of its neighbours
+STEEP = 0.35
 VOTES = 12  # rounds in which faces follow most of their neighbours
 OWN = 0.5  # weight of the own axis in a vote, in boundary lengths
 

@@ -12,9 +12,8 @@ from circparam.render.side_by_side import MethodLayout, cell_text
 
 STAGE_COLOURS = (col.CHARTS[0], col.CHARTS[1], col.CHARTS[4], col.CHARTS[2])
 REST = col.NO_UV
-LETTER = (
-    8.0  # width of a letter of the labels, in units of the drawing: a little more than most need
-)
+# width of a letter of the labels, in units of the drawing: a little more than most need
+LETTER = 8.0
 WIDTH, BAR, STEP = 640, 300, 30
 FLOOR = 1e-4  # lower values are drawn as this one: nobody tells them apart
 TICKS = 6  # so many intervals at most: their labels stand apart

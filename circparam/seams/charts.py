@@ -44,9 +44,8 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 
-DOUBTS = (
-    10_000  # faces of components that may be hard surfaces or not, up to which both ways are tried
-)
+# faces of components that may be hard surfaces or not, up to which both ways are tried
+DOUBTS = 10_000
 FEW = 0.05  # of a large surface: hard components below that have seams that nobody has to hide
 SOUP = 1_000  # charts, from which on nobody sees which way a seam runs
 

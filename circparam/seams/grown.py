@@ -46,7 +46,7 @@ from circparam.seams.segmentation.grow import (
 )
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.starts import CHART_COST, LOOPS
+from circparam.seams.segmentation.starts import LOOPS, cost_of
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
@@ -122,20 +122,16 @@ def grown_atlas(
     merged, whole = decided.atlas, decided.atlas.charts()[0]
     finish(decided, bound, options, worker, monitor, notes)
     # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
-    if decided.plain is None or merged.charts()[0] <= whole or _cost(merged) <= decided.most:
+    if decided.plain is None or merged.charts()[0] <= whole or cost_of(merged) <= decided.most:
         return merged
     with monitor.stage("carry"):
         plain = decided.plain()
     finish(decided._replace(atlas=plain), bound, options, worker, monitor, [])
     if decided.most:
-        return merged if _cost(merged) <= _cost(plain) else plain
+        return merged if cost_of(merged) <= cost_of(plain) else plain
     for one in (plain, merged):
         merge_on(one, bound, MARGIN / 2, monitor)
     return merged if better_in_all(merged, plain) else plain
-
-
-def _cost(atlas: Atlas) -> float:
-    return atlas.seam_length + CHART_COST * atlas.charts()[0]
 
 
 class Decided(NamedTuple):
@@ -270,7 +266,7 @@ def _from_level(
             targets += [int(k * targets[0]) for k in OTHER_PROXIES]
         tasks = [(middle, inner, options, k, k == targets[0]) for k in targets]
         tried = [Atlas(middle, *t) for t in worker.map(_level_atlas, tasks, monitor) if t]
-    cost = [_cost(a) for a in tried]
+    cost = [cost_of(a) for a in tried]
     order = np.argsort(cost, kind="stable").tolist()
     with monitor.stage("carry"):
         # another surface would have areas, normals and all else of its own
@@ -311,10 +307,17 @@ def _level_atlas(
     return atlas.cut, atlas.corners
 
 
+def stretch_asked(most: float | None, bound: float) -> bool:
+    """Whether seams may be added for a largest stretch (None: the usual one) at a bound of the distortion.
+
+    Who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for.
+    """
+    return most is not None or bound <= STRICT
+
+
 def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bool]:
     """How far faces may be stretched; whether seams may be added for that, and charts be split."""
-    # who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for
-    asked = options.max_stretch is not None or options.max_distortion <= STRICT
+    asked = stretch_asked(options.max_stretch, options.max_distortion)
     free = asked and options.max_charts is None and options.min_chart_faces == 1
     return Limits(bound, options.max_stretch or STRETCH), asked, free
 

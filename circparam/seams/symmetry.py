@@ -15,9 +15,8 @@ from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy
 
 AXES = ("x", "y", "z")
-TOLERANCE = (
-    1e-3  # of the diagonal: as far may a point lie from the image of another to be its image
-)
+# of the diagonal: as far may a point lie from the image of another to be its image
+TOLERANCE = 1e-3
 ALIKE = 0.9  # share of the points that need a counterpart, an edge's length away at most
 
 

@@ -34,26 +34,6 @@ SET = (
 FLAT = np.cos(np.radians(0.5))  # of the angle between two faces of one flat
 NEEDLE = 1e-7  # area over the square of the longest edge, below which a face has no normal
 
-TIME = (
-    "By profile (processor time of one process, with imports; rows may hold one another), not measured "
-    "by this benchmark: no single place is left. SuperLU is 2 to 10 % of a run."
-)
-PLACES = [
-    ["share of the run", "counter", "CesiumMilkTruck", "tower_holes"],
-    ["merging regions and charts", "34 %", "45 %", "15 %"],
-    ["of it: starts and relaxation of unions", "19 %", "18 %", "8 %"],
-    ["of it: overlap tests, pushing apart", "10 %", "17 %", "5 %"],
-    ["pushing apart, all stages", "4 %", "12 %", "16 %"],
-    ["charts of the proxy, or of what may be organic", "–", "12 %", "18 %"],
-    ["relaxing and enforcing on the mesh itself", "–", "–", "22 %"],
-    ["the tail of the stretch", "2 %", "3 %", "11 %"],
-    ["straightening, moving seams", "7 %", "1 %", "14 %"],
-    ["visibility: prices and report", "5 %", "3 %", "6 %"],
-    ["packing", "17 %", "14 %", "5 %"],
-    ["of it: sketches of cut pages", "4 %", "6 %", "5 %"],
-    ["of it: search on the grid, compaction", "11 %", "9 %", "3 %"],
-]
-
 
 def in_flats(path: Path) -> float:
     """Length of the seams of a written file that run inside flats, over √(surface area)."""
@@ -163,7 +143,6 @@ def main() -> None:
     blocks = [
         ["## Wanted and measured", "", *common.figures(lines)],
         ["## All meshes", "", *common.table(head, rows)],
-        ["## Where the time goes", "", TIME, "", *common.table(PLACES[0], PLACES[1:])],
     ]
     print(f"written: {common.write('hard.md', 'Hard surfaces beside xatlas', intro, blocks)}")
 

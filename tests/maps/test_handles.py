@@ -10,6 +10,7 @@ import circparam
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.mesh import Mesh
 from tests.support import pairs, tori
+from tests.support.maps import check_mirrored
 
 
 def covers_once(a: Mesh, b: Mesh, found) -> None:
@@ -232,15 +233,7 @@ def test_landmarks_that_leave_a_handle_uncut_are_told() -> None:
 
 def test_a_mirrored_torus_is_told_and_mapped_where_that_is_meant() -> None:
     a, b = tori.torus(24, 12, 0.3), tori.torus(36, 18, 0.3)
-    marks = tori.marks(a, b)
-    mirror = Mesh(b.points * [1, 1, -1], b.faces[:, ::-1])
-    with pytest.raises(TopologyError, match="mirrored"):
-        circparam.map_surfaces(a, mirror, landmarks=marks)
-    found = circparam.map_surfaces(a, mirror, landmarks=marks, mirrored=True)
-    assert found.inversions == (0, 0)
-    image = found.map.to_b.of(mirror.points, mirror.faces)
-    size = np.linalg.norm(np.ptp(a.points, axis=0))
-    assert np.linalg.norm(image * [1, 1, -1] - a.points, axis=1).mean() < 0.01 * size
+    check_mirrored(a, b, tori.marks(a, b), 0.01)
 
 
 def test_a_poor_map_says_where_to_add_landmarks() -> None:

@@ -9,6 +9,7 @@ import circparam
 from circparam.errors import InputError, OptionError, TopologyError
 from circparam.mesh.mesh import Mesh
 from tests.support import pairs, shapes
+from tests.support.maps import check_mirrored
 
 
 def is_one_to_one(a: Mesh, b: Mesh, found) -> None:
@@ -173,15 +174,7 @@ def test_holes_go_to_holes() -> None:
 
 def test_a_mirrored_surface_is_told_and_mapped_where_that_is_meant() -> None:
     a, b = pairs.blob(3, 1), pairs.blob(3, 1, turned=5)
-    marks = pairs.marks(a, b)
-    mirror = Mesh(b.points * [1, 1, -1], b.faces[:, ::-1])
-    with pytest.raises(TopologyError, match="mirrored"):
-        circparam.map_surfaces(a, mirror, landmarks=marks)
-    found = circparam.map_surfaces(a, mirror, landmarks=marks, mirrored=True)
-    assert found.inversions == (0, 0)
-    image = found.map.to_b.of(mirror.points, mirror.faces)
-    size = np.linalg.norm(np.ptp(a.points, axis=0))
-    assert np.linalg.norm(image * [1, 1, -1] - a.points, axis=1).mean() < 0.005 * size
+    check_mirrored(a, b, pairs.marks(a, b), 0.005)
 
 
 def test_vertices_that_a_file_splits_get_the_same_place() -> None:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+import circparam
 from circparam.bake.sampling import Closest
+from circparam.core.arrays import IntArray
+from circparam.errors import TopologyError
 from circparam.formats.document import Document
 from circparam.formats.io import read
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
@@ -30,6 +34,18 @@ def same_map(mesh: Mesh, other: Mesh | None = None) -> SurfaceMap:
     corner[mesh.faces.ravel()] = np.arange(mesh.faces.size)
     same = Places(corner // 3, np.eye(3)[corner % 3])
     return SurfaceMap(same, same, fingerprint(mesh), fingerprint(other or mesh))
+
+
+def check_mirrored(a: Mesh, b: Mesh, marks: IntArray, most: float) -> None:
+    """The mirror image of B is told, and mapped where it is meant: places within ``most`` sizes of A."""
+    mirror = Mesh(b.points * [1, 1, -1], b.faces[:, ::-1])
+    with pytest.raises(TopologyError, match="mirrored"):
+        circparam.map_surfaces(a, mirror, landmarks=marks)
+    found = circparam.map_surfaces(a, mirror, landmarks=marks, mirrored=True)
+    assert found.inversions == (0, 0)
+    image = found.map.to_b.of(mirror.points, mirror.faces)
+    size = np.linalg.norm(np.ptp(a.points, axis=0))
+    assert np.linalg.norm(image * [1, 1, -1] - a.points, axis=1).mean() < most * size
 
 
 def cube_obj(folder: Path) -> Document:

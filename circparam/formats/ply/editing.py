@@ -15,9 +15,8 @@ from circparam.formats.polygons import list_start
 from circparam.formats.tokens import ByteArray, as_bytes, interleave, take_ranges
 from circparam.formats.vertex_split import Split
 
-Piece: TypeAlias = (
-    "tuple[ByteArray, IntArray]"  # bytes of all rows, and the length of each row's share
-)
+# bytes of all rows, and the length of each row's share
+Piece: TypeAlias = "tuple[ByteArray, IntArray]"
 _NAMES = {
     "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint",
     "f4": "float", "f8": "double", "i8": "int64", "u8": "uint64",

@@ -23,9 +23,8 @@ TURNS = np.arange(24) * (
 )  # among which those of the least box and the least square are found
 FULLEST = 0.78  # share of its cells that no page of a few outlines fills: none smaller is tried
 SHUFFLED = 0.3  # spread of the logarithm of the sizes by which later tries change the order
-FIRST_TRIES = (
-    2  # tries in which all masks take part, by size and by reach; later ones take half of them
-)
+# tries in which all masks take part, by size and by reach; later ones take half of them
+FIRST_TRIES = 2
 
 
 @dataclass(frozen=True, eq=False)

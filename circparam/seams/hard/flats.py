@@ -12,9 +12,8 @@ from circparam.seams.segmentation.shorten import sharp_prices
 
 BENDS = 4 * FLAT  # mean turn of the edges round a flat, from which on it stands out
 EXACT = np.radians(0.1)  # where faces of a flat are coplanar but for rounding, edges turn less
-CHANCE = (
-    0.3  # of the edges below FLAT are EXACT where faces are coplanar by design; by chance 0.2 are
-)
+# of the edges below FLAT are EXACT where faces are coplanar by design; by chance 0.2 are
+CHANCE = 0.3
 COMMON = 0.1  # share of the length of all edges that lies inside flats, below which they are not worth it
 DEAR = 2.0  # times its length that a seam in such a flat costs
 PAIR = 1.35  # likewise in one of two faces: less than the way round a square over two sides

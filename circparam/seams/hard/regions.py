@@ -21,13 +21,10 @@ LEVEL = np.radians(1.0)  # no face of a flat leans more against the mean of it
 SHARP = np.radians(30)  # edges that turn more bound smooth regions
 CREASE = np.radians(20)  # so do these where a region cannot be laid out otherwise
 CURVED = 0.3  # radians of curvature inside a region up to which it counts as developable
-FLAT_FACES = (
-    3  # a flat has at least so many faces to tell a hard surface: quads are cut in two anywhere
-)
-SCRAPS, MANY = (
-    8,
-    64,
-)  # regions are scraps, not parts, where more than MANY have fewer faces in the mean
+# a flat has at least so many faces to tell a hard surface: quads are cut in two anywhere
+FLAT_FACES = 3
+# regions are scraps, not parts, where more than MANY have fewer faces in the mean
+SCRAPS, MANY = 8, 64
 ORGANIC, DOUBTFUL, HARD = 0, 1, 2
 HARDLY = 0.1  # nor is there any doubt where so few of the creases are blunt
 BLUNT, MOSTLY = (
@@ -35,10 +32,8 @@ BLUNT, MOSTLY = (
     0.5,
 )  # of the creases of a hard surface less than that share turns less
 HARD_FLATS, HARD_REGIONS = 0.25, 0.5  # shares of the area from which on a component is hard
-FEW, PARTS = (
-    16,
-    4,
-)  # more regions than FEW have at least so many faces in the mean, where there is no doubt
+# more regions than FEW have at least so many faces in the mean, where there is no doubt
+FEW, PARTS = 16, 4
 LARGE = 32  # faces of a region in the mean, from which on it is none of a round shape of few
 CRUMBS = 0.01  # of the area: less of hard surfaces than that is taken as organic
 SURE_FLATS, SURE_REGIONS = 0.6, 0.75  # and from which on there is no doubt

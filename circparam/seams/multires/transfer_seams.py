@@ -21,11 +21,8 @@ from circparam.seams.segmentation.paths import Bands, Chains, chains_of, route
 from circparam.seams.segmentation.shorten import bands, edge_costs
 
 RINGS = (0, 1, 2)  # cells beside a seam's own that its path may use, attempt by attempt
-NEAR_RINGS = (
-    1,
-    0,
-    2,
-)  # from a surface with hardly fewer faces, along whose edges paths would zigzag
+# from a surface with hardly fewer faces, along whose edges paths would zigzag
+NEAR_RINGS = 1, 0, 2
 HALVINGS = 4  # of a chain that found no path
 
 

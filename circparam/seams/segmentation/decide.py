@@ -27,9 +27,8 @@ SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts must merge wh
 RISE = 1e-3  # share of the mean distortion that fewer charts and shorter seams may cost: nobody sees it
 LONGER = 0.01  # share by which seams may be longer that part fewer charts
 LAST_WORK = 1.0  # times the faces of the surface that unions for it may have together
-BARREN = (
-    20_000  # faces of trials, from which on a round without a union is the last for hard surfaces
-)
+# faces of trials, from which on a round without a union is the last for hard surfaces
+BARREN = 20_000
 LAST_FACES = 100_000  # larger unions than that are not tried for it
 NEARLY_FLAT = 6.0  # energy of the map onto a circle, up to which a component may need no seam
 NEAR_MISS = 1.3  # times the bound's excess over 1, up to which it may need no more than a slit

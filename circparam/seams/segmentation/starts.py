@@ -71,21 +71,21 @@ def best_of_starts(
         tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
         starts = [s for s in worker.map(start_once, tasks, monitor) if s]
     begin()
-    cost = np.array([_cost(s.merger.atlas) for s in starts])
+    cost = np.array([cost_of(s.merger.atlas) for s in starts])
     near = np.flatnonzero(cost <= (1 + BEHIND) * cost.min())
     if monitor.expired:
         near = np.array([int(cost.argmin())])
     done = worker.map(shorten_once, [(starts[k], bound, margin) for k in near], monitor)
     ends = [Atlas(surface, *one) for one in done]
-    return ends[int(np.argmin([_cost(end) for end in ends]))]
+    return ends[int(np.argmin([cost_of(end) for end in ends]))]
 
 
 def _nothing() -> None:
     pass
 
 
-def _cost(atlas: Atlas) -> float:
-    """What starts are compared by."""
+def cost_of(atlas: Atlas) -> float:
+    """What starts, and levels, are compared by: seams and charts."""
     return atlas.seam_length + CHART_COST * atlas.charts()[0]
 
 

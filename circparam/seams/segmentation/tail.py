@@ -31,9 +31,8 @@ from circparam.solvers.newton import RelaxOptions, relax
 
 SETTLED = RelaxOptions(tolerance=1e-4, max_iterations=30)
 PEAK = 0.3  # logarithm of how much areas grow or shrink, below which a vertex is no peak of it
-FACES_A_RING = (
-    40  # the root of the faces of a chart over this: rings a peak is the highest of, beyond four
-)
+# the root of the faces of a chart over this: rings a peak is the highest of, beyond four
+FACES_A_RING = 40
 HOLE = 0.2  # length of a boundary over that of the longest of its chart, below which it is a small hole
 LOST = 3.0  # times the share that is allowed, from which on some places are given up at once
 TURNS = 8  # of slits and splits
