@@ -29,11 +29,11 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
 
     def started(*task: object) -> starts.Start:
         one = start(*task)
-        cost[len(cost)] = starts._cost(one.merger.atlas)
+        cost[len(cost)] = starts.cost_of(one.merger.atlas)
         return one
 
     def shortened(one: starts.Start, *rest: object) -> Atlas:
-        gone_on.append(starts._cost(one.merger.atlas))
+        gone_on.append(starts.cost_of(one.merger.atlas))
         return end(one, *rest)
 
     monkeypatch.setattr(starts, "BEHIND", behind)
@@ -45,7 +45,7 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     assert len(set(cost.values())) > 1
     assert len(gone_on) == most
     assert min(gone_on) == min(cost.values())
-    assert starts._cost(atlas) <= min(gone_on)
+    assert starts.cost_of(atlas) <= min(gone_on)
     assert np.isfinite(atlas.corners).all()
 
 
