@@ -144,6 +144,11 @@ class Later:
         else:
             self._future.add_done_callback(lambda _: pool.release())
 
+    @property
+    def begun(self) -> bool:
+        """Whether a process has it."""
+        return self._future is not None
+
     def result(self) -> Any:
         """What the function gives, found there or here."""
         if self._pool is not None:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft as sf
 
+from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
@@ -99,6 +100,7 @@ def make_board(
         side = sf.next_fast_len(side + 1, real=True)
     spectra = []
     for m in masks:
+        clock.tick()
         block = np.zeros((len(m.cells), side, side), np.float32)
         h, w = min(m.cells.shape[1], side), min(m.cells.shape[2], side)
         block[:, :h, :w] = m.cells[:, :h, :w]
