@@ -32,6 +32,8 @@ COARSE, FINE, FEW = 128, 256, 10_000
 AT_ONCE = (
     16_000  # faces: what is made of them stays in the cache, twice as fast on 100,000 and more
 )
+ALL = slice(None)
+PARTS = 2  # of the directions of a reported share, which two processes may look along
 
 Scene: TypeAlias = tuple[
     FloatArray, FloatArray
@@ -63,11 +65,14 @@ def axes(count: int) -> FloatArray:
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], 1)
 
 
-def seen_shares(triangles: FloatArray, places: Places, count: int, pixels: int) -> FloatArray:
+def seen_shares(
+    triangles: FloatArray, places: Places, count: int, pixels: int, turn: slice = ALL
+) -> FloatArray:
     """(k,) share of ``count`` directions, an even number, from which each place is seen: 0 to 1.
 
     triangles: (m, 3, 3) corners of all faces, which hide what lies behind them. pixels: side of the square that
-    holds the mesh from every side. What is narrower than two pixels is not told apart.
+    holds the mesh from every side. What is narrower than two pixels is not told apart. turn: the axes that are
+    looked along; from others nothing is seen.
     """
     seen = np.zeros(len(places.point), np.int64)
     flat = triangles.reshape(-1, 3)
@@ -85,7 +90,7 @@ def seen_shares(triangles: FloatArray, places: Places, count: int, pixels: int) 
     vectors = np.ascontiguousarray(
         np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
     )
-    for axis in axes(count // 2):
+    for axis in axes(count // 2)[turn]:
         frame = _frame(axis)
         buffers = np.full(pixels * pixels, -np.inf), np.full(pixels * pixels, np.inf)
         for part in scene:
@@ -197,12 +202,16 @@ def _looked_up(
 
 
 def edge_shares(
-    surface: Surface, count: int, pixels: int, which: BoolArray | None = None
+    surface: Surface,
+    count: int,
+    pixels: int,
+    which: BoolArray | None = None,
+    turn: slice = ALL,
 ) -> FloatArray:
     """(k,) share of ``count`` directions from which each edge is seen, in the mean over its length.
 
-    which: (e,) bool, the k edges that are asked for, None for all. Convex edges in the open have a
-    half and more, concave ones less than a half, and edges of closed inner shells none.
+    which: (e,) bool, the k edges that are asked for, None for all. turn: see ``seen_shares``. Convex edges in
+    the open have a half and more, concave ones less than a half, and edges of closed inner shells none.
     """
     asked = np.arange(len(surface.edges)) if which is None else np.flatnonzero(which)
     triangles = surface.points[surface.faces]
@@ -221,7 +230,7 @@ def edge_shares(
     places = Places(
         start[edge] * (1 - at) + end[edge] * at, normal[edge], sheet[h[:, 0] // 3][edge]
     )
-    shares = seen_shares(triangles, places, count, pixels)
+    shares = seen_shares(triangles, places, count, pixels, turn)
     result: FloatArray = group_sum(shares, edge, len(asked)) / number
     return result
 
@@ -231,12 +240,17 @@ def visible_share(surface: Surface, cut: BoolArray) -> float | None:
 
     It is Σ length · share / Σ length, shares as ``edge_shares`` has them; None where the edges have no length.
     """
-    length = surface.edge_lengths[cut]
-    total = float(length.sum())
-    if not total > 0:
+    if not surface.edge_lengths[cut].sum() > 0:
         return None
+    return sum(visible_part(surface, cut, k) for k in range(PARTS))
+
+
+def visible_part(surface: Surface, cut: BoolArray, k: int) -> float:
+    """What part k of the directions has in ``visible_share``, of edges that have a length."""
+    length = surface.edge_lengths[cut]
     pixels = COARSE if len(surface.faces) <= FEW else FINE
-    return float((length * edge_shares(surface, JUDGED, pixels, cut)).sum() / total)
+    shares = edge_shares(surface, JUDGED, pixels, cut, slice(k, None, PARTS))
+    return float((length * shares).sum() / length.sum())
 
 
 def _sides(surface: Surface) -> tuple[FloatArray, BoolArray]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Later
-from circparam.geometry.visibility import visible_share
+from circparam.geometry.visibility import PARTS, visible_part
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 from circparam.pipeline.verify import Verification, uv_seams
@@ -16,9 +16,9 @@ from circparam.pipeline.verify import Verification, uv_seams
 COST = 6.0  # seconds over those of the repair: 2 to 6 on twelve meshes of 30,000 faces and more
 
 
-def shares(surface: Surface, cut: BoolArray, monitor: Monitor) -> float | None:
-    """As ``visible_share``. monitor: not asked, it is soon done."""
-    return visible_share(surface, cut)
+def first_part(surface: Surface, cut: BoolArray, monitor: Monitor) -> float:
+    """Part 0 of ``visible_share``. monitor: not asked, it is soon done."""
+    return visible_part(surface, cut, 0)
 
 
 @dataclass(frozen=True)
@@ -33,16 +33,18 @@ class Known:
 
 
 class SeenBeside:
-    """What is seen of the seams of a layout, found by an idle process; where there is none, when asked."""
+    """What is seen of the seams of a layout: a process that is idle looks along half of the directions."""
 
     def __init__(self, surface: Surface, uvmap: UVMap, monitor: Monitor) -> None:
-        self._monitor = monitor
+        self._surface, self._monitor = surface, monitor
         self._later: Later | None = None
         if monitor.jobs > 1 and not self._late():
-            # what a surface keeps beside its fields need not be sent
-            task = (replace(surface), uv_seams(surface, uvmap))
-            self._later = Later(monitor.jobs, shares, task, monitor)
-            self._later.begin()
+            self._cut = uv_seams(surface, uvmap)
+            if surface.edge_lengths[self._cut].sum() > 0:
+                # what a surface keeps beside its fields need not be sent
+                task = (replace(surface), self._cut)
+                self._later = Later(monitor.jobs, first_part, task, monitor)
+                self._later.begin()
 
     def told(self, found: Verification) -> Verification:
         """A verification of that layout which knows the figure, where another process looked or time is up.
@@ -50,7 +52,9 @@ class SeenBeside:
         Else it is found when it is asked for: a caller of the library may never ask.
         """
         if self._later is not None and self._later.begun:
-            return replace(found, seen=Known(self._later.result()))
+            # here meanwhile, all in the order of ``visible_share``: so the sum is the same to the last digit
+            rest = [visible_part(self._surface, self._cut, k) for k in range(1, PARTS)]
+            return replace(found, seen=Known(sum([self._later.result(), *rest])))
         return replace(found, seen=Known(None)) if self._late() else found
 
     def _late(self) -> bool:
@@ -60,4 +64,4 @@ class SeenBeside:
         return last is not None and time.monotonic() + cost > last
 
 
-__all__ = ["Known", "SeenBeside", "shares"]
+__all__ = ["Known", "SeenBeside", "first_part"]
