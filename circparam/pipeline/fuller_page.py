@@ -17,7 +17,7 @@ import numpy as np
 
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
-from circparam.core.workers import Worker
+from circparam.core.workers import Later, Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
@@ -58,19 +58,18 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if cuts < 1 or seams <= 0 or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-    known = packing(cascade, options, monitor)
-    few = cut_mesh.n_charts <= FEW
-    if known is None or _share(known) >= (ENOUGH if few else ENOUGH_OF_MANY):
-        return replace(cascade, packing=known)
+    uncut = _Uncut(cascade, options, monitor)
+    if uncut.full():
+        return replace(cascade, packing=uncut.known)
 
     def stop() -> bool:
-        return monitor.expired
+        return monitor.expired or uncut.full()
 
     easel = easel_of(cut_mesh, pack_options(options))
     carver = Carver(before, cut_mesh, uv, easel, Limits(cascade.rules.bound, least_faces))
     first = first_plan(carver, stop)
     if first is None:
-        return replace(cascade, packing=known)
+        return replace(cascade, packing=uncut.known)
     area = float(cut_mesh.chart_areas.sum())
     planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop)
     plans, tried = [first], [cascade]
@@ -79,6 +78,9 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         if stretch_kept(atlas, before, options, cascade.rules.bound, monitor):
             plans.append(plan)
             tried.append(replace(cascade, atlas=atlas))
+    known = uncut.known
+    if uncut.full():
+        return replace(cascade, packing=known)
     tasks = [(c, options) for c in tried[1:]]
     packings = [known, *Worker(monitor.jobs).map(packing, tasks, monitor)]
     value = [_value(k, plan.length) for k, plan in zip(packings, plans, strict=True)]
@@ -91,6 +93,28 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         f"{counted(plans[best].cuts, 'cut')} for a fuller page made the seams {longer:.1%} longer "
         "(--pack-splits 0 makes none)"
     )
+
+
+class _Uncut:
+    """The page without a cut: packed by an idle process beside the planning of cuts, else before it."""
+
+    def __init__(self, cascade: Cascade, options: Options, monitor: Monitor) -> None:
+        few = cascade.atlas.charts()[0] <= FEW
+        self._enough = ENOUGH if few else ENOUGH_OF_MANY
+        self._later = Later(monitor.jobs, packing, (cascade, options), monitor)
+        self._later.begin()
+
+    @property
+    def known(self) -> KnownPacking | None:
+        """The page; waits for it."""
+        found: KnownPacking | None = self._later.result()
+        return found
+
+    def full(self) -> bool:
+        """Whether no cut is wanted; not while a process is at it, so plans that nobody wants may be made."""
+        if self._later.pending:
+            return False
+        return self.known is None or _share(self.known) >= self._enough
 
 
 def stretch_kept(
