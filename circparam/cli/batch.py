@@ -78,7 +78,7 @@ def _unwrap_options() -> list[click.Parameter]:
 )
 @click.option(
     "--fail-rate",
-    type=click.FloatRange(0.0, 1.0),
+    type=common.FiniteRange(0.0, 1.0),
     metavar="SHARE",
     default=0.0,
     help="Exit 6 where more than this share failed or missed a gate.  [default: 0]",

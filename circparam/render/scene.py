@@ -18,6 +18,7 @@ from circparam.core.arrays import (
     relabel,
 )
 from circparam.core.graph import components
+from circparam.core.words import counted
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
@@ -306,7 +307,7 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
     bad = mapped & ~finite[np.maximum(uv_faces, 0)].all(1)
     if bad.any():
         raise InputError(
-            f"{int(bad.sum())} faces have NaN or infinite uv, the first is face "
+            f"{counted(int(bad.sum()), 'face')} with NaN or infinite uv, the first is face "
             f"{int(np.flatnonzero(bad)[0])}: unwrap the mesh again with 'circparam unwrap'"
         )
     weld = row_labels(points)

@@ -316,3 +316,21 @@ def test_a_texture_through_a_map_that_was_computed(tmp_path: Path):
     truth = waves(np.einsum("pk,pkc->pc", bary, a.points[a.faces[face]]))
     assert psnr(sample_back(baked, layout, face, bary) - truth) >= 30
     assert baked.report["empty"] == 0
+
+
+def test_sources_without_area_or_beyond_any_double_are_named(tmp_path: Path):
+    """A point was a warning of NumPy, and a mesh of 1e300 units a dozen of them."""
+    points, faces = sheet(3)
+    layout = UVMap(points[:, :2].copy(), faces)
+    target = stored(tmp_path, "a", Mesh(points, faces), layout)
+    for scale, says in (
+        (1e300, "1e\\+300 units"),
+        (1e-200, "1e-200 units"),
+    ):
+        source = stored(tmp_path, "odd", Mesh(points * scale, faces), layout)
+        with pytest.raises(InputError, match=rf"odd.obj: it is {says}"):
+            bake_document(target, "normals", source=source, across=NEAREST, size=16)
+    for place in ([1, 0, 0], [0, 0, 0]):
+        line = stored(tmp_path, "line", Mesh(points * place, faces), layout)
+        with pytest.raises(InputError, match=r"line.obj: none of its faces has an area"):
+            bake_document(target, "height", source=line, across=NEAREST, size=16)
