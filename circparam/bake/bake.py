@@ -294,7 +294,10 @@ def _texture_colours(
             "--source, or the new set with --uv-set"
         )
     old = origin.texture_layout(found)
-    sides = [max(decode(*p).size) for p in zip(found.images, found.names, strict=True)]
+    try:
+        sides = [max(decode(*p).size) for p in zip(found.images, found.names, strict=True)]
+    except InputError as error:
+        raise origin.source.error(error) from None
     paint, channels = texture_paint(
         found, old, texel_ratio(old, float(np.mean(sides)), layout, size)
     )
