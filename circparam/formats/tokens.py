@@ -40,10 +40,6 @@ class Tokens:
         """(n,) number of words of each line."""
         return np.diff(self.line)
 
-    def first_byte(self, token: IntArray) -> ByteArray:
-        """The first byte of the given words."""
-        return self.clean[self.start[token]]
-
 
 def tokenize(data: bytes, *, continuation: bool = False) -> Tokens:
     """Split a text into words and lines. ``continuation``: a backslash before a line's end joins lines.

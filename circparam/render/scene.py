@@ -208,17 +208,6 @@ class Scene:
         return out
 
     @cached_property
-    def inner_seams(self) -> IntArray:
-        """(s,) the half-edges of ``seams`` that are cuts, not boundary of the surface: one for each edge."""
-        w = self.weld[self.faces]
-        a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
-        h = self.seams
-        key = edge_keys(a[h], b[h], len(self.points))
-        _, first, count = np.unique(key, return_index=True, return_counts=True)
-        out: IntArray = np.sort(h[first[count > 1]])
-        return out
-
-    @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """The part of the plane to show, (u0, v0, u1, v1): the unit square and all uv.
 
