@@ -84,9 +84,8 @@ def _untied(
     """Directions of both sheets, the domain relaxed until no face of A is turned over in it, or it gets no
     better.
 
-    Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned
-    over where the
-    domain bends under it.
+    Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned over
+    where the domain bends under it.
     """
     sheet, qb = locator.sheet, locator.sphere
     cut_mesh = sheet.cut_mesh

@@ -22,8 +22,7 @@ def guess(a: Side, b: Side) -> Landmarks:
     more for every handle, none on boundaries.
 
     The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
-    fit well
-    enough for that to be trusted.
+    fit well enough for that to be trusted.
     """
     p = points_of(a, list(range(a.n)))
     q = points_of(b, list(range(b.n)))

@@ -21,14 +21,11 @@ from circparam.mesh.surface import Surface
 class Side:
     """A connected surface, with or without boundaries.
 
-    name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices
-    those of the
-    surface. tips (b,): the vertex that closes each boundary. loops: the vertices of each boundary, in order
-    with the
-    surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face uses it. scale: by what
-    the points of the
-    surface are those of the mesh. winding (m, 3): the corner of the file that each corner of a face is.
-    notes: what was repaired.
+    name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices those
+    of the surface. tips (b,): the vertex that closes each boundary. loops: the vertices of each boundary, in
+    order with the surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face uses it.
+    scale: by what the points of the surface are those of the mesh. winding (m, 3): the corner of the file that
+    each corner of a face is. notes: what was repaired.
     """
 
     name: str

@@ -46,6 +46,12 @@ def test_closest_finds_points_on_a_surface_exactly():
     assert distance.max() < 1e-12
 
 
+def test_no_places_have_no_closest_points():
+    points, faces = sheet(2)
+    shapes = [part.shape for part in Closest(points, faces).find(np.zeros((0, 3)))]
+    assert shapes == [(0,), (0, 3), (0,)]
+
+
 def test_samples_lie_on_their_faces_and_cover_them_evenly():
     """The nearest sample leads to the face sought: one beside its face leads elsewhere."""
     points, faces = sheet(3)
