@@ -259,6 +259,7 @@ def _messages_oriented(mesh: Mesh, surface: Surface, orientation: Orientation) -
         )
     if n := orientation.one_sided:
         edges = counted(int((~orientation.keep).sum()), "edge")
-        strips = "Möbius strip" if n == 1 else "Möbius strips"
-        out.append(f"{counted(n, 'component')} with one side only ({strips}) cut along {edges}")
+        out.append(
+            f"{counted(n, 'component')} with one side only ({plural(n, 'Möbius strip')}) cut along {edges}"
+        )
     return out
