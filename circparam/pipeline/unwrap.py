@@ -145,10 +145,7 @@ def repack(
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
-        uvmap = document.uv(options.uv_set or 0) if document.uv_sets else None
-    name = document.source.name
-    if uvmap is None:
-        raise InputError(f"{name}: it has no uv to pack: circparam unwrap makes some")
+        uvmap = document.require_uv(options.uv_set or 0)
     job = prepare(document, output, options, monitor)
     cascade = Cascade(_as_given(job, uvmap))
     cut_mesh, uv = cascade.open()
