@@ -26,7 +26,9 @@ from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits
-from circparam.pipeline.cut_plan import RATE, Planner, easel_of, first_plan
+from circparam.packing.nest.strategy import on_page
+from circparam.packing.placement import Placement
+from circparam.pipeline.cut_plan import LOCKED, RATE, Plan, Planner, easel_of, first_plan
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
@@ -79,8 +81,9 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         if stretch_kept(atlas, before, options, cascade.rules.bound, monitor):
             plans.append(plan)
             tried.append(replace(cascade, atlas=atlas))
-    tasks = [(c, options) for c in tried[1:]]
-    packings = [known, *Worker(monitor.jobs).map(packing, tasks, monitor)]
+    starts = [start_of(carver, plan, c.atlas, options) for plan, c in zip(plans, tried, strict=True)]
+    tasks = [(c, options, s) for c, s in zip(tried[1:], starts[1:], strict=True)]
+    packings = [known, *Worker(monitor.jobs).map(_packing, tasks, monitor)]
     value = [_value(k, plan.length) for k, plan in zip(packings, plans, strict=True)]
     best = int(np.argmax(value))  # the first where several are alike: no cut
     chosen = replace(tried[best], packing=packings[best])
@@ -115,14 +118,45 @@ def _stretched(atlas: Atlas, most: float) -> float:
     return float(share_over(cut_mesh, face_stretch(cut_mesh, uv), most).sum())
 
 
-def packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacking | None:
-    """The charts packed as they will be; None where they cannot be."""
+def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
+    """Where the charts of a plan lie on its page, as a start for packing; None where it does not hold them all,
+    or not as they are wound."""
+    asked = pack_options(options)
+    count, chart = atlas.charts()
+    old = carver.cut_mesh.chart
+    face = [
+        int(p.ground.faces[0] if p.ground is not None else np.argmax(old == p.outline.chart))
+        for p in plan.pieces
+    ]
+    if len(face) < count or asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
+        return None
+    sign = chart_signs(atlas.surface, atlas.open()[0], options)
+    if (sign != sign[0]).any():
+        return None
+    order = np.argsort(chart[face])
+    found = on_page(plan.layout, LOCKED, asked)
+    angle, offset = found.angle[order], found.offset[order]
+    if sign[0] < 0:
+        angle, offset = -angle, offset * [-1, 1] + [asked.resolution, 0]
+    return Placement(found.scale, angle, offset, found.page[order])
+
+
+def _packing(
+    cascade: Cascade, options: Options, start: Placement | None, monitor: Monitor
+) -> KnownPacking | None:
+    return packing(cascade, options, monitor, start)
+
+
+def packing(
+    cascade: Cascade, options: Options, monitor: Monitor, start: Placement | None = None
+) -> KnownPacking | None:
+    """The charts packed as they will be; None where they cannot be. start: where they may lie to begin with."""
     cut_mesh, uv = cascade.open()
     uv[:, 0] *= chart_signs(cascade.atlas.surface, cut_mesh, options)[cut_mesh.vertex_chart]
     uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh))
     with contextlib.suppress(CircparamError):
         return KnownPacking(
-            uv, pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor)
+            uv, pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor, start)
         )
     return None
 
