@@ -50,7 +50,8 @@ class Plan:
 
     pieces: those that are sketched. length: of their boundaries (halved, as seams have two sides). side: in
     cells, of the page that holds their outlines; layout: where they lie there, with offsets of the origin of
-    their uv. sketched: side of the one that holds their cells. cuts: how many.
+    their uv. sketched: side of the one that holds their cells. cuts: how many. stretched: area of faces that
+    they stretch too much.
     """
 
     pieces: list[Piece]
@@ -59,6 +60,7 @@ class Plan:
     layout: Placement
     sketched: int
     cuts: int = 0
+    stretched: float = 0.0
 
     @property
     def value(self) -> float:
@@ -76,7 +78,7 @@ class Planner:
     """What all plans for one layout have in common.
 
     carver: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
-    stop: whether there is no more time.
+    stop: whether there is no more time. spared: area of faces that may be stretched too much besides.
     """
 
     carver: Carver
@@ -84,14 +86,15 @@ class Planner:
     longest: float
     most: int
     stop: Callable[[], bool]
+    spared: float = np.inf
 
     @property
     def cell(self) -> float:
         """Side of a cell of the sketches in uv."""
         return self.carver.easel.cell
 
-    def best(self, first: Plan, count: int = 1) -> list[Plan]:
-        """The plans of the highest value, at most so many; all worth more than ``first``."""
+    def best(self, first: Plan) -> list[Plan]:
+        """The plans worth more than ``first``, those of the highest value first."""
         best, kept = first, [first]
         found: list[Plan] = []
         while kept and kept[0].cuts < min(best.cuts + AHEAD, self.most):
@@ -101,7 +104,7 @@ class Planner:
             found += [p for p in kept if p.value > first.value]
             best = max([best, *kept], key=lambda p: p.value)
             kept = [p for p in kept if p.share < GOOD]
-        return sorted(found, key=lambda p: -p.value)[:count]
+        return sorted(found, key=lambda p: -p.value)
 
     def _following(self, plan: Plan, best: float) -> list[Plan]:
         """Plans with one cut more: of the chords that sketches rank first those that can be made."""
@@ -127,13 +130,17 @@ class Planner:
     def _made(self, plan: Plan, trial: _Trial) -> Plan | None:
         """The plan with one cut more, made along edges; None where it cannot be, or the page gets no better."""
         made = self.carver.cut(plan.pieces[trial.n], trial.k)
-        if made is None or plan.length + made[1] > self.longest:
+        if made is None:
             return None
-        pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *made[0]]
+        parts, length, stretched = made
+        length, stretched = plan.length + length, plan.stretched + stretched
+        if length > self.longest or stretched > self.spared:
+            return None
+        pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *parts]
         sides = page_sides(pieces, self.carver.easel, plan.sketched + WORSE + 1, self.stop)
         if sides is None:
             return None
-        return Plan(pieces, plan.length + made[1], *sides, plan.cuts + 1)
+        return Plan(pieces, length, *sides, plan.cuts + 1, stretched)
 
     def _trials(self, plan: Plan, best: float) -> list[_Trial]:
         """Chords worth a sketch, the most promising first."""

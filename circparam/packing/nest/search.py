@@ -207,14 +207,12 @@ def search(
     cells: int,
     budget: Budget,
     largest: int | None = None,
-    slack: int = 0,
 ) -> list[GridLayout]:
-    """Layouts by page side, best first.
+    """Layouts of falling page side, best first.
 
     Greedy orders by size come first, then perturbed orders with a random part of the angles and another
     blur; each must beat the best page side by a cell, and goes on for as long as it does. largest: page side
-    in cells beyond which a layout is of no use (None: the whole grid). slack: cells by which the page of a
-    layout may be larger than that, to be kept too.
+    in cells beyond which a layout is of no use (None: the whole grid).
     """
     rng = np.random.default_rng(20)
     area = np.log(np.maximum(shapes.area, 1e-300))
@@ -236,25 +234,18 @@ def search(
         tried += 1
         failures += 1
         stride = 1
-        side = results[0].side - 1 + slack if results else min(int(cells * 1.12), most)
-        if not results and failures > 1:
-            side = min(int(side * 1.05 ** (failures - 1)), most)
-        reached = None
         while True:
+            side = results[0].side - stride if results else min(int(cells * 1.12), most)
+            if not results and failures > 1:
+                side = min(int(side * 1.05 ** (failures - 1)), most)
             found = lay_out(board, order, side, sigma, options.pages, choice, budget)
             if found is not None:
-                reached = found
-                failures = 0 if not results or side < results[0].side else failures
-                stride *= 2
+                results.insert(0, found)
+                failures, stride = 0, 2 * stride
             elif stride > 1:
                 stride = 1
             else:
                 break
-            if reached is not None:
-                side = reached.side - stride
-        if reached is not None:
-            results.append(reached)
-            results.sort(key=lambda r: r.side)
         if budget.left <= 0 or not budget.spend(0):
             break
         if not results and failures > 8:

@@ -66,7 +66,9 @@ class Easel:
         angles = _angles(start[:: max(len(start) // 100, 1)])
         start, end = start - middle, end - middle
         masks = chart_masks(start / self.cell, end / self.cell, angles, self.grow)
-        return Sketch(start, end, middle, masks, float(masks.area.mean()), int(masks.size.max(1).min()))
+        return Sketch(
+            start, end, middle, masks, float(masks.area.mean()), int(masks.size.max(1).min())
+        )
 
 
 def _angles(points: FloatArray) -> FloatArray:

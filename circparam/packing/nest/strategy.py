@@ -65,9 +65,7 @@ class Schedule:
     coarse_budget: float = 0.3e8
     budget: float = 0.3e8
     compacted_up_to: int = 150
-    kept: int = 8
-    coarse_side: int = 512
-    slack: int = 2
+    kept: int = 2
     smaller: float = 0.97
     rough_steps: int = 5
     fine_steps: int = 12
@@ -84,7 +82,6 @@ class Schedule:
 
 
 SCHEDULE = Schedule()
-TRIED = 2  # layouts, as far as they have come, that are compacted to the end where the check refuses one
 
 
 def nested(
@@ -102,10 +99,6 @@ def nested(
         return _at_fixed_scale(task, options.fixed_scale)
     if shapes.n == 1:
         return _alone(shapes, options)
-    if task.start is not None and options.pages == 1:
-        gone_on = _gone_on(task, task.start)
-        if gone_on is not None:
-            return gone_on
     layouts, straight = _found(task)
     if shapes.n <= SCHEDULE.compacted_up_to:
         compacted = _compacted(task, layouts, (skyline, shelf), straight)
@@ -134,20 +127,6 @@ def _found(task: PackTask) -> tuple[list[Placement], Straight | None]:
     return (free, None) if free else (along, straight)
 
 
-def _gone_on(task: PackTask, start: Placement) -> Placement | None:
-    """A layout that is known, made a little smaller and grown until it locks; None where the check refuses it."""
-    growth = Growth(
-        task.shapes, task.options, Budget(SCHEDULE.rows, lambda: task.monitor.expired)
-    )
-    smaller = replace(start, scale=start.scale * SCHEDULE.smaller)
-    grown = roughly(growth, smaller, SCHEDULE.rough_steps, 0.0)
-    fine = compact(growth, grown, SCHEDULE.fine_steps, SCHEDULE.fine_trust)
-    if task.sound(fine):
-        return fine
-    safe = compact(growth, fine, SCHEDULE.strict_steps, SCHEDULE.strict_trust, True)
-    return safe if task.sound(safe) else None
-
-
 def _compacted(
     task: PackTask,
     layouts: list[Placement],
@@ -161,10 +140,11 @@ def _compacted(
     part = min(1.0, 4 * options.effort)
     budget = Budget(SCHEDULE.rows * max(part, 0.25), lambda: task.monitor.expired)
     growth = Growth(shapes, options, budget, straight)
-    coarse = growth
-    if shapes.n <= SCHEDULE.very_few and options.resolution >= 2 * SCHEDULE.coarse_side:
-        coarse = Growth(shapes, coarser(options, SCHEDULE.coarse_side), budget, straight)
     starts = layouts[: SCHEDULE.kept if shapes.n <= SCHEDULE.very_few else 1]
+    if task.start is not None:
+        # a little smaller, as its gaps may be narrow; in place of the second layout
+        smaller = replace(task.start, scale=task.start.scale * SCHEDULE.smaller)
+        starts = [smaller, *starts[:1]]
     starts += [skyline] if skyline is not None else []
     if not few:
         starts = sorted(starts, key=lambda p: -p.scale)[:1]
@@ -175,10 +155,8 @@ def _compacted(
         reached = rough[0].scale if rough else 0.0
         if start is shelf and not few and reached > SCHEDULE.shelf_below * start.scale:
             continue
-        begun = on_page(start, options, coarse.options)
-        rough.append(roughly(coarse, begun, _steps(SCHEDULE.rough_steps, part), reached))
+        rough.append(roughly(growth, start, _steps(SCHEDULE.rough_steps, part), reached))
         rough.sort(key=lambda p: -p.scale)
-    rough = [on_page(p, coarse.options, options) for p in rough[:TRIED]]
     steps = _steps(SCHEDULE.fine_steps if few else SCHEDULE.fine_steps // 2, part)
     for start in rough:
         fine = compact(growth, start, steps, SCHEDULE.fine_trust)
@@ -189,14 +167,6 @@ def _compacted(
         if task.sound(safe):
             return safe
     return None
-
-
-def coarser(options: PackOptions, side: int) -> PackOptions:
-    """A page of about so many texels with a padding that is no narrower."""
-    factor = options.resolution // side
-    return replace(
-        options, resolution=options.resolution // factor, padding=-(-options.padding // factor)
-    )
 
 
 def on_page(placement: Placement, before: PackOptions, after: PackOptions) -> Placement:
@@ -268,8 +238,7 @@ def _searched(
         if beat is not None:
             inner = options.resolution - 2 * options.border + options.gap
             largest = int(np.ceil(inner / (beat * cell))) - 1
-        slack = SCHEDULE.slack if shapes.n <= SCHEDULE.very_few else 0
-        found = search(board, shapes, options, cells, budget, largest, slack)
+        found = search(board, shapes, options, cells, budget, largest)
         if found:
             return [to_placement(board, f, options) for f in _different(found)]
         density *= SCHEDULE.less_hope
@@ -282,7 +251,7 @@ def _different(found: list[GridLayout]) -> list[GridLayout]:
     for f in found:
         if all(not np.array_equal(f.mask, k.mask) for k in kept):
             kept.append(f)
-    return kept[: SCHEDULE.kept]
+    return kept[:4]
 
 
 def _at_fixed_scale(task: PackTask, scale: float) -> Placement | None:
