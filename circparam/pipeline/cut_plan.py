@@ -18,12 +18,12 @@ from circparam.packing.nest.lock import locked
 from circparam.packing.nest.sketch import Easel, least_page
 from circparam.packing.options import PackOptions
 from circparam.packing.placement import Placement
-from circparam.pipeline.chords import Chords, split
+from circparam.pipeline.chords import Chords
 from circparam.pipeline.pieces import Carver, Piece
 
 RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
-LARGE, LEAST = 20, 0.005  # charts that are sketched, those of more than this share of the area
+LARGE, LEAST = 14, 0.01  # charts that are sketched, those of more than this share of the area
 ALL = 12  # charts up to which all are sketched, so that packing may go on from where they lie
 # share of the area that a chart must have to be cut, and either part of it
 CUT, PIECE = 0.06, 0.012
@@ -32,7 +32,7 @@ REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyon
 # or so much of the side of the page; share of a chart that either part must have
 LONG, PART = 0.6, 0.2
 WEIGHED = 12  # chords that are sketched
-TRIED, MADE = 8, 3  # of those, the best that are tried along edges until so many are made
+TRIED, MADE = 6, 3  # of those, the best that are tried along edges until so many are made
 BREADTH = 2  # plans of as many cuts that are gone on with
 ALIKE = 1e-9  # of its length: plans whose seams are as long are the same
 NEAR = 0.1  # what a chord may be worth less than the best so far, and be kept for that
@@ -184,11 +184,10 @@ class Planner:
 
     def _sketched(self, plan: Plan, trial: _Trial, value: float, tries: int) -> int | None:
         """Side of the page with one chord more; None where its value is not above ``value``."""
-        n, o = trial.n, trial.chords.outline
+        n = trial.n
         length = plan.length + ZIGZAG * trial.length
         below = float(np.exp(min(-(value + RATE * np.log(length)) / 2, 20.0)))
-        i, j = int(trial.chords.i[trial.k]), int(trial.chords.j[trial.k])
-        parts = [self.carver.easel.sketch(*part.edges) for part in split(o, i, j)]
+        parts = self.carver.halves(plan.pieces[n], trial.k)
         sketches = [p.sketch for p in (*plan.pieces[:n], *plan.pieces[n + 1 :])] + parts
         below = min(int(np.ceil(below)), plan.sketched + WORSE + 1)
         page = least_page(sketches, below, tries, self.stop)
@@ -222,8 +221,8 @@ def _distinct(plans: list[Plan], most: int) -> list[Plan]:
 def page_sides(
     pieces: list[Piece], easel: Easel, below: int, stop: Callable[[], bool]
 ) -> tuple[float, Placement, int] | None:
-    """(side in cells of the page of some pieces whose outlines lock, where they lie there, side of the page that
-    holds their cells); None where none is below so many."""
+    """(side in cells of the page of some pieces whose outlines lock, where they lie there, side of the page
+    that holds their cells); None where none is below so many."""
     sketches = [p.sketch for p in pieces]
     page = least_page(sketches, below, MORE, stop)
     if page is None:

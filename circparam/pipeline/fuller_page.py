@@ -22,12 +22,12 @@ from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.packing import pack
+from circparam.packing.nest.strategy import on_page
+from circparam.packing.placement import Placement
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits
-from circparam.packing.nest.strategy import on_page
-from circparam.packing.placement import Placement
 from circparam.pipeline.cut_plan import LOCKED, RATE, Plan, Planner, easel_of, first_plan
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
@@ -41,11 +41,11 @@ LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
 # plans that are packed, beside the one without a cut: sketches only rank them
-COMPARED = 2
+COMPARED = 4
 CUTS = 8  # at most
-# share of the area that may be stretched too much with all cuts: less than what is promised; and so much more in
-# plans, whose charts may be relaxed with weights
-SPARED, MORE_STRETCHED = 0.95e-3, 2e-3
+# share of the area that may be stretched too much with all cuts, less than what is promised; and so many of the
+# largest faces besides in plans, whose charts may be relaxed with weights
+SPARED, LARGEST = 0.95e-3, 2
 
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -81,7 +81,7 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if first is None:
         return replace(cascade, packing=known)
     area = float(cut_mesh.chart_areas.sum())
-    spared = MORE_STRETCHED * area
+    spared = SPARED * area + LARGEST * float(before.surface.areas.max())
     planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop, spared)
     plans, tried = [first], [cascade]
     for plan in planner.best(first):

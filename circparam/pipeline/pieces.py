@@ -15,7 +15,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing.nest.sketch import Easel, Sketch
-from circparam.pipeline.chords import Chords, Outline, chords, outlines
+from circparam.pipeline.chords import Chords, Outline, chords, outlines, split
 from circparam.pipeline.cut_along import Chord, Limits, cut_along
 from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
 from circparam.seams.hard.regions import HARD, hardness, seam_prices
@@ -47,12 +47,15 @@ class Ground:
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A chart, or what cuts have left of it. outline: scaled to the size of the surface. places: (k, 2) uv of
-    its corners in the atlas. ground: None where nothing was cut."""
+    its corners in the atlas. ground: None where nothing was cut. known, halves: what cuts along its chords came
+    to, and sketches of what they leave, since plans share pieces."""
 
     outline: Outline
     sketch: Sketch
     places: FloatArray
     ground: Ground | None = None
+    known: dict[int, tuple[list[Piece], float, float] | None] = field(default_factory=dict)
+    halves: dict[int, list[Sketch]] = field(default_factory=dict)
 
     @cached_property
     def chords(self) -> Chords:
@@ -80,8 +83,20 @@ class Carver:
         return self._pieces(self.cut_mesh, self.uv, charts)
 
     def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
-        """(both parts of a piece cut along edges near its chord k, length of the seam, how much more of the area
-        is stretched too much then), or None."""
+        """(both parts of a piece cut along edges near its chord k, length of the seam, area of the faces that are
+        stretched too much then and were not), or None."""
+        if k not in piece.known:
+            piece.known[k] = self._cut(piece, k)
+        return piece.known[k]
+
+    def halves(self, piece: Piece, k: int) -> list[Sketch]:
+        """Sketches of both parts of a piece that is cut straight along its chord k."""
+        if k not in piece.halves:
+            i, j = int(piece.chords.i[k]), int(piece.chords.j[k])
+            piece.halves[k] = [self.easel.sketch(*p.edges) for p in split(piece.outline, i, j)]
+        return piece.halves[k]
+
+    def _cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
         ground = piece.ground or self._ground(piece.outline.chart)
         start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
         chord = Chord(start, end, float(piece.chords.least[k]))

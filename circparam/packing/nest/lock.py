@@ -1,7 +1,7 @@
 """Sketched pages grown until their outlines lock: a share of the page that is told to a hundredth.
 
-Sketches see the page in steps of a cell, 4 % of what is covered. A few linear programs on the outlines that were
-sketched take ten milliseconds, and tell what packing will reach to about 1 %.
+Sketches see the page in steps of a cell, 4 % of what is covered. A few linear programs on the outlines that
+were sketched take 30 ms, and tell what packing will reach to about 1 %.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ FIRST_TRIES = 2
 class Sketch:
     """One outline as masks at several angles.
 
-    start, end: (e, 2) its edges about the middle (2,) of their box, in uv units. area, least: the cells it has, and
-    the side of the smallest page that holds it alone.
+    start, end: (e, 2) its edges about the middle (2,) of their box, in uv units. area, least: the cells it has,
+    and the side of the smallest page that holds it alone.
     """
 
     start: FloatArray
@@ -152,7 +152,8 @@ def _try(
 def _laid_out(
     board: _Board, order: IntArray, side: int, sigma: float, choice: list[IntArray]
 ) -> SketchedPage | None:
-    """Sketches put one by one where they touch most, on a page of ``side`` cells; None where one has no place."""
+    """Sketches put one by one where they touch most, on a page of ``side`` cells; None where one finds no place
+    that is free."""
     size = board.side
     at = np.zeros((3, len(order)), np.int64)
     grid = np.ones((size, size), np.float32)
