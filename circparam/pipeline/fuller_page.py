@@ -22,11 +22,13 @@ from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.packing import pack
+from circparam.packing.nest.strategy import on_page
+from circparam.packing.placement import Placement
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits
-from circparam.pipeline.cut_plan import RATE, Planner, easel_of, first_plan
+from circparam.pipeline.cut_plan import LOCKED, RATE, Plan, Planner, easel_of, first_plan
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
@@ -39,8 +41,11 @@ LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
 # plans that are packed, beside the one without a cut: sketches only rank them
-COMPARED = 2
+COMPARED = 4
 CUTS = 8  # at most
+# share of the area that may be stretched too much with all cuts, less than what is promised; and so many of the
+# largest faces besides in plans, whose charts may be relaxed with weights
+SPARED, LARGEST = 0.95e-3, 2
 
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -66,23 +71,33 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         return monitor.expired or uncut.full()
 
     easel = easel_of(cut_mesh, pack_options(options))
-    carver = Carver(before, cut_mesh, uv, easel, Limits(cascade.rules.bound, least_faces))
+    stretch = options.max_stretch or STRETCH
+    if not stretch_asked(options.max_stretch, options.bound or np.inf):
+        stretch = np.inf
+    limits = Limits(cascade.rules.bound, least_faces)
+    carver = Carver(before, cut_mesh, uv, easel, limits, stretch)
     first = first_plan(carver, stop)
     if first is None:
         return replace(cascade, packing=uncut.known)
     area = float(cut_mesh.chart_areas.sum())
-    planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop)
+    spared = SPARED * area + LARGEST * float(before.surface.areas.max())
+    planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop, spared)
     plans, tried = [first], [cascade]
-    for plan in planner.best(first, COMPARED):
+    for plan in planner.best(first):
         atlas = carver.joined(plan.pieces)
         if stretch_kept(atlas, before, options, cascade.rules.bound, monitor):
             plans.append(plan)
             tried.append(replace(cascade, atlas=atlas))
+        if len(plans) > COMPARED:
+            break
     known = uncut.known
     if uncut.full():
         return replace(cascade, packing=known)
-    tasks = [(c, options) for c in tried[1:]]
-    packings = [known, *Worker(monitor.jobs).map(packing, tasks, monitor)]
+    starts = [
+        start_of(carver, plan, c.atlas, options) for plan, c in zip(plans, tried, strict=True)
+    ]
+    tasks = [(c, options, s) for c, s in zip(tried[1:], starts[1:], strict=True)]
+    packings = [known, *Worker(monitor.jobs).map(_packing, tasks, monitor)]
     value = [_value(k, plan.length) for k, plan in zip(packings, plans, strict=True)]
     best = int(np.argmax(value))  # the first where several are alike: no cut
     chosen = replace(tried[best], packing=packings[best])
@@ -127,7 +142,7 @@ def stretch_kept(
     if not stretch_asked(options.max_stretch, options.bound or np.inf):
         return True
     limits = StretchLimits(bound, options.max_stretch or STRETCH)
-    allowed = max(_stretched(before, limits.most), limits.allowed)
+    allowed = max(_stretched(before, limits.most), SPARED)
     if _stretched(atlas, limits.most) <= allowed:
         return True
     hold_stretch(atlas, limits, monitor, slits=False, splits=False)
@@ -139,14 +154,45 @@ def _stretched(atlas: Atlas, most: float) -> float:
     return float(share_over(cut_mesh, face_stretch(cut_mesh, uv), most).sum())
 
 
-def packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacking | None:
-    """The charts packed as they will be; None where they cannot be."""
+def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
+    """Where the charts of a plan lie on its page, as a start for packing; None where it does not hold them all,
+    or not as they are wound."""
+    asked = pack_options(options)
+    count, chart = atlas.charts()
+    old = carver.cut_mesh.chart
+    face = [
+        int(p.ground.faces[0] if p.ground is not None else np.argmax(old == p.outline.chart))
+        for p in plan.pieces
+    ]
+    if len(face) < count or asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
+        return None
+    sign = chart_signs(atlas.surface, atlas.open()[0], options)
+    if (sign != sign[0]).any():
+        return None
+    order = np.argsort(chart[face])
+    found = on_page(plan.layout, LOCKED, asked)
+    angle, offset = found.angle[order], found.offset[order]
+    if sign[0] < 0:
+        angle, offset = -angle, offset * [-1, 1] + [asked.resolution, 0]
+    return Placement(found.scale, angle, offset, found.page[order])
+
+
+def _packing(
+    cascade: Cascade, options: Options, start: Placement | None, monitor: Monitor
+) -> KnownPacking | None:
+    return packing(cascade, options, monitor, start)
+
+
+def packing(
+    cascade: Cascade, options: Options, monitor: Monitor, start: Placement | None = None
+) -> KnownPacking | None:
+    """The charts packed as they will be; None where they cannot be. start: where they may lie to begin with."""
     cut_mesh, uv = cascade.open()
     uv[:, 0] *= chart_signs(cascade.atlas.surface, cut_mesh, options)[cut_mesh.vertex_chart]
     uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh))
     with contextlib.suppress(CircparamError):
         return KnownPacking(
-            uv, pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor)
+            uv, pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor, start)
         )
     return None
 
