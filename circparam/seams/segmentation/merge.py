@@ -6,10 +6,9 @@ about one relaxation of the surface however many charts there are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from circparam.core.arrays import (
     BoolArray,
@@ -25,6 +24,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.segmentation.glues import Glues, perimeters, rings_of, side_by_side
 from circparam.seams.segmentation.layout import chart_parts
 from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
 from circparam.seams.segmentation.unions import (
@@ -32,6 +32,7 @@ from circparam.seams.segmentation.unions import (
     MergeOptions,
     Tried,
     Unions,
+    first_look,
     keep_cheapest,
     lay_out,
 )
@@ -41,41 +42,9 @@ from circparam.solvers.pattern import eliminate_as, elimination_ranks
 PATIENCE = 3  # rounds in a row, after which merging ends
 HARDLY = 50  # if fewer than one in so many charts was merged in them
 FREE_WORK = 60_000  # faces: what trials on small surfaces hold costs little
+LOOKED_AT = 4_000  # faces of a surface up to which calls cost more than what unions hold
 MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
-
-
-@dataclass(frozen=True, eq=False)
-class _Glues:
-    """Candidates for gluing: every arc, then every pair of neighbouring charts with all its arcs.
-
-    left, right: charts. key: what was tried is remembered by it. score: the best are tried first. may: bool.
-    useless: bool, known to fail, so that there is no need to lay the union out.
-    pair: (arcs,) pair of each arc.
-    """
-
-    left: IntArray
-    right: IntArray
-    key: npt.NDArray[np.uint64]
-    score: FloatArray
-    may: BoolArray
-    useless: BoolArray
-    pair: IntArray
-    rings: int = 1 << 62  # from this candidate on they glue both charts' slits as well
-
-    def glued(self, arcs: Arcs, chosen: IntArray, n_edges: int) -> BoolArray:
-        """(n_edges,) bool: edges that the chosen candidates glue."""
-        n = len(arcs.left)
-        arc = np.zeros(n, bool)
-        arc[chosen[chosen < n]] = True
-        several = chosen[(chosen >= n) & (chosen < self.rings)] - n
-        closed = chosen[chosen >= self.rings]
-        arc |= np.isin(self.pair, np.r_[several, closed - self.rings])
-        charts = np.r_[self.left[closed], self.right[closed]]
-        arc |= (arcs.left == arcs.right) & np.isin(arcs.left, charts)
-        out = np.zeros(n_edges, bool)
-        out[arcs.edge[arc[arcs.arc]]] = True
-        return out
 
 
 class Merger:
@@ -103,6 +72,8 @@ class Merger:
         if options.work is not None:
             self.limit = options.work * len(atlas.surface.faces) + FREE_WORK
         self.room = np.inf  # energy times area that all unions together may still add
+        self.dear = np.zeros(0, np.uint64)  # those of ``tried`` that there was no room for
+        self.looked_at = np.zeros(0, np.uint64)  # candidates that a first look left
         if options.rise is not None:
             cut_mesh, uv = atlas.open()
             self.room = options.rise * float(chart_energies(cut_mesh, uv) @ cut_mesh.chart_areas)
@@ -132,6 +103,10 @@ class Merger:
         open_glues = np.flatnonzero(glues.may & ~np.isin(glues.key, self.tried))
         if len(open_glues) == 0:
             return False
+        if np.isfinite(self.room):
+            open_glues = self._worth_trials(arcs, glues, open_glues, np.bincount(chart))
+            if len(open_glues) == 0:
+                return True
         pick = matching(glues.score[open_glues], glues.left[open_glues], glues.right[open_glues], n)
         chosen = open_glues[pick]
         self.tried = np.union1d(self.tried, glues.key[chosen])
@@ -140,7 +115,45 @@ class Merger:
             self._try(arcs, chart, n, glues, chosen, monitor)
         return True
 
-    def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> _Glues:
+    def more_room(self, room: float) -> None:
+        """Let unions add so much energy times area from now on; what there was no room for is tried again."""
+        self.room, self.work = room, 0
+        self.tried = np.setdiff1d(self.tried, self.dear)
+        self.dear, self.looked_at = np.zeros(0, np.uint64), np.zeros(0, np.uint64)
+
+    def _worth_trials(
+        self, arcs: Arcs, glues: Glues, open_glues: IntArray, size: IntArray
+    ) -> IntArray:
+        """The open candidates without those that a first look refuses, at all unions at once.
+
+        Where there is room for hardly any change that is what nine of ten come to, and a trial alone takes
+        as long as what four hold. size: (n,) faces of the charts.
+        """
+        ask = open_glues[
+            ~glues.useless[open_glues] & ~np.isin(glues.key[open_glues], self.looked_at)
+        ]
+        rest = self.limit - self.work
+        if self.atlas.prices is not None or len(self.atlas.surface.faces) > LOOKED_AT:
+            return open_glues
+        ask = ask[np.argsort(-glues.score[ask], kind="stable")]
+        faces = size[glues.left[ask]] + size[glues.right[ask]]
+        ask = ask[np.cumsum(faces) - faces <= rest]
+        if len(ask) < 2:
+            return open_glues
+        unions = side_by_side(self.atlas, arcs, glues, ask, self.ranks)
+        good, dear, crossed = first_look(unions, self.room)
+        good &= ~not_disks(unions.cut_mesh)
+        self.looked_at = np.union1d(self.looked_at, glues.key[ask[good]])
+        self.tried = np.union1d(self.tried, glues.key[ask[~good]])
+        self.dear = np.union1d(self.dear, glues.key[ask[dear]])
+        self._remember(arcs, glues, ask[~good], crossed[~good])
+        self.work += int(np.bincount(unions.cut_mesh.chart)[~good].sum())
+        self.tally["trials"] += int((~good).sum())
+        self.tally["overlap"] += int(crossed.sum())
+        self.tally["distortion"] += int((~good & ~crossed).sum())
+        return open_glues[~np.isin(open_glues, ask[~good])]
+
+    def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> Glues:
         """What may be glued: single arcs, and all arcs between two charts at once where there are several.
 
         Several at once are tried only when each alone has failed: two charts that close a flat ring overlap
@@ -178,7 +191,7 @@ class Merger:
         rings = 1 << 62
         if self.options.rigid:
             rings = len(left)
-            ring = self._rings(arcs, pairs, n, length[len(arcs.left) :])
+            ring = rings_of(arcs, pairs, n, length[len(arcs.left) :])
             left, right = np.r_[left, pairs // n], np.r_[right, pairs % n]
             key = np.r_[key, (key[len(arcs.left) :] ^ RING) * MIX]
             length = np.r_[length, ring]
@@ -187,19 +200,10 @@ class Merger:
         if not self.options.zip:
             may &= left != right
         may &= ~self._hopeless(arcs, chart, left, right, pair)
-        rim = self._perimeters(arcs, chart, n)
+        rim = perimeters(c, arcs, chart, n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
         score = length / np.minimum(rim[left], rim[right]) - (left == right)
-        return _Glues(left, right, key, score, may, useless, pair, rings)
-
-    def _rings(self, arcs: Arcs, pairs: IntArray, n: int, length: FloatArray) -> FloatArray:
-        """(pairs,) length of all arcs of two charts and of the slits inside each: a tube, slit to unroll, goes
-        round a disk whole. 0 where there is no slit."""
-        own = arcs.left == arcs.right
-        slit = group_sum(arcs.length[own], arcs.left[own], n)
-        left, right = pairs // n, pairs % n
-        both = slit[left] + slit[right]
-        return np.where((left != right) & (both > 0), length + both, 0.0)
+        return Glues(left, right, key, score, may, useless, pair, rings)
 
     def _hopeless(
         self, arcs: Arcs, chart: IntArray, left: IntArray, right: IntArray, pair: IntArray
@@ -232,9 +236,7 @@ class Merger:
         together[pair[arcs.arc[~self.overlapped[1][arcs.edge]]]] = False
         return alone, together
 
-    def _remember(
-        self, arcs: Arcs, glues: _Glues, chosen: IntArray, overlapping: BoolArray
-    ) -> None:
+    def _remember(self, arcs: Arcs, glues: Glues, chosen: IntArray, overlapping: BoolArray) -> None:
         """Keep on the edges of arcs whether the unions along them overlapped deep."""
         n, pairs = len(arcs.left), int(glues.pair.max()) + 1
         alone, together = np.full(n, -1), np.full(pairs, -1)
@@ -279,18 +281,12 @@ class Merger:
         self.lower_bound[:] = 0
         self.lower_bound[now.edge] = (1 - SLACK) * known[now.arc]
 
-    def _perimeters(self, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
-        """(n,) length of the boundary of every chart."""
-        c = self.atlas
-        rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
-        return rim + group_sum(c.boundary_lengths, chart[c.surface.boundary // 3], n)
-
     def _try(
         self,
         arcs: Arcs,
         chart: IntArray,
         n: int,
-        glues: _Glues,
+        glues: Glues,
         chosen: IntArray,
         monitor: Monitor,
     ) -> None:
@@ -324,7 +320,10 @@ class Merger:
         self.tally["overlap"] += int(tried.overlapping.sum())
         good = ~tried.distorted & ~tried.overlapping
         if np.isfinite(self.room):
+            fine = good.copy()
             self.room -= keep_cheapest(unions, tried, good, self.room)
+            dear = tried.dear | (fine & ~good)
+            self.dear = np.union1d(self.dear, glues.key[chosen[dear]])
         self.tally["merged"] += int(good.sum())
         kept = good[cut_mesh.chart]
         c.corners[fid[kept]] = tried.uv[cut_mesh.faces[kept]]
