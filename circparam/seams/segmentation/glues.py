@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     group_count,
+    group_max,
     group_sum,
     ranges,
     stable_order,
@@ -91,6 +92,28 @@ def rings_of(arcs: Arcs, pairs: IntArray, n: int, length: FloatArray) -> FloatAr
     left, right = pairs // n, pairs % n
     both = slit[left] + slit[right]
     return np.where((left != right) & (both > 0), length + both, 0.0)
+
+
+def known_excess(
+    atlas: Atlas,
+    arcs: Arcs,
+    chart: IntArray,
+    lower_bound: FloatArray,
+    candidates: tuple[IntArray, IntArray, IntArray],
+) -> FloatArray:
+    """(candidates,) how far above 1 the energy of each union is at least, as failed unions tell.
+
+    A map of a chart is one of each of its parts, so its distortion times its area is no less than that of
+    a part, and arcs and charts only grow. lower_bound: (e,) of the unions that failed along each edge, energy
+    times area. candidates: left, right and pair, as ``Glues`` has them.
+    """
+    left, right, pair = candidates
+    area = group_sum(atlas.surface.areas, chart, len(np.bincount(chart)))
+    union = np.where(left == right, area[left], area[left] + area[right])
+    of_arc = group_max(lower_bound[arcs.edge], arcs.arc, len(arcs.left))
+    several = group_max(of_arc, pair, int(pair.max()) + 1)
+    result: FloatArray = np.r_[of_arc, several, several][: len(left)] / union
+    return result
 
 
 def perimeters(atlas: Atlas, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:

@@ -24,7 +24,13 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
-from circparam.seams.segmentation.glues import Glues, perimeters, rings_of, side_by_side
+from circparam.seams.segmentation.glues import (
+    Glues,
+    known_excess,
+    perimeters,
+    rings_of,
+    side_by_side,
+)
 from circparam.seams.segmentation.layout import chart_parts
 from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
 from circparam.seams.segmentation.unions import (
@@ -43,6 +49,7 @@ PATIENCE = 3  # rounds in a row, after which merging ends
 HARDLY = 50  # if fewer than one in so many charts was merged in them
 FREE_WORK = 60_000  # faces: what trials on small surfaces hold costs little
 LOOKED_AT = 4_000  # faces of a surface up to which calls cost more than what unions hold
+LOOK = 10_000  # faces of the unions that are looked at together
 MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
 
@@ -124,22 +131,31 @@ class Merger:
     def _worth_trials(
         self, arcs: Arcs, glues: Glues, open_glues: IntArray, size: IntArray
     ) -> IntArray:
-        """The open candidates without those that a first look refuses, at all unions at once.
+        """The open candidates that a first look leaves, at the best few at once.
 
-        Where there is room for hardly any change that is what nine of ten come to, and a trial alone takes
-        as long as what four hold. size: (n,) faces of the charts.
+        Where there is room for hardly any change it refuses nine of ten, and a trial alone takes as long as
+        what four hold. size: (n,) faces of the charts.
         """
-        ask = open_glues[
-            ~glues.useless[open_glues] & ~np.isin(glues.key[open_glues], self.looked_at)
-        ]
-        rest = self.limit - self.work
         if self.atlas.prices is not None or len(self.atlas.surface.faces) > LOOKED_AT:
             return open_glues
+        useless = glues.useless[open_glues]
+        self.tried = np.union1d(self.tried, glues.key[open_glues[useless]])
+        ask = open_glues[~useless]
+        seen = np.isin(glues.key[ask], self.looked_at)
+        if seen.any():
+            return ask[seen]
         ask = ask[np.argsort(-glues.score[ask], kind="stable")]
-        faces = size[glues.left[ask]] + size[glues.right[ask]]
-        ask = ask[np.cumsum(faces) - faces <= rest]
-        if len(ask) < 2:
-            return open_glues
+        while len(ask) and self.work <= self.limit:
+            faces = np.cumsum(size[glues.left[ask]] + size[glues.right[ask]])
+            number = max(int(np.searchsorted(faces, LOOK, side="right")), 1)
+            good = self._looked_at(arcs, glues, ask[:number])
+            if good.any():
+                return ask[:number][good]
+            ask = ask[number:]
+        return ask[:0]
+
+    def _looked_at(self, arcs: Arcs, glues: Glues, ask: IntArray) -> BoolArray:
+        """(k,) bool: of those candidates, the ones that a first look leaves; the others have been tried."""
         unions = side_by_side(self.atlas, arcs, glues, ask, self.ranks)
         good, dear, crossed = first_look(unions, self.room)
         good &= ~not_disks(unions.cut_mesh)
@@ -151,7 +167,7 @@ class Merger:
         self.tally["trials"] += int((~good).sum())
         self.tally["overlap"] += int(crossed.sum())
         self.tally["distortion"] += int((~good & ~crossed).sum())
-        return open_glues[~np.isin(open_glues, ask[~good])]
+        return good
 
     def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> Glues:
         """What may be glued: single arcs, and all arcs between two charts at once where there are several.
@@ -199,27 +215,12 @@ class Merger:
             useless = np.r_[useless, np.zeros(len(ring), bool)]
         if not self.options.zip:
             may &= left != right
-        may &= ~self._hopeless(arcs, chart, left, right, pair)
+        least = known_excess(c, arcs, chart, self.lower_bound, (left, right, pair))
+        may &= ~(1 + least > self.options.bound)
         rim = perimeters(c, arcs, chart, n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
         score = length / np.minimum(rim[left], rim[right]) - (left == right)
         return Glues(left, right, key, score, may, useless, pair, rings)
-
-    def _hopeless(
-        self, arcs: Arcs, chart: IntArray, left: IntArray, right: IntArray, pair: IntArray
-    ) -> BoolArray:
-        """(candidates,) bool: a part of the union is known to be distorted too much for it.
-
-        A map of a chart is one of each of its parts, so its distortion times its area is no less than that of
-        a part, and arcs and charts only grow.
-        """
-        area = group_sum(self.atlas.surface.areas, chart, len(np.bincount(chart)))
-        union = np.where(left == right, area[left], area[left] + area[right])
-        lower_bound = group_max(self.lower_bound[arcs.edge], arcs.arc, len(arcs.left))
-        several = group_max(lower_bound, pair, int(pair.max()) + 1)
-        lower_bound = np.r_[lower_bound, several, several][: len(left)]
-        result: BoolArray = 1 + lower_bound / union > self.options.bound
-        return result
 
     def _overlapped(self, arcs: Arcs, pair: IntArray, n: int) -> tuple[BoolArray, BoolArray]:
         """Which arcs, and which pairs ((n,) bool), need not be tried: their last union overlapped deep, and
