@@ -37,6 +37,8 @@ BEHIND = 0.1
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
 HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
+# charts whose seams are shortened: with the tolerance of FAIR a fifth more steps, and other seams, none the better
+BRISK = RelaxOptions(tolerance=1e-3, max_iterations=30)
 LOOPS = 300  # handles and holes above which the regions that charts are grown from hardly matter
 CROWD = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
 
@@ -206,7 +208,7 @@ def shortened_and_merged(start: Start, bound: float, margin: float, monitor: Mon
     merger, atlas = start.merger, start.merger.atlas
     _, before = atlas.charts()
     arcs = arcs_of(atlas, before)
-    shorten_seams(atlas, bound, HASTY if start.crowd else FAIR, 3, margin=margin)
+    shorten_seams(atlas, bound, HASTY if start.crowd else BRISK, 3, margin=margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
     return atlas
@@ -215,4 +217,4 @@ def shortened_and_merged(start: Start, bound: float, margin: float, monitor: Mon
 def shorten_again(atlas: Atlas, was: BoolArray, bound: float, margin: float, crowd: bool) -> None:
     """Shorten seams in a narrow band where they are others than those that were there ((e,) bool)."""
     if (atlas.cut != was).any():
-        shorten_seams(atlas, bound, HASTY if crowd else FAIR, 1, margin=margin)
+        shorten_seams(atlas, bound, HASTY if crowd else BRISK, 1, margin=margin)
