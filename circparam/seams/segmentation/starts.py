@@ -37,7 +37,7 @@ BEHIND = 0.1
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
 HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
-# charts whose seams are shortened: with the tolerance of FAIR a fifth more steps, and other seams, none the better
+# charts whose seams are shortened: the tolerance of FAIR takes a fifth more steps, for seams none the better
 BRISK = RelaxOptions(tolerance=1e-3, max_iterations=30)
 LOOPS = 300  # handles and holes above which the regions that charts are grown from hardly matter
 CROWD = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
