@@ -21,6 +21,11 @@ def next_half_edge(h: IntArray) -> IntArray:
     return np.where(h % 3 == 2, h - 2, h + 1)
 
 
+def slices(count: int, size: int) -> list[slice]:
+    """Slices that go through ``count`` rows, so many at a time: what is made of few rows stays in the cache."""
+    return [slice(k, min(k + size, count)) for k in range(0, count, size)]
+
+
 def edge_keys(a: IntArray, b: IntArray, n: int) -> IntArray:
     """One number for each undirected edge a–b between nodes 0..n−1: the same for a–b and b–a, no two alike."""
     result: IntArray = np.minimum(a, b) * n + np.maximum(a, b)
