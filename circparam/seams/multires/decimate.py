@@ -15,6 +15,7 @@ from circparam.core.arrays import (
     next_half_edge,
 )
 from circparam.core.graph import components, nearest, undirected
+from circparam.geometry.collapse import collapsed
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge
 from circparam.mesh.surface import Surface
@@ -71,8 +72,6 @@ def decimate(surface: Surface, target: int) -> Proxy:
     The record of the collapses of fast-simplification tells which coarse vertex every fine vertex went into.
     Components of few faces are taken over unchanged.
     """
-    import fast_simplification
-
     points, faces = surface.vertex_points, surface.corner_vertex
     n = len(points)
     _, component = surface.components
@@ -88,12 +87,8 @@ def decimate(surface: Surface, target: int) -> Proxy:
         unit = (points[used] - centre) / size
         share = max(int(target * large.mean()), 4 * len(np.unique(component[large])))
         simple = local[faces[large]].astype(np.int32)
-        _, _, collapses = fast_simplification.simplify(
-            unit, simple, target_count=min(share, int(large.sum())), return_collapses=True
-        )
-        moved, _, into = fast_simplification.replay_simplification(unit, simple, collapses)
+        moved, into = collapsed(unit, simple, min(share, int(large.sum())))
         # each coarse vertex is named by the first fine vertex that went into it
-        into = np.asarray(into, np.int64)
         order = np.argsort(into, kind="stable")
         first = used[order[first_of_runs(into[order])]]
         root[used] = first[np.unique(into, return_inverse=True)[1]]
