@@ -20,10 +20,6 @@ from circparam.mesh.cut_mesh import CutMesh
 # A face whose area is below this share of its longest edge squared has no shape that could be measured.
 DEGENERATE = 1e-12
 
-AT_ONCE = (
-    8192  # faces that are gone through at once, so that what is made on the way stays in the cache
-)
-
 # Stands in for a singular value of zero, so that a collapsed face gives a huge number and not a NaN.
 COLLAPSED = 1e-150
 
@@ -277,7 +273,7 @@ def _singular(
     """(σ1, |σ2|, area) of the faces that have a shape."""
     large, small = np.empty(len(live)), np.empty(len(live))
     with np.errstate(all="ignore"):
-        for k in slices(len(live), AT_ONCE):
+        for k in slices(len(live)):
             large[k], small[k] = singular_values(jacobians(cut_mesh, uv, k))
     if live.all():
         return large, np.abs(small), cut_mesh.areas

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
@@ -17,7 +17,7 @@ from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.hidden import prices_beside, with_prices
-from circparam.seams.multires.decimate import decimate, proxy_faces
+from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.roughness import roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
@@ -32,18 +32,8 @@ from circparam.seams.segmentation.decide import (
     merged_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import (
-    FINAL,
-    below,
-    breaks_up,
-    enforce,
-    relaxed_layouts,
-)
-from circparam.seams.segmentation.grow import (
-    DualGraph,
-    dual_graph,
-    make_disks,
-)
+from circparam.seams.segmentation.enforce import FINAL, below, breaks_up, enforce, relaxed_layouts
+from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.starts import CHART_COST, LOOPS, cost_of
@@ -138,9 +128,7 @@ class Decided(NamedTuple):
     graph: DualGraph
     relaxing: RelaxOptions = FINAL
     plain: Callable[[], Atlas] | None = None  # makes it as it was before charts were merged on
-    most: float = (
-        0.0  # seams and charts up to which one from a level stays, if more break than were
-    )
+    most: float = 0.0  # seams and charts up to which one from a level stays, if more break
 
 
 def _beside(flat: Decided, bent: BoolArray, part: Decided) -> Decided:
@@ -205,6 +193,8 @@ def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Moni
         if options.local is not None:  # what a level has decided need not be relaxed to the end
             layouts = below(atlas, layouts, bound, monitor)
             steps = dataclasses.replace(FINAL, bound=bound)
+    if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
+        return atlas
     enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
     return atlas
 
@@ -293,8 +283,15 @@ def _from_level(
         atlas = from_level(blind, graph, tried[order[0]], level, near)
         if len(order) == 1:
             return Decided(atlas, graph, LOCAL)
-        plain = partial(from_level, blind, graph, tried[order[1]], level, near)
+        # it may be never, and is late: what the surface has worked out is not kept for that
+        bare = dataclasses.replace(surface, price=None)
+        plain = partial(_next_best, bare, tried[order[1]], level, near)
         return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost[order[1]])
+
+
+def _next_best(surface: Surface, coarse: Atlas, level: Proxy, near: IntArray) -> Atlas:
+    """As ``from_level``, with all that it takes made anew."""
+    return from_level(surface, dual_graph(surface), coarse, level, near)
 
 
 def _level_atlas(

@@ -31,9 +31,6 @@ from circparam.solvers.preconditioner import (
 # residual has fallen to this share (in the norm of the preconditioner), or after so many steps.
 CG_TOLERANCE = 2e-2
 CG_LIMIT = 60
-AT_ONCE = (
-    8192  # faces: what is made of so many on the way stays in the cache, at a third of the time
-)
 
 
 class Objective:
@@ -71,7 +68,7 @@ class Objective:
     def first_collapse(self, uv: FloatArray, d: FloatArray) -> FloatArray:
         """(m,) the step along d (n, 2) at which each face collapses (infinite where none)."""
         out = np.empty(len(self.weight))
-        for k in slices(len(out), AT_ONCE):
+        for k in slices(len(out)):
             out[k] = dirichlet.largest_step(self.gather(uv, k), self.gather(d, k))
         return out
 
@@ -79,7 +76,7 @@ class Objective:
         """((n_charts,) energy of each chart, infinite with a flipped face; Jacobians (2, 2, m))."""
         m = len(self.weight)
         jacobian, value = np.empty((2, 2, m)), np.empty(m)
-        for k in slices(m, AT_ONCE):
+        for k in slices(m):
             jacobian[..., k] = dirichlet.jacobians(self.gradients[..., k], self.gather(uv, k))
             value[k] = self.weight[k] * dirichlet.energy(jacobian[..., k], self.blend)
         return group_sum(value, self.cut_mesh.chart, self.cut_mesh.n_charts), jacobian
@@ -92,7 +89,7 @@ class Objective:
     def free_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
         """(n, 2) gradient as if no vertex were fixed."""
         corner = np.empty((2, 3, len(self.weight)))
-        for k in slices(len(self.weight), AT_ONCE):
+        for k in slices(len(self.weight)):
             p = dirichlet.gradient(jacobian[..., k], self.blend) * self.weight[k]
             g = self.gradients[..., k]
             corner[..., k] = p[:, 0, None] * g[0] + p[:, 1, None] * g[1]
@@ -132,7 +129,7 @@ class Objective:
     def _blocks(self, jacobian: FloatArray, proxy: bool) -> FloatArray:
         """(2, 2, 3, m) blocks of the Hessian for the half-edges."""
         out = np.empty((2, 2, 3, len(self.weight)))
-        for k in slices(len(self.weight), AT_ONCE):
+        for k in slices(len(self.weight)):
             if proxy:
                 values, modes = dirichlet.proxy_modes(jacobian[..., k])
             else:

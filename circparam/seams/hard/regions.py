@@ -42,15 +42,18 @@ ALL_REGIONS = 0.9  # likewise, of regions between sharp edges
 
 def face_heights(surface: Surface) -> tuple[FloatArray, FloatArray]:
     """((m,) heights of faces over their longest edges, (m,) those edges)."""
-    p = surface.rest_triangles
-    longest = np.sqrt(((p[:, [1, 2, 0]] - p) ** 2).sum(2).max(1))
+    x, y = surface.rest_triangles.T
+    dx, dy = x[[1, 2, 0]] - x, y[[1, 2, 0]] - y
+    longest = np.sqrt((dx * dx + dy * dy).max(0))
     return 2 * surface.areas / np.maximum(longest, 1e-300), longest
 
 
 def extent(surface: Surface) -> float:
     """The largest coordinate, seen from the origin or from the middle: what noise scales with."""
-    p = surface.points[surface.faces.ravel()]
-    return float(max(np.abs(p).max(initial=0.0), np.ptp(p, axis=0).max(initial=0.0)))
+    used = np.zeros(len(surface.points), bool)
+    used[surface.faces] = True
+    axes = surface.points[used].T.copy()
+    return max((float(max(np.abs(x).max(), np.ptp(x))) for x in axes if len(x)), default=0.0)
 
 
 def sure_normals(surface: Surface) -> FloatArray:

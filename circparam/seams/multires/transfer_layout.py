@@ -13,12 +13,13 @@ from circparam.core.arrays import (
     first_of_runs,
     group_count,
     group_sum,
+    slices,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.geometry.gradient_transfer import (
+    in_rest_axes,
     nearest_known,
     space_gradients,
-    targets_from,
     turn_gradients,
 )
 from circparam.mesh.atlas import Atlas
@@ -175,15 +176,17 @@ def fine_targets(
     known |= own & none_clear[chart]
     nearby, have = nearest_known(fine, known)
     source = np.where(have, near[nearby], -1)
-    turned = np.zeros((len(near), 2, 3))
-    # by way of the normal of the known face: the coarse one may look away from the others
-    there = nearby[have]
-    turned[have] = turn_gradients(
-        gradients[source[have]], coarse.surface.normals[source[have]], surface.normals[there]
-    )
-    far = have & ~known
-    turned[far] = turn_gradients(turned[far], surface.normals[nearby[far]], surface.normals[far])
-    return Carried(targets_from(fine, turned), source)
+    rest, normals = coarse.surface.normals, surface.normals
+    targets = np.empty((2, 2, len(near)))
+    for k in slices(len(near)):
+        turned = np.zeros((len(near[k]), 2, 3))
+        # by way of the normal of the known face: the coarse one may look away from the others
+        at, of = have[k], source[k][have[k]]
+        turned[at] = turn_gradients(gradients[of], rest[of], normals[nearby[k][at]])
+        far = at & ~known[k]
+        turned[far] = turn_gradients(turned[far], normals[nearby[k][far]], normals[k][far])
+        targets[..., k] = in_rest_axes(surface.points, surface.faces[k], normals[k], turned)
+    return Carried(targets, source)
 
 
 def prolonged(coarse: Atlas, fine: Atlas, cut_mesh: CutMesh, source: IntArray) -> FloatArray:
