@@ -30,6 +30,8 @@ from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.state import arcs_of
 
+NEAREST_AT_ONCE = 1 << 16  # faces: each turn is a call for a few of them
+
 
 def separate(
     fine: Atlas, graph: DualGraph, coarse: Atlas, coarse_chart: IntArray, near: IntArray
@@ -75,24 +77,25 @@ def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
     order = np.argsort(coarse.faces.ravel(), kind="stable")
     degree = group_count(coarse.faces.ravel(), len(coarse.points))
     first = np.cumsum(degree) - degree
-    cell = proxy.cell[fine.corner_vertex[:, 0]]
-    out = np.full(len(fine.faces), -1)
-    face = np.flatnonzero(cell >= 0)
     centre = coarse.points[coarse.faces].mean(1)
     size = float(np.sqrt(coarse.areas.mean()))
-    a, b, c = fine.faces.T
-    here = (fine.points[a] + fine.points[b] + fine.points[c]) / 3
-    best = np.full(len(fine.faces), np.inf)
-    for turn in range(
-        int(degree.max(initial=0))
-    ):  # the k-th face round each cell, all cells at once
-        face = face[degree[cell[face]] > turn]
-        candidate = order[first[cell[face]] + turn] // 3
-        apart = np.sqrt(((centre[candidate] - here[face]) ** 2).sum(1)) / size
-        apart += 0.5 * (1 - (coarse.normals[candidate] * fine.normals[face]).sum(1))
-        nearer = apart < best[face]
-        best[face[nearer]] = apart[nearer]
-        out[face[nearer]] = candidate[nearer]
+    out = np.full(len(fine.faces), -1)
+    for k in slices(len(out), NEAREST_AT_ONCE):
+        cell = proxy.cell[fine.corner_vertex[k, 0]]
+        a, b, c = fine.faces[k].T
+        here, normal = (fine.points[a] + fine.points[b] + fine.points[c]) / 3, fine.normals[k]
+        face = np.flatnonzero((cell >= 0) & (degree[cell] > 0))
+        best, found = np.full(len(cell), np.inf), out[k]
+        turn = 0
+        while len(face):  # the next face round each cell, all cells at once
+            candidate = order[first[cell[face]] + turn] // 3
+            apart = np.sqrt(((centre[candidate] - here[face]) ** 2).sum(1)) / size
+            apart += 0.5 * (1 - (coarse.normals[candidate] * normal[face]).sum(1))
+            nearer = apart < best[face]
+            best[face[nearer]] = apart[nearer]
+            found[face[nearer]] = candidate[nearer]
+            turn += 1
+            face = face[degree[cell[face]] > turn]
     return out
 
 
