@@ -32,10 +32,10 @@ from circparam.pipeline.cut_plan import LOCKED, RATE, Plan, Planner, easel_of, f
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
-from circparam.seams.grown import STRETCH, stretch_asked
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.segmentation.weigh import share_over
+from circparam.seams.stretch import STRETCH, stretch_asked
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
