@@ -33,15 +33,28 @@ REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyon
 LONG, PART = 0.6, 0.2
 WEIGHED = 12  # chords that are sketched
 TRIED, MADE = 6, 3  # of those, the best that are tried along edges until so many are made
-BREADTH = 2  # plans of as many cuts that are gone on with
 ALIKE = 1e-9  # of its length: plans whose seams are as long are the same
 NEAR = 0.1  # what a chord may be worth less than the best so far, and be kept for that
-TRIES, MORE = 3, 4  # of each sketch, and of what was made
 LOCKED = PackOptions(resolution=512, padding=1)  # page on which outlines are grown until they lock
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
-AHEAD = 3  # cuts that may pay nothing before one that does
 WORSE = 2  # cells by which a page with one cut more may seem larger: the search is coarse
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is looked at. tries, more: of each sketch, and of what was made. breadth: plans of as many cuts
+    that are gone on with. ahead: cuts that may pay nothing before one that does."""
+
+    tries: int
+    more: int
+    breadth: int
+    ahead: int
+
+
+# of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each
+MANY = 10
+THOROUGH, THRIFTY = Effort(3, 4, 2, 3), Effort(1, 2, 1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +108,12 @@ class Planner:
 
     def best(self, first: Plan) -> list[Plan]:
         """The plans worth more than ``first``, those of the highest value first."""
-        best, kept = first, [first]
+        best, kept, effort = first, [first], effort_of(first.pieces)
         found: list[Plan] = []
-        while kept and kept[0].cuts < min(best.cuts + AHEAD, self.most):
+        while kept and kept[0].cuts < min(best.cuts + effort.ahead, self.most):
             made = [after for plan in kept for after in self._following(plan, best.value)]
             made.sort(key=lambda p: -p.value)
-            kept = _distinct(made, BREADTH)
+            kept = _distinct(made, effort.breadth)
             found += [p for p in kept if p.value > first.value]
             best = max([best, *kept], key=lambda p: p.value)
             kept = [p for p in kept if p.share < GOOD]
@@ -113,7 +126,7 @@ class Planner:
         for number, trial in enumerate(self._trials(plan, best)):
             if self.stop():
                 break
-            side = self._sketched(plan, trial, highest - NEAR, TRIES)
+            side = self._sketched(plan, trial, highest - NEAR)
             if side is not None:
                 value = _value(side, plan.length + ZIGZAG * trial.length)
                 weighed.append((-value, number, trial))
@@ -182,7 +195,7 @@ class Planner:
                 break
         return kept
 
-    def _sketched(self, plan: Plan, trial: _Trial, value: float, tries: int) -> int | None:
+    def _sketched(self, plan: Plan, trial: _Trial, value: float) -> int | None:
         """Side of the page with one chord more; None where its value is not above ``value``."""
         n = trial.n
         length = plan.length + ZIGZAG * trial.length
@@ -190,7 +203,7 @@ class Planner:
         parts = self.carver.halves(plan.pieces[n], trial.k)
         sketches = [p.sketch for p in (*plan.pieces[:n], *plan.pieces[n + 1 :])] + parts
         below = min(int(np.ceil(below)), plan.sketched + WORSE + 1)
-        page = least_page(sketches, below, tries, self.stop)
+        page = least_page(sketches, below, effort_of(plan.pieces).tries, self.stop)
         return None if page is None else page.side
 
 
@@ -209,6 +222,11 @@ class _Trial:
         return float(self.chords.length[self.k])
 
 
+def effort_of(pieces: list[Piece]) -> Effort:
+    """How much is looked at for a plan of some pieces."""
+    return THRIFTY if len(pieces) > MANY else THOROUGH
+
+
 def _distinct(plans: list[Plan], most: int) -> list[Plan]:
     """The first of the plans, at most so many, that are not the same cuts in another order."""
     kept: list[Plan] = []
@@ -224,7 +242,7 @@ def page_sides(
     """(side in cells of the page of some pieces whose outlines lock, where they lie there, side of the page
     that holds their cells); None where none is below so many."""
     sketches = [p.sketch for p in pieces]
-    page = least_page(sketches, below, MORE, stop)
+    page = least_page(sketches, below, effort_of(pieces).more, stop)
     if page is None:
         return None
     layout = locked(sketches, page, easel.cell, LOCKED, stop)

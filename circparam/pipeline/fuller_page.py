@@ -11,16 +11,18 @@ A mesh that needs no seam gets none, and all cuts together make the seams no lon
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
 from circparam.core.workers import Later, Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing import pack
 from circparam.packing.nest.strategy import on_page
 from circparam.packing.placement import Placement
@@ -28,7 +30,7 @@ from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits
-from circparam.pipeline.cut_plan import LOCKED, RATE, Plan, Planner, easel_of, first_plan
+from circparam.pipeline.cut_plan import LOCKED, MANY, RATE, Plan, Planner, easel_of, first_plan
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
@@ -40,11 +42,10 @@ from circparam.seams.stretch import STRETCH, stretch_asked
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
-# plans that are packed, beside the one without a cut: sketches only rank them
-COMPARED = 4
+COMPARED = (4, 2)  # plans that are packed, of few pieces and of many
 CUTS = 8  # at most
-# share of the area that may be stretched too much with all cuts, less than what is promised; and so many of the
-# largest faces besides in plans, whose charts may be relaxed with weights
+# share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
+# the largest faces besides in plans, whose charts may be relaxed with weights
 SPARED, LARGEST = 0.95e-3, 2
 
 
@@ -54,30 +55,60 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     There are never more charts than ``options.max_charts``, nor parts of fewer faces than
     ``options.min_chart_faces``. Charts keep the layout they had, so nothing overlaps, and their bound.
     """
-    most, least_faces = options.max_charts, options.min_chart_faces or 1
     cascade = fallback.settle(cascade, monitor)
-    before = cascade.atlas
-    cut_mesh, uv = before.open()
-    cuts = CUTS if most is None else min(CUTS, most - cut_mesh.n_charts)
-    seams = before.seam_length * float(np.sqrt(before.surface.areas.sum()))
-    if cuts < 1 or seams <= 0 or monitor.expired or not np.isfinite(uv).all():
+    cut_mesh, uv = cascade.atlas.open()
+    asked = options.cuts_asked
+    cuts = CUTS if asked is None else asked
+    if options.max_charts is not None:
+        cuts = min(cuts, options.max_charts - cut_mesh.n_charts)
+    no_seam = asked is None and cascade.atlas.seam_length <= 0
+    if cuts < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
+<<<<<<< HEAD
     uncut = _Uncut(cascade, options, monitor)
     if uncut.full():
         return replace(cascade, packing=uncut.known)
+=======
+    known = packing(cascade, options, monitor)
+    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
+    if known is None or (asked is None and _share(known) >= enough):
+        return replace(cascade, packing=known)
+    carver = _carver(cascade, cut_mesh, uv, options)
+    plans = _plans(carver, cuts, asked is None, monitor)
+    contest = _Contest(cascade, carver, options, monitor)
+    chosen = contest.winner(plans, known) if len(plans) > 1 else None
+    if chosen is not None:
+        return chosen
+    kept = replace(cascade, packing=known)
+    return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
+
+
+def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
+    """What makes the cuts; through flats only where the user asked for cuts."""
+    stretch = options.max_stretch or STRETCH
+    if not stretch_asked(options.max_stretch, options.bound or np.inf):
+        stretch = np.inf
+    limits = Limits(cascade.rules.bound, options.min_chart_faces or 1)
+    if options.cuts_asked is not None:
+        limits = replace(limits, flats=1.0)
+    easel = easel_of(cut_mesh, pack_options(options))
+    return Carver(cascade.atlas, cut_mesh, uv, easel, limits, stretch)
+
+
+def _plans(carver: Carver, cuts: int, limited: bool, monitor: Monitor) -> list[Plan]:
+    """The plan without a cut and those worth more, the best first; none where no sketch is found.
+
+    limited: whether seams grow by no more than LIMIT.
+    """
+>>>>>>> h-pages
 
     def stop() -> bool:
         return monitor.expired or uncut.full()
 
-    easel = easel_of(cut_mesh, pack_options(options))
-    stretch = options.max_stretch or STRETCH
-    if not stretch_asked(options.max_stretch, options.bound or np.inf):
-        stretch = np.inf
-    limits = Limits(cascade.rules.bound, least_faces)
-    carver = Carver(before, cut_mesh, uv, easel, limits, stretch)
     first = first_plan(carver, stop)
     if first is None:
+<<<<<<< HEAD
         return replace(cascade, packing=uncut.known)
     area = float(cut_mesh.chart_areas.sum())
     spared = SPARED * area + LARGEST * float(before.surface.areas.max())
@@ -102,10 +133,58 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     best = int(np.argmax(value))  # the first where several are alike: no cut
     chosen = replace(tried[best], packing=packings[best])
     if best == 0:
+=======
+        return []
+    areas = carver.atlas.surface.areas
+    seams = carver.atlas.seam_length * float(np.sqrt(areas.sum()))
+    longest = first.length + LIMIT * seams if limited else np.inf
+    spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
+    planner = Planner(carver, float(areas.sum()), longest, cuts, stop, spared)
+    return [first, *planner.best(first)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Contest:
+    """The layout without cuts against plans, as they will be packed: sketches only rank them."""
+
+    cascade: Cascade
+    carver: Carver
+    options: Options
+    monitor: Monitor
+
+    def winner(self, plans: list[Plan], known: KnownPacking) -> Cascade | None:
+        """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
+        before, most = self.cascade.atlas, COMPARED[len(plans[0].pieces) > MANY]
+        tried: list[tuple[Plan, Cascade]] = []
+        for plan in plans[1:]:
+            atlas = self.carver.joined(plan.pieces)
+            bound = self.cascade.rules.bound
+            if stretch_kept(atlas, before, self.options, bound, self.monitor):
+                tried.append((plan, replace(self.cascade, atlas=atlas)))
+            if len(tried) == most:
+                break
+        tasks = [
+            (c, self.options, start_of(self.carver, p, c.atlas, self.options)) for p, c in tried
+        ]
+        packings = Worker(self.monitor.jobs).map(_packing, tasks, self.monitor)
+        best, chosen = _value(known, plans[0].length), None
+        for (plan, cascade), packed in zip(tried, packings, strict=True):
+            value = _value(packed, plan.length)
+            if value > best:
+                best, chosen = (
+                    value,
+                    replace(cascade, packing=packed).noted(_told(plan, before, cascade)),
+                )
+>>>>>>> h-pages
         return chosen
-    longer = chosen.atlas.seam_length / before.seam_length - 1
-    return chosen.noted(
-        f"{counted(plans[best].cuts, 'cut')} for a fuller page made the seams {longer:.1%} longer "
+
+
+def _told(plan: Plan, before: Atlas, after: Cascade) -> str:
+    """What was done, for the user."""
+    old, new = before.seam_length, after.atlas.seam_length
+    longer = f"{new / old - 1:.1%} longer" if old > 0 else f"{new:.2f} roots of the area long"
+    return (
+        f"{counted(plan.cuts, 'cut')} for a fuller page made the seams {longer} "
         "(--pack-splits 0 makes none)"
     )
 

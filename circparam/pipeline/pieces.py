@@ -23,7 +23,6 @@ from circparam.seams.segmentation.weigh import share_over
 
 LONGEST = 512  # cells of a sketch: what is longer is a sliver, for which no page is sketched
 STEP = 0.35  # cells of a sketch between the corners of an outline
-THROUGH_FLATS = 0.2  # of the length of a cut that may run through flats
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +82,8 @@ class Carver:
         return self._pieces(self.cut_mesh, self.uv, charts)
 
     def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
-        """(both parts of a piece cut along edges near its chord k, length of the seam, area of the faces that are
-        stretched too much then and were not), or None."""
+        """(both parts of a piece cut along edges near its chord k, length of the seam, area of the faces that
+        are stretched too much then and were not), or None."""
         if k not in piece.known:
             piece.known[k] = self._cut(piece, k)
         return piece.known[k]
@@ -106,7 +105,7 @@ class Carver:
         new = after.cut & ~ground.atlas.cut
         lengths = after.surface.edge_lengths
         length = float(lengths[new].sum())
-        if float(lengths[new & ground.flat].sum()) > THROUGH_FLATS * length:
+        if float(lengths[new & ground.flat].sum()) > self.limits.flats * length:
             return None
         _, chart = after.charts()
         parts: list[Piece] = []

@@ -122,10 +122,6 @@ def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
 
         return fill_page(cascade, options, monitor)
-    if isinstance(options.pack_splits, int) and options.pack_splits:
-        from circparam.pipeline.pack_splits import split_for_packing
-
-        return split_for_packing(cascade, options.pack_splits, pack_options(options), monitor)
     return cascade
 
 
