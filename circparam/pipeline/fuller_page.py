@@ -11,6 +11,7 @@ A mesh that needs no seam gets none, and all cuts together make the seams no lon
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,23 +66,47 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if cuts < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-<<<<<<< HEAD
     uncut = _Uncut(cascade, options, monitor)
-    if uncut.full():
+    if uncut.settles():
         return replace(cascade, packing=uncut.known)
-=======
-    known = packing(cascade, options, monitor)
-    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
-    if known is None or (asked is None and _share(known) >= enough):
-        return replace(cascade, packing=known)
     carver = _carver(cascade, cut_mesh, uv, options)
-    plans = _plans(carver, cuts, asked is None, monitor)
+
+    def stop() -> bool:
+        return monitor.expired or uncut.settles()
+
+    plans = _plans(carver, cuts, asked is None, stop)
+    known = uncut.known
+    if known is None or uncut.settles():
+        return replace(cascade, packing=known)
     contest = _Contest(cascade, carver, options, monitor)
     chosen = contest.winner(plans, known) if len(plans) > 1 else None
     if chosen is not None:
         return chosen
     kept = replace(cascade, packing=known)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
+
+
+class _Uncut:
+    """The page without a cut: packed by an idle process beside the planning of cuts, else before it."""
+
+    def __init__(self, cascade: Cascade, options: Options, monitor: Monitor) -> None:
+        few = cascade.atlas.charts()[0] <= FEW
+        self._enough = ENOUGH if few else ENOUGH_OF_MANY
+        self._wanted = options.cuts_asked is not None
+        self._later = Later(monitor.jobs, packing, (cascade, options), monitor)
+        self._later.begin()
+
+    @property
+    def known(self) -> KnownPacking | None:
+        """The page; waits for it."""
+        found: KnownPacking | None = self._later.result()
+        return found
+
+    def settles(self) -> bool:
+        """Whether no cut is looked for; not while a process packs, so plans nobody wants may be made."""
+        if self._later.pending:
+            return False
+        return self.known is None or (not self._wanted and _share(self.known) >= self._enough)
 
 
 def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
@@ -96,44 +121,13 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
     return Carver(cascade.atlas, cut_mesh, uv, easel, limits, stretch)
 
 
-def _plans(carver: Carver, cuts: int, limited: bool, monitor: Monitor) -> list[Plan]:
+def _plans(carver: Carver, cuts: int, limited: bool, stop: Callable[[], bool]) -> list[Plan]:
     """The plan without a cut and those worth more, the best first; none where no sketch is found.
 
     limited: whether seams grow by no more than LIMIT.
     """
->>>>>>> h-pages
-
-    def stop() -> bool:
-        return monitor.expired or uncut.full()
-
     first = first_plan(carver, stop)
     if first is None:
-<<<<<<< HEAD
-        return replace(cascade, packing=uncut.known)
-    area = float(cut_mesh.chart_areas.sum())
-    spared = SPARED * area + LARGEST * float(before.surface.areas.max())
-    planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop, spared)
-    plans, tried = [first], [cascade]
-    for plan in planner.best(first):
-        atlas = carver.joined(plan.pieces)
-        if stretch_kept(atlas, before, options, cascade.rules.bound, monitor):
-            plans.append(plan)
-            tried.append(replace(cascade, atlas=atlas))
-        if len(plans) > COMPARED:
-            break
-    known = uncut.known
-    if uncut.full():
-        return replace(cascade, packing=known)
-    starts = [
-        start_of(carver, plan, c.atlas, options) for plan, c in zip(plans, tried, strict=True)
-    ]
-    tasks = [(c, options, s) for c, s in zip(tried[1:], starts[1:], strict=True)]
-    packings = [known, *Worker(monitor.jobs).map(_packing, tasks, monitor)]
-    value = [_value(k, plan.length) for k, plan in zip(packings, plans, strict=True)]
-    best = int(np.argmax(value))  # the first where several are alike: no cut
-    chosen = replace(tried[best], packing=packings[best])
-    if best == 0:
-=======
         return []
     areas = carver.atlas.surface.areas
     seams = carver.atlas.seam_length * float(np.sqrt(areas.sum()))
@@ -175,7 +169,6 @@ class _Contest:
                     value,
                     replace(cascade, packing=packed).noted(_told(plan, before, cascade)),
                 )
->>>>>>> h-pages
         return chosen
 
 
@@ -187,28 +180,6 @@ def _told(plan: Plan, before: Atlas, after: Cascade) -> str:
         f"{counted(plan.cuts, 'cut')} for a fuller page made the seams {longer} "
         "(--pack-splits 0 makes none)"
     )
-
-
-class _Uncut:
-    """The page without a cut: packed by an idle process beside the planning of cuts, else before it."""
-
-    def __init__(self, cascade: Cascade, options: Options, monitor: Monitor) -> None:
-        few = cascade.atlas.charts()[0] <= FEW
-        self._enough = ENOUGH if few else ENOUGH_OF_MANY
-        self._later = Later(monitor.jobs, packing, (cascade, options), monitor)
-        self._later.begin()
-
-    @property
-    def known(self) -> KnownPacking | None:
-        """The page; waits for it."""
-        found: KnownPacking | None = self._later.result()
-        return found
-
-    def full(self) -> bool:
-        """Whether no cut is wanted; not while a process is at it, so plans that nobody wants may be made."""
-        if self._later.pending:
-            return False
-        return self.known is None or _share(self.known) >= self._enough
 
 
 def stretch_kept(
