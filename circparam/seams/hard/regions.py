@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_min, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    group_min,
+    group_sum,
+    next_half_edge,
+    slices,
+)
 from circparam.core.graph import components, nearest, undirected
 from circparam.mesh.atlas import SeamPrices
 from circparam.mesh.cut_mesh import CutMesh
@@ -44,15 +53,18 @@ ALL_REGIONS = 0.9  # likewise, of regions between sharp edges
 
 def face_heights(surface: Surface) -> tuple[FloatArray, FloatArray]:
     """((m,) heights of faces over their longest edges, (m,) those edges)."""
-    p = surface.rest_triangles
-    longest = np.sqrt(((p[:, [1, 2, 0]] - p) ** 2).sum(2).max(1))
+    x, y = surface.rest_triangles.T
+    dx, dy = x[[1, 2, 0]] - x, y[[1, 2, 0]] - y
+    longest = np.sqrt((dx * dx + dy * dy).max(0))
     return 2 * surface.areas / np.maximum(longest, 1e-300), longest
 
 
 def extent(surface: Surface) -> float:
     """The largest coordinate, seen from the origin or from the middle: what noise scales with."""
-    p = surface.points[surface.faces.ravel()]
-    return float(max(np.abs(p).max(initial=0.0), np.ptp(p, axis=0).max(initial=0.0)))
+    used = np.zeros(len(surface.points), bool)
+    used[surface.faces] = True
+    axes = surface.points[used].T.copy()
+    return max((float(max(np.abs(x).max(), np.ptp(x))) for x in axes if len(x)), default=0.0)
 
 
 def sure_normals(surface: Surface) -> FloatArray:
@@ -82,16 +94,17 @@ def sure_normals(surface: Surface) -> FloatArray:
 
 def turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
     """((e,) angle between the sure normals of both faces of each edge in radians, (e,) bool: it is concave)."""
-    n = sure_normals(surface)
-    e = surface.edges
-    a, b = n[e[:, 0] // 3], n[e[:, 1] // 3]
-    cross = np.cross(a, b)
-    flat = surface.faces.ravel()
-    along = (
-        surface.points[surface.faces[:, [1, 2, 0]].ravel()[e[:, 0]]] - surface.points[flat[e[:, 0]]]
-    )
-    angle = np.arctan2(np.linalg.norm(cross, axis=1), (a * b).sum(1))
-    return angle, (cross * along).sum(1) < 0
+    n, points, flat = sure_normals(surface), surface.points, surface.faces.ravel()
+    count = len(surface.edges)
+    angle, concave = np.empty(count), np.empty(count, bool)
+    for k in slices(count):
+        h, other = surface.edges[k].T
+        a, b = n[h // 3], n[other // 3]
+        cross = np.cross(a, b)
+        along = points[flat[next_half_edge(h)]] - points[flat[h]]
+        angle[k] = np.arctan2(np.linalg.norm(cross, axis=1), (a * b).sum(1))
+        concave[k] = (cross * along).sum(1) < 0
+    return angle, concave
 
 
 def flats(surface: Surface, angle: FloatArray) -> tuple[IntArray, BoolArray]:
@@ -122,10 +135,12 @@ def seam_prices(surface: Surface) -> SeamPrices:
 
 def corner_angles(rest_triangles: FloatArray) -> FloatArray:
     """(m, 3) angle of every corner."""
-    ahead = rest_triangles[:, [1, 2, 0]] - rest_triangles
-    back = rest_triangles[:, [2, 0, 1]] - rest_triangles
-    result: FloatArray = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
-    return result
+    out = np.empty((len(rest_triangles), 3))
+    for k in slices(len(out)):
+        triangles = rest_triangles[k]
+        ahead, back = triangles[:, [1, 2, 0]] - triangles, triangles[:, [2, 0, 1]] - triangles
+        out[k] = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
+    return out
 
 
 def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:
