@@ -69,7 +69,7 @@ def _room(result: Result) -> list[str]:
     if sized or share is None or share >= ROOM:
         return []
     splits = result.work == "unwrap" and not isinstance(o.pack_splits, int)
-    if splits and applies.has_room(o):
+    if splits and applies.fills_page(o):
         cure = "--pack-splits 10 cuts arms off where that makes room"
     elif o.rotate in ("90", "none"):
         cure = "--rotate free lets charts turn"

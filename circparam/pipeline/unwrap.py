@@ -122,10 +122,6 @@ def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
 
         return fill_page(cascade, options, monitor)
-    if isinstance(options.pack_splits, int) and options.pack_splits:
-        from circparam.pipeline.pack_splits import split_for_packing
-
-        return split_for_packing(cascade, options.pack_splits, pack_options(options), monitor)
     return cascade
 
 
@@ -145,10 +141,7 @@ def repack(
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
-        uvmap = document.uv(options.uv_set or 0) if document.uv_sets else None
-    name = document.source.name
-    if uvmap is None:
-        raise InputError(f"{name}: it has no uv to pack: circparam unwrap makes some")
+        uvmap = document.require_uv(options.uv_set or 0)
     job = prepare(document, output, options, monitor)
     cascade = Cascade(_as_given(job, uvmap))
     cut_mesh, uv = cascade.open()

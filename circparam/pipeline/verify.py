@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
-from circparam.core.words import counted
+from circparam.core.words import counted, percent
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
@@ -132,11 +132,11 @@ def verify(
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this.
     tiles: (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane;
     tile t is laid out t units to the right.
-    Raises InputError where no face has uv.
+    Raises InputError where no face has uv that are numbers.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
-        raise InputError("no face has uv: unwrap the mesh first")
+        raise InputError("no face has uv that are numbers: unwrap the mesh first")
     own = None if tiles is None else tiles[surface.source]
     cut = _seams(surface, corners, ok)
     if own is not None:
@@ -308,7 +308,7 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
         share = v.measures.tail.share_over(promise.stretch * (1 + BOUND_SLACK))
         if share > TAIL:
             out.append(
-                f"{100 * share:.2g} % of the surface are stretched or shrunk more than "
+                f"{percent(share)} of the surface are stretched or shrunk more than "
                 f"{promise.stretch:g} times: {100 * TAIL:g} % may be"
             )
     if promise.padding is not None and v.coverage is not None:
