@@ -215,7 +215,7 @@ def _squares(n):
 
 
 def test_a_start_is_gone_on_with() -> None:
-    """Two triangles that make a square: a start with both on one square fills the page, wherever their uv lie."""
+    """Two triangles that make a square: a start with both on one square fills the page."""
     faces = np.array([[0, 1, 2], [3, 4, 5]])
     uv = np.array([[0, 0], [1, 0], [0, 1], [7, 5], [6, 5], [7, 4]], float)
     options = PackOptions(resolution=512, padding=2)
