@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_sum,
     next_half_edge,
+    slices,
 )
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
@@ -118,8 +119,10 @@ def _untangled(
 def divergence(cut_mesh: CutMesh, gradients: FloatArray, targets: FloatArray) -> FloatArray:
     """(nv, 2) the Laplacian of the layout with these Jacobians (2, 2, m); gradients: (2, 3, m)."""
     n, flat = cut_mesh.n_vertices, cut_mesh.faces.T.ravel()
-    flux = targets * cut_mesh.areas
-    corner = flux[:, 0, None] * gradients[0] + flux[:, 1, None] * gradients[1]
+    corner = np.empty((2, 3, len(cut_mesh.faces)))
+    for k in slices(len(cut_mesh.faces)):
+        flux, g = targets[..., k] * cut_mesh.areas[k], gradients[..., k]
+        corner[..., k] = flux[:, 0, None] * g[0] + flux[:, 1, None] * g[1]
     return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
 
 
