@@ -47,7 +47,7 @@ def from_jacobians(
     untangle: int = 0,
     low: float = 0.5,
     held: tuple[IntArray, FloatArray] | None = None,
-    hopeless: float = np.inf,
+    hopeless: tuple[float, float | FloatArray] = (np.inf, np.inf),
     system: Poisson | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
@@ -56,7 +56,8 @@ def from_jacobians(
     to [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, at most so many
     times (the local/global idea of Liu and others 2008). held: vertices (k,) of every chart and their places
     (k, 2); None: the first vertex of every chart lies at the origin.
-    hopeless: charts whose mean of |J(u) − target|² over their area is larger are not untangled.
+    hopeless: charts whose mean of |J(u) − target|² over their area is larger, or which have more flipped
+    faces than that (of each chart, or of all), are not untangled.
     system: that of the cut mesh and what is held, where it is at hand.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
@@ -65,7 +66,10 @@ def from_jacobians(
     jacobian, flipped = solver.judged(uv)
     off = ((jacobian - targets) ** 2).sum((0, 1)) * cut_mesh.areas
     mean = group_sum(off, cut_mesh.chart, cut_mesh.n_charts) / cut_mesh.chart_areas
-    again = flipped & ~(mean > hopeless)
+    again = flipped & ~(mean > hopeless[0])
+    if np.isfinite(hopeless[1]).all() and again.any():
+        over = ~(dirichlet.determinants(jacobian) > 0)
+        again &= np.bincount(cut_mesh.chart[over], minlength=len(again)) <= hopeless[1]
     if not (untangle and again.any()):
         return uv, ~flipped
     if again[cut_mesh.chart].mean() > MOSTLY:

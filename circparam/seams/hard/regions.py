@@ -25,6 +25,7 @@ from circparam.mesh.surface import Surface
 NOISE = 3e-7  # of the extent of the mesh: how far single precision and exporters move a point
 TURNED = 0.02  # radians by which such a move may turn the normal of a face that is sure of it
 NEEDLE = 1e-6  # height over longest edge below which no face is sure of its normal
+ACROSS = 3.0  # times as long an edge has to be for a needle to belong with what lies at a right angle beyond it
 FLAT = np.radians(0.5)  # edges that turn less lie inside a flat
 LEVEL = np.radians(1.0)  # no face of a flat leans more against the mean of it
 SHARP = np.radians(30)  # edges that turn more bound smooth regions
@@ -34,6 +35,7 @@ CURVED = 0.3  # radians of curvature inside a region up to which it counts as de
 FLAT_FACES = 3
 # regions are scraps, not parts, where more than MANY have fewer faces in the mean
 SCRAPS, MANY = 8, 64
+PAIRS = 2  # faces of a region in the mean, from which on sharp creases alone make it a part
 ORGANIC, DOUBTFUL, HARD = 0, 1, 2
 HARDLY = 0.1  # nor is there any doubt where so few of the creases are blunt
 BLUNT, MOSTLY = (
@@ -66,16 +68,25 @@ def extent(surface: Surface) -> float:
 
 
 def sure_normals(surface: Surface) -> FloatArray:
-    """(m, 3) unit normals; needles, whose own are noise, take that of the face beyond their longest edges."""
+    """(m, 3) unit normals; needles, whose own are noise, take that of the face beyond their longest edges.
+
+    Where noise leaves them half a normal, faces beyond an edge that turns count as beyond a shorter one: the
+    needle between two holes of a flat is no part of the wall of either.
+    """
     height, longest = face_heights(surface)
-    sure = (height > NOISE / TURNED * extent(surface)) & (height > NEEDLE * longest)
+    noise = NOISE * extent(surface)
+    sure = (height > noise / TURNED) & (height > NEEDLE * longest)
     if sure.all() or not sure.any():
         return surface.normals
     fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
     touch = ~sure[fi] | ~sure[fj]
     length = surface.edge_lengths[touch]
     step = 1 / np.maximum(length, 1e-9 * max(float(length.max(initial=0.0)), 1e-300))
-    links = undirected(len(sure), fi[touch], fj[touch], step)
+    a, b = fi[touch], fj[touch]
+    told = (height[a] > noise) & (height[b] > noise)
+    along = np.abs((surface.normals[a] * surface.normals[b]).sum(1))
+    step *= np.where(told, 1 + (ACROSS - 1) * (1 - along), 1.0)
+    links = undirected(len(sure), a, b, step)
     _, _, source = nearest(links, np.flatnonzero(sure))
     result: FloatArray = surface.normals[np.where(source >= 0, source, np.arange(len(sure)))]
     return result
@@ -195,6 +206,8 @@ def hardness(surface: Surface) -> IntArray:
     found = _Bounded.of(surface, angle, CREASE)
     regions, creases, blunt = found.regions, found.creases, found.blunt
     scraps = (regions > MANY) & (regions * SCRAPS > size)
+    # fins and combs are boxes beside boxes, of two triangles a side; noise has regions of one face
+    scraps &= (blunt >= HARDLY * creases) | (regions * PAIRS > size)
     whole = (regions <= FEW) | (regions * PARTS <= size)
     candidate = (share >= HARD_FLATS) | ((creases > 0) & (found.unrolls >= HARD_REGIONS) & ~scraps)
     clear = (share >= SURE_FLATS) | ((found.unrolls >= SURE_REGIONS) & whole)
