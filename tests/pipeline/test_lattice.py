@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from circparam.geometry.overlap import signs
 from circparam.pipeline import lattice
-from circparam.pipeline.lattice import FAR, FAR_ON_BOUNDARY, following, mend_faces, window
+from circparam.pipeline.lattice import FAR, FAR_ON_BOUNDARY, RADII, following, mend_faces, window
 from tests.support import needles
 from tests.support.exact import exact_sign
 from tests.support.needles import ROUNDINGS
@@ -66,7 +66,7 @@ def test_random_needles_are_upright_after_a_few_units(
     assert (signs(got.uv, f) > 0).all()
     away = np.abs(got.uv - rounding(p)).max(1)
     unit = 1e-7 if name == "decimals" else 2.0**-23
-    assert (away <= np.where(boundary, FAR_ON_BOUNDARY, FAR) * unit).all()
+    assert (away <= np.where(boundary, FAR_ON_BOUNDARY, RADII[-1]) * unit).all()
     np.testing.assert_array_equal(got.moved, away > 0)
     if not before.any():
         assert not got.moved.any()
