@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
-from circparam.errors import NoResultError, OptionError
+from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.packing import table
 from circparam.packing.check import PlacedCharts, faults
 from circparam.packing.options import Packed, PackOptions, pages_needed, too_dense
@@ -23,12 +24,14 @@ def pack(
     chart: IntArray,
     options: PackOptions | None = None,
     monitor: Monitor | None = None,
+    start: Placement | None = None,
 ) -> Packed:
     """Place charts on pages: faces (m, 3) into uv (nv, 2), chart (m,) labels 0..n-1.
 
     All charts get one scale, so relative sizes are kept. Charts are moved, turned as the options allow, and
     scaled, never mirrored. On a raster of the stated resolution the covered texel centres of two charts are
-    at least padding + 1 apart and padding texels are empty at the border of the page.
+    at least padding + 1 apart and padding texels are empty at the border of the page. start: a layout to go on
+    from, with offsets of the origin of the uv in texels of the page; its gaps may be somewhat narrow.
 
     Raises OptionError where the charts cannot fit (padding, density or sizes too large, too many charts),
     NoResultError where no chart has any extent.
@@ -40,7 +43,8 @@ def pack(
     check_fixed_room(shapes, options)
     with monitor.stage("pack"):
         checked = _Check(shapes, options)
-        candidates = _candidates(PackTask(shapes, options, monitor, {}, checked.sound))
+        begun = None if start is None else _centred(shapes, uv, start)
+        candidates = _candidates(PackTask(shapes, options, monitor, {}, checked.sound, begun))
         if not candidates:
             raise OptionError(does_not_fit(shapes, options))
         # the largest scale, then the fewest pages; what the check refuses gives way to the next
@@ -50,6 +54,14 @@ def pack(
             if wrong is None:
                 return packed
     raise NoResultError(f"packing failed its own check ({wrong}): try a larger --resolution")
+
+
+def _centred(shapes: Shapes, uv: FloatArray, start: Placement) -> Placement:
+    """A layout with offsets of the origin of the uv, as one with offsets of the centres of charts."""
+    v = shapes.start[shapes.edge_start[:-1]]
+    x, y = (np.asarray(uv, np.float64)[v] - shapes.points[v]).T * start.scale
+    c, s = np.cos(start.angle), np.sin(start.angle)
+    return replace(start, offset=start.offset + np.stack([c * x - s * y, s * x + c * y], 1))
 
 
 class _Check:
@@ -87,8 +99,12 @@ def _candidates(task: PackTask) -> list[Placement]:
 
 
 def _with(found: dict[str, Placement], row: Row[Packer], task: PackTask) -> dict[str, Placement]:
-    """The placements found, with that of one more row where it finds one."""
-    placement = row.function(replace(task, found=found))
+    """The placements found, with that of one more row where it finds one before it is broken off."""
+    try:
+        with clock.bounded(None if row.function.instant else task.monitor.last):
+            placement = row.function(replace(task, found=found))
+    except OutOfTimeError:
+        task.monitor.late, placement = True, None
     return found if placement is None else {**found, row.name: placement}
 
 

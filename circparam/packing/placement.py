@@ -31,6 +31,7 @@ class PackTask:
 
     found: placements of the packers before it, by the name of their row; it may start from them.
     sound: whether a placement passes the check on the raster (a packer may ask before it settles for one).
+    start: a layout that is known already, on one page, whose gaps may be somewhat narrow.
     """
 
     shapes: Shapes
@@ -38,6 +39,7 @@ class PackTask:
     monitor: Monitor
     found: Mapping[str, Placement]
     sound: Callable[[Placement], bool]
+    start: Placement | None = None
 
 
 Place: TypeAlias = Callable[[PackTask], Placement | None]

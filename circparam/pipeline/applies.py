@@ -64,23 +64,10 @@ def with_free_scale(o: Any, name: str) -> str | None:
 
 
 def with_room(o: Any, name: str) -> str | None:
-    """Only where charts may be split for packing: so many of them, or all that are worth it."""
-    if o.pack_splits == "auto":
-        fits = fills_page(o)
-        return (
-            None
-            if fits
-            else "it fills the one page of --cut charts that may be cut, turned and scaled"
-        )
-    if has_room(o) or (o.pack_splits == 0 and fills_page(o)):
+    """Only where charts may be cut for a fuller page."""
+    if fills_page(o):
         return None
-    return "it makes room on the pages of one atlas of --cut charts without --max-charts or a fixed size"
-
-
-def has_room(o: Any) -> bool:
-    """Whether charts may be split where packing chooses their size."""
-    charts = o.packed and o.cut == "charts" and not o.grouped and o.max_charts is None
-    return bool(charts and o.texel_density is None and o.scale is not False)
+    return "it fills the one page of --cut charts that may be cut, turned and scaled"
 
 
 def fills_page(o: Any) -> bool:

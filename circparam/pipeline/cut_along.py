@@ -34,10 +34,14 @@ class Chord:
 
 @dataclass(frozen=True)
 class Limits:
-    """What either part of a chart that is cut has to keep: the bound on the distortion, the least faces."""
+    """What either part of a chart that is cut has to keep: the bound on the distortion, the least faces.
+
+    flats: share of the length of a cut that may run through flats.
+    """
 
     bound: float
     faces: int = 1
+    flats: float = 0.2
 
 
 def cut_along(atlas: Atlas, chord: Chord, costs: FloatArray, limits: Limits) -> Atlas | None:
@@ -173,10 +177,3 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas |
     after = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
     after.scatter(part, better, faces)
     return after
-
-
-def two_disks(cut_mesh: CutMesh, uv: FloatArray, parts: IntArray, bound: float) -> bool:
-    """Whether what a chart was cut into are two charts, both disks (holes allowed), neither above the bound."""
-    if len(parts) != 2 or not_disks(cut_mesh)[parts].any():
-        return False
-    return bool((chart_distortion(cut_mesh, uv)[parts] <= bound).all())

@@ -14,40 +14,66 @@ import numpy as np
 from circparam.core.arrays import FloatArray, next_half_edge
 from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.packing.nest.sketch import Easel, least_side
+from circparam.packing.nest.lock import locked
+from circparam.packing.nest.sketch import Easel, least_page
 from circparam.packing.options import PackOptions
-from circparam.pipeline.chords import Chords, split
+from circparam.packing.placement import Placement
+from circparam.pipeline.chords import Chords
 from circparam.pipeline.pieces import Carver, Piece
 
 RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
-LARGE, LEAST = 20, 0.005  # charts that are sketched, those of more than this share of the area
+LARGE, LEAST = 14, 0.01  # charts that are sketched, those of more than this share of the area
+ALL = 12  # charts up to which all are sketched, so that packing may go on from where they lie
 # share of the area that a chart must have to be cut, and either part of it
 CUT, PIECE = 0.06, 0.012
-GOOD = 0.7  # covered share of a sketch, from which on nothing is cut: packing makes 0.7 of it
+GOOD = 0.74  # covered share of a sketch from which on nothing is cut
 REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyond
 # or so much of the side of the page; share of a chart that either part must have
 LONG, PART = 0.6, 0.2
-WEIGHED = 14  # chords that are sketched
-MADE = 8  # of those, the best that are tried along edges until one can be made
-COMPARED = 3  # where none is worth it by itself the best of so many is taken
-NEAR = 0.06  # what a chord may be worth less than the best so far, and be kept for that
-TRIES, MORE = 5, 10  # of each sketch, and of what was made
+WEIGHED = 12  # chords that are sketched
+TRIED, MADE = 6, 3  # of those, the best that are tried along edges until so many are made
+ALIKE = 1e-9  # of its length: plans whose seams are as long are the same
+NEAR = 0.1  # what a chord may be worth less than the best so far, and be kept for that
+LOCKED = PackOptions(resolution=512, padding=1)  # page on which outlines are grown until they lock
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
-AHEAD = 3  # cuts that may pay nothing before one that does
 WORSE = 2  # cells by which a page with one cut more may seem larger: the search is coarse
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 
+@dataclass(frozen=True)
+class Effort:
+    """How much is looked at. tries, more: of each sketch, and of what was made. breadth: plans of as many cuts
+    that are gone on with. ahead: cuts that may pay nothing before one that does."""
+
+    tries: int
+    more: int
+    breadth: int
+    ahead: int
+
+
+# of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each
+MANY = 10
+THOROUGH, THRIFTY = Effort(3, 4, 2, 3), Effort(1, 2, 1, 2)
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Charts with some cuts: the pieces that are sketched, the length of their boundaries (halved, as seams
-    have two sides) and the side in cells of the page that holds them. cuts: how many were made."""
+    """Charts with some cuts.
+
+    pieces: those that are sketched. length: of their boundaries (halved, as seams have two sides). side: in
+    cells, of the page that holds their outlines; layout: where they lie there, with offsets of the origin of
+    their uv. sketched: side of the one that holds their cells. cuts: how many. stretched: area of faces that
+    they stretch too much.
+    """
 
     pieces: list[Piece]
     length: float
-    side: int
+    side: float
+    layout: Placement
+    sketched: int
     cuts: int = 0
+    stretched: float = 0.0
 
     @property
     def value(self) -> float:
@@ -65,7 +91,7 @@ class Planner:
     """What all plans for one layout have in common.
 
     carver: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
-    stop: whether there is no more time.
+    stop: whether there is no more time. spared: area of faces that may be stretched too much besides.
     """
 
     carver: Carver
@@ -73,57 +99,61 @@ class Planner:
     longest: float
     most: int
     stop: Callable[[], bool]
+    spared: float = np.inf
 
     @property
     def cell(self) -> float:
         """Side of a cell of the sketches in uv."""
         return self.carver.easel.cell
 
-    def best(self, first: Plan, count: int = 1) -> list[Plan]:
-        """The plans of the highest value, cut by cut, at most so many; all worth more than ``first``."""
-        best = plan = first
+    def best(self, first: Plan) -> list[Plan]:
+        """The plans worth more than ``first``, those of the highest value first."""
+        best, kept, effort = first, [first], effort_of(first.pieces)
         found: list[Plan] = []
-        while plan.cuts < min(best.cuts + AHEAD, self.most) and plan.share < GOOD:
-            after = self._next(plan, best.value)
-            if after is None:
-                break
-            plan = after
-            best = plan if plan.value > best.value else best
-            found += [plan] if plan.value > first.value else []
-        return sorted(found, key=lambda p: -p.value)[:count]
+        while kept and kept[0].cuts < min(best.cuts + effort.ahead, self.most):
+            made = [after for plan in kept for after in self._following(plan, best.value)]
+            made.sort(key=lambda p: -p.value)
+            kept = _distinct(made, effort.breadth)
+            found += [p for p in kept if p.value > first.value]
+            best = max([best, *kept], key=lambda p: p.value)
+            kept = [p for p in kept if p.share < GOOD]
+        return sorted(found, key=lambda p: -p.value)
 
-    def _next(self, plan: Plan, best: float) -> Plan | None:
-        """The plan with the cut more that is worth most; None where none can lead to more than ``best``."""
-        weighed: list[tuple[float, _Trial]] = []
+    def _following(self, plan: Plan, best: float) -> list[Plan]:
+        """Plans with one cut more: of the chords that sketches rank first those that can be made."""
+        weighed: list[tuple[float, int, _Trial]] = []
         highest = -np.inf
-        for trial in self._trials(plan, best):
+        for number, trial in enumerate(self._trials(plan, best)):
             if self.stop():
                 break
-            side = self._sketched(plan, trial, highest - NEAR, TRIES)
+            side = self._sketched(plan, trial, highest - NEAR)
             if side is not None:
                 value = _value(side, plan.length + ZIGZAG * trial.length)
-                weighed.append((value, trial))
+                weighed.append((-value, number, trial))
                 highest = max(highest, value)
-        weighed.sort(key=lambda w: -w[0])
+        weighed.sort(key=lambda w: w[:2])
         made: list[Plan] = []
-        for _, trial in weighed[:MADE]:
+        for _, _, trial in weighed[:TRIED]:
             after = None if self.stop() else self._made(plan, trial)
             made += [] if after is None else [after]
-            if after is not None and (after.value > plan.value or len(made) == COMPARED):
+            if len(made) == MADE:
                 break
-        return max(made, key=lambda p: p.value, default=None)
+        return made
 
     def _made(self, plan: Plan, trial: _Trial) -> Plan | None:
         """The plan with one cut more, made along edges; None where it cannot be, or the page gets no better."""
         made = self.carver.cut(plan.pieces[trial.n], trial.k)
-        if made is None or plan.length + made[1] > self.longest:
+        if made is None:
             return None
-        pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *made[0]]
-        sketches = [p.sketch for p in pieces]
-        side = least_side(sketches, plan.side + WORSE + 1, MORE, self.stop)
-        if side is None:
+        parts, length, stretched = made
+        length, stretched = plan.length + length, plan.stretched + stretched
+        if length > self.longest or stretched > self.spared:
             return None
-        return Plan(pieces, plan.length + made[1], side, plan.cuts + 1)
+        pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *parts]
+        sides = page_sides(pieces, self.carver.easel, plan.sketched + WORSE + 1, self.stop)
+        if sides is None:
+            return None
+        return Plan(pieces, length, *sides, plan.cuts + 1, stretched)
 
     def _trials(self, plan: Plan, best: float) -> list[_Trial]:
         """Chords worth a sketch, the most promising first."""
@@ -165,16 +195,16 @@ class Planner:
                 break
         return kept
 
-    def _sketched(self, plan: Plan, trial: _Trial, value: float, tries: int) -> int | None:
+    def _sketched(self, plan: Plan, trial: _Trial, value: float) -> int | None:
         """Side of the page with one chord more; None where its value is not above ``value``."""
-        n, o = trial.n, trial.chords.outline
+        n = trial.n
         length = plan.length + ZIGZAG * trial.length
         below = float(np.exp(min(-(value + RATE * np.log(length)) / 2, 20.0)))
-        i, j = int(trial.chords.i[trial.k]), int(trial.chords.j[trial.k])
-        parts = [self.carver.easel.sketch(*part.edges) for part in split(o, i, j)]
+        parts = self.carver.halves(plan.pieces[n], trial.k)
         sketches = [p.sketch for p in (*plan.pieces[:n], *plan.pieces[n + 1 :])] + parts
-        below = min(int(np.ceil(below)), plan.side + WORSE + 1)
-        return least_side(sketches, below, tries, self.stop)
+        below = min(int(np.ceil(below)), plan.sketched + WORSE + 1)
+        page = least_page(sketches, below, effort_of(plan.pieces).tries, self.stop)
+        return None if page is None else page.side
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +222,35 @@ class _Trial:
         return float(self.chords.length[self.k])
 
 
-def _value(side: int, length: float) -> float:
+def effort_of(pieces: list[Piece]) -> Effort:
+    """How much is looked at for a plan of some pieces."""
+    return THRIFTY if len(pieces) > MANY else THOROUGH
+
+
+def _distinct(plans: list[Plan], most: int) -> list[Plan]:
+    """The first of the plans, at most so many, that are not the same cuts in another order."""
+    kept: list[Plan] = []
+    for plan in plans:
+        if len(kept) < most and all(abs(plan.length - k.length) > ALIKE * k.length for k in kept):
+            kept.append(plan)
+    return kept
+
+
+def page_sides(
+    pieces: list[Piece], easel: Easel, below: int, stop: Callable[[], bool]
+) -> tuple[float, Placement, int] | None:
+    """(side in cells of the page of some pieces whose outlines lock, where they lie there, side of the page
+    that holds their cells); None where none is below so many."""
+    sketches = [p.sketch for p in pieces]
+    page = least_page(sketches, below, effort_of(pieces).more, stop)
+    if page is None:
+        return None
+    layout = locked(sketches, page, easel.cell, LOCKED, stop)
+    inner = LOCKED.resolution - 2 * LOCKED.border + LOCKED.gap
+    return inner / (layout.scale * easel.cell), layout, page.side
+
+
+def _value(side: float, length: float) -> float:
     return -2 * float(np.log(side)) - RATE * float(np.log(length))
 
 
@@ -206,15 +264,15 @@ def first_plan(carver: Carver, stop: Callable[[], bool]) -> Plan | None:
     """The plan without a cut; None where no sketch is found."""
     area = carver.cut_mesh.chart_areas
     large = np.argsort(-area, kind="stable")[:LARGE]
-    pieces = carver.pieces(large[area[large] > LEAST * area.sum()])
-    sketches = [p.sketch for p in pieces]
-    widest = max((s.least for s in sketches), default=0)
-    side = least_side(sketches, max(2 * CELLS, widest + 2), MORE, stop) if pieces else None
-    if side is None:
+    least = 0.0 if len(area) <= ALL else LEAST
+    pieces = carver.pieces(large[area[large] > least * area.sum()])
+    widest = max((p.sketch.least for p in pieces), default=0)
+    sides = page_sides(pieces, carver.easel, max(2 * CELLS, widest + 2), stop) if pieces else None
+    if sides is None:
         return None
     cut_mesh = carver.cut_mesh
     uv = carver.uv * best_chart_scales(cut_mesh, carver.uv)[cut_mesh.vertex_chart][:, None]
-    return Plan(pieces, boundary_length(cut_mesh, uv), side)
+    return Plan(pieces, boundary_length(cut_mesh, uv), *sides)
 
 
 def boundary_length(cut_mesh: CutMesh, uv: FloatArray) -> float:

@@ -11,36 +11,43 @@ A mesh that needs no seam gets none, and all cuts together make the seams no lon
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
-from circparam.core.workers import Worker
+from circparam.core.workers import Later, Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing import pack
+from circparam.packing.nest.strategy import on_page
+from circparam.packing.placement import Placement
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits
-from circparam.pipeline.cut_plan import RATE, Planner, easel_of, first_plan
+from circparam.pipeline.cut_plan import LOCKED, MANY, RATE, Plan, Planner, easel_of, first_plan
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
-from circparam.seams.grown import STRETCH, stretch_asked
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.segmentation.weigh import share_over
+from circparam.seams.stretch import STRETCH, stretch_asked
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
-# plans that are packed, beside the one without a cut: sketches only rank them
-COMPARED = 2
+COMPARED = (4, 2)  # plans that are packed, of few pieces and of many
 CUTS = 8  # at most
+# share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
+# the largest faces besides in plans, whose charts may be relaxed with weights
+SPARED, LARGEST = 0.95e-3, 2
 
 
 def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
@@ -49,46 +56,128 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     There are never more charts than ``options.max_charts``, nor parts of fewer faces than
     ``options.min_chart_faces``. Charts keep the layout they had, so nothing overlaps, and their bound.
     """
-    most, least_faces = options.max_charts, options.min_chart_faces or 1
     cascade = fallback.settle(cascade, monitor)
-    before = cascade.atlas
-    cut_mesh, uv = before.open()
-    cuts = CUTS if most is None else min(CUTS, most - cut_mesh.n_charts)
-    seams = before.seam_length * float(np.sqrt(before.surface.areas.sum()))
-    if cuts < 1 or seams <= 0 or monitor.expired or not np.isfinite(uv).all():
+    cut_mesh, uv = cascade.atlas.open()
+    asked = options.cuts_asked
+    cuts = CUTS if asked is None else asked
+    if options.max_charts is not None:
+        cuts = min(cuts, options.max_charts - cut_mesh.n_charts)
+    no_seam = asked is None and cascade.atlas.seam_length <= 0
+    if cuts < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-    known = packing(cascade, options, monitor)
-    few = cut_mesh.n_charts <= FEW
-    if known is None or _share(known) >= (ENOUGH if few else ENOUGH_OF_MANY):
-        return replace(cascade, packing=known)
+    uncut = _Uncut(cascade, options, monitor)
+    if uncut.settles():
+        return replace(cascade, packing=uncut.known)
+    carver = _carver(cascade, cut_mesh, uv, options)
 
     def stop() -> bool:
-        return monitor.expired
+        return monitor.expired or uncut.settles()
 
+    plans = _plans(carver, cuts, asked is None, stop)
+    known = uncut.known
+    if known is None or uncut.settles():
+        return replace(cascade, packing=known)
+    contest = _Contest(cascade, carver, options, monitor)
+    chosen = contest.winner(plans, known) if len(plans) > 1 else None
+    if chosen is not None:
+        return chosen
+    kept = replace(cascade, packing=known)
+    return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
+
+
+class _Uncut:
+    """The page without a cut: packed by an idle process beside the planning of cuts, else before it."""
+
+    def __init__(self, cascade: Cascade, options: Options, monitor: Monitor) -> None:
+        few = cascade.atlas.charts()[0] <= FEW
+        self._enough = ENOUGH if few else ENOUGH_OF_MANY
+        self._wanted = options.cuts_asked is not None
+        self._later = Later(monitor.jobs, packing, (cascade, options), monitor)
+        self._later.begin()
+
+    @property
+    def known(self) -> KnownPacking | None:
+        """The page; waits for it."""
+        found: KnownPacking | None = self._later.result()
+        return found
+
+    def settles(self) -> bool:
+        """Whether no cut is looked for; not while a process packs, so plans nobody wants may be made."""
+        if self._later.pending:
+            return False
+        return self.known is None or (not self._wanted and _share(self.known) >= self._enough)
+
+
+def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
+    """What makes the cuts; through flats only where the user asked for cuts."""
+    stretch = options.max_stretch or STRETCH
+    if not stretch_asked(options.max_stretch, options.bound or np.inf):
+        stretch = np.inf
+    limits = Limits(cascade.rules.bound, options.min_chart_faces or 1)
+    if options.cuts_asked is not None:
+        limits = replace(limits, flats=1.0)
     easel = easel_of(cut_mesh, pack_options(options))
-    carver = Carver(before, cut_mesh, uv, easel, Limits(cascade.rules.bound, least_faces))
+    return Carver(cascade.atlas, cut_mesh, uv, easel, limits, stretch)
+
+
+def _plans(carver: Carver, cuts: int, limited: bool, stop: Callable[[], bool]) -> list[Plan]:
+    """The plan without a cut and those worth more, the best first; none where no sketch is found.
+
+    limited: whether seams grow by no more than LIMIT.
+    """
     first = first_plan(carver, stop)
     if first is None:
-        return replace(cascade, packing=known)
-    area = float(cut_mesh.chart_areas.sum())
-    planner = Planner(carver, area, first.length + LIMIT * seams, cuts, stop)
-    plans, tried = [first], [cascade]
-    for plan in planner.best(first, COMPARED):
-        atlas = carver.joined(plan.pieces)
-        if stretch_kept(atlas, before, options, cascade.rules.bound, monitor):
-            plans.append(plan)
-            tried.append(replace(cascade, atlas=atlas))
-    tasks = [(c, options) for c in tried[1:]]
-    packings = [known, *Worker(monitor.jobs).map(packing, tasks, monitor)]
-    value = [_value(k, plan.length) for k, plan in zip(packings, plans, strict=True)]
-    best = int(np.argmax(value))  # the first where several are alike: no cut
-    chosen = replace(tried[best], packing=packings[best])
-    if best == 0:
+        return []
+    areas = carver.atlas.surface.areas
+    seams = carver.atlas.seam_length * float(np.sqrt(areas.sum()))
+    longest = first.length + LIMIT * seams if limited else np.inf
+    spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
+    planner = Planner(carver, float(areas.sum()), longest, cuts, stop, spared)
+    return [first, *planner.best(first)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Contest:
+    """The layout without cuts against plans, as they will be packed: sketches only rank them."""
+
+    cascade: Cascade
+    carver: Carver
+    options: Options
+    monitor: Monitor
+
+    def winner(self, plans: list[Plan], known: KnownPacking) -> Cascade | None:
+        """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
+        before, most = self.cascade.atlas, COMPARED[len(plans[0].pieces) > MANY]
+        tried: list[tuple[Plan, Cascade]] = []
+        for plan in plans[1:]:
+            atlas = self.carver.joined(plan.pieces)
+            bound = self.cascade.rules.bound
+            if stretch_kept(atlas, before, self.options, bound, self.monitor):
+                tried.append((plan, replace(self.cascade, atlas=atlas)))
+            if len(tried) == most:
+                break
+        tasks = [
+            (c, self.options, start_of(self.carver, p, c.atlas, self.options)) for p, c in tried
+        ]
+        packings = Worker(self.monitor.jobs).map(_packing, tasks, self.monitor)
+        best, chosen = _value(known, plans[0].length), None
+        for (plan, cascade), packed in zip(tried, packings, strict=True):
+            value = _value(packed, plan.length)
+            if value > best:
+                best, chosen = (
+                    value,
+                    replace(cascade, packing=packed).noted(_told(plan, before, cascade)),
+                )
         return chosen
-    longer = chosen.atlas.seam_length / before.seam_length - 1
-    return chosen.noted(
-        f"{counted(plans[best].cuts, 'cut')} for a fuller page made the seams {longer:.1%} longer "
+
+
+def _told(plan: Plan, before: Atlas, after: Cascade) -> str:
+    """What was done, for the user."""
+    old, new = before.seam_length, after.atlas.seam_length
+    longer = f"{new / old - 1:.1%} longer" if old > 0 else f"{new:.2f} roots of the area long"
+    return (
+        f"{counted(plan.cuts, 'cut')} for a fuller page made the seams {longer} "
         "(--pack-splits 0 makes none)"
     )
 
@@ -103,7 +192,7 @@ def stretch_kept(
     if not stretch_asked(options.max_stretch, options.bound or np.inf):
         return True
     limits = StretchLimits(bound, options.max_stretch or STRETCH)
-    allowed = max(_stretched(before, limits.most), limits.allowed)
+    allowed = max(_stretched(before, limits.most), SPARED)
     if _stretched(atlas, limits.most) <= allowed:
         return True
     hold_stretch(atlas, limits, monitor, slits=False, splits=False)
@@ -115,14 +204,45 @@ def _stretched(atlas: Atlas, most: float) -> float:
     return float(share_over(cut_mesh, face_stretch(cut_mesh, uv), most).sum())
 
 
-def packing(cascade: Cascade, options: Options, monitor: Monitor) -> KnownPacking | None:
-    """The charts packed as they will be; None where they cannot be."""
+def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
+    """Where the charts of a plan lie on its page, as a start for packing; None where it does not hold them all,
+    or not as they are wound."""
+    asked = pack_options(options)
+    count, chart = atlas.charts()
+    old = carver.cut_mesh.chart
+    face = [
+        int(p.ground.faces[0] if p.ground is not None else np.argmax(old == p.outline.chart))
+        for p in plan.pieces
+    ]
+    if len(face) < count or asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
+        return None
+    sign = chart_signs(atlas.surface, atlas.open()[0], options)
+    if (sign != sign[0]).any():
+        return None
+    order = np.argsort(chart[face])
+    found = on_page(plan.layout, LOCKED, asked)
+    angle, offset = found.angle[order], found.offset[order]
+    if sign[0] < 0:
+        angle, offset = -angle, offset * [-1, 1] + [asked.resolution, 0]
+    return Placement(found.scale, angle, offset, found.page[order])
+
+
+def _packing(
+    cascade: Cascade, options: Options, start: Placement | None, monitor: Monitor
+) -> KnownPacking | None:
+    return packing(cascade, options, monitor, start)
+
+
+def packing(
+    cascade: Cascade, options: Options, monitor: Monitor, start: Placement | None = None
+) -> KnownPacking | None:
+    """The charts packed as they will be; None where they cannot be. start: where they may lie to begin with."""
     cut_mesh, uv = cascade.open()
     uv[:, 0] *= chart_signs(cascade.atlas.surface, cut_mesh, options)[cut_mesh.vertex_chart]
     uv = sized(cut_mesh, uv, cascade.kept_sizes(cut_mesh))
     with contextlib.suppress(CircparamError):
         return KnownPacking(
-            uv, pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor)
+            uv, pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor, start)
         )
     return None
 

@@ -171,8 +171,8 @@ class Options:
         applies=applies.with_packing,
     )
     pack_splits: int | str | None = option(
-        "seams", "Cut charts for a fuller page: where it is worth the seam, or up to N.", metavar="auto|N",
-        shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of charts that may be split, from 0 on"),
+        "seams", "Cut charts for a fuller page: for a little seam, or up to N times.", metavar="auto|N",
+        shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of cuts, from 0 on"),
         applies=applies.with_room,
     )
 
@@ -288,7 +288,12 @@ class Options:
     @property
     def fills_page(self) -> bool:
         """Whether charts are cut where a fuller page is worth the seam."""
-        return self.pack_splits in (None, AUTO) and applies.fills_page(self)
+        return self.pack_splits != 0 and applies.fills_page(self)
+
+    @property
+    def cuts_asked(self) -> int | None:
+        """How many cuts for a fuller page the user asked for; None where the page decides."""
+        return int(self.pack_splits) if isinstance(self.pack_splits, int) else None
 
     @property
     def target_set(self) -> int | None:

@@ -10,19 +10,19 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.geometry.distortion import best_chart_scales
+from circparam.geometry.distortion import best_chart_scales, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing.nest.sketch import Easel, Sketch
-from circparam.pipeline.chords import Chords, Outline, chords, outlines
+from circparam.pipeline.chords import Chords, Outline, chords, outlines, split
 from circparam.pipeline.cut_along import Chord, Limits, cut_along
 from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
 from circparam.seams.hard.regions import HARD, hardness, seam_prices
+from circparam.seams.segmentation.weigh import share_over
 
 LONGEST = 512  # cells of a sketch: what is longer is a sliver, for which no page is sketched
-STEP = 0.6  # cells of a sketch between the corners of an outline
-THROUGH_FLATS = 0.2  # of the length of a cut that may run through flats
+STEP = 0.35  # cells of a sketch between the corners of an outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +46,15 @@ class Ground:
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A chart, or what cuts have left of it. outline: scaled to the size of the surface. places: (k, 2) uv of
-    its corners in the atlas. ground: None where nothing was cut."""
+    its corners in the atlas. ground: None where nothing was cut. known, halves: what cuts along its chords came
+    to, and sketches of what they leave, since plans share pieces."""
 
     outline: Outline
     sketch: Sketch
     places: FloatArray
     ground: Ground | None = None
+    known: dict[int, tuple[list[Piece], float, float] | None] = field(default_factory=dict)
+    halves: dict[int, list[Sketch]] = field(default_factory=dict)
 
     @cached_property
     def chords(self) -> Chords:
@@ -63,7 +66,7 @@ class Piece:
 class Carver:
     """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. easel: of the sketches of its pieces.
 
-    grounds: of the charts that a cut was tried on.
+    stretch: from which on faces are stretched too much. grounds: of the charts that a cut was tried on.
     """
 
     atlas: Atlas
@@ -71,14 +74,28 @@ class Carver:
     uv: FloatArray
     easel: Easel
     limits: Limits
+    stretch: float = np.inf
     grounds: dict[int, Ground] = field(default_factory=dict)
 
     def pieces(self, charts: IntArray) -> list[Piece]:
         """Some charts as they are; those without an outline are left out, all where one is a sliver."""
         return self._pieces(self.cut_mesh, self.uv, charts)
 
-    def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float] | None:
-        """(both parts of a piece cut along edges near its chord k, length of the seam), or None."""
+    def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
+        """(both parts of a piece cut along edges near its chord k, length of the seam, area of the faces that
+        are stretched too much then and were not), or None."""
+        if k not in piece.known:
+            piece.known[k] = self._cut(piece, k)
+        return piece.known[k]
+
+    def halves(self, piece: Piece, k: int) -> list[Sketch]:
+        """Sketches of both parts of a piece that is cut straight along its chord k."""
+        if k not in piece.halves:
+            i, j = int(piece.chords.i[k]), int(piece.chords.j[k])
+            piece.halves[k] = [self.easel.sketch(*p.edges) for p in split(piece.outline, i, j)]
+        return piece.halves[k]
+
+    def _cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
         ground = piece.ground or self._ground(piece.outline.chart)
         start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
         chord = Chord(start, end, float(piece.chords.least[k]))
@@ -88,7 +105,7 @@ class Carver:
         new = after.cut & ~ground.atlas.cut
         lengths = after.surface.edge_lengths
         length = float(lengths[new].sum())
-        if float(lengths[new & ground.flat].sum()) > THROUGH_FLATS * length:
+        if float(lengths[new & ground.flat].sum()) > self.limits.flats * length:
             return None
         _, chart = after.charts()
         parts: list[Piece] = []
@@ -96,7 +113,17 @@ class Carver:
             part = ground.part(after, chart == c)
             cut_mesh, uv = part.atlas.open()
             parts += self._pieces(cut_mesh, uv, np.zeros(1, np.int64), part)
-        return (parts, length) if len(parts) == 2 else None
+        if len(parts) < 2:
+            return None
+        return parts, length, self.stretched(after) - self.stretched(ground.atlas)
+
+    def stretched(self, atlas: Atlas) -> float:
+        """Area of the faces that are stretched or shrunk too much."""
+        if not np.isfinite(self.stretch):
+            return 0.0
+        cut_mesh, uv = atlas.open()
+        over = share_over(cut_mesh, face_stretch(cut_mesh, uv), self.stretch)
+        return float(over.sum() * cut_mesh.chart_areas.sum())
 
     def joined(self, pieces: Sequence[Piece]) -> Atlas:
         """The whole atlas with the cuts that the pieces have."""

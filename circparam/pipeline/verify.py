@@ -6,6 +6,7 @@ seams are where the uv of the two sides of an edge differ, charts are what lies 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,7 +40,8 @@ class Verification:
     flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
     clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
     that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that
-    of all seams / √(surface area). coverage: None where the layout was not rasterised.
+    of all seams / √(surface area). coverage: None where the layout was not rasterised. seen: what tells
+    ``seam_visible`` where something else than looking does: a process that looks meanwhile, or a lack of time.
     """
 
     surface: Surface
@@ -58,11 +60,15 @@ class Verification:
     uv_min: FloatArray
     uv_max: FloatArray
     coverage: Coverage | None
+    seen: Callable[[], float | None] | None = None
 
     @cached_property
     def seam_visible(self) -> float | None:
-        """Share of the length of all seams that is seen, in the mean over 64 directions; None without seams."""
-        return visible_share(self.surface, self.cut)
+        """Share of the length of all seams that is seen, in the mean over 64 directions.
+
+        None without seams, and where no time was left to look.
+        """
+        return visible_share(self.surface, self.cut) if self.seen is None else self.seen()
 
     @property
     def overlap(self) -> int:

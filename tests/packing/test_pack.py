@@ -14,6 +14,7 @@ from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
 from circparam.packing import pack
 from circparam.packing.options import PackOptions
+from circparam.packing.placement import Placement
 from circparam.packing.skyline import skyline_placement
 from tests.support.packing import QUICK, blobs, promise, shelf, triangles, vertices_of
 
@@ -37,6 +38,24 @@ def test_sixty_charts_keep_the_promise(packer):
     faces, uv, chart = blobs(60, 3)
     options = PackOptions(512, 4, effort=QUICK)
     promise(faces, uv, chart, packer(faces, uv, chart, options), options)
+
+
+class _Patient(Monitor):
+    """Loops may go on for ever; what would be broken off is at its first step."""
+
+    @property
+    def expired(self) -> bool:
+        return False
+
+
+def test_a_packer_that_takes_too_long_is_broken_off_and_leaves_what_others_found():
+    """Masks of many charts are made before the search first looks at the clock."""
+    faces, uv, chart = blobs(40, 3)
+    options = PackOptions(512, 4, effort=QUICK)
+    monitor = _Patient(timeout=1.0)
+    monitor.deadline = -1e9
+    promise(faces, uv, chart, pack(faces, uv, chart, options, monitor), options)
+    assert monitor.late
 
 
 @pytest.mark.parametrize("rotate", ["90", "none"])
@@ -211,3 +230,20 @@ def _squares(n):
     uv = np.concatenate([corner + np.array([3.0 * k, 0]) for k in range(n)])
     faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(n)])
     return faces, uv, np.repeat(np.arange(n), 2)
+
+
+def test_a_start_is_gone_on_with() -> None:
+    """Two triangles that make a square: a start with both on one square fills the page."""
+    faces = np.array([[0, 1, 2], [3, 4, 5]])
+    uv = np.array([[0, 0], [1, 0], [0, 1], [7, 5], [6, 5], [7, 4]], float)
+    options = PackOptions(resolution=512, padding=2)
+    inner = options.resolution - 2 * options.border
+    scale = 0.97 * inner
+    low = np.array([options.border, options.border])
+    # the second one's right angle at the far corner; the gap is that of the diagonal
+    offset = np.array([low, low + inner - [7 * scale, 5 * scale]])
+    start = Placement(scale, np.zeros(2), offset, np.zeros(2, np.int64))
+    packed = pack(faces, uv, np.array([0, 1]), options, start=start)
+    assert packed.share[0] > 0.9
+    placed = packed.uv[faces]
+    assert placed[0].min() < 0.05 < 0.95 < placed[1].max()

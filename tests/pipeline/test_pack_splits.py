@@ -1,4 +1,4 @@
-"""Splits for packing: made where the page is covered much better, where arms begin, and nowhere else."""
+"""Cuts that were asked for (--pack-splits N): so many at most, through flats and without a seam before too."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ def test_arms_come_off_a_hub(most: int, seed: int | None, tmp_path: Path) -> Non
     # an arm is 4 wide and 24 long, the diagonal of the hub 8 along the edges: no cut runs along an arm
     added = split.measures["seam_length"] * np.sqrt(4 * 24 * 4 + 16)
     assert added <= (split.measures["charts"] - 1) * 12 + 1e-9
-    note = next(n for n in split.notes if n.startswith("--pack-splits"))
-    assert f"{split.measures['charts'] - 1} charts split" in note
-    longer = split.measures["seam_length"] - whole.measures["seam_length"]
-    assert f"seams longer by {longer:.2f} times" in note
+    cuts = split.measures["charts"] - 1
+    note = next(n for n in split.notes if "fuller page" in n)
+    assert note.startswith(f"{cuts} cut")
+    assert f"{split.measures['seam_length']:.2f} roots of the area long" in note
 
 
 def test_more_splits_fill_the_page_more() -> None:
@@ -61,7 +61,7 @@ def test_nothing_is_split_that_packs_well() -> None:
     result = circparam.unwrap(shapes.delaunay_square(200), resolution=256, pack_splits=3)
     assert result.measures["charts"] == 1
     assert np.array_equal(result.uv, plain.uv)
-    assert any("no split raises" in note for note in result.notes)
+    assert any("no cut is worth its seam" in note for note in result.notes)
 
 
 def test_a_closed_mesh_keeps_its_bound(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_a_closed_mesh_keeps_its_bound(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "more", [{"cut": "disk"}, {"max_charts": 3}, {"texel_density": 10.0}, {"normalize": False}]
+    "more", [{"cut": "disk"}, {"pages": 2}, {"texel_density": 10.0}, {"normalize": False}]
 )
 def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
     with pytest.raises(OptionError, match="pack_splits has no effect"):

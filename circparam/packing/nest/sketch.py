@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft as sf
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer
+from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer, sf
 
 SEED = 9
 ANGLES = 20  # at which an outline is tried
@@ -29,12 +28,28 @@ FIRST_TRIES = 2
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """One outline as masks at several angles; area and least: the cells it has, and the side of the smallest
-    page that holds it alone."""
+    """One outline as masks at several angles.
 
+    start, end: (e, 2) its edges about the middle (2,) of their box, in uv units. area, least: the cells it has,
+    and the side of the smallest page that holds it alone.
+    """
+
+    start: FloatArray
+    end: FloatArray
+    middle: FloatArray
     masks: Masks
     area: float
     least: int
+
+
+@dataclass(frozen=True, eq=False)
+class SketchedPage:
+    """Where sketches lie on a page of ``side`` cells: the mask, row and column of each (n,)."""
+
+    side: int
+    mask: IntArray
+    row: IntArray
+    column: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +63,11 @@ class Easel:
         """An outline of edges from start to end (e, 2) in uv units."""
         middle = (start.min(0) + start.max(0)) / 2
         angles = _angles(start[:: max(len(start) // 100, 1)])
-        masks = chart_masks(
-            (start - middle) / self.cell, (end - middle) / self.cell, angles, self.grow
+        start, end = start - middle, end - middle
+        masks = chart_masks(start / self.cell, end / self.cell, angles, self.grow)
+        return Sketch(
+            start, end, middle, masks, float(masks.area.mean()), int(masks.size.max(1).min())
         )
-        return Sketch(masks, float(masks.area.mean()), int(masks.size.max(1).min()))
 
 
 def _angles(points: FloatArray) -> FloatArray:
@@ -85,10 +101,10 @@ def _board(sketches: Sequence[Sketch], side: int) -> _Board:
     return _Board(sketches, spectra, size)
 
 
-def least_side(
+def least_page(
     sketches: Sequence[Sketch], below: int, tries: int, stop: Callable[[], bool]
-) -> int | None:
-    """Side in cells of the smallest page found that holds all sketches; None where none is under ``below``.
+) -> SketchedPage | None:
+    """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
 
     tries: orders that are tried without success before the search ends; it goes on with every success.
     stop: whether there is no more time.
@@ -100,7 +116,7 @@ def least_side(
         return None
     board = _board(sketches, side)
     rng = np.random.default_rng(SEED)
-    found: int | None = None
+    found: SketchedPage | None = None
     failures = tried = 0
     while failures < tries and side >= least and not stop():
         order, sigma, choice = _try(rng, tried, sketches)
@@ -108,11 +124,12 @@ def least_side(
         failures += 1
         stride = 1
         while side >= least:
-            if _fits(board, order, side, sigma, choice):
-                found, failures, stride = side, 0, 2 * stride
-                side = max(found - stride, least) if found > least else least - 1
+            page = _laid_out(board, order, side, sigma, choice)
+            if page is not None:
+                found, failures, stride = page, 0, 2 * stride
+                side = max(side - stride, least) if side > least else least - 1
             elif found is not None and stride > 1:
-                side, stride = found - 1, 1
+                side, stride = found.side - 1, 1
             else:
                 break
     return found
@@ -131,9 +148,13 @@ def _try(
     return np.argsort(-size, kind="stable"), SIGMAS[tried % len(SIGMAS)], choice
 
 
-def _fits(board: _Board, order: IntArray, side: int, sigma: float, choice: list[IntArray]) -> bool:
-    """Whether sketches, put one by one where they touch most, all find a place on a page of ``side`` cells."""
+def _laid_out(
+    board: _Board, order: IntArray, side: int, sigma: float, choice: list[IntArray]
+) -> SketchedPage | None:
+    """Sketches put one by one where they touch most, on a page of ``side`` cells; None where one finds no place
+    that is free."""
     size = board.side
+    at = np.zeros((3, len(order)), np.int64)
     grid = np.ones((size, size), np.float32)
     grid[:side, :side] = 0
     blur = blur_transfer(size, sigma)
@@ -141,7 +162,7 @@ def _fits(board: _Board, order: IntArray, side: int, sigma: float, choice: list[
         masks = board.sketches[c].masks
         pick = choice[c][masks.size[choice[c]].max(1) <= side]
         if len(pick) == 0:
-            return False
+            return None
         page = sf.rfft2(grid)
         spot: tuple[int, int, int] | None
         if turn == 0:
@@ -149,11 +170,12 @@ def _fits(board: _Board, order: IntArray, side: int, sigma: float, choice: list[
         else:
             spot = _touching(page, blur, board.spectra[c], masks, pick, side)
         if spot is None:
-            return False
+            return None
         k, y, x = spot
+        at[:, c] = spot
         h, w = masks.size[k]
         grid[y : y + h, x : x + w][masks.cells[k, :h, :w]] = 1
-    return True
+    return SketchedPage(side, *at)
 
 
 def _corner(blurred: FloatArray, masks: Masks, pick: IntArray, side: int) -> tuple[int, int, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,6 +66,7 @@ class Schedule:
     budget: float = 0.3e8
     compacted_up_to: int = 150
     kept: int = 2
+    smaller: float = 0.97
     rough_steps: int = 5
     fine_steps: int = 12
     fine_trust: float = 8.0
@@ -140,6 +141,10 @@ def _compacted(
     budget = Budget(SCHEDULE.rows * max(part, 0.25), lambda: task.monitor.expired)
     growth = Growth(shapes, options, budget, straight)
     starts = layouts[: SCHEDULE.kept if shapes.n <= SCHEDULE.very_few else 1]
+    if task.start is not None:
+        # a little smaller, as its gaps may be narrow; in place of the second layout
+        smaller = replace(task.start, scale=task.start.scale * SCHEDULE.smaller)
+        starts = [smaller, *starts[:1]]
     starts += [skyline] if skyline is not None else []
     if not few:
         starts = sorted(starts, key=lambda p: -p.scale)[:1]
@@ -162,6 +167,20 @@ def _compacted(
         if task.sound(safe):
             return safe
     return None
+
+
+def on_page(placement: Placement, before: PackOptions, after: PackOptions) -> Placement:
+    """The same layout on a page of another resolution and padding."""
+    if before is after:
+        return placement
+    factor = _inner(after) / _inner(before)
+    offset = (placement.offset - before.border) * factor + after.border
+    return replace(placement, scale=placement.scale * factor, offset=offset)
+
+
+def _inner(options: PackOptions) -> float:
+    """Side in texels of what lies between the borders."""
+    return options.resolution - 2 * options.border
 
 
 def _alone(shapes: Shapes, options: PackOptions) -> Placement:

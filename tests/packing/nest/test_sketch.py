@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from circparam.core.arrays import FloatArray
-from circparam.packing.nest.sketch import FULLEST, Easel, Sketch, least_side
+from circparam.packing.nest.sketch import FULLEST, Easel, Sketch, least_page
 
 EASEL = Easel(0.1, 0.0)
 
@@ -26,6 +28,21 @@ def sketches(*sizes: tuple[float, float]) -> list[Sketch]:
 
 def never() -> bool:
     return False
+
+
+def least_side(some: list[Sketch], below: int, tries: int, stop: Callable[[], bool]) -> int | None:
+    """Side of the page that is found; every cell of it has one sketch at most, and none lies outside."""
+    page = least_page(some, below, tries, stop)
+    if page is None:
+        return None
+    taken = np.zeros((page.side, page.side), int)
+    for sketch, k, y, x in zip(some, page.mask, page.row, page.column, strict=True):
+        h, w = sketch.masks.size[k]
+        assert y + h <= page.side
+        assert x + w <= page.side
+        taken[y : y + h, x : x + w] += sketch.masks.cells[k, :h, :w]
+    assert taken.max() == 1
+    return page.side
 
 
 def test_a_sketch_knows_its_cells() -> None:
