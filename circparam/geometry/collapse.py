@@ -11,6 +11,7 @@ import contextlib
 import struct
 import subprocess
 import sys
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -18,17 +19,19 @@ import numpy.typing as npt
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.workers import environment
 
+SingleArray: TypeAlias = npt.NDArray[np.float32]
+
 APART_FACES = 150_000  # a process takes 0.2 s to start
 SIZES = struct.Struct("<3q")  # points, faces, faces that are left
 
 
 def collapsed(
     points: FloatArray, faces: npt.NDArray[np.int32], target: int
-) -> tuple[FloatArray, IntArray]:
+) -> tuple[SingleArray, IntArray]:
     """Collapse edges until about ``target`` faces are left.
 
     points: (n, 3), about the origin and of the size of one. faces: (m, 3) int32, every point in one. Returns
-    ((k, 3) coarse points, (n,) the one that each point went into). The same in whichever process.
+    ((k, 3) coarse points as float32, (n,) the one that each point went into). The same in whichever process.
     """
     if len(faces) > APART_FACES:
         answer = _apart(points, faces, target)
@@ -39,19 +42,19 @@ def collapsed(
 
 def _here(
     points: FloatArray, faces: npt.NDArray[np.int32], target: int
-) -> tuple[FloatArray, IntArray]:
+) -> tuple[SingleArray, IntArray]:
     import fast_simplification
 
     _, _, collapses = fast_simplification.simplify(
         points, faces, target_count=target, return_collapses=True
     )
     moved, _, into = fast_simplification.replay_simplification(points, faces, collapses)
-    return np.asarray(moved, np.float64), np.asarray(into, np.int64)
+    return np.asarray(moved, np.float32), np.asarray(into, np.int64)
 
 
 def _apart(
     points: FloatArray, faces: npt.NDArray[np.int32], target: int
-) -> tuple[FloatArray, IntArray] | None:
+) -> tuple[SingleArray, IntArray] | None:
     """As ``_here``, by a process of its own; None where there is none, or it has failed."""
     message = b"".join(
         [
@@ -71,8 +74,8 @@ def _apart(
         )
         into = np.frombuffer(done.stdout[: 8 * len(points)], np.int64)
         rest = done.stdout[8 * len(points) :]
-        if done.returncode == 0 and len(into) == len(points) and len(rest) % 24 == 0:
-            return np.frombuffer(rest).reshape(-1, 3), into
+        if done.returncode == 0 and len(into) == len(points) and len(rest) % 12 == 0:
+            return np.frombuffer(rest, np.float32).reshape(-1, 3), into
     return None
 
 

@@ -18,7 +18,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.graph import components, distances, matching, nearest, undirected
 from circparam.geometry.boundary import boundary_of
-from circparam.geometry.intersect import windings
+from circparam.geometry.layers import own_layers
 from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph
@@ -100,10 +100,9 @@ def _doubled(layouts: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolAr
     points = np.concatenate(
         [middle[:, None], middle[:, None] + 0.95 * (corners - middle[:, None])], 1
     )
-    k, _, turns = windings(boundary, points.reshape(-1, 2), np.repeat(p.chart[faces], 4), own=True)
-    counts = np.zeros(4 * len(faces), np.int64)
-    counts[k] = turns
-    layers = counts.reshape(-1, 4)
+    layers = own_layers(boundary, points.reshape(-1, 2), np.repeat(p.chart[faces], 4)).reshape(
+        -1, 4
+    )
     best = layers.argmax(1)
     rows = np.arange(len(faces))
     return points[rows, best], layers[rows, best] > 1
