@@ -168,7 +168,7 @@ def test_tests_lie_where_the_code_lies() -> None:
         ("click", {"cli"}),
         ("rich", {"cli"}),
         ("trimesh", {"formats"}),
-        ("fast_simplification", {"seams"}),
+        ("fast_simplification", {"geometry"}),
         ("loky", {"core"}),
         ("PIL", {"render", "bake", "formats"}),
         ("dask", {"batch"}),

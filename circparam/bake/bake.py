@@ -14,7 +14,13 @@ import numpy.typing as npt
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
-from circparam.bake.projection import Projection, height_paint, normal_paint, through
+from circparam.bake.projection import (
+    Projection,
+    height_paint,
+    normal_paint,
+    require_shape,
+    through,
+)
 from circparam.bake.sampling import (
     Paint,
     closest_paint,
@@ -187,11 +193,11 @@ def bake_document(
         raise OptionError(f"unknown thing to bake {kind!r}: choose {' or '.join(KINDS)}")
     across = across or Across()
     check_across(kind, source is not None, across)
-    layout = document.uv(uv_set)
-    name = document.source.name
-    if layout is None:
-        raise InputError(f"{name} has no uv set {uv_set}: make one with 'circparam unwrap'")
+    layout = document.require_uv(uv_set)
+    if source is not None:
+        require_shape(source)
     if source is not None and (kind in SHAPES or across.by is not None):
+        require_shape(document)
         return _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
     paint, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
     if source is not None and not same_surface(document.mesh, source.mesh):
@@ -264,7 +270,10 @@ def _vertex_colours(origin: Document) -> tuple[Paint, int, list[str]]:
     """The vertex colours of a file: (paint, channels, notes)."""
     corners = origin.colours()
     if corners is None:
-        raise InputError(f"{origin.source.name} has no vertex colours: bake with --from texture")
+        raise InputError(
+            f"{origin.source.name} has no vertex colours: bake with --from texture, or give a file that has "
+            "them with --source"
+        )
     return corner_paint(corners), 3, []
 
 
@@ -276,7 +285,7 @@ def _texture_colours(
     found = origin.textures()
     name = origin.source.name
     if found is None:
-        raise InputError(f"{name} names no texture: give the file that has it with --source")
+        raise InputError(f"{name} names no texture: give a file that has one with --source")
     if not found.images:
         raise InputError(f"{name}: {'; '.join(found.notes) or 'its materials have no image'}")
     if source is None and found.uv_set == uv_set:
@@ -285,7 +294,10 @@ def _texture_colours(
             "--source, or the new set with --uv-set"
         )
     old = origin.texture_layout(found)
-    sides = [max(decode(*p).size) for p in zip(found.images, found.names, strict=True)]
+    try:
+        sides = [max(decode(*p).size) for p in zip(found.images, found.names, strict=True)]
+    except InputError as error:
+        raise origin.source.error(error) from None
     paint, channels = texture_paint(
         found, old, texel_ratio(old, float(np.mean(sides)), layout, size)
     )

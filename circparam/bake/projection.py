@@ -15,6 +15,7 @@ import numpy as np
 
 from circparam.bake.sampling import Closest, Paint
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.words import percent
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.rays import BoxTree, first_hits
@@ -24,6 +25,7 @@ from circparam.maps.surface_map import SurfaceMap
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
 
+SIZES = 1e-70, 1e70  # of surfaces whose areas can be squared
 CAGE = 0.02  # of the diagonal of the target's bounding box
 FILL = 2.0  # cages, within which a ray that misses takes the closest point
 BLOCK = 200_000  # texels at once
@@ -53,6 +55,23 @@ class Tally:
     def share(self, count: int) -> float:
         """A part of the texels that were sought."""
         return count / max(self.sought, 1)
+
+
+def require_shape(document: Document) -> None:
+    """Raise InputError where rays and closest points have nothing to meet: no area, or sizes whose squares of
+    areas no double holds."""
+    mesh = document.mesh
+    with np.errstate(over="ignore", invalid="ignore"):
+        corners = mesh.points[mesh.faces]
+        size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+        sides = (corners[:, 1:] - corners[:, :1]) / size if size > 0 else corners[:, 1:] * 0
+        area = np.cross(sides[:, 0], sides[:, 1])
+    if not SIZES[0] < size < SIZES[1] and size > 0:
+        raise document.source.error(
+            f"it is {size:.2g} units large: scale it to between {SIZES[0]:g} and {SIZES[1]:g}"
+        )
+    if not area.any():
+        raise document.source.error("none of its faces has an area: there is nothing to bake from")
 
 
 class Projection:
@@ -97,8 +116,8 @@ class Projection:
         self.tally.missed += len(missed)
         if len(missed) == 0:
             return Landed(hits.face, hits.bary, hits.t)
-        there, at, distance = self.closest.find(place[missed], normal[missed])
         far = np.inf if self.mapped else FILL * self.cage
+        there, at, distance = self.closest.find(place[missed], normal[missed], far)
         there = np.where(distance <= far, there, -1)
         hits.face[missed], hits.bary[missed] = there, at
         corners = self.source.points[self.source.faces[np.maximum(there, 0)]]
@@ -119,10 +138,11 @@ class Projection:
     def told(self) -> str:
         """How many rays met nothing, and what came of them."""
         tally = self.tally
-        missed, empty = (100 * tally.share(count) for count in (tally.missed, tally.empty))
+        missed, empty = (tally.share(count) for count in (tally.missed, tally.empty))
         return (
-            f"{missed:.2g} % of the rays meet nothing within the cage of {self.cage:.4g}: {missed - empty:.2g} "
-            f"% take the closest point, {empty:.2g} % are left to the padding; a larger --cage may meet more"
+            f"{percent(missed)} of the rays meet nothing within the cage of {self.cage:.4g}: "
+            f"{percent(missed - empty)} take the closest point, {percent(empty)} are left to the padding; "
+            "a larger --cage may meet more"
         )
 
     def check(self) -> None:

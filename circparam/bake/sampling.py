@@ -12,7 +12,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, edge_keys
-from circparam.errors import InputError
 from circparam.formats.materials import Textures, decode
 from circparam.geometry.shading import unit
 from circparam.mesh.mesh import Mesh, UVMap
@@ -117,10 +116,9 @@ class Closest:
         self.beside = neighbours(points, faces)
         a = self.corners[:, 1] - self.corners[:, 0]
         b = self.corners[:, 2] - self.corners[:, 0]
+        self.longest = float(np.sqrt(max((s * s).sum(1).max() for s in (a, b, b - a))))
         area = np.linalg.norm(np.cross(a, b), axis=1)
         whole = np.cumsum(area)
-        if not whole[-1] > 0:
-            raise InputError("the source has no area: there is nothing to take colours from")
         samples = int(np.clip(SAMPLES_A_FACE * len(faces), FEWEST_SAMPLES, MOST_SAMPLES))
         spread = np.searchsorted(whole, (np.arange(samples) + 0.5) / samples * whole[-1])
         self.face = np.concatenate([np.arange(len(faces)), np.minimum(spread, len(faces) - 1)])
@@ -132,29 +130,34 @@ class Closest:
         )
 
     def find(
-        self, places: FloatArray, normals: FloatArray | None = None
+        self, places: FloatArray, normals: FloatArray | None = None, far: float = np.inf
     ) -> tuple[IntArray, FloatArray, FloatArray]:
         """For places (p, 3): ((p,) face, (p, 3) barycentric coordinates, (p,) distance).
 
         normals: (p, 3); given, only faces that look the same way count (all do for a normal of length 0), and
-        the distance is infinite where none of those near does.
+        the distance is infinite where none of those near does. far: beyond it any face may be told, at its
+        distance: what lies round places at a distance, as a ball round its middle, would be sought for hours.
         """
         if len(places) == 0:
             return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
         blocks = [
-            self._find(places[k : k + BLOCK], None if normals is None else normals[k : k + BLOCK])
+            self._find(
+                places[k : k + BLOCK], None if normals is None else normals[k : k + BLOCK], far
+            )
             for k in range(0, len(places), BLOCK)
         ]
         face, bary, distance = (np.concatenate(part) for part in zip(*blocks, strict=True))
         return face, bary, distance
 
     def _find(
-        self, places: FloatArray, normals: FloatArray | None
+        self, places: FloatArray, normals: FloatArray | None, far: float
     ) -> tuple[IntArray, FloatArray, FloatArray]:
         """One block: the best face of the nearest samples, then its neighbours while one is nearer."""
         number = CANDIDATES if normals is None else FACING
-        _, near = self.tree.query(places, k=min(number, len(self.face)))
-        found = self.face[near.reshape(len(places), -1)]
+        # a face that is within reach has all its samples within its longest side of that
+        bound = far + self.longest
+        _, near = self.tree.query(places, k=min(number, len(self.face)), distance_upper_bound=bound)
+        found = self.face[np.minimum(near, len(self.face) - 1).reshape(len(places), -1)]
         face, bary, distance = self._best(places, found, normals)
         moving = np.arange(len(places))
         for _ in range(MOST_STEPS):

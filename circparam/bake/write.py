@@ -12,7 +12,7 @@ import numpy as np
 from circparam.bake.bake import Baked, Texels, to_image
 from circparam.bake.projection import own_frames
 from circparam.core.files import write_files
-from circparam.errors import InputError, OptionError
+from circparam.errors import OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.normals import with_frames
@@ -49,9 +49,7 @@ def write_baked(
         raise OptionError(
             f"{path}: a GLB holds one image, the layout has several tiles: bake into .png"
         )
-    layout = document.uv(uv_set)
-    if layout is None:
-        raise InputError(f"{document.source.name} has no uv set {uv_set}")
+    layout = document.require_uv(uv_set)
     is_gltf = document.format in ("gltf", "glb")
     own = document.normals() if kind == "normals" and not is_gltf else None
     if own is not None:  # edges that the file shades sharp

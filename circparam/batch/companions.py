@@ -15,9 +15,6 @@ from circparam.errors import CircparamError, InputError
 from circparam.formats.source import safe_path
 
 _LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", re.M)
-_TEXTURE = re.compile(
-    rb"^[ \t]*(?:map_\w+|bump|disp|decal|refl|norm)[ \t].*?(\S+)[ \t\r]*$", re.M | re.I
-)
 
 
 def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | None]:

@@ -7,6 +7,7 @@ one out of a list the path as the list has it.
 
 from __future__ import annotations
 
+import codecs
 import functools
 import glob
 import itertools
@@ -125,7 +126,7 @@ def list_lines(path: str) -> Iterator[str]:
     try:
         with open(path, "rb") as stream:
             head = stream.read(1 << 16)
-            stream.seek(0)
+            stream.seek(len(codecs.BOM_UTF8) if head.startswith(codecs.BOM_UTF8) else 0)
             mark = b"\0" if b"\0" in head else b"\n"
             for piece in _pieces(iter(functools.partial(stream.read, 1 << 16), b""), mark):
                 line = os.fsdecode(piece if mark == b"\0" else piece.rstrip(b"\r"))

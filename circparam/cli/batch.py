@@ -78,7 +78,7 @@ def _unwrap_options() -> list[click.Parameter]:
 )
 @click.option(
     "--fail-rate",
-    type=click.FloatRange(0.0, 1.0),
+    type=common.FiniteRange(0.0, 1.0),
     metavar="SHARE",
     default=0.0,
     help="Exit 6 where more than this share failed or missed a gate.  [default: 0]",
@@ -107,7 +107,7 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
         summary = run_batch(plan, hooks)
     finally:
         screen.close()
-    return _end(summary, plan, given)
+    return _end(summary, given)
 
 
 command.params += _unwrap_options()
@@ -147,7 +147,7 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> Plan:
     )  # fmt: skip
 
 
-def _end(summary: Summary, plan: Plan, given: dict[str, Any]) -> int:
+def _end(summary: Summary, given: dict[str, Any]) -> int:
     """Tell how it ended; the exit code. Raises GateError where too many failed."""
     from circparam.cli.batch_progress import print_summary
 

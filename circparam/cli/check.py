@@ -63,9 +63,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
         try:
             _check(mesh, given, keywords, gates, table=False)
         except (CircparamError, MemoryError) as error:
-            line = exits.line_of(error)
-            line = line if mesh in line else f"{mesh}: {line}"
-            click.echo(f"circparam: error: {line}", err=True)
+            click.echo(f"circparam: error: {exits.line_about(mesh, error)}", err=True)
             codes.append(exits.code_of(error))
     return next(iter(codes), exits.OK)
 

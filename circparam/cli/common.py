@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -115,6 +116,19 @@ class Name(click.ParamType[str]):
     ) -> list[CompletionItem]:
         """Names that begin so."""
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
+
+
+class FiniteRange(click.FloatRange):
+    """A range of numbers; click's own lets ``nan`` through, which is outside no range."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number, where it is one."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is no number", param, ctx)
+        return number
 
 
 class NumberOr(click.ParamType[Any]):

@@ -67,9 +67,7 @@ _LIBRARY = (
 @click.option(
     "--repeats",
     type=click.IntRange(1, 1000),
-    default=31,
-    show_default=True,
-    help="Of each size of Table 1.",
+    help="Of each size of Table 1.  [default: 31]",
 )
 @click.option(
     "--report",
@@ -95,6 +93,13 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     from circparam.compare.names import method_names
 
     names = method_names(given["methods"])
+    table1 = not meshes and {kim2019.METHOD, kim2019.PEER} <= set(names)
+    if given["repeats"] is not None and not table1:
+        raise OptionError(
+            "--repeats has no effect here: it belongs to Table 1, which is made without MESH, of "
+            f"{kim2019.METHOD} and {kim2019.PEER}"
+        )
+    repeats = given["repeats"] or kim2019.REPEATS
     for option, ending in (("csv_file", ""), ("report", ".html"), ("plot", ".png")):
         if given[option] is not None:
             _check_output(given[option], given["overwrite"], ending)
@@ -110,13 +115,13 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
 
             print_comparison(result, shown)
     sizes = None
-    if not meshes and {kim2019.METHOD, kim2019.PEER} <= set(names):
-        sizes = kim2019.measure(repeats=given["repeats"])
+    if table1:
+        sizes = kim2019.measure(repeats=repeats)
         if not silent:
             from circparam.cli.compare_tables import print_table1
 
-            print_table1(sizes, given["repeats"])
-    _write(found, sizes, given)
+            print_table1(sizes, repeats)
+    _write(found, sizes, {**given, "repeats": repeats})
     rows = [row for c in found for row in c.rows if row.method != "input"]
     if rows and all(row.status == "failed" for row in rows):
         raise NoResultError(f"no method had a result; {rows[0].method}: {rows[0].error}")
@@ -140,9 +145,12 @@ def _compared(
             with progress.listener(os.path.basename(mesh), given["quiet"], place) as listener:
                 result = compare(source, names, cut=given["cut"], listener=listener, **keywords)
         except CircparamError as error:
-            if isinstance(error, OptionError) or len(meshes) == 1:
+            if isinstance(error, OptionError):
                 raise
-            click.echo(f"circparam: error: {exits.line_of(error)}", err=True)
+            line = exits.line_about(str(source), error)
+            if len(meshes) == 1:
+                raise type(error)(line) from None
+            click.echo(f"circparam: error: {line}", err=True)
             yield None, exits.code_of(error)
             continue
         yield None if meshes else mesh, result

@@ -92,6 +92,12 @@ def line_of(error: BaseException) -> str:
     return " ".join(text.split())
 
 
+def line_about(mesh: str, error: BaseException) -> str:
+    """The same, with the mesh that the error is about."""
+    line = line_of(error)
+    return line if mesh in line or isinstance(error, errors.OptionError) else f"{mesh}: {line}"
+
+
 def judge(error: BaseException) -> tuple[int, str]:
     """Exit code and line of an exception, for those who keep them instead of ending."""
     return code_of(error), line_of(error)

@@ -14,7 +14,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from circparam.core.words import counted
+from circparam.core.words import counted, plural
 
 _STATUS = {"ok": "green", "repaired": "yellow", "degraded": "red", "failed": "red"}
 
@@ -140,7 +140,7 @@ def check_table(report: dict[str, Any]) -> Table:
     row("boundaries", report["boundaries"])
     for name, label in _DEFECTS.items():
         if report[name]:
-            row(label, report[name])
+            row(plural(2, label), report[name])
     parts = report["component_list"]
     for number, part in enumerate(parts[:LISTED]):
         lengths = ", ".join(f"{x:.4g}" for x in part["boundary_lengths"][:4])
@@ -159,11 +159,11 @@ def check_table(report: dict[str, Any]) -> Table:
 
 
 _DEFECTS = {
-    "nonmanifold_edges": "non-manifold edges",
-    "nonmanifold_vertices": "non-manifold vertices",
-    "inconsistent_edges": "winding conflicts",
-    "degenerate_faces": "degenerate faces",
-    "duplicate_faces": "duplicate faces",
+    "nonmanifold_edges": "non-manifold edge",
+    "nonmanifold_vertices": "non-manifold vertex",
+    "inconsistent_edges": "winding conflict",
+    "degenerate_faces": "degenerate face",
+    "duplicate_faces": "duplicate face",
 }
 
 
@@ -172,9 +172,10 @@ def map_table(report: dict[str, Any]) -> Table:
     table = facts()
     table.add_row("surfaces", plain(f"{report['a']} to {report['b']}"))
     table.add_row("output", plain(report["output"]))
-    table.add_row(
-        "landmarks", f"{report['landmarks']}, off by {report['landmark_error']:.2g} of the size"
+    off = (
+        f", off by {report['landmark_error']:.2g} of the size" if report["landmarks"] else " given"
     )
+    table.add_row("landmarks", f"{report['landmarks']}{off}")
     turned = report["inversions"]
     table.add_row("inversions", f"{turned['a']} of A, {turned['b']} of B")
     for name, label in (("a_to_b", "A to B"), ("b_to_a", "B to A")):
@@ -191,12 +192,13 @@ def map_table(report: dict[str, Any]) -> Table:
 def check_line(report: dict[str, Any]) -> str:
     """What a mesh is, and what its uv are worth, in one line."""
     parts = report["component_list"]
-    verdict = parts[0]["verdict"] if len(parts) == 1 else f"{len(parts)} components"
-    words = [f"{report['faces']} faces", verdict, f"{report['boundaries']} boundaries"]
-    words += [f"{report[name]} {label}" for name, label in _DEFECTS.items() if report[name]]
+    verdict = parts[0]["verdict"] if len(parts) == 1 else counted(len(parts), "component")
+    words = [counted(report["faces"], "face"), verdict, counted(report["boundaries"], "boundary")]
+    words += [counted(report[name], label) for name, label in _DEFECTS.items() if report[name]]
     uv = report["uv"]
     if uv is not None:
-        words.append(f"{uv['charts']} charts, {uv['flips']} flips, {uv['overlap']} overlaps")
+        words += [counted(uv[f"{noun}s"], noun) for noun in ("chart", "flip")]
+        words.append(counted(uv["overlap"], "overlap"))
         words.append(f"distortion {_number(uv['distortion'])}, seam {_number(uv['seam_length'])}")
     elif report["uv_sets"]:
         words.append(f"uv sets {', '.join(map(str, report['uv_sets']))}")

@@ -147,9 +147,7 @@ class _Run:
         try:
             self._unwrap(mesh, out)
         except (CircparamError, MemoryError) as error:
-            line = exits.line_of(error)
-            if mesh not in line and not isinstance(error, OptionError):
-                line = f"{mesh}: {line}"
+            line = exits.line_about(mesh, error)
             click.echo(f"circparam: error: {line}", err=True)
             if not isinstance(error, GateError):
                 self.reports.append(_failure(mesh, line, exits.code_of(error)))

@@ -39,14 +39,14 @@ Examples:
 )
 @click.option(
     "--padding",
-    type=click.FloatRange(0, 1),
+    type=common.FiniteRange(0, 1),
     default=0.0,
     metavar="UV",
     help="Draw a band of this width, in uv units, round every chart.",
 )
 @click.option(
     "--scale",
-    type=click.FloatRange(1, min_open=True),
+    type=common.FiniteRange(1, min_open=True),
     metavar="D",
     help="End of the colour scale of distortion.  [default: 2]",
 )

@@ -66,6 +66,7 @@ def compare(
     names = method_names(methods)
     if cut not in CUTS:
         raise OptionError(unknown_name("cut", cut, list(CUTS)))
+    Options(timeout=timeout)  # raises where it is no time
     choices = _options(names, cut, keywords)
     first = next(iter(choices.values()))
     monitor = Monitor(listener, jobs=first.processes)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from importlib.util import LazyLoader, find_spec, module_from_spec
+from typing import Any
 
 # for building and for testing extensions: a tenth of what an unwrap imports
 UNUSED = ("numpy.f2py", "numpy.testing", "numpy.polynomial")
@@ -25,3 +27,18 @@ def put_off() -> None:
         spec.loader.exec_module(module)
         package, _, tail = name.rpartition(".")
         setattr(sys.modules[package], tail, module)
+
+
+class OnDemand:
+    """A module that is imported when the first of its names is asked for.
+
+    Unlike those that ``put_off`` leaves waiting, of which a plain ``import`` asks for names already.
+    """
+
+    def __init__(self, module: str) -> None:
+        self._module = module
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(import_module(self._module), name)
+        setattr(self, name, value)  # and so not asked for again
+        return value

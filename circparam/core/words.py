@@ -1,4 +1,4 @@
-"""Words of messages: numbers with their nouns."""
+"""Words of messages: numbers with their nouns or units."""
 
 from __future__ import annotations
 
@@ -23,3 +23,9 @@ def plural(number: int, noun: str) -> str:
         return noun
     head, blank, last = noun.rpartition(" ")
     return f"{head}{blank}{_PLURALS.get(last, last + 's')}"
+
+
+def percent(share: float) -> str:
+    """``0.15 %``, ``2.3 %``, ``98 %``: two digits, all that stand before the point."""
+    value = 100 * share
+    return f"{value:.0f} %" if abs(value) >= 9.95 else f"{value:.2g} %"

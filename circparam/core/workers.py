@@ -131,6 +131,7 @@ class Later:
         self._jobs, self._function, self._task, self._monitor = jobs, function, task, monitor
         self._pool: Pool | None = None
         self._future: Future[bytes] | None = None
+        self._found: tuple[Any] | None = None
 
     def begin(self) -> None:
         """Give the task to a process that is idle; where none is, nothing happens."""
@@ -144,13 +145,23 @@ class Later:
         else:
             self._future.add_done_callback(lambda _: pool.release())
 
+    @property
+    def begun(self) -> bool:
+        """Whether a process has it."""
+        return self._future is not None
+
+    @property
+    def pending(self) -> bool:
+        """Whether a process is at it, so that asking for the result means waiting for it."""
+        return self._found is None and self._future is not None and not self._future.done()
+
     def result(self) -> Any:
-        """What the function gives, found there or here."""
-        if self._pool is not None:
-            answer = _answered(self._pool, self._future, self._monitor)
-            if answer is not None:
-                return answer[0]
-        return self._function(*self._task, self._monitor)
+        """What the function gives, found there or here; it is found once."""
+        if self._found is None:
+            if self._pool is not None:
+                self._found = _answered(self._pool, self._future, self._monitor)
+            self._found = self._found or (self._function(*self._task, self._monitor),)
+        return self._found[0]
 
 
 def _submitted(pool: Pool, packed: bytes, m: Monitor) -> Future[bytes] | None:

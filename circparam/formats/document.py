@@ -96,6 +96,16 @@ class Document:
         """The layout of one uv set of the file, origin bottom-left; None where the file has no such set."""
         return None
 
+    def require_uv(self, uv_set: int = 0) -> UVMap:
+        """The layout of one uv set. Raises InputError, which says what sets there are, where it is none."""
+        found = self.uv(uv_set) if uv_set in self.uv_sets else None
+        if found is None:
+            there = ", ".join(map(str, self.uv_sets)) or "none"
+            raise self.source.error(
+                f"it has no uv set {uv_set} (there is {there}): circparam unwrap makes one"
+            )
+        return found
+
     def labels(self, kind: str) -> IntArray:
         """(m,) int64 label of each face by ``kind``: 'primitive' (or material), 'mesh' or 'scene'."""
         if kind not in ("primitive", "mesh", "scene"):

@@ -100,7 +100,7 @@ def linear(colour: FloatArray) -> FloatArray:
 
 def decode(data: bytes, name: str) -> Image.Image:
     """An image as RGB or RGBA. Raises InputError where it is broken, unknown, or absurdly large."""
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
         image = Image.open(io.BytesIO(data))
@@ -108,7 +108,8 @@ def decode(data: bytes, name: str) -> Image.Image:
     except Image.DecompressionBombError as error:
         raise InputError(f"{name}: the texture is too large ({error}): scale it down") from None
     except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{name}: the texture cannot be read ({error}): save it as PNG") from None
+        cause = "no known format" if isinstance(error, UnidentifiedImageError) else error
+        raise InputError(f"{name}: the texture cannot be read ({cause}): save it as PNG") from None
     has_alpha = "A" in image.getbands() or "transparency" in image.info
     return image.convert("RGBA" if has_alpha else "RGB")
 

@@ -9,7 +9,13 @@ import numpy as np
 from circparam.formats.memory import PlainDocument
 from circparam.formats.polygons import list_start, triangulate
 from circparam.formats.source import Source
-from circparam.formats.tokens import gather, parse_floats, parse_ints, tokenize
+from circparam.formats.tokens import (
+    BYTE_ORDER_MARK,
+    gather,
+    parse_floats,
+    parse_ints,
+    tokenize,
+)
 from circparam.mesh.mesh import Mesh
 
 
@@ -18,7 +24,7 @@ def read_off(data: bytes, source: Source) -> PlainDocument:
 
     Our own scanner: trimesh's reader turns polygons into triangles and forgets which belong together.
     """
-    text = re.sub(rb"#[^\r\n]*", b"", data)
+    text = re.sub(rb"#[^\r\n]*", b"", data).removeprefix(BYTE_ORDER_MARK)
     found = re.match(rb"\s*((?:ST)?C?N?4?n?OFF)\b", text)
     if found is None or b"4" in found.group(1) or b"n" in found.group(1) or b"\0" in text:
         raise source.error("this is no text OFF file of three-dimensional points")

@@ -23,15 +23,13 @@ HIGHEST = 2**53  # of a vertex; beyond it numbers with a point skip some
 
 def read_pins(path: str | os.PathLike[str]) -> FloatArray:
     """(p, 3): vertex, u, v of every line. Raises InputError where a line holds something else."""
-    rows = _numbers(path, 3, "a vertex number, u and v")
-    _whole(path, rows[:, :1])
-    return rows
+    return _numbers(path, 3, "a vertex number, u and v", vertices=1)
 
 
 def read_landmarks(path: str | os.PathLike[str]) -> IntArray:
     """(k, 2): a vertex of one mesh and a vertex of another on every line. Raises InputError where a line holds
     something else. Lines ``path ...`` are left out, see ``read_paths``."""
-    return _whole(path, _numbers(path, 2, "two vertex numbers", besides="path"))
+    return _numbers(path, 2, "two vertex numbers", vertices=2, besides="path").astype(np.int64)
 
 
 def read_paths(path: str | os.PathLike[str]) -> list[list[int]]:
@@ -70,8 +68,7 @@ def read_seams(path: str | os.PathLike[str]) -> IntArray:
     lines = [line.split("#")[0].split() for line in text.splitlines()]
     obj = [words for words in lines if words and words[0] == "l"]
     if not obj and Path(path).suffix.lower() != ".obj":
-        rows = _numbers(path, 2, "two vertex numbers")
-        return _whole(path, rows)
+        return _numbers(path, 2, "two vertex numbers", vertices=2).astype(np.int64)
     n = sum(1 for words in lines if words and words[0] == "v")
     pairs: list[tuple[int, int]] = []
     for words in obj:
@@ -104,7 +101,7 @@ def _text(path: str | os.PathLike[str]) -> str:
             raise InputError(
                 f"{path}: {os.path.getsize(path)} bytes are too many for a list of numbers"
             )
-        return Path(path).read_text("utf-8")
+        return Path(path).read_text("utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
@@ -112,9 +109,13 @@ def _text(path: str | os.PathLike[str]) -> str:
 
 
 def _numbers(
-    path: str | os.PathLike[str], columns: int, what: str, besides: str = ""
+    path: str | os.PathLike[str], columns: int, what: str, *, vertices: int = 0, besides: str = ""
 ) -> FloatArray:
-    """The numbers of a text file as rows of so many. besides: the first word of lines that are left out."""
+    """The numbers of a text file as rows of so many.
+
+    vertices: how many at the beginning of each row number vertices. besides: the first word of lines that are
+    left out.
+    """
     rows = []
     for number, line in enumerate(_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()
@@ -126,16 +127,10 @@ def _numbers(
             row = []
         if len(row) != columns or not np.isfinite(row).all():
             raise InputError(f"{path}, line {number}: {line.strip()!r} is not {what}")
+        for value in row[:vertices]:
+            if not value.is_integer() or abs(value) > HIGHEST:
+                raise InputError(f"{path}, line {number}: {value:g} is no vertex number")
         rows.append(row)
     if not rows:
         raise InputError(f"{path}: it holds no line with {what}")
     return np.array(rows, np.float64).reshape(-1, columns)
-
-
-def _whole(path: str | os.PathLike[str], rows: FloatArray) -> IntArray:
-    """Numbers of vertices as such. Raises InputError where one is none, or beyond what any array holds."""
-    if (rows != np.round(rows)).any():
-        raise InputError(f"{path}: a vertex number is no whole number")
-    if (np.abs(rows) > HIGHEST).any():
-        raise InputError(f"{path}: {rows[np.abs(rows) > HIGHEST][0]:g} is no vertex number")
-    return rows.astype(np.int64)

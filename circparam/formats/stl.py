@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,24 @@ def _binary(data: bytes) -> npt.NDArray[np.void] | None:
     return np.frombuffer(data, FACET, count, HEADER)
 
 
+def _why_empty(data: bytes) -> str:
+    """What is wrong with a file in which no facet was found."""
+    if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
+        begun, ended = (
+            len(re.findall(word, data, re.I)) for word in (rb"\bfacet\s+normal", rb"\bendfacet\b")
+        )
+        if begun != ended:
+            return f"{begun} facets begin and {ended} end: it is cut short"
+    elif len(data) >= HEADER:
+        count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
+        there = (len(data) - HEADER) // FACET.itemsize
+        return (
+            f"its header promises {count} facets, its length is that of {there}: it is cut short, or whatever "
+            "wrote it did not fill in the number; export it again"
+        )
+    return "it has no faces: there is nothing to unwrap"
+
+
 def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
     """Text, one solid or several, which takes 0.3 s to import what reads it; and whatever else it takes."""
     import trimesh
@@ -57,7 +76,7 @@ def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
     )
     meshes = [m for m in meshes if len(getattr(m, "faces", ()))]
     if not meshes:
-        raise source.error("it has no faces: there is nothing to unwrap")
+        raise source.error(_why_empty(data))
     first = np.cumsum([0, *(len(m.vertices) for m in meshes)])
     points = np.concatenate([np.asarray(m.vertices, np.float64) for m in meshes])
     faces = np.concatenate(

@@ -20,6 +20,7 @@ from circparam.formats.ply.document import read_ply, round_ply
 from circparam.formats.ply.export import to_ply
 from circparam.formats.source import Source
 from circparam.formats.stl import read_stl
+from circparam.formats.tokens import BYTE_ORDER_MARK
 from circparam.mesh.mesh import UVMap
 
 HEAD = 2048  # bytes at the beginning that most formats are recognised by
@@ -114,7 +115,7 @@ def _is_step(data: bytes) -> bool:
 
 def _text(data: bytes) -> bytes:
     """The beginning of a file without byte order mark and blanks."""
-    return data[:HEAD].lstrip(b"\xef\xbb\xbf \t\r\n")
+    return data[:HEAD].removeprefix(BYTE_ORDER_MARK).lstrip(b" \t\r\n")
 
 
 def _as_it_is(uv: FloatArray, document: Document | None) -> FloatArray:

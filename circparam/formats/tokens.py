@@ -12,6 +12,7 @@ from circparam.core.arrays import FloatArray, IntArray, ranges
 
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
 SPACE, NEWLINE, RETURN, BACKSLASH, SLASH, HASH = (ord(c) for c in " \n\r\\/#")
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # that some programs write before UTF-8
 _TO_SPACE = bytes.maketrans(b"\t\n\v\f\r", b"     ")
 
 
@@ -39,10 +40,6 @@ class Tokens:
         """(n,) number of words of each line."""
         return np.diff(self.line)
 
-    def first_byte(self, token: IntArray) -> ByteArray:
-        """The first byte of the given words."""
-        return self.clean[self.start[token]]
-
 
 def tokenize(data: bytes, *, continuation: bool = False) -> Tokens:
     """Split a text into words and lines. ``continuation``: a backslash before a line's end joins lines.
@@ -51,6 +48,8 @@ def tokenize(data: bytes, *, continuation: bool = False) -> Tokens:
     """
     raw = as_bytes(data)
     clean = np.frombuffer(bytearray(data.translate(_TO_SPACE)) + b" ", np.uint8)
+    if data.startswith(BYTE_ORDER_MARK):
+        clean[: len(BYTE_ORDER_MARK)] = SPACE
     ends = np.flatnonzero(raw == (NEWLINE if b"\n" in data else RETURN))
     if continuation and b"\\" in data and len(ends):
         before = ends - 1

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum, slices
 from circparam.core.registry import Row, Table
 from circparam.geometry.intrinsic import jacobians, signed_areas, singular_values
 from circparam.mesh.cut_mesh import CutMesh
@@ -199,10 +199,7 @@ def chart_distortion(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
     Infinite where the numbers are not finite or the chart is a point.
     """
-    square, inverse, surface = _scale_terms(cut_mesh, uv)
-    with np.errstate(all="ignore"):
-        energy = np.sqrt(square) * np.sqrt(inverse) / (2 * surface)
-    return np.where(surface > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)
+    return _distortion(*_scale_terms(cut_mesh, uv))
 
 
 def face_stretch(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
@@ -210,14 +207,26 @@ def face_stretch(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
     Charts that are packed at those scales have them at the scale of the atlas. 1 for faces without a shape.
     """
+    return stretch_and_distortion(cut_mesh, uv)[0]
+
+
+def stretch_and_distortion(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(``face_stretch``, ``chart_distortion``) of a layout, in one pass over the faces."""
     live = _live(cut_mesh)
     large, small, surface = _singular(cut_mesh, uv, live)
-    square, inverse, _ = _sums(cut_mesh, live, large, small, surface)
+    square, inverse, area = _sums(cut_mesh, live, large, small, surface)
     scale = _best_scales(square, inverse)[cut_mesh.chart[live]]
     out = np.ones(len(cut_mesh.faces))
     with np.errstate(invalid="ignore"):
         out[live] = np.maximum(large * scale, 1 / np.maximum(small * scale, COLLAPSED))
-    return out
+    return out, _distortion(square, inverse, area)
+
+
+def _distortion(square: FloatArray, inverse: FloatArray, area: FloatArray) -> FloatArray:
+    """As ``chart_distortion``, from what ``_scale_terms`` gives."""
+    with np.errstate(all="ignore"):
+        energy = np.sqrt(square) * np.sqrt(inverse) / (2 * area)
+    return np.where(area > 0, np.where(np.isfinite(energy), energy, np.inf), 1.0)
 
 
 def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
@@ -262,6 +271,10 @@ def _singular(
     cut_mesh: CutMesh, uv: FloatArray, live: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(σ1, |σ2|, area) of the faces that have a shape."""
+    large, small = np.empty(len(live)), np.empty(len(live))
     with np.errstate(all="ignore"):
-        large, small = singular_values(jacobians(cut_mesh, uv)[live])
-    return large, np.abs(small), cut_mesh.areas[live]
+        for k in slices(len(live)):
+            large[k], small[k] = singular_values(jacobians(cut_mesh, uv, k))
+    if live.all():
+        return large, np.abs(small), cut_mesh.areas
+    return large[live], np.abs(small[live]), cut_mesh.areas[live]

@@ -47,7 +47,14 @@ def face_axes(
 def targets_from(atlas: Atlas, gradients: FloatArray) -> FloatArray:
     """(2, 2, m) Jacobians of the rest triangles from space gradients (m, 2, 3) in the planes of the faces."""
     surface = atlas.surface
-    x, y = face_axes(surface.points, surface.faces, surface.normals)
+    return in_rest_axes(surface.points, surface.faces, surface.normals, gradients)
+
+
+def in_rest_axes(
+    points: FloatArray, faces: IntArray, normals: FloatArray, gradients: FloatArray
+) -> FloatArray:
+    """As ``targets_from``, of faces (m, 3) of points (n, 3) with those unit normals (m, 3)."""
+    x, y = face_axes(points, faces, normals)
     result: FloatArray = np.stack(
         [np.einsum("fdx,fx->df", gradients, x), np.einsum("fdx,fx->df", gradients, y)], 1
     )

@@ -55,16 +55,16 @@ def vertex_angle_sums(cut_mesh: CutMesh, angles: FloatArray) -> FloatArray:
     return group_sum(angles.ravel(), cut_mesh.faces.ravel(), cut_mesh.n_vertices)
 
 
-def jacobians(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+def jacobians(cut_mesh: CutMesh, uv: FloatArray, faces: slice = slice(None)) -> FloatArray:
     """(m, 2, 2) Jacobian of the map surface → uv on each face: J[:, i, j] = ∂uv_i / ∂x_j.
 
     x: the plane of the rest triangle. uv: (n_vertices, 2). Built from differences, so that a translation of uv
-    costs no digits.
+    costs no digits. faces: those that it is asked of.
     """
-    f = cut_mesh.faces
+    f = cut_mesh.faces[faces]
     d1 = uv[f[:, 1]] - uv[f[:, 0]]
     d2 = uv[f[:, 2]] - uv[f[:, 0]]
-    g = cut_mesh.gradients
+    g = cut_mesh.gradients[faces]
     return d1[:, :, None] * g[:, None, :, 1] + d2[:, :, None] * g[:, None, :, 2]
 
 

@@ -68,7 +68,7 @@ class Overlaps:
         i, j, _ = meeting(boundary, between=True)
         a, b = boundary.chart[i], boundary.chart[j]
         inside, outside = winding_pairs(
-            boundary, *_inner_points(self._faces, self._uv, self._chart, n)
+            boundary, *_inner_points(self._faces, self._uv, self._chart)
         )
         a, b = np.r_[a, inside], np.r_[b, outside]
         key = sorted_distinct(edge_keys(a, b, n))
@@ -180,9 +180,7 @@ def _wound_twice(
     return out
 
 
-def _inner_points(
-    faces: IntArray, uv: FloatArray, chart: IntArray, n: int
-) -> tuple[IntArray, FloatArray]:
+def _inner_points(faces: IntArray, uv: FloatArray, chart: IntArray) -> tuple[IntArray, FloatArray]:
     """A point inside each chart (the centre of its largest face): (charts, (k, 2) points)."""
     p = uv[faces]
     area = np.abs(cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))

@@ -58,10 +58,10 @@ def _keyword(found: re.Match[str]) -> str:
     words = {*spec.choices, *(spec.names() if spec.names else ())}
     if value in words:
         return f"{name}={value!r}"
-    return f"{name}=True{rest}" if _is_switch(name, spec) else name + rest
+    return f"{name}=True{rest}" if _is_switch(name) else name + rest
 
 
-def _is_switch(name: str, spec: Spec) -> bool:
+def _is_switch(name: str) -> bool:
     """Whether an option is on or off."""
     return "bool" in str(Options.__annotations__[name])
 

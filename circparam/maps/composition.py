@@ -54,7 +54,7 @@ def relaxed(
     rest = a.sheet.cut_mesh.rest_triangles / np.sqrt(a.area)
     locator = Locator(sheet_b, domain.spheres[1])
     with monitor.stage("relax"):
-        q = _start(a, b, marks, locator, places)
+        q = _start(a, marks, locator, places)
         target = SheetTarget(locator, 1 / float(np.sqrt(b.area)))
         run = Relaxation(a.sheet.faces, rest, target, fixed, weight)
         run.guard = False
@@ -84,9 +84,8 @@ def _untied(
     """Directions of both sheets, the domain relaxed until no face of A is turned over in it, or it gets no
     better.
 
-    Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned
-    over where the
-    domain bends under it.
+    Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned over
+    where the domain bends under it.
     """
     sheet, qb = locator.sheet, locator.sphere
     cut_mesh = sheet.cut_mesh
@@ -100,7 +99,7 @@ def _untied(
     before = len(a.sheet.faces) + 1
     for _ in range(DOMAIN_ROUNDS):
         there = Locator(sheet, qb)
-        qa = _start(a, b, marks, there, (face[: a.n], weights[: a.n]))
+        qa = _start(a, marks, there, (face[: a.n], weights[: a.n]))
         left = int((~all_counter_clockwise(qa, a.sheet.faces)).sum())
         if left == 0 or left >= before:
             break
@@ -111,7 +110,7 @@ def _untied(
         if moved.steps == 0:
             break
         qb = moved.spot.sphere
-    return _start(a, b, marks, Locator(sheet, qb), (face[: a.n], weights[: a.n])), qb
+    return _start(a, marks, Locator(sheet, qb), (face[: a.n], weights[: a.n])), qb
 
 
 def fixed_of(a: Side, marks: Landmarks) -> BoolArray:
@@ -124,7 +123,7 @@ def fixed_of(a: Side, marks: Landmarks) -> BoolArray:
 
 
 def _start(
-    a: Side, b: Side, marks: Landmarks, locator: Locator, places: tuple[IntArray, FloatArray]
+    a: Side, marks: Landmarks, locator: Locator, places: tuple[IntArray, FloatArray]
 ) -> FloatArray:
     """(n, 3) directions of the vertices of the sheet of A, from their places on the sheet of B."""
     q = np.einsum("kc,kcd->kd", places[1], locator.cones[places[0]])

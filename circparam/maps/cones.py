@@ -1,9 +1,8 @@
 """Triangles as cones from the origin: places on a sphere of triangles, and exact signs.
 
 A closed mesh of genus 0 whose vertices lie on the unit sphere covers the sphere once where every face, seen
-from the centre, is counter-clockwise. A place on it is a direction; its weights in a face are the
-coordinates of the
-direction in the three corners, of sum 1.
+from the centre, is counter-clockwise. A place on it is a direction; its weights in a face are the coordinates
+of the direction in the three corners, of sum 1.
 """
 
 from __future__ import annotations

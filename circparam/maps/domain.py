@@ -42,8 +42,7 @@ def common_domain(a: Side, b: Side, marks: Landmarks, method: str, monitor: Moni
     """Both sheets on the sphere by convex maps of the patches between arcs.
 
     Helpers are added to ``marks``. Raises TopologyError where the landmarks have no common layout,
-    NoResultError where
-    double precision cannot hold the maps.
+    NoResultError where double precision cannot hold the maps.
     """
     with monitor.stage("layout"):
         layout = _laid_out(a, b, marks)

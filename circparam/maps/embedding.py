@@ -18,9 +18,9 @@ def embed(
 ) -> FloatArray:
     """(n, d) places of the vertices of a sheet, whose arcs cut it into triangles, on the polyhedron.
 
-    corners (k, d): the landmarks (the unit vectors of k dimensions give barycentric coordinates). Each patch
-    is a convex combination map onto a flat triangle, with its boundary by
-    arc length: one system with three right-hand sides for all, since a patch is flat where its boundary is.
+    corners (k, d): the landmarks (the unit vectors of k dimensions give barycentric coordinates). Each patch is
+    a convex combination map onto a flat triangle, with its boundary by arc length: one system with three
+    right-hand sides for all, since a patch is flat where its boundary is.
     """
     sheet = tracer.sheet
     out = np.zeros((sheet.n, corners.shape[1]))

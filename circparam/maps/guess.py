@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray
+from circparam.core.words import percent
 from circparam.errors import InputError
 from circparam.maps.landmarks import Landmarks, aligned, points_of
 from circparam.maps.sides import Side
@@ -21,8 +22,7 @@ def guess(a: Side, b: Side) -> Landmarks:
     more for every handle, none on boundaries.
 
     The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
-    fit well
-    enough for that to be trusted.
+    fit well enough for that to be trusted.
     """
     p = points_of(a, list(range(a.n)))
     q = points_of(b, list(range(b.n)))
@@ -31,8 +31,8 @@ def guess(a: Side, b: Side) -> Landmarks:
     if error > TRUST * size:
         raise InputError(
             f"no landmarks, and {a.name} and {b.name} are too unlike to guess any "
-            f"(mean distance {100 * error / size:.2g} % of the size when aligned, "
-            f"{100 * TRUST:g} % at most): give --landmarks with 3 or more pairs of vertices"
+            f"(mean distance {percent(error / size)} of the size when aligned, "
+            f"{percent(TRUST)} at most): give --landmarks with 3 or more pairs of vertices"
         )
     inside = a.on_boundary < 0
     out_there = np.linalg.norm(moved - moved.mean(0), axis=1)
@@ -53,7 +53,7 @@ def guess(a: Side, b: Side) -> Landmarks:
         )
     out.notes.append(
         f"{len(out.a)} landmarks guessed from the alignment of the surfaces "
-        f"(mean distance {100 * error / size:.2g} % of the size)"
+        f"(mean distance {percent(error / size)} of the size)"
     )
     return out
 

@@ -102,19 +102,16 @@ def handle_domain(
         regions, ends = np.array(layout.regions()), np.array(layout.ends)
         base = base_of(regions, ends)
         first, second = (
-            _patched(t, side, base, (regions, ends), method)
+            _patched(t, side, base, regions, method)
             for t, side in zip(layout.tracers, (a, b), strict=True)
         )
     return HandleDomain(base, (first, second))
 
 
-def _patched(
-    tracer: Tracer, side: Side, base: Base, layout: tuple[IntArray, IntArray], method: str
-) -> Patched:
-    """One sheet over the base; layout: regions and ends."""
+def _patched(tracer: Tracer, side: Side, base: Base, regions: IntArray, method: str) -> Patched:
+    """One sheet over the base; regions (r, 3): the arcs round each patch."""
     sheet = tracer.sheet
-    regions, ends = layout
-    patch, places = laid_in_patches(tracer, regions, ends, method)
+    patch, places = laid_in_patches(tracer, regions, method)
     index = np.zeros(3 * len(sheet.faces), np.int64)
     for arc, path in tracer.arcs.items():
         index[sheet.half_edges(path[:-1], path[1:])] = arc + 1

@@ -2,10 +2,8 @@
 others.
 
 What lies far from every arc is crushed by a convex map. The vertex of a patch that is farthest from all
-landmarks goes with the
-one on the other surface that is farthest among those in about the same place of the patch. Helpers shape the
-layout only:
-relaxation moves them like any other vertex.
+landmarks goes with the one on the other surface that is farthest among those in about the same place of the
+patch. Helpers shape the layout only: relaxation moves them like any other vertex.
 """
 
 from __future__ import annotations

@@ -11,9 +11,7 @@ from circparam.maps.mend import row_weights
 from circparam.maps.tracing import Tracer, shares
 
 
-def laid_in_patches(
-    tracer: Tracer, regions: IntArray, ends: IntArray, weights: str
-) -> tuple[IntArray, FloatArray]:
+def laid_in_patches(tracer: Tracer, regions: IntArray, weights: str) -> tuple[IntArray, FloatArray]:
     """(patch (m,) of each face, places (m, 3, 3): barycentric coordinates of its corners in the triangle).
 
     regions (r, 3): the arcs round each patch, which lies on their left; no patch has a landmark twice.

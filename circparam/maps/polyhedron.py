@@ -1,8 +1,7 @@
 """A small triangulation of the sphere as a convex polyhedron round the origin: Tutte's drawing, lifted.
 
-Tutte's drawing of a 3-connected plane graph is in equilibrium, so it is the shadow of a convex surface
-(Maxwell 1864, Cremona; the lifting as in Richter-Gebert 1996): across an edge the slope changes by the
-stress of the
+Tutte's drawing of a 3-connected plane graph is in equilibrium, so it is the shadow of a convex surface (Maxwell
+1864, Cremona; the lifting as in Richter-Gebert 1996): across an edge the slope changes by the stress of the
 edge times its length, at a right angle to it. Seen from a point inside every face is then counter-clockwise.
 """
 
@@ -19,8 +18,7 @@ def polyhedron(faces: IntArray) -> FloatArray:
     """(k, 3) unit vectors of the vertices of a simple triangulation of the sphere, faces (2k − 4, 3), k ≥ 4.
 
     Every face is counter-clockwise seen from outside, by exact signs. Raises NoResultError where double
-    precision
-    cannot tell the faces apart (hundreds of vertices).
+    precision cannot tell the faces apart (hundreds of vertices).
     """
     k = int(faces.max()) + 1
     plane = _drawing(faces, k)

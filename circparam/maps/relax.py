@@ -184,7 +184,10 @@ class Relaxation:
         diagonal = np.flatnonzero(self.row == column)
         trace = data[diagonal, 0, 0] + data[diagonal, 1, 1]
         free = trace > 0
-        ridge = np.where(free, RIDGE * trace + 1e-3 * RIDGE * trace[free].mean(), 1.0)
+        mean = trace[free].sum() / max(
+            np.count_nonzero(free), 1
+        )  # all vertices of a triangle are fixed
+        ridge = np.where(free, RIDGE * trace + 1e-3 * RIDGE * mean, 1.0)
         data[diagonal, 0, 0] += ridge
         data[diagonal, 1, 1] += ridge
         # rows of this are columns of the symmetric matrix

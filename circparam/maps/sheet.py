@@ -101,9 +101,8 @@ class Sheet:
     ) -> tuple[Sheet, IntArray]:
         """The marked edges ((3m,) bool on both half-edges) split into two each.
 
-        share: (3m,) how far along each half-edge, half where None. Returns (sheet, (edges, 2): the key low ·
-        n + high of the ends
-        of every edge that was split, ascending, and the vertex that splits it).
+        share: (3m,) how far along each half-edge, half where None. Returns (sheet, (edges, 2): the key low · n
+        + high of the ends of every edge that was split, ascending, and the vertex that splits it).
         """
         sheet, marked, n = self, half_edges, self.n
         share = np.full(len(marked), 0.5) if share is None else share

@@ -9,11 +9,11 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.words import counted
-from circparam.errors import TopologyError
+from circparam.errors import InputError, TopologyError
 from circparam.maps.sheet import Sheet
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
-from circparam.mesh.repair import RepairOptions, repair
+from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
 
 
@@ -21,14 +21,11 @@ from circparam.mesh.surface import Surface
 class Side:
     """A connected surface, with or without boundaries.
 
-    name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices
-    those of the
-    surface. tips (b,): the vertex that closes each boundary. loops: the vertices of each boundary, in order
-    with the
-    surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face uses it. scale: by what
-    the points of the
-    surface are those of the mesh. winding (m, 3): the corner of the file that each corner of a face is.
-    notes: what was repaired.
+    name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices those
+    of the surface. tips (b,): the vertex that closes each boundary. loops: the vertices of each boundary, in
+    order with the surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face uses it.
+    scale: by what the points of the surface are those of the mesh. winding (m, 3): the corner of the file that
+    each corner of a face is. notes: what was repaired.
     """
 
     name: str
@@ -67,12 +64,16 @@ class Side:
         return out
 
 
-def side_of(mesh: Mesh, name: str, mirrored: bool = False, weld: float = 0.0) -> Side:
+def side_of(mesh: Mesh, name: str, mirrored: bool = False) -> Side:
     """Prepare one side of a map. mirrored: read every face the other way round.
 
-    Raises TopologyError where the mesh is no single surface whose edges have two faces at most.
+    Raises InputError where no face has an area, TopologyError where the mesh is no single surface whose edges
+    have two faces at most.
     """
-    surface, report = repair(mesh, RepairOptions(weld))
+    try:
+        surface, report = repair(mesh)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
     if mirrored:
         surface = _mirrored(surface)
     cut_mesh, genus = _checked(surface, name)

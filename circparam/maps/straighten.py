@@ -2,8 +2,8 @@
 them.
 
 A shortest path along edges zigzags, and a patch whose boundary zigzags is sheared where it is laid straight.
-The diagonal of
-a convex map runs over the surface as smoothly as the map is; edges are split where it crosses them.
+The diagonal of a convex map runs over the surface as smoothly as the map is; edges are split where it crosses
+them.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.io import read
 from circparam.formats.sidecars import read_landmarks, read_paths
-from circparam.maps.map_surfaces import STANDARD, Given, MapResult, map_meshes
+from circparam.maps.map_surfaces import Given, MapResult, map_meshes
 from circparam.mesh.mesh import Mesh, UVMap
 
 Surface: TypeAlias = (
@@ -29,7 +29,6 @@ class Keywords(TypedDict, total=False):
     mirrored: bool
     relax: bool
     overlay: bool
-    listener: Listener | None
 
 
 def map_surfaces(
@@ -39,29 +38,25 @@ def map_surfaces(
     landmarks: npt.ArrayLike | str | os.PathLike[str] | None = None,
     paths: Sequence[Sequence[int]] | None = None,
     charts: bool = False,
+    listener: Listener | None = None,
     **keywords: Unpack[Keywords],
 ) -> MapResult:
     """A one-to-one map between two connected surfaces with as many handles and boundaries.
 
     a, b: a file, a Document, a Mesh, or (points, faces). landmarks: (k, 2) pairs of vertices of a and b that
-    the map
-    takes to each other exactly, counted from 0, or a file with a pair on each line; None: surfaces that lie
-    alike get
-    some from their alignment. paths: sequences of vertices of a that are landmarks; the shortest paths
-    between them are the first cuts on both (a file of landmarks may hold lines ``path 1 2 3 1``); handles
-    are cut by shortest paths between landmarks where none are given. charts: both files have uv whose
-    charts correspond, which are mapped chart on chart. method: the weights of the convex maps, any that are
-    positive (circle, mean-value, floater, uniform). mirrored: b is the mirror image of what is meant.
-    relax: False keeps the composition of the convex maps. overlay: True adds the common refinement of both
-    (``map.overlay``), of closed surfaces.
+    the map takes to each other exactly, counted from 0, or a file with a pair on each line; None: surfaces that
+    lie alike get some from their alignment. paths: sequences of vertices of a that are landmarks; the shortest
+    paths between them are the first cuts on both (a file of landmarks may hold lines ``path 1 2 3 1``); handles
+    are cut by shortest paths between landmarks where none are given. charts: both files have uv whose charts
+    correspond, which are mapped chart on chart. method: the weights of the convex maps, any that are positive
+    (circle, mean-value, floater, uniform). mirrored: b is the mirror image of what is meant. relax: False keeps
+    the composition of the convex maps. overlay: True adds the common refinement of both (``map.overlay``), of
+    closed surfaces.
 
     Returns a MapResult: ``map`` (a SurfaceMap; ``circparam.save_map`` writes it), distortion both ways,
-    inversions.
-    Raises InputError for landmarks that name no vertex or the same one twice, TopologyError where the
-    surfaces differ, look
-    mirrored, or the landmarks have no common layout, OptionError for a method whose weights can be negative,
-    NoResultError
-    where double precision cannot hold the map.
+    inversions. Raises InputError for landmarks that name no vertex or the same one twice, TopologyError where
+    the surfaces differ, look mirrored, or the landmarks have no common layout, OptionError for a method whose
+    weights can be negative, NoResultError where double precision cannot hold the map.
     """
     pairs, ways = None, [[int(v) for v in path] for path in paths or []]
     if isinstance(landmarks, (str, os.PathLike)):
@@ -81,16 +76,7 @@ def map_surfaces(
     unknown = set(keywords) - set(Keywords.__annotations__)
     if unknown:
         raise TypeError(f"map_surfaces has no argument {sorted(unknown)[0]!r}")
-    wanted = Given(
-        pairs,
-        ways,
-        layouts,
-        keywords.get("method", STANDARD.method),
-        keywords.get("mirrored", STANDARD.mirrored),
-        keywords.get("relax", STANDARD.relax),
-        keywords.get("overlay", STANDARD.overlay),
-    )
-    return map_meshes(*meshes, wanted, Monitor(keywords.get("listener")))
+    return map_meshes(*meshes, Given(pairs, ways, layouts, **keywords), Monitor(listener))
 
 
 def _layout(surface: Surface, name: str) -> UVMap:

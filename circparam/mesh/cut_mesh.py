@@ -16,6 +16,7 @@ from circparam.core.arrays import (
     group_sum,
     next_half_edge,
     ranges,
+    slices,
 )
 from circparam.core.graph import cycles
 from circparam.mesh.halfedge import boundary_half_edges
@@ -196,14 +197,20 @@ def rest_triangles_of(corners: FloatArray) -> FloatArray:
 
     Corner 0 goes to the origin, corner 1 to the positive x axis, corner 2 above it.
     """
-    e1 = corners[:, 1] - corners[:, 0]
-    e2 = corners[:, 2] - corners[:, 0]
-    x = np.linalg.norm(e1, axis=1)
-    out = np.zeros((len(corners), 3, 2))
-    out[:, 1, 0] = x
-    with np.errstate(invalid="ignore", divide="ignore"):
-        out[:, 2, 0] = np.einsum("ij,ij->i", e1, e2) / x
-        out[:, 2, 1] = np.linalg.norm(np.cross(e1, e2), axis=1) / x
+    return laid_flat(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+
+
+def laid_flat(points: FloatArray, faces: IntArray) -> FloatArray:
+    """As ``rest_triangles_of``, of triangles (m, 3) of points (n, 3)."""
+    out = np.zeros((len(faces), 3, 2))
+    for k in slices(len(faces)):
+        a, b, c = points[faces[k, 0]], points[faces[k, 1]], points[faces[k, 2]]
+        e1, e2 = b - a, c - a
+        x = np.linalg.norm(e1, axis=1)
+        out[k, 1, 0] = x
+        with np.errstate(invalid="ignore", divide="ignore"):
+            out[k, 2, 0] = np.einsum("ij,ij->i", e1, e2) / x
+            out[k, 2, 1] = np.linalg.norm(np.cross(e1, e2), axis=1) / x
     return out
 
 

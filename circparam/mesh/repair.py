@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.core.words import counted
+from circparam.core.words import counted, plural
 from circparam.errors import InputError, TopologyError
 from circparam.mesh.halfedge import Pairs, pair_half_edges
 from circparam.mesh.mesh import Mesh, UVMap
@@ -97,7 +97,8 @@ def repair(
     aside = _set_aside(points, welded, mesh.polygons)
     if len(aside.kept) == 0:
         raise InputError(
-            f"all {len(welded)} faces are degenerate (no area): there is nothing to unwrap"
+            f"its {counted(len(welded), 'face')} {plural(len(welded), 'is')} degenerate (no area): "
+            "there is nothing to unwrap"
         )
     faces = welded[aside.kept]
     polygons = None if mesh.polygons is None else mesh.polygons[aside.kept]
@@ -258,6 +259,7 @@ def _messages_oriented(mesh: Mesh, surface: Surface, orientation: Orientation) -
         )
     if n := orientation.one_sided:
         edges = counted(int((~orientation.keep).sum()), "edge")
-        strips = "Möbius strip" if n == 1 else "Möbius strips"
-        out.append(f"{counted(n, 'component')} with one side only ({strips}) cut along {edges}")
+        out.append(
+            f"{counted(n, 'component')} with one side only ({plural(n, 'Möbius strip')}) cut along {edges}"
+        )
     return out

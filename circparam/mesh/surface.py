@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge, slices
 from circparam.core.graph import components
-from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
+from circparam.mesh.cut_mesh import CutMesh, laid_flat
 from circparam.mesh.halfedge import boundary_half_edges, corner_classes
 
 
@@ -54,7 +54,7 @@ class Surface:
     @cached_property
     def rest_triangles(self) -> FloatArray:
         """(m, 3, 2): every face laid isometrically in the plane."""
-        return rest_triangles_of(self.points[self.faces])
+        return laid_flat(self.points, self.faces)
 
     @cached_property
     def areas(self) -> FloatArray:
@@ -64,11 +64,12 @@ class Surface:
     @cached_property
     def normals(self) -> FloatArray:
         """(m, 3) unit normals."""
-        p = self.points[self.faces]
-        n = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-        length = np.linalg.norm(n, axis=1)
-        result: FloatArray = n / np.maximum(length, 1e-300)[:, None]
-        return result
+        out = np.empty((len(self.faces), 3))
+        for k in slices(len(out)):
+            p = self.points[self.faces[k]]
+            n = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+            out[k] = n / np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None]
+        return out
 
     @cached_property
     def edge_lengths(self) -> FloatArray:

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
-from circparam.errors import NoResultError, OptionError
+from circparam.errors import NoResultError, OptionError, OutOfTimeError
 from circparam.packing import table
 from circparam.packing.check import PlacedCharts, faults
 from circparam.packing.options import Packed, PackOptions, pages_needed, too_dense
@@ -98,8 +99,12 @@ def _candidates(task: PackTask) -> list[Placement]:
 
 
 def _with(found: dict[str, Placement], row: Row[Packer], task: PackTask) -> dict[str, Placement]:
-    """The placements found, with that of one more row where it finds one."""
-    placement = row.function(replace(task, found=found))
+    """The placements found, with that of one more row where it finds one before it is broken off."""
+    try:
+        with clock.bounded(None if row.function.instant else task.monitor.last):
+            placement = row.function(replace(task, found=found))
+    except OutOfTimeError:
+        task.monitor.late, placement = True, None
     return found if placement is None else {**found, row.name: placement}
 
 

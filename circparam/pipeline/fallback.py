@@ -34,6 +34,7 @@ SPLITS = 12  # times that a chart may be halved before it is taken to pieces
 CONVEX = SPLITS - 2  # from this many halvings on, charts take a convex map that nothing relaxes
 STEPS = 100  # of relaxing a piece: sound ones need some 30, what creeps on after that is split
 PROJECTED = 100  # steps that count for having been projected, where there is no time for a map
+LATE_BOUND = 3.0  # distortion from which on a projection, in more charts, is the better of the two
 LATE_SPLITS = 6  # times that such a chart may be halved
 LATE_SINGLE_BELOW = 100  # as SINGLE_BELOW, where every round counts
 SINGLE_BELOW = 24  # a faulty chart with at most so many faces is taken to pieces at once
@@ -84,7 +85,7 @@ def sent_on(
 
 
 def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
-    """(n_charts,) as ``faults``; also DISTORTED where seams may be added and there is time for it.
+    """(n_charts,) as ``faults``; also DISTORTED where seams may be added.
 
     new: (m,) bool, faces of the charts to look at; others are known to be sound. Faces laid down one by one are
     as they have to be.
@@ -101,16 +102,22 @@ def _all_faults(cascade: Cascade, new: BoolArray, monitor: Monitor) -> IntArray:
 def _faults_of(
     cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, fid: IntArray, monitor: Monitor
 ) -> IntArray:
-    """``_all_faults`` of a part of the charts; fid: their faces."""
+    """``_all_faults`` of a part of the charts; fid: their faces.
+
+    Where time is up, only charts that are far beyond any bound are too distorted: those begun too late.
+    """
     fault, _ = faults(cut_mesh, uv)
-    if not cascade.rules.may_split or monitor.hurried:
+    if not cascade.rules.may_split:
         return fault
-    n = cut_mesh.n_charts
-    fixed = group_count(cut_mesh.chart[cascade.singles[fid] > 0], n) > 0
+    n, bound, last = cut_mesh.n_charts, cascade.rules.bound, cascade.singles[fid] > 0
+    if monitor.hurried:
+        bound = max(bound, LATE_BOUND)
+        last = last | (cascade.tries[fid] >= PROJECTED)
+    fixed = group_count(cut_mesh.chart[last], n) > 0
     may = (fault == SOUND) & ~fixed
     if may.any():
         part, vertices, _ = cut_mesh.subset(may)
-        high = chart_distortion(part, uv[vertices]) > cascade.rules.bound
+        high = chart_distortion(part, uv[vertices]) > bound
         fault[np.flatnonzero(may)[high]] = DISTORTED
     return fault
 

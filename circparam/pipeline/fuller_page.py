@@ -11,6 +11,7 @@ A mesh that needs no seam gets none, and all cuts together make the seams no lon
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
-from circparam.core.workers import Worker
+from circparam.core.workers import Later, Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
@@ -34,10 +35,10 @@ from circparam.pipeline.cut_plan import LOCKED, MANY, RATE, Plan, Planner, easel
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
-from circparam.seams.grown import STRETCH, stretch_asked
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.segmentation.weigh import share_over
+from circparam.seams.stretch import STRETCH, stretch_asked
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
@@ -65,18 +66,47 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if cuts < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-    known = packing(cascade, options, monitor)
-    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
-    if known is None or (asked is None and _share(known) >= enough):
-        return replace(cascade, packing=known)
+    uncut = _Uncut(cascade, options, monitor)
+    if uncut.settles():
+        return replace(cascade, packing=uncut.known)
     carver = _carver(cascade, cut_mesh, uv, options)
-    plans = _plans(carver, cuts, asked is None, monitor)
+
+    def stop() -> bool:
+        return monitor.expired or uncut.settles()
+
+    plans = _plans(carver, cuts, asked is None, stop)
+    known = uncut.known
+    if known is None or uncut.settles():
+        return replace(cascade, packing=known)
     contest = _Contest(cascade, carver, options, monitor)
     chosen = contest.winner(plans, known) if len(plans) > 1 else None
     if chosen is not None:
         return chosen
     kept = replace(cascade, packing=known)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
+
+
+class _Uncut:
+    """The page without a cut: packed by an idle process beside the planning of cuts, else before it."""
+
+    def __init__(self, cascade: Cascade, options: Options, monitor: Monitor) -> None:
+        few = cascade.atlas.charts()[0] <= FEW
+        self._enough = ENOUGH if few else ENOUGH_OF_MANY
+        self._wanted = options.cuts_asked is not None
+        self._later = Later(monitor.jobs, packing, (cascade, options), monitor)
+        self._later.begin()
+
+    @property
+    def known(self) -> KnownPacking | None:
+        """The page; waits for it."""
+        found: KnownPacking | None = self._later.result()
+        return found
+
+    def settles(self) -> bool:
+        """Whether no cut is looked for; not while a process packs, so plans nobody wants may be made."""
+        if self._later.pending:
+            return False
+        return self.known is None or (not self._wanted and _share(self.known) >= self._enough)
 
 
 def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
@@ -91,15 +121,11 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
     return Carver(cascade.atlas, cut_mesh, uv, easel, limits, stretch)
 
 
-def _plans(carver: Carver, cuts: int, limited: bool, monitor: Monitor) -> list[Plan]:
+def _plans(carver: Carver, cuts: int, limited: bool, stop: Callable[[], bool]) -> list[Plan]:
     """The plan without a cut and those worth more, the best first; none where no sketch is found.
 
     limited: whether seams grow by no more than LIMIT.
     """
-
-    def stop() -> bool:
-        return monitor.expired
-
     first = first_plan(carver, stop)
     if first is None:
         return []

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
-from circparam.core.limits import PADDING, RESOLUTION
+from circparam.core.limits import PADDING, RESOLUTION, auto_padding
 from circparam.errors import InputError, TopologyError
 from circparam.formats.document import Document
 from circparam.mesh.repair import RepairOptions, repair
@@ -33,27 +34,27 @@ def inspect(
     uv_set: int | None = None,
     weld: float = 0.0,
     resolution: int = 2048,
-    padding: int = 4,
+    padding: int | Literal["auto"] = 4,
 ) -> Inspection:
-    """Describe a document; with ``uv_set`` judge that set at a resolution in texels.
+    """Describe a document; with ``uv_set`` judge that set at a resolution in texels. padding: in texels, or
+    'auto', which grows with the resolution.
 
     Raises InputError where the set does not exist, or no face has uv in it, OptionError for a resolution or
     padding (texels) out of range.
     """
     RESOLUTION.check("--resolution", resolution)
+    padding = auto_padding(resolution) if padding == "auto" else padding
     PADDING.check("--padding", padding)
     topology = describe(document.mesh, weld)
     notes = list(document.notes)
     if uv_set is None:
         return Inspection(document, topology, document.uv_sets, notes=notes)
-    uvmap = document.uv(uv_set) if uv_set in document.uv_sets else None
-    if uvmap is None:
-        there = ", ".join(map(str, document.uv_sets)) or "none"
-        raise InputError(
-            f"{document.source.name}: it has no uv set {uv_set} (there is {there}): circparam unwrap makes one"
-        )
+    uvmap = document.require_uv(uv_set)
     surface, _ = repair(document.mesh, RepairOptions(weld), uvmap)
-    found = verify(surface, uvmap, resolution=resolution, padding=padding)
+    try:
+        found = verify(surface, uvmap, resolution=resolution, padding=padding)
+    except InputError as error:
+        raise document.source.error(error) from None
     return Inspection(
         document, topology, document.uv_sets, found, reasons(found, Promise(None, padding)), notes
     )

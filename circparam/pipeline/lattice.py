@@ -14,7 +14,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_max, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    first_of_runs,
+    group_max,
+    group_sum,
+)
 from circparam.core.graph import components
 from circparam.geometry.overlap import signs
 from circparam.geometry.predicates import orientation
@@ -34,6 +42,8 @@ PATIENCE = 16  # rounds without fewer spoilt faces after which a search ends
 MOST, MOST_SHARE = 1000, 0.3
 SMALLEST = 2.0**-60  # no step is finer than this: numbers next to zero are of no use
 DOUBLINGS = (32, 16, 8, 4, 2, 1)  # all numbers up to 63 are sums of these
+RAYS = 6  # faces of a vertex, the largest, into which it looks
+RADII = np.unique(np.round(2.0 ** (np.arange(25) / 2)))  # of places on a ray, in storable numbers
 CHUNK = 2_000_000  # corners x places looked at together
 
 
@@ -41,18 +51,22 @@ CHUNK = 2_000_000  # corners x places looked at together
 class Search:
     """One way of looking for places: crowds are made so many times as wide first (``spread``), vertices up to
     ``rings`` rings round the spoilt faces may move, and faces are wanted to hold ``room`` cells twice over.
+    along: vertices look along ``rays`` into the faces round them, and not at their window.
     """
 
     spread: float
     rings: int
     room: float
+    along: bool = False
 
 
 # One after the other, for what the one before left. Of 1500 spoilt faces round crowds of 40 and 100 vertices in
-# two to eight cells the first two leave 8 %, those with spreading 0.5 %.
+# two to eight cells the first two leave 8 %, those with spreading 0.5 %. Where a vertex lies at the tip of a
+# sliver, its next place is so many numbers away as the sliver is narrow: no window holds it, rays into it do.
 SEARCHES = (
     Search(1, 0, 0),
     Search(1, 1, 0),
+    Search(1, 0, 0, along=True),
     Search(3, 2, 2),
     Search(9, 4, 4),
     Search(27, 4, 4),
@@ -96,6 +110,48 @@ def places(x: FloatArray, rounding: Rounding) -> tuple[FloatArray, FloatArray]:
     return grid, near[:, :, REACH + 1] - near[:, :, REACH]
 
 
+def rays(
+    faces: IntArray, x: FloatArray, chosen: IntArray, rounding: Rounding
+) -> tuple[FloatArray, FloatArray]:
+    """((k, w, 2) places of chosen vertices on rays, x itself in the middle; (k, 2) next − x).
+
+    faces: (m, 3). x: (n, 2) storable. A ray leads from a vertex to the middle of the edge beyond one of its
+    largest faces; ``RADII`` numbers out lie the places, none beyond that edge. Where a vertex has fewer faces,
+    places are x once more.
+    """
+    step = following(x[chosen], rounding, 1) - x[chosen]
+    slot = np.full(len(x), -1)
+    slot[chosen] = np.arange(len(chosen))
+    flat = faces.ravel()
+    corner = np.flatnonzero(slot[flat] >= 0)
+    face, k = corner // 3, corner % 3
+    at, b, c = x[flat[corner]], x[faces[face, (k + 1) % 3]], x[faces[face, (k + 2) % 3]]
+    order = np.lexsort((-np.abs(cross2(b - at, c - at)), slot[flat[corner]]))
+    own = slot[flat[corner]][order]
+    first = first_of_runs(own)
+    rank = np.arange(len(own)) - np.repeat(first, np.diff(np.r_[first, len(own)]))
+    some = rank < RAYS
+    ray = np.zeros((len(chosen), RAYS, 2))
+    ray[own[some], rank[some]] = ((b + c) / 2 - at)[order][some]
+    length = np.abs(ray / step[:, None]).max(2)
+    share = RADII / np.maximum(length, RADII[-1])[..., None]
+    out = x[chosen][:, None] + (ray[:, :, None] * share[..., None]).reshape(len(chosen), -1, 2)
+    grid = rounding(out.reshape(-1, 2)).reshape(out.shape)
+    half = grid.shape[1] // 2
+    return np.concatenate([grid[:, :half], x[chosen][:, None], grid[:, half:]], 1), step
+
+
+def independent(faces: IntArray, active: BoolArray, turn: int) -> IntArray:
+    """Active vertices ((n,) bool) no two of which share a face: those with the highest number round them.
+
+    turn: the numbers are others in every turn.
+    """
+    number = np.where(active, _mixed(np.arange(len(active)), turn), -1)[faces]
+    beaten = np.zeros(len(active), bool)
+    beaten[faces[number < number.max(1)[:, None]]] = True
+    return np.flatnonzero(active & ~beaten)
+
+
 @dataclass(frozen=True, eq=False)
 class Mended:
     """uv (nv, 2), all storable. moved: (nv,) bool, not where rounding alone puts them. spoilt: (m,) bool, faces
@@ -122,12 +178,15 @@ def mend_faces(
             break
         free = np.zeros(len(exact), bool)
         free[faces[spoilt]] = True
+        if search.along:
+            free &= ~on_boundary  # no ray is as short as those may move
         for _ in range(search.rings):
             free[faces[free[faces].any(1)]] = True
         near = np.flatnonzero(free[faces].any(1))
         v, local = np.unique(faces[near], return_inverse=True)
-        limit = np.where(on_boundary[v], FAR_ON_BOUNDARY, FAR)
-        patch = _Patch(local.reshape(-1, 3), start[v], free[v], limit, search.room, rounding)
+        far = RADII[-1] if search.along else FAR
+        limit = np.where(on_boundary[v], FAR_ON_BOUNDARY, far)
+        patch = _Patch(local.reshape(-1, 3), start[v], free[v], limit, search, rounding)
         y = x[v]
         if search.spread > 1:
             inner = free[v] & ~on_boundary[v]
@@ -167,13 +226,13 @@ def _spread(
 @dataclass(frozen=True, eq=False)
 class _Patch:
     """Some faces (m, 3); start (n, 2): where rounding alone puts their vertices; free: (n,) which may move;
-    limit: (n,) how far from there, in numbers; room: see ``Search``."""
+    limit: (n,) how far from there, in numbers."""
 
     faces: IntArray
     start: FloatArray
     free: BoolArray
     limit: IntArray
-    room: float
+    search: Search
     rounding: Rounding
 
     def descend(self, x: FloatArray) -> FloatArray:
@@ -189,20 +248,16 @@ class _Patch:
             active[self.faces[bad]] = True
             if turn % 4 == 3:  # what stands in the way may have to move first
                 active[self.faces[active[self.faces].any(1)]] = True
-            chosen = self._independent(active & self.free, turn)
+            chosen = independent(self.faces, active & self.free, turn)
             x[chosen] = self._best(x, chosen, turn)
         return x
 
-    def _independent(self, active: BoolArray, turn: int) -> IntArray:
-        """Active vertices no two of which share a face: those with the highest number of all round them."""
-        number = np.where(active, _mixed(np.arange(len(active)), turn), -1)[self.faces]
-        beaten = np.zeros(len(active), bool)
-        beaten[self.faces[number < number.max(1)[:, None]]] = True
-        return np.flatnonzero(active & ~beaten)
-
     def _best(self, x: FloatArray, chosen: IntArray, turn: int) -> FloatArray:
         """(k, 2) the best place in the window of each chosen vertex."""
-        grid, step = places(x[chosen], self.rounding)
+        if self.search.along:
+            grid, step = rays(self.faces, x, chosen, self.rounding)
+        else:
+            grid, step = places(x[chosen], self.rounding)
         cost = self.cost(x, chosen, grid, step)
         away = np.abs(grid - self.start[chosen][:, None]) / step[:, None]
         allowed = away.max(2) <= self.limit[chosen][:, None]
@@ -212,7 +267,7 @@ class _Patch:
         if turn % 2:  # places that are as good are tried in turn: so vertices leave a plateau
             tie = _mixed(chosen[:, None] * w + np.arange(w), turn) / 2.0**33
         else:
-            tie = (away**2).sum(2) / 2.0**20
+            tie = (away**2).sum(2) / (2.0**30 if self.search.along else 2.0**20)
         result: FloatArray = grid[np.arange(len(chosen)), (cost + tie).argmin(1)]
         return result
 
@@ -226,7 +281,7 @@ class _Patch:
         own = slot[self.faces.ravel()[corner]]
         face, k = corner // 3, corner % 3
         b, c = self.faces[face, (k + 1) % 3], self.faces[face, (k + 2) % 3]
-        w, cell = grid.shape[1], step.prod(1)
+        w, cell, room = grid.shape[1], step.prod(1), self.search.room
         cost = np.zeros((len(chosen), w))
         for first in range(0, len(corner), max(CHUNK // w, 1)):
             part = slice(first, first + max(CHUNK // w, 1))
@@ -234,7 +289,7 @@ class _Patch:
             q, r = np.repeat(x[b[part]], w, axis=0), np.repeat(x[c[part]], w, axis=0)
             low = orientation(at, q, r) <= 0
             area = cross2(q - at, r - at) / np.repeat(cell[own[part]], w)
-            lack = np.where(low, 1 + self.room + np.abs(area), np.maximum(self.room - area, 0.0))
+            lack = np.where(low, 1 + room + np.abs(area), np.maximum(room - area, 0.0))
             np.add.at(cost, own[part], lack.reshape(-1, w))
         return cost
 

@@ -17,6 +17,7 @@ from circparam.core.arrays import (
 from circparam.geometry.boundary import boundary_of, turned_loops
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.pipeline.crushed import relieve
 from circparam.pipeline.fallback import FLIPPED, OVERLAPPING, SOUND
 from circparam.pipeline.lattice import FAR_ON_BOUNDARY, Rounding, mend_faces, places
 
@@ -54,7 +55,7 @@ def store(cut_mesh: CutMesh, exact: FloatArray, mirrored: BoolArray, rounding: R
     mended = mend_faces(upright, exact, on_boundary, rounding)
     n = cut_mesh.n_charts
     fault = np.where(group_count(cut_mesh.chart[mended.spoilt], n) > 0, FLIPPED, SOUND)
-    uv = mended.uv
+    uv = relieve(upright, exact, mended.uv, on_boundary, cut_mesh.chart, rounding)
     sound = fault == SOUND
     if sound.any():
         part, vertices, faces = cut_mesh.subset(sound)

@@ -36,12 +36,13 @@ from circparam.pipeline.memory import fit_memory
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
+from circparam.pipeline.seen import SeenBeside
 from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 from circparam.pipeline.verify import corners_of, uv_seams
 
 # What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
 # charts that are only projected, and all that follows; packing in rows, writing, verifying; all but packing.
-LEAST_COST, PACK_COST, WRITE_COST = 6.0, 16.0, 5.0
+LEAST_COST, PACK_COST, WRITE_COST = 7.0, 16.0, 5.0
 KEPT = 0.05  # seconds that are kept besides
 
 
@@ -107,7 +108,7 @@ def _unwrapped(
         with monitor.stage("pack"):
             cascade = _with_room(cascade, options, monitor)
         fitted = fit_stored(job, cascade, monitor)
-    result = _finish(_verified(job, fitted, monitor), output, monitor)
+    result = _finish(job, fitted, output, monitor)
     checkpoint.forget(job)
     return result
 
@@ -140,18 +141,14 @@ def repack(
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)
-        uvmap = document.uv(options.uv_set or 0) if document.uv_sets else None
-    name = document.source.name
-    if uvmap is None:
-        raise InputError(f"{name}: it has no uv to pack: circparam unwrap makes some")
+        uvmap = document.require_uv(options.uv_set or 0)
     job = prepare(document, output, options, monitor)
     cascade = Cascade(_as_given(job, uvmap))
     cut_mesh, uv = cascade.open()
     with monitor.stage("pack"):
         packed = pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor)
     fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, packed.uv)
-    result = replace(_verified(job, fitted, monitor), work="pack")
-    return _finish(result, output, monitor)
+    return _finish(job, fitted, output, monitor, "pack")
 
 
 def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray) -> Fitted:
@@ -216,11 +213,21 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     )
 
 
-def _finish(result: Result, output: str | os.PathLike[str] | None, monitor: Monitor) -> Result:
-    """The result, written where an output is named."""
-    if output is not None:
-        result = save(result, output, monitor)
-    return replace(result, seconds=dict(monitor.seconds))
+def _finish(
+    job: Job,
+    fitted: Fitted,
+    output: str | os.PathLike[str] | None,
+    monitor: Monitor,
+    work: str = "unwrap",
+) -> Result:
+    """The result, verified, and written where an output is named."""
+    seen = SeenBeside(job.surface, fitted.uvmap, monitor)
+    verified = replace(_verified(job, fitted, monitor), work=work)
+    result = verified if output is None else save(verified, output, monitor)
+    found = result.verification
+    if found is verified.verification:  # else the file has another layout
+        found = seen.told(found)
+    return replace(result, verification=found, seconds=dict(monitor.seconds))
 
 
 __all__ = ["Options", "Result", "repack", "save", "unwrap", "unwrap_document"]

@@ -6,13 +6,14 @@ seams are where the uv of the two sides of an edge differ, charts are what lies 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
-from circparam.core.words import counted
+from circparam.core.words import counted, percent
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
@@ -39,7 +40,8 @@ class Verification:
     flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
     clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
     that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that
-    of all seams / √(surface area). coverage: None where the layout was not rasterised.
+    of all seams / √(surface area). coverage: None where the layout was not rasterised. seen: what tells
+    ``seam_visible`` where something else than looking does: a process that looks meanwhile, or a lack of time.
     """
 
     surface: Surface
@@ -58,11 +60,15 @@ class Verification:
     uv_min: FloatArray
     uv_max: FloatArray
     coverage: Coverage | None
+    seen: Callable[[], float | None] | None = None
 
     @cached_property
     def seam_visible(self) -> float | None:
-        """Share of the length of all seams that is seen, in the mean over 64 directions; None without seams."""
-        return visible_share(self.surface, self.cut)
+        """Share of the length of all seams that is seen, in the mean over 64 directions.
+
+        None without seams, and where no time was left to look.
+        """
+        return visible_share(self.surface, self.cut) if self.seen is None else self.seen()
 
     @property
     def overlap(self) -> int:
@@ -126,11 +132,11 @@ def verify(
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this.
     tiles: (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane;
     tile t is laid out t units to the right.
-    Raises InputError where no face has uv.
+    Raises InputError where no face has uv that are numbers.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
-        raise InputError("no face has uv: unwrap the mesh first")
+        raise InputError("no face has uv that are numbers: unwrap the mesh first")
     own = None if tiles is None else tiles[surface.source]
     cut = _seams(surface, corners, ok)
     if own is not None:
@@ -302,7 +308,7 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
         share = v.measures.tail.share_over(promise.stretch * (1 + BOUND_SLACK))
         if share > TAIL:
             out.append(
-                f"{100 * share:.2g} % of the surface are stretched or shrunk more than "
+                f"{percent(share)} of the surface are stretched or shrunk more than "
                 f"{promise.stretch:g} times: {100 * TAIL:g} % may be"
             )
     if promise.padding is not None and v.coverage is not None:

@@ -5,18 +5,15 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from PIL import Image, ImageDraw
 
 from circparam._version import __version__
-from circparam.core.files import write_files
-from circparam.errors import OptionError
 from circparam.render import colours as col
 from circparam.render.bars import bars
 from circparam.render.html import escaped, fill_in, page_style, viewer_file
-from circparam.render.picture import png_bytes, to_image
+from circparam.render.picture import to_image
 from circparam.render.side_by_side import (
     COLUMNS,
     DrawnLayout,
@@ -27,22 +24,6 @@ from circparam.render.side_by_side import (
     draw_layouts,
 )
 from circparam.render.text import fitted, width, write
-
-
-def save_report(path: str | Path, meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> None:
-    """Write the page. sizes: rows of ``circparam.compare.kim2019.measure``. Raises OptionError, OutputError."""
-    path = Path(path)
-    if path.suffix.lower() != ".html":
-        raise OptionError(f"{path}: the report is a page: end its name in .html")
-    write_files({path: compare_page(meshes, sizes).encode()}, overwrite=True)
-
-
-def save_plot(path: str | Path, meshes: Sequence[SideBySide]) -> None:
-    """Write the methods side by side as a PNG. Raises OptionError, OutputError."""
-    path = Path(path)
-    if path.suffix.lower() != ".png":
-        raise OptionError(f"{path}: the plot is an image: end its name in .png")
-    write_files({path: png_bytes(compare_plot(meshes))}, overwrite=True)
 
 
 def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str:

@@ -18,6 +18,7 @@ from circparam.core.arrays import (
     relabel,
 )
 from circparam.core.graph import components
+from circparam.core.words import counted
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
@@ -207,17 +208,6 @@ class Scene:
         return out
 
     @cached_property
-    def inner_seams(self) -> IntArray:
-        """(s,) the half-edges of ``seams`` that are cuts, not boundary of the surface: one for each edge."""
-        w = self.weld[self.faces]
-        a, b = w.ravel(), w[:, [1, 2, 0]].ravel()
-        h = self.seams
-        key = edge_keys(a[h], b[h], len(self.points))
-        _, first, count = np.unique(key, return_index=True, return_counts=True)
-        out: IntArray = np.sort(h[first[count > 1]])
-        return out
-
-    @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """The part of the plane to show, (u0, v0, u1, v1): the unit square and all uv.
 
@@ -306,7 +296,7 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
     bad = mapped & ~finite[np.maximum(uv_faces, 0)].all(1)
     if bad.any():
         raise InputError(
-            f"{int(bad.sum())} faces have NaN or infinite uv, the first is face "
+            f"{counted(int(bad.sum()), 'face')} with NaN or infinite uv, the first is face "
             f"{int(np.flatnonzero(bad)[0])}: unwrap the mesh again with 'circparam unwrap'"
         )
     weld = row_labels(points)

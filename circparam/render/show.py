@@ -46,11 +46,7 @@ def view_document(
     that set or its uv are no numbers, OutputError where the picture cannot be written.
     """
     check_kind(path)
-    uvmap = document.uv(uv_set)
-    if uvmap is None:
-        there = ", ".join(str(n) for n in document.uv_sets)
-        cure = f"it has {there}" if there else "make uv first with 'circparam unwrap'"
-        raise InputError(f"{document.source.name}: no uv set {uv_set}: {cure}")
+    uvmap = document.require_uv(uv_set)
     scene = scene_of(document, uvmap)
     images, note, notes = None, "this mesh has no texture", list(document.notes)
     if path.suffix.lower() == ".html":

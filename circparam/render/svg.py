@@ -56,11 +56,6 @@ def _borders(scene: Scene, label: IntArray) -> IntArray:
     return out
 
 
-def layout_svg(scene: Scene, title: str = "uv layout") -> str:
-    """The picture with the scale of distortion that all pictures have."""
-    return figure_svg(scene, PictureOptions(title=title))
-
-
 def figure_svg(scene: Scene, options: PictureOptions) -> str:
     """The layout three times: tiles as squares, charts as paths with their holes."""
     scene = scene.once

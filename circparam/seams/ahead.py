@@ -18,7 +18,8 @@ from circparam.seams.segmentation.weigh import Limits, share_over
 # charts: of real meshes those with 3 stayed as they were, those with 9, 18 and 32 did not
 FEW = 6
 # as ``weigh.NEAR``, where a level has settled what is further away; and in roots of the area of a face
-NEARBY, NEAR_FACES = 0.05, 6.0
+NEARBY, NEAR_FACES = 0.05, 4.0
+LOCAL = 8  # iterations of a step there
 
 
 class StretchAhead:
@@ -82,5 +83,5 @@ def hold_all(
     # on a rough mesh such faces are everywhere: what is near is told in faces
     face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
     near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
-    hold_stretch(part, replace(rest, near=near), monitor, slits, splits)
+    hold_stretch(part, replace(rest, near=near, local=LOCAL), monitor, slits, splits)
     atlas.put(faces, part)

@@ -20,11 +20,9 @@ from circparam.seams.grown import (
     LEVEL_FACES,
     MARGIN,
     REGROUP_FACES,
-    STRETCH,
     Decided,
     finish,
     grown_atlas,
-    stretch_limits,
 )
 from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
@@ -42,6 +40,7 @@ from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.starts import CHART_COST, CROWD
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
+from circparam.seams.stretch import STRETCH, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
@@ -17,7 +17,7 @@ from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.hidden import prices_beside, with_prices
-from circparam.seams.multires.decimate import decimate, proxy_faces
+from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
 from circparam.seams.multires.roughness import roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
@@ -32,24 +32,14 @@ from circparam.seams.segmentation.decide import (
     merged_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import (
-    FINAL,
-    below,
-    breaks_up,
-    enforce,
-    relaxed_layouts,
-)
-from circparam.seams.segmentation.grow import (
-    DualGraph,
-    dual_graph,
-    make_disks,
-)
+from circparam.seams.segmentation.enforce import FINAL, below, breaks_up, enforce, relaxed_layouts
+from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.starts import LOOPS, cost_of
+from circparam.seams.segmentation.starts import CHART_COST, LOOPS, cost_of
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.seams.segmentation.weigh import Limits
+from circparam.seams.stretch import stretch_limits
 from circparam.solvers.newton import RelaxOptions
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
@@ -63,8 +53,6 @@ PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of th
 TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
-STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
-STRICT = 1.05  # bound up to which seams are added for that
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
@@ -111,8 +99,7 @@ def grown_atlas(
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
             part = _decided(surface.part(bent), bound, options, worker, monitor, target)
-            atlas.put(bent, part.atlas if part.plain is None else part.plain())
-            decided = decided._replace(relaxing=part.relaxing)
+            decided = _beside(decided, bent, part)
     if decided.plain is not None and SMALL_FACES < len(surface.faces) <= LEVEL_FACES:
         with monitor.stage("enforce"):
             broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
@@ -141,9 +128,29 @@ class Decided(NamedTuple):
     graph: DualGraph
     relaxing: RelaxOptions = FINAL
     plain: Callable[[], Atlas] | None = None  # makes it as it was before charts were merged on
-    most: float = (
-        0.0  # seams and charts up to which one from a level stays, if more break than were
-    )
+    most: float = 0.0  # seams and charts up to which one from a level stays, if more break
+
+
+def _beside(flat: Decided, bent: BoolArray, part: Decided) -> Decided:
+    """An atlas of components that need no seam, with what was decided for the others (bent: (m,) bool).
+
+    Of those from a level the next best is kept at hand; else the charts are those that were not merged on.
+    """
+    atlas = flat.atlas
+    if part.plain is None or not part.most:
+        atlas.put(bent, part.atlas if part.plain is None else part.plain())
+        return flat._replace(relaxing=part.relaxing)
+    pieces = int(np.unique(atlas.surface.components[1][~bent]).size)
+    atlas.put(bent, part.atlas)
+    plain = partial(_with_part, atlas, bent, part.plain)
+    return Decided(atlas, flat.graph, part.relaxing, plain, part.most + CHART_COST * pieces)
+
+
+def _with_part(atlas: Atlas, faces: BoolArray, make: Callable[[], Atlas]) -> Atlas:
+    """Another atlas with what is made put in for some faces ((m,) bool)."""
+    out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
+    out.put(faces, make())
+    return out
 
 
 def finish(
@@ -186,6 +193,8 @@ def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Moni
         if options.local is not None:  # what a level has decided need not be relaxed to the end
             layouts = below(atlas, layouts, bound, monitor)
             steps = dataclasses.replace(FINAL, bound=bound)
+    if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
+        return atlas
     enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
     return atlas
 
@@ -274,8 +283,15 @@ def _from_level(
         atlas = from_level(blind, graph, tried[order[0]], level, near)
         if len(order) == 1:
             return Decided(atlas, graph, LOCAL)
-        plain = partial(from_level, blind, graph, tried[order[1]], level, near)
+        # it may be never, and is late: what the surface has worked out is not kept for that
+        bare = dataclasses.replace(surface, price=None)
+        plain = partial(_next_best, bare, tried[order[1]], level, near)
         return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost[order[1]])
+
+
+def _next_best(surface: Surface, coarse: Atlas, level: Proxy, near: IntArray) -> Atlas:
+    """As ``from_level``, with all that it takes made anew."""
+    return from_level(surface, dual_graph(surface), coarse, level, near)
 
 
 def _level_atlas(
@@ -305,21 +321,6 @@ def _level_atlas(
                 hold_stretch(atlas, strict, monitor, slits=False)
                 hold_stretch(atlas, limits, monitor, slits, splits)
     return atlas.cut, atlas.corners
-
-
-def stretch_asked(most: float | None, bound: float) -> bool:
-    """Whether seams may be added for a largest stretch (None: the usual one) at a bound of the distortion.
-
-    Who allows more distortion wants fewer seams: then none are added for a stretch nobody asked for.
-    """
-    return most is not None or bound <= STRICT
-
-
-def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bool]:
-    """How far faces may be stretched; whether seams may be added for that, and charts be split."""
-    asked = stretch_asked(options.max_stretch, options.max_distortion)
-    free = asked and options.max_charts is None and options.min_chart_faces == 1
-    return Limits(bound, options.max_stretch or STRETCH), asked, free
 
 
 def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:

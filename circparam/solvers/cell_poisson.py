@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum
+from circparam.core.arrays import FloatArray, IntArray, group_sum, slices
 from circparam.core.linalg import Factor, gradient_iterates
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
@@ -67,10 +67,19 @@ class CellPoisson:
         What is not stretched by more than 1 / ``LOW`` asks for what it has (local and global steps: Liu and
         others 2008).
         """
-        corners = self.cut_mesh.faces.T
         for _ in range(ROUNDS):
-            jacobian = dirichlet.jacobians(self.gradients, uv.T[:, corners])
-            if (dirichlet.determinants(jacobian) > 0).all():
+            targets, flipped = self._clamped(uv)
+            if not flipped:
                 break
-            uv = self.towards(clamp_stretch(jacobian, LOW), uv, CLAMPED)
+            uv = self.towards(targets, uv, CLAMPED)
         return uv
+
+    def _clamped(self, uv: FloatArray) -> tuple[FloatArray, bool]:
+        """((2, 2, m) Jacobians of a layout, clamped; whether any face is flipped or collapsed)."""
+        faces, flipped = self.cut_mesh.faces, False
+        targets = np.empty((2, 2, len(faces)))
+        for k in slices(len(faces)):
+            jacobian = dirichlet.jacobians(self.gradients[..., k], uv.T[:, faces[k].T])
+            flipped |= not (dirichlet.determinants(jacobian) > 0).all()
+            targets[..., k] = clamp_stretch(jacobian, LOW)
+        return targets, flipped

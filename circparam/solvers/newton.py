@@ -15,7 +15,6 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_min, gr
 from circparam.core.clock import tick
 from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers import dirichlet
 from circparam.solvers.objective import Objective, in_units_of_faces
 
 ARMIJO = 1e-4  # share of the decrease that the slope promises which a step must win (Nocedal, Wright 2006, 3.4)
@@ -217,7 +216,7 @@ def newton_step(
     if bad.any():  # the model failed (rounding): go down the gradient instead
         d = np.where(bad[part.vertex_chart][:, None], -g, d)
         slope = group_sum((g * d).sum(1), part.vertex_chart, n)
-    collapse = dirichlet.largest_step(objective.gather(u), objective.gather(d))
+    collapse = objective.first_collapse(u, d)
     reach = SAFETY * group_min(collapse, part.chart, n)
     t = np.where(active & sound, np.minimum(1.0, reach), 0.0)
     for _ in range(HALVINGS):

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    group_sum,
+    slices,
+)
 from circparam.core.linalg import Factor, SparseMatrix, conjugate_gradients
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
@@ -53,14 +60,25 @@ class Objective:
         self._direct: VertexPattern | None = None
         self._aggregates: IntArray | None = None
 
-    def gather(self, uv: FloatArray) -> FloatArray:
-        """(2, 3, m) uv of the corners."""
-        return np.stack([uv[:, 0][self.corners], uv[:, 1][self.corners]])
+    def gather(self, uv: FloatArray, faces: slice = slice(None)) -> FloatArray:
+        """(2, 3, m) uv of the corners (of some faces)."""
+        corners = self.corners[:, faces]
+        return np.stack([uv[:, 0][corners], uv[:, 1][corners]])
+
+    def first_collapse(self, uv: FloatArray, d: FloatArray) -> FloatArray:
+        """(m,) the step along d (n, 2) at which each face collapses (infinite where none)."""
+        out = np.empty(len(self.weight))
+        for k in slices(len(out)):
+            out[k] = dirichlet.largest_step(self.gather(uv, k), self.gather(d, k))
+        return out
 
     def energies(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
         """((n_charts,) energy of each chart, infinite with a flipped face; Jacobians (2, 2, m))."""
-        jacobian = dirichlet.jacobians(self.gradients, self.gather(uv))
-        value = self.weight * dirichlet.energy(jacobian, self.blend)
+        m = len(self.weight)
+        jacobian, value = np.empty((2, 2, m)), np.empty(m)
+        for k in slices(m):
+            jacobian[..., k] = dirichlet.jacobians(self.gradients[..., k], self.gather(uv, k))
+            value[k] = self.weight[k] * dirichlet.energy(jacobian[..., k], self.blend)
         return group_sum(value, self.cut_mesh.chart, self.cut_mesh.n_charts), jacobian
 
     def gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
@@ -70,8 +88,11 @@ class Objective:
 
     def free_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
         """(n, 2) gradient as if no vertex were fixed."""
-        p = dirichlet.gradient(jacobian, self.blend) * self.weight
-        corner = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]
+        corner = np.empty((2, 3, len(self.weight)))
+        for k in slices(len(self.weight)):
+            p = dirichlet.gradient(jacobian[..., k], self.blend) * self.weight[k]
+            g = self.gradients[..., k]
+            corner[..., k] = p[:, 0, None] * g[0] + p[:, 1, None] * g[1]
         flat = self.corners.ravel()
         n = self.cut_mesh.n_vertices
         return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
@@ -107,11 +128,15 @@ class Objective:
 
     def _blocks(self, jacobian: FloatArray, proxy: bool) -> FloatArray:
         """(2, 2, 3, m) blocks of the Hessian for the half-edges."""
-        if proxy:
-            values, modes = dirichlet.proxy_modes(jacobian)
-        else:
-            values, modes = dirichlet.newton_modes(jacobian, self.blend)
-        return dirichlet.edge_blocks(values * self.weight, modes, self.gradients)
+        out = np.empty((2, 2, 3, len(self.weight)))
+        for k in slices(len(self.weight)):
+            if proxy:
+                values, modes = dirichlet.proxy_modes(jacobian[..., k])
+            else:
+                values, modes = dirichlet.newton_modes(jacobian[..., k], self.blend)
+            values *= self.weight[k]
+            out[..., k] = dirichlet.edge_blocks(values, modes, self.gradients[..., k])
+        return out
 
     def _factored(self, blocks: FloatArray, g: FloatArray, uv: FloatArray) -> FloatArray:
         """H⁻¹ g by factorisation; the order of elimination that the first one finds serves all others."""

@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_sum,
     next_half_edge,
+    slices,
 )
 from circparam.core.linalg import Factor
 from circparam.mesh.cut_mesh import CutMesh
@@ -46,7 +47,7 @@ def from_jacobians(
     untangle: int = 0,
     low: float = 0.5,
     held: tuple[IntArray, FloatArray] | None = None,
-    hopeless: float = np.inf,
+    hopeless: tuple[float, float | FloatArray] = (np.inf, np.inf),
     system: Poisson | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
@@ -55,7 +56,8 @@ def from_jacobians(
     to [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, at most so many
     times (the local/global idea of Liu and others 2008). held: vertices (k,) of every chart and their places
     (k, 2); None: the first vertex of every chart lies at the origin.
-    hopeless: charts whose mean of |J(u) − target|² over their area is larger are not untangled.
+    hopeless: charts whose mean of |J(u) − target|² over their area is larger, or which have more flipped
+    faces than that (of each chart, or of all), are not untangled.
     system: that of the cut mesh and what is held, where it is at hand.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
@@ -64,7 +66,10 @@ def from_jacobians(
     jacobian, flipped = solver.judged(uv)
     off = ((jacobian - targets) ** 2).sum((0, 1)) * cut_mesh.areas
     mean = group_sum(off, cut_mesh.chart, cut_mesh.n_charts) / cut_mesh.chart_areas
-    again = flipped & ~(mean > hopeless)
+    again = flipped & ~(mean > hopeless[0])
+    if np.isfinite(hopeless[1]).all() and again.any():
+        over = ~(dirichlet.determinants(jacobian) > 0)
+        again &= np.bincount(cut_mesh.chart[over], minlength=len(again)) <= hopeless[1]
     if not (untangle and again.any()):
         return uv, ~flipped
     if again[cut_mesh.chart].mean() > MOSTLY:
@@ -114,8 +119,10 @@ def _untangled(
 def divergence(cut_mesh: CutMesh, gradients: FloatArray, targets: FloatArray) -> FloatArray:
     """(nv, 2) the Laplacian of the layout with these Jacobians (2, 2, m); gradients: (2, 3, m)."""
     n, flat = cut_mesh.n_vertices, cut_mesh.faces.T.ravel()
-    flux = targets * cut_mesh.areas
-    corner = flux[:, 0, None] * gradients[0] + flux[:, 1, None] * gradients[1]
+    corner = np.empty((2, 3, len(cut_mesh.faces)))
+    for k in slices(len(cut_mesh.faces)):
+        flux, g = targets[..., k] * cut_mesh.areas[k], gradients[..., k]
+        corner[..., k] = flux[:, 0, None] * g[0] + flux[:, 1, None] * g[1]
     return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
 
 

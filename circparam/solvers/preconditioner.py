@@ -31,23 +31,30 @@ class BlockPattern:
         self.n = n
         self.chart = cut_mesh.vertex_chart
         self.count = np.maximum(group_count(self.chart, cut_mesh.n_charts), 1)
-        self.inner = i, j
-        self.boundary = cut_mesh.boundary
+        m = len(cut_mesh.faces)
+        # half-edge k of face f is entry k m + f of the blocks
+        self.inner = i % 3 * m + i // 3, j % 3 * m + j // 3
+        self.boundary = cut_mesh.boundary % 3 * m + cut_mesh.boundary // 3
         self.tail, self.head = tail, head
         order = np.lexsort((columns, rows))
-        self.order = order
+        self.place = np.empty(len(order), np.int64)  # of each of those pairs in the matrix
+        self.place[order] = np.arange(len(order))
         self.indices = columns[order].astype(np.int32)
         self.indptr = np.r_[0, np.cumsum(group_count(rows, n))].astype(np.int32)
         self.diagonal = np.flatnonzero(rows[order] == columns[order])
 
     def assemble(self, blocks: FloatArray) -> sps.bsr_matrix:
         """The matrix from half-edge blocks (2, 2, 3, m) as made by dirichlet.edge_blocks."""
-        flat = blocks.transpose(0, 1, 3, 2).reshape(2, 2, -1)
-        i, j = self.inner
-        edge = np.concatenate(
-            [flat[:, :, i] + flat[:, :, j].transpose(1, 0, 2), flat[:, :, self.boundary]], axis=2
-        ).transpose(2, 0, 1)
-        data = np.concatenate([edge, edge.transpose(0, 2, 1), np.zeros((self.n, 2, 2))])[self.order]
+        flat = blocks.reshape(2, 2, -1)
+        (i, j), rim = self.inner, self.boundary
+        data = np.zeros((len(self.place), 2, 2))
+        count = len(i) + len(rim)
+        ahead, back = self.place[:count], self.place[count : 2 * count]
+        for a in range(2):
+            for b in range(2):
+                edge = np.concatenate([flat[a, b, i] + flat[b, a, j], flat[a, b, rim]])
+                data[ahead, a, b] = edge
+                data[back, b, a] = edge
         diagonal = -np.add.reduceat(data, self.indptr[:-1], axis=0)
         # a touch of ridge: the energy does not see rigid motions of a chart
         trace = diagonal[:, 0, 0] + diagonal[:, 1, 1]

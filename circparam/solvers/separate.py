@@ -9,6 +9,7 @@ and Schaefer (2015), because the layouts that come here overlap already.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sps
@@ -77,13 +78,20 @@ class _Springs:
         result: FloatArray = np.maximum(1 - s / self.distance, 0.0)
         return result
 
-    def rows(self, n: int) -> sps.csr_matrix:
-        """(k, 2n) derivative of the strains (where they pull) by the coordinates."""
+    @cached_property
+    def slopes(self) -> tuple[IntArray, FloatArray]:
+        """((k, 6) coordinates, (k, 6) derivative by them) of the strains that pull."""
         c = np.stack([np.ones(len(self.t)), self.t - 1, -self.t], 1) / -self.distance[:, None]
-        data = c[:, :, None] * self.normal[:, None]
         column = 2 * np.stack([self.vertex, self.tail, self.head], 1)[:, :, None] + np.arange(2)
-        start = 6 * np.arange(len(self.t) + 1)
-        return sps.csr_matrix((data.ravel(), column.ravel(), start), shape=(len(self.t), 2 * n))
+        data = c[:, :, None] * self.normal[:, None]
+        return column.reshape(-1, 6), data.reshape(-1, 6)
+
+    @cached_property
+    def squares(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """(rows, columns, values), (k, 36) each: the derivatives times their transposes."""
+        at, slope = self.slopes
+        value = slope[:, :, None] * slope[:, None, :]
+        return np.repeat(at, 6, axis=1), np.tile(at, (1, 6)), value.reshape(-1, 36)
 
 
 class _SpringObjective(Objective):
@@ -102,7 +110,9 @@ class _SpringObjective(Objective):
     def free_gradient(self, jacobian: FloatArray, uv: FloatArray) -> FloatArray:
         """(nv, 2) gradient of the energies."""
         k = self.springs
-        added: FloatArray = k.rows(len(uv)).T @ (2 * k.weight * k.strain(uv))
+        at, slope = k.slopes
+        pull = slope * (2 * k.weight * k.strain(uv))[:, None]
+        added = group_sum(pull.ravel(), at.ravel(), 2 * len(uv))
         return super().free_gradient(jacobian, uv) + added.reshape(-1, 2)
 
     reordered = False  # springs join any two vertices
@@ -110,9 +120,11 @@ class _SpringObjective(Objective):
     def stiffened(self, matrix: SparseMatrix, uv: FloatArray) -> SparseMatrix:
         """The Hessian with that of the springs that pull: 2 w times the squared derivative of the strain."""
         k = self.springs
-        rows = k.rows(len(uv))
-        weighted = sps.diags(2 * k.weight * (k.strain(uv) > 0)) @ rows
-        return sps.csc_matrix(matrix + rows.T @ weighted)
+        row, column, square = k.squares
+        value = square * (2 * k.weight * (k.strain(uv) > 0))[:, None]
+        n = 2 * len(uv)
+        added = sps.csc_matrix((value.ravel(), (row.ravel(), column.ravel())), shape=(n, n))
+        return sps.csc_matrix(matrix + added)
 
 
 def push_apart(

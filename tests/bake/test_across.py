@@ -177,6 +177,16 @@ def test_normals_through_a_map_turn_with_the_surface(tmp_path: Path):
     assert np.abs(one.astype(float) - [127.5, 127.5, 255]).max() > 20
 
 
+def test_heights_through_a_map_fill_the_range_and_do_not_leave_it(tmp_path: Path):
+    low, high = belt(16, 32), belt(60, 120, 0.02, 1.0)
+    target, source = stored(tmp_path, "low", *low), stored(tmp_path, "high", *high)
+    across = Across(known_map(target.mesh, source.mesh))
+    baked = bake_document(target, "height", source=source, across=across, size=256)
+    half = 65535 / 2
+    most = np.abs(baked.tiles[0, 0].astype(float) - half).max()
+    assert 0.6 * half < most < half - 1
+
+
 def test_what_rays_miss_is_told_filled_or_left(tmp_path: Path):
     """A source that covers half of the target: beyond it the closest point, then the padding."""
     points, faces = sheet(8)
@@ -316,3 +326,21 @@ def test_a_texture_through_a_map_that_was_computed(tmp_path: Path):
     truth = waves(np.einsum("pk,pkc->pc", bary, a.points[a.faces[face]]))
     assert psnr(sample_back(baked, layout, face, bary) - truth) >= 30
     assert baked.report["empty"] == 0
+
+
+def test_sources_without_area_or_beyond_any_double_are_named(tmp_path: Path):
+    """A point was a warning of NumPy, and a mesh of 1e300 units a dozen of them."""
+    points, faces = sheet(3)
+    layout = UVMap(points[:, :2].copy(), faces)
+    target = stored(tmp_path, "a", Mesh(points, faces), layout)
+    for scale, says in (
+        (1e300, "1e\\+300 units"),
+        (1e-200, "1e-200 units"),
+    ):
+        source = stored(tmp_path, "odd", Mesh(points * scale, faces), layout)
+        with pytest.raises(InputError, match=rf"odd.obj: it is {says}"):
+            bake_document(target, "normals", source=source, across=NEAREST, size=16)
+    for place in ([1, 0, 0], [0, 0, 0]):
+        line = stored(tmp_path, "line", Mesh(points * place, faces), layout)
+        with pytest.raises(InputError, match=r"line.obj: none of its faces has an area"):
+            bake_document(target, "height", source=line, across=NEAREST, size=16)

@@ -138,3 +138,5 @@ def test_a_missing_driver_is_one_line() -> None:
 def test_comments_are_no_names(tmp_path: Path) -> None:
     (tmp_path / "l").write_text("#a\nb.obj\n   \n")
     assert list(list_lines(str(tmp_path / "l"))) == ["b.obj"]
+    (tmp_path / "l").write_text("a.obj\r\nb.obj\r\n", encoding="utf-8-sig", newline="")
+    assert list(list_lines(str(tmp_path / "l"))) == ["a.obj", "b.obj"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 from typing import Any
 
@@ -16,6 +17,13 @@ from circparam.methods.base import MethodOptions
 
 Arrays = dict[str, Any]
 Answer = tuple[Arrays, dict[str, Any]]
+
+
+# what an unwrap imports on its way
+USED = (
+    "circparam.seams.charts", "circparam.pipeline.fuller_page", "circparam.packing.nest.strategy",
+    "scipy.fft", "scipy.spatial", "scipy.optimize",
+)  # fmt: skip
 
 
 def whole(points: np.ndarray, faces: np.ndarray) -> CutMesh:
@@ -131,13 +139,22 @@ def unwrap(arrays: Arrays, settings: dict[str, Any]) -> Answer:
 
 
 def stages(arrays: Arrays, settings: dict[str, Any]) -> Answer:
-    """A whole unwrap from file to file with its defaults: seconds of its stages and what the atlas is."""
+    """A whole unwrap from file to file with its defaults: seconds of its stages and what the atlas is.
+
+    What stages import at their first use is imported before.
+    """
     from circparam.pipeline.unwrap import unwrap as run
 
+    _import()
     result = run(settings["path"], settings["out"], overwrite=True)
     measures = result.measures
     figures = {k: measures[k] for k in ("charts", "seam_length", "distortion", "flips", "overlap")}
     return {}, {"status": result.status, "stages": result.seconds, "figures": figures}
+
+
+def _import() -> None:
+    for module in USED:
+        importlib.import_module(module)
 
 
 def profile(arrays: Arrays, settings: dict[str, Any]) -> Answer:
@@ -153,6 +170,7 @@ def profile(arrays: Arrays, settings: dict[str, Any]) -> Answer:
     import circparam
     from circparam.pipeline.unwrap import unwrap as run
 
+    _import()
     os.environ["OMP_NUM_THREADS"] = "1"  # one process does all the work
     profiler = cProfile.Profile()
     profiler.enable()

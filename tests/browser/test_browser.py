@@ -19,7 +19,7 @@ import pytest
 from PIL import Image
 
 from circparam.mesh.mesh import Mesh, UVMap
-from circparam.render.compare_page import save_report
+from circparam.render.compare_page import compare_page
 from circparam.render.figures import PageImages, PictureOptions
 from circparam.render.html import page as page_text
 from circparam.render.picture import save_preview
@@ -213,7 +213,9 @@ def test_a_comparison_sorts_and_fits(tmp_path: Path):
         MethodLayout("quick", compacted, "ok", {"seconds": 0.5, "distortion": 1.9}, {"solve": 0.5}),
         MethodLayout("lost", None, "failed", {}, {}, "no result"),
     ]
-    save_report(tmp_path / "c.html", [SideBySide("ball", mesh, rows, "cut charts")])
+    (tmp_path / "c.html").write_text(
+        compare_page([SideBySide("ball", mesh, rows, "cut charts")]), "utf-8"
+    )
     for size in USUAL:
         seconds, method = "thead th:nth-child(2) button", "thead th:nth-child(1) button"
         steps = [
@@ -278,7 +280,9 @@ def test_text_is_legible_in_both_schemes(page: Path, tmp_path: Path, size: str, 
         MethodLayout("odd", uvmap, "invalid", {"seconds": 0.003, "distortion": 1.9}),
         MethodLayout("lost", None, "failed", {}, {}, "no result"),
     ]
-    save_report(tmp_path / "c.html", [SideBySide("ball", mesh, rows, "cut charts")])
+    (tmp_path / "c.html").write_text(
+        compare_page([SideBySide("ball", mesh, rows, "cut charts")]), "utf-8"
+    )
     modes = [[m, "click", f"input[value={m}] + span"] for m in ("distortion", "charts", "texture")]
     for path, steps in (
         (page, [["start", "none"], *modes]),

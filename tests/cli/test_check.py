@@ -106,6 +106,38 @@ def test_no_uv(tmp_path: Path) -> None:
     one_line_error(check(mesh, "--uv"), 3, "no uv set 0")
 
 
+def test_one_of_anything_is_told_so(tmp_path: Path) -> None:
+    """'1 boundaries, 1 charts' was said."""
+    p = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+    one = with_uv(tmp_path / "one.obj", p[:, :2], (p, np.array([[0, 1, 2]])))
+    two = with_uv(tmp_path / "two.obj", *pair_of_triangles())
+    said = check(one, two, "--uv")
+    first, second = said.stdout.splitlines()
+    assert "1 face, disk, 1 boundary, 1 chart, 0 flips, 0 overlaps" in first
+    assert "2 faces, 2 components, 2 boundaries, 2 charts" in second
+
+
+def pair_of_triangles() -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    p = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+    points = np.concatenate([p, p + np.array([3, 0, 0])])
+    return points[:, :2] / 4, (points, np.arange(6).reshape(2, 3))
+
+
+def test_padding_may_grow_with_the_page(tmp_path: Path) -> None:
+    """The help has always said so, and 'auto' was refused."""
+    mesh = with_uv(tmp_path / "m.obj", *pair_of_triangles())
+    for size, texels in (("512", "1"), ("4096", "8")):
+        words = ("--uv", "--resolution", size, "--padding")
+        assert report(mesh, *words, "auto")["uv"] == report(mesh, *words, texels)["uv"]
+    assert report(mesh, *words, "auto")["uv"] != report(mesh, *words, "1")["uv"]
+
+
+def test_uv_that_are_no_numbers_name_their_file(tmp_path: Path) -> None:
+    uv, shape = pair_of_triangles()
+    mesh = with_uv(tmp_path / "m.obj", uv * np.nan, shape)
+    one_line_error(check(mesh, "--uv"), 3, "m.obj: no face has uv that are numbers")
+
+
 def test_an_option_that_needs_uv(tmp_path: Path) -> None:
     mesh = obj(tmp_path / "m.obj", shapes.grid())
     one_line_error(check(mesh, "--padding", "2"), 2, "--uv")

@@ -101,6 +101,8 @@ def test_the_older_name_of_a_flag_keeps_working(words: tuple[str, ...]) -> None:
         (("--methods", "circle,circle"), 2, "twice"),
         (("--cut", "disks"), 2, "did you mean disk"),
         (("--boundary", "squar"), 2, "square"),
+        (("--repeats", "3"), 2, "--repeats has no effect here: it belongs to Table 1"),
+        (("--timeout", "0"), 2, "--timeout 0.0: it is seconds, more than 0"),
     ],
 )
 def test_refusals(words: tuple[str, ...], code: int, text: str) -> None:
@@ -120,7 +122,10 @@ def test_missing_file_is_exit_3_and_the_others_are_compared(tmp_path: Path) -> N
 
 
 def test_cut_that_does_not_suit_is_exit_4() -> None:
-    assert run(sample("knot"), "--cut", "none", "--methods", "circle").exit_code == 4
+    for words in ((sample("knot"),), (sample("knot"), sample("ribbon"))):
+        result = run(*words, "--cut", "none", "--methods", "circle")
+        assert result.exit_code == 4
+        assert f"error: {sample('knot')}: component 0" in result.stderr
 
 
 def test_without_a_mesh_from_another_directory(tmp_path: Path) -> None:

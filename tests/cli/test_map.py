@@ -113,3 +113,20 @@ def test_handles_by_paths_charts_and_overlay(tmp_path: Path) -> None:
     plate = tori.plate(2)
     obj(tmp_path / "plate.obj", (plate.points, plate.faces))
     one_line_error(run(a, tmp_path / "plate.obj", "-o", tmp_path / "d.npz"), 4, "genus 1 and B 2")
+
+
+def test_single_triangles_are_mapped_and_lines_refused_by_name(tmp_path: Path) -> None:
+    """No vertex is free then: that was a warning of NumPy on the screen."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+    for name, scale in (("a", 1.0), ("b", 2.0)):
+        obj(tmp_path / f"{name}.obj", (corners * [scale, 1, 1], np.array([[0, 1, 2]])))
+    out = tmp_path / "m.npz"
+    result = run(tmp_path / "a.obj", tmp_path / "b.obj", "-o", out)
+    assert result.exit_code == 0, result.stderr
+    assert "0 given" in result.stdout
+    np.testing.assert_allclose(load_map(out).to_b.weights.max(1), 1)
+    obj(tmp_path / "line.obj", (corners * [1, 0, 0], np.array([[0, 1, 2]])))
+    words = ("-o", out, "--overwrite")
+    one_line_error(
+        run(tmp_path / "a.obj", tmp_path / "line.obj", *words), 3, "B: its 1 face is degenerate"
+    )

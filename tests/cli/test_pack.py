@@ -59,7 +59,9 @@ def test_default_output_and_overwrite(tmp_path: Path) -> None:
 
 def test_no_uv(tmp_path: Path) -> None:
     mesh = obj(tmp_path / "m.obj", shapes.grid())
-    one_line_error(pack(mesh), 3, "m.obj", "no uv")
+    one_line_error(pack(mesh), 3, "m.obj", "no uv set 0 (there is none)")
+    stacked(mesh)
+    one_line_error(pack(mesh, "--uv-set", "2"), 3, "m.obj", "no uv set 2 (there is 0)")
     assert not (tmp_path / "m_uv.obj").exists()
 
 

@@ -18,6 +18,7 @@ from circparam.core.arrays import (
     next_half_edge,
     ranges,
     relabel,
+    slices,
     sorted_distinct,
     stable_order,
 )
@@ -84,3 +85,10 @@ def test_distinct_values_come_once_and_in_order(values: list[int]) -> None:
 def test_equal_keys_stay_in_their_order(keys: list[int], far: int) -> None:
     array = np.array([k + far for k in keys], np.int64)
     assert stable_order(array).tolist() == sorted(range(len(keys)), key=lambda k: keys[k])
+
+
+@given(st.integers(0, 300), st.integers(1, 50))
+def test_slices_hold_every_row_once_and_in_order(count: int, size: int) -> None:
+    rows = [range(count)[k] for k in slices(count, size)]
+    assert [row for piece in rows for row in piece] == list(range(count))
+    assert all(0 < len(piece) <= size for piece in rows)

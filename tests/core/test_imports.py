@@ -24,6 +24,12 @@ assert numpy.f2py.__version__
 put_off()
 assert "numpy.testing._private" in sys.modules
 assert callable(numpy.testing.assert_allclose)
+from circparam.core.imports import OnDemand
+fft = OnDemand("scipy.fft")
+assert "scipy.fft" not in sys.modules
+assert fft.next_fast_len(13, real=True) == 15
+assert "scipy.fft" in sys.modules
+assert fft.rfft2 is sys.modules["scipy.fft"].rfft2
 """
 
 
@@ -41,7 +47,10 @@ try:
 except SystemExit as end:
     assert not end.code
 wanted = {"numpy.testing._private", "numpy.f2py.crackfortran"}
-wanted |= {"scipy.spatial", "scipy.ndimage", "scipy.optimize"}
+wanted |= {"scipy.spatial", "scipy.ndimage", "scipy.optimize", "scipy.special", "scipy.fft._pocketfft"}
+wanted |= {"multiprocessing", "loky", "trimesh", "PIL", "rich", "dask", "fsspec", "jinja2", "email", "asyncio"}
+rooms = tuple(f"circparam.{room}" for room in ("maps", "render", "bake", "batch", "compare"))
+wanted |= {name for name in sys.modules if name.startswith(rooms)}
 print(sorted(wanted & set(sys.modules)))
 """
 

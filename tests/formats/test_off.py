@@ -93,3 +93,7 @@ def test_other_dimensions_and_binary_files_are_no_text_off(header: bytes) -> Non
     data = header + b"\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
     with pytest.raises(InputError, match="no text OFF file of three-dimensional points"):
         read_data(data, format="off")
+
+
+def test_a_byte_order_mark_is_no_part_of_the_header() -> None:
+    assert read_data(b"\xef\xbb\xbf" + OFF).mesh.faces.shape == read_data(OFF).mesh.faces.shape

@@ -22,6 +22,13 @@ def test_pins(tmp_path: Path) -> None:
     np.testing.assert_array_equal(sidecars.read_pins(path), [[3, 0.5, 0.25], [7, 1, -0.2]])
 
 
+def test_a_byte_order_mark_is_no_number(tmp_path: Path) -> None:
+    """Windows' editors write one before the first line."""
+    text = "0 4\r\n4 9\r\n".encode("utf-8-sig")
+    np.testing.assert_array_equal(sidecars.read_landmarks(file(tmp_path, text)), [[0, 4], [4, 9]])
+    np.testing.assert_array_equal(sidecars.read_seams(file(tmp_path, text)), [[0, 4], [4, 9]])
+
+
 def test_polygon(tmp_path: Path) -> None:
     path = file(tmp_path, "0 0\n1 0\n0 1\n")
     np.testing.assert_array_equal(sidecars.read_polygon(path), [[0, 0], [1, 0], [0, 1]])
@@ -48,8 +55,8 @@ def test_seams_come_back_as_written(tmp_path: Path) -> None:
         ("1 2\n", "line 1"),
         ("1 0 0\n2 0 x\n", "line 2"),
         ("1 0 nan\n", "line 1"),
-        ("1.5 0 0\n", "no whole number"),
-        ("1e30 0 0\n", "1e\\+30 is no vertex number"),
+        ("1 0 0\n1.5 0 0\n", "line 2: 1.5 is no vertex number"),
+        ("1e30 0 0\n", "line 1: 1e\\+30 is no vertex number"),
         ("-99999999999999999999 0 0\n", "no vertex number"),
         ("# nothing\n", "no line"),
         (b"\xff\xfe\x00", "no text file"),

@@ -70,3 +70,22 @@ def test_binary_files_are_read_as_trimesh_reads_them(monkeypatch: pytest.MonkeyP
     np.testing.assert_array_equal(mine.points, theirs.points)
     np.testing.assert_array_equal(mine.faces, theirs.faces)
     assert mine.points.dtype == np.float64
+
+
+def test_what_is_wrong_with_an_stl_without_facets_is_told() -> None:
+    """A file cut short was said to have no faces."""
+    data, corner = stl()
+    n = len(corner)
+    more = data[:80] + np.uint32(1000).tobytes() + data[84:]
+    none = data[:80] + np.uint32(0).tobytes() + data[84:]
+    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    text = b"solid x\n" + 2 * facet + facet[:60]
+    for bad, says in (
+        (more, f"promises 1000 facets, its length is that of {n}: it is cut short"),
+        (none, f"promises 0 facets, its length is that of {n}"),
+        (data[:-7], f"promises {n} facets, its length is that of {n - 1}"),
+        (text, "3 facets begin and 2 end: it is cut short"),
+        (b"solid x\nendsolid x\n", "no faces"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_data(bad, format="stl")

@@ -36,7 +36,6 @@ def test_words_are_those_of_split(text: bytes) -> None:
     t = tokenize(text)
     assert words(t) == text.split()
     assert len(t.clean) == len(text) + 1
-    assert t.first_byte(np.arange(len(t.start))).tolist() == [w[0] for w in text.split()]
 
 
 @given(texts)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circparam.geometry import visibility
 from circparam.geometry.visibility import axes, edge_shares, visible_share
 from circparam.mesh.surface import Surface
 from tests.support import shapes
@@ -152,6 +153,16 @@ def test_faces_smaller_than_a_pixel_hide_as_large_ones_do() -> None:
         floor &= (np.abs(e[:, :, 0] - e[:, :, 0].mean()) < 0.45 * step).all(1)
         means.append(found[floor].mean())
     assert means[0] == pytest.approx(means[1], abs=0.06)
+
+
+def test_shares_do_not_depend_on_how_many_faces_are_drawn_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, whole = shares(channel(2, 16), 24, 64)
+    assert 0.1 < whole.mean() < 0.9
+    for few in (1000, 7):
+        monkeypatch.setattr(visibility, "AT_ONCE", few)
+        np.testing.assert_array_equal(shares(channel(2, 16), 24, 64)[1], whole)
 
 
 def test_the_visible_share_is_weighted_by_length() -> None:

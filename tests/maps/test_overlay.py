@@ -11,10 +11,12 @@ import circparam
 from circparam.errors import InputError, OptionError
 from circparam.formats.io import read
 from circparam.maps.morph import morph
+from circparam.maps.overlaid import overlaid
 from circparam.maps.surface_map import Refinement, load_map, save_map
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.maps.test_morph import ends, reopened, stored
 from tests.support import pairs, shapes, tori
+from tests.support.baking import picture, write_obj
 
 
 def areas(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -159,6 +161,32 @@ def test_a_morph_of_the_overlay_begins_as_a_and_ends_as_b(tmp_path: Path) -> Non
     assert np.abs(uv - wanted).max() < 1e-5
     assert made.report["overlay"]
     assert len(document.mesh.points) < 1.5 * (mapped.overlay.faces.max() + 1)
+
+
+def test_the_overlay_wears_the_colours_and_textures_of_a(tmp_path: Path) -> None:
+    """Every part has the looks of the face of A that it is a part of, blended as on that face."""
+    a, b = pairs.blob(2, 1), pairs.blob(2, 4, turned=5)
+    colours = 0.5 + 0.5 * a.points / np.abs(a.points).max()
+    write_obj(tmp_path / "a.obj", a.points, round_layout(a), a.faces, colours=colours)
+    lines = (tmp_path / "a.obj").read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("f "))
+    for k, name in ((first + len(a.faces) // 2, "green"), (first, "red")):
+        lines.insert(k, f"usemtl {name}")
+    (tmp_path / "a.obj").write_text("\n".join(["mtllib m.mtl", *lines]) + "\n")
+    (tmp_path / "m.mtl").write_text("newmtl red\nmap_Kd skin.png\nnewmtl green\nKd 0 1 0\n")
+    picture(tmp_path / "skin.png", 16)
+    one, two = read(tmp_path / "a.obj"), stored(tmp_path, "two", b, round_layout(b))
+    mapped = circparam.map_surfaces(one, two, landmarks=pairs.marks(a, b), overlay=True).map
+    document, _ = overlaid(one, two, mapped)
+    places = document.mesh.points[document.mesh.faces]
+    shown, looks = document.colours(), document.textures()
+    assert shown is not None
+    assert looks is not None
+    np.testing.assert_allclose(shown, 0.5 + 0.5 * places / np.abs(a.points).max(), atol=1e-6)
+    parent = mapped.overlay.parents[:, 0]
+    red = parent < len(a.faces) // 2
+    np.testing.assert_array_equal(looks.face, np.where(red, 0, -1))
+    np.testing.assert_allclose(looks.plain[~red], np.tile([0.0, 1, 0], ((~red).sum(), 1)))
 
 
 def test_what_has_no_overlay_is_told(tmp_path: Path) -> None:

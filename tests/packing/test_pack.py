@@ -41,6 +41,24 @@ def test_sixty_charts_keep_the_promise(packer):
     promise(faces, uv, chart, packer(faces, uv, chart, options), options)
 
 
+class _Patient(Monitor):
+    """Loops may go on for ever; what would be broken off is at its first step."""
+
+    @property
+    def expired(self) -> bool:
+        return False
+
+
+def test_a_packer_that_takes_too_long_is_broken_off_and_leaves_what_others_found():
+    """Masks of many charts are made before the search first looks at the clock."""
+    faces, uv, chart = blobs(40, 3)
+    options = PackOptions(512, 4, effort=QUICK)
+    monitor = _Patient(timeout=1.0)
+    monitor.deadline = -1e9
+    promise(faces, uv, chart, pack(faces, uv, chart, options, monitor), options)
+    assert monitor.late
+
+
 @pytest.mark.parametrize("rotate", ["90", "none"])
 def test_rotations_are_those_allowed(rotate):
     faces, uv, chart = blobs(7, 11)
@@ -216,7 +234,7 @@ def _squares(n):
 
 
 def test_a_start_is_gone_on_with(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two triangles that make a square: a start with both on one square fills the page, where boxes fill half."""
+    """Two triangles that make a square: a start with both on one square fills the page; boxes fill half."""
     monkeypatch.setattr(strategy, "_found", lambda task: ([], None))  # no search of its own
     faces = np.array([[0, 1, 2], [3, 4, 5]])
     uv = np.array([[0, 0], [1, 0], [0, 1], [7, 5], [6, 5], [7, 4]], float)

@@ -77,7 +77,7 @@ def test_a_chart_that_overlaps_itself_is_split() -> None:
 
 
 def test_a_chart_beyond_its_bound_is_split_until_its_parts_are_below() -> None:
-    s = surface_of(*shapes.bumped_disk(400, height=1.5))
+    s = surface_of(*shapes.bumped_disk(400, height=1.0))
     whole = s.cut_mesh(np.zeros(len(s.edges), bool))
     top = METHODS["mean-value"].function(whole, MethodOptions(), Monitor())
     corners = top.uv[whole.faces]
@@ -89,9 +89,27 @@ def test_a_chart_beyond_its_bound_is_split_until_its_parts_are_below() -> None:
     assert "distorted" in cascade.repairs[0]
     no_leave = start(s, corners, bound=1.1, may_split=False)
     assert fallback.settle(no_leave, Monitor()) is no_leave
+    assert 1.1 < chart_distortion(*no_leave.open()) < fallback.LATE_BOUND
     in_no_time = start(s, corners, bound=1.1)
     assert fallback.settle(in_no_time, Monitor(timeout=1e-9)) is in_no_time
     np.testing.assert_array_equal(in_no_time.atlas.corners, corners)
+
+
+def test_out_of_time_only_charts_far_beyond_any_bound_are_projected() -> None:
+    """What was begun too late may be sound and of no use; a little too much is better than many charts."""
+    s = surface_of(*shapes.row_of(shapes.grid(6, 6), 2))
+    corners = flat(s)
+    second = np.arange(len(s.faces)) >= len(s.faces) // 2
+    corners[second, :, 0] *= 1.5
+    late = Monitor(timeout=1e-9)
+    little = start(s, corners.copy(), bound=1.05)
+    assert fallback.settle(little, late) is little
+    corners[second, :, 0] *= 20
+    after = fallback.settle(start(s, corners.copy(), bound=1.05), late)
+    assert sound(after)
+    np.testing.assert_allclose(chart_distortion(*after.open()), 1.0)
+    np.testing.assert_array_equal(after.atlas.corners[~second], corners[~second])
+    assert "projected" in after.repairs[0]
 
 
 def test_a_face_crushed_to_nothing_gets_its_shape_back() -> None:

@@ -12,6 +12,7 @@ import pytest
 import circparam
 from circparam.core.arrays import FloatArray, IntArray, next_half_edge
 from circparam.core.monitor import Monitor
+from circparam.core.workers import Later
 from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
 from circparam.geometry.distortion import chart_distortion, face_stretch
@@ -84,6 +85,39 @@ def test_what_counts_is_the_page_as_it_is_packed(
     assert after.atlas.charts()[0] == count
     assert (after.atlas is before) == (count == 1)
     assert len(after.notes) == count - 1
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.5, 2), (0.9, 1)])
+@pytest.mark.parametrize("asked", [1, 5, 1000])
+def test_cuts_planned_beside_the_page_without_are_those_planned_after_it(
+    share: float, count: int, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whenever that page is there: at the first question, while plans are made, or when it is waited for."""
+    left = [asked]
+
+    class Slow(Later):
+        @property
+        def pending(self) -> bool:
+            left[0] -= 1
+            return self._found is None and left[0] > 0
+
+    pack, packed = fuller_page.pack, []
+
+    def full(faces: IntArray, uv: FloatArray, chart: IntArray, *rest: Any) -> Packed:
+        packed.append(int(chart.max()) + 1)
+        whole = np.array([share if chart.max() == 0 else 0.9])
+        return replace(pack(faces, uv, chart, *rest), share=whole)
+
+    monkeypatch.setattr(fuller_page, "pack", full)
+    expected = filled(roll())
+    assert expected.atlas.charts()[0] == count
+    alone = sorted(packed)
+    packed.clear()
+    monkeypatch.setattr(fuller_page, "Later", Slow)
+    found = filled(roll())
+    np.testing.assert_array_equal(found.atlas.cut, expected.atlas.cut)
+    assert found.notes == expected.notes
+    assert sorted(packed) == alone, "pages that nobody wants are not packed"
 
 
 def stretched(atlas: Atlas, columns: int) -> Atlas:

@@ -85,21 +85,22 @@ def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(
     assert "settle_part" in sent
 
 
-def test_the_same_bytes_where_prices_are_found_beside(
+def test_the_same_bytes_where_prices_pages_and_figures_are_found_beside(
     tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By what is seen of a mesh, for the seams of its proxy."""
-    begun = []
+    """By what is seen of a mesh, for the seams of its proxy and for the report; the page without cuts."""
+    begun: dict[str, list[bool]] = {}
     begin = workers.Later.begin
 
     def told(self: workers.Later) -> None:
         begin(self)
-        begun.append(self._future is not None)
+        begun.setdefault(self._function.__name__, []).append(self.begun)
 
     monkeypatch.setattr(workers.Later, "begin", told)
     outs = [unwrapped(mesh(4), tmp_path, n) for n in (1, 2)]
     assert outs[0] == outs[1]
-    assert begun == [False, True]
+    assert begun["asked_beside"] == begun["packing"] == [False, True]
+    assert begun["first_part"] == [True]
 
 
 UNGUARDED = """

@@ -54,7 +54,6 @@ def test_charts_and_seams_of_the_cube():
     scene = make_scene(points, faces, uv, uv_faces)
     assert scene.n_charts == 6
     assert len(scene.seams) == 24  # four sides of each chart
-    assert len(scene.inner_seams) == 12  # the edges of the cube, though no index is shared
     assert not scene.outside
     assert not scene.inside_out
     assert make_scene(points, faces[:, ::-1], uv, uv_faces[:, ::-1]).inside_out
@@ -67,7 +66,7 @@ def test_repeated_vertices_are_no_seams():
     index = np.array([0, 1, 2, 0, 2, 3])
     scene = make_scene(points[index], faces, SQUARE[index], faces)
     assert scene.n_charts == 1
-    assert len(scene.inner_seams) == 0
+    assert len(scene.seams) == 4  # the sides of the square, not its diagonal
 
 
 def test_charts_are_numbered_by_area():

@@ -8,8 +8,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from circparam.render.figures import PictureOptions
 from circparam.render.scene import make_scene
-from circparam.render.svg import layout_svg, outlines
+from circparam.render.svg import figure_svg, outlines
 from circparam.render.views import checker_cells
 from tests.support.scenes import cube, flat_quad
 
@@ -33,7 +34,7 @@ def test_outlines_close_and_keep_holes():
 
 def test_svg_is_well_formed_and_has_one_path_a_chart():
     points, faces, uv, uv_faces = cube()
-    text = layout_svg(make_scene(points, faces, uv, uv_faces), "a < b & c")
+    text = figure_svg(make_scene(points, faces, uv, uv_faces), PictureOptions(title="a < b & c"))
     root = ET.fromstring(text)
     name = "{http://www.w3.org/2000/svg}"
     assert root.find(f"{name}title").text == "a < b & c"
@@ -58,7 +59,7 @@ def test_three_squares_and_every_face_in_each():
     points, faces, uv, uv_faces = cube()
     uv[0] = uv[0] * 0.9 + uv[2] * 0.1  # one side is distorted
     scene = make_scene(points, faces, uv, uv_faces)
-    root = ET.fromstring(layout_svg(scene))
+    root = ET.fromstring(figure_svg(scene, PictureOptions()))
     name = "{http://www.w3.org/2000/svg}"
     groups = {g.get("id"): g for g in root.iter(f"{name}g") if g.get("id")}
     assert list(groups) == ["layout", "checker", "distortion"]
@@ -80,7 +81,7 @@ def test_the_checker_begins_at_uv_zero():
     """A field of the pattern is as large as checker_cells says, and its corner lies on uv 0."""
     points, faces, uv, uv_faces = cube()
     scene = make_scene(points, faces, uv - 0.3, uv_faces)
-    root = ET.fromstring(layout_svg(scene))
+    root = ET.fromstring(figure_svg(scene, PictureOptions()))
     pattern = next(root.iter("{http://www.w3.org/2000/svg}pattern"))
     u0, _, _, v1 = scene.bounds
     cell = 1000 / checker_cells(scene)
@@ -92,5 +93,5 @@ def test_the_checker_begins_at_uv_zero():
 
 
 def test_a_title_of_any_characters_is_xml():
-    text = layout_svg(flat_quad(), "a\udc80b\x07<c>")
+    text = figure_svg(flat_quad(), PictureOptions(title="a\udc80b\x07<c>"))
     assert ET.fromstring(text.encode("utf-8")) is not None

@@ -64,26 +64,42 @@ def test_charts_of_a_level_are_good_charts_of_the_surface(small_levels: list[int
     assert (chart_energies(cut_mesh, uv) <= BOUND).all()
 
 
+@pytest.mark.parametrize("flat", [False, True])
 @pytest.mark.parametrize("broken", [False, True])
 def test_a_level_whose_charts_break_gives_way_to_the_next(
-    small_levels: list[int], monkeypatch: pytest.MonkeyPatch, broken: bool
+    small_levels: list[int], monkeypatch: pytest.MonkeyPatch, broken: bool, flat: bool
 ) -> None:
-    """What is split over and over on the mesh is not kept where another level has as good charts."""
-    surface = surface_of(*rough(2))
+    """What is split over and over on the mesh is not kept where another level has as good charts.
+
+    Nor is the next best level taken where the best does not break; pieces beside it that need no seam
+    (flat) change nothing of that.
+    """
+    shape = rough(2)
+    sheet = shapes.grid(6)
+    surface = surface_of(*(shapes.join(shape, (sheet[0] + 3.0, sheet[1])) if flat else shape))
     carried: list[Atlas] = []
-    finish = grown.finish
+    levels: list[float] = []
+    finish, from_level = grown.finish, grown.from_level
+
+    def brought(*given: object) -> Atlas:
+        levels.append(grown.cost_of(given[2]))  # type: ignore[arg-type]
+        return from_level(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(grown, "from_level", brought)
 
     def noted(decided: grown.Decided, *rest: object) -> None:
         finish(decided, *rest)  # type: ignore[arg-type]
         if len(decided.atlas.surface.faces) > 6_000:
             carried.append(decided.atlas)
             if broken and len(carried) == 1:
-                decided.atlas.cut[:] = True
+                inside = decided.atlas.surface.edges[:, 0] < 3 * len(shape[1])
+                decided.atlas.cut[inside] = True
 
     monkeypatch.setattr(grown, "finish", noted)
     atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
     assert atlas is carried[-1]
-    assert len(carried) == (2 if broken else 1)
+    assert len(carried) == len(levels) == (2 if broken else 1)
+    assert levels == sorted(levels)
     assert atlas.charts()[0] < 40
 
 

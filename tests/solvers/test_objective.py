@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from circparam.core.arrays import AT_ONCE
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import Objective, chart_energies, in_units_of_faces
 from tests.support import shapes
@@ -109,3 +110,39 @@ def test_small_and_large_charts_beside_each_other_are_solved_as_one_system(monke
     monkeypatch.setattr("circparam.solvers.objective.CG_LIMIT", 3000)
     mixed = Objective(cut_mesh, None, 0.0).direction(uv, jacobian, g, False)
     assert np.abs(mixed - exact).max() < 1e-4 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("proxy", [False, True])
+def test_a_chart_beside_many_faces_has_what_it_has_alone(proxy: bool) -> None:
+    """Faces are gone through in pieces, which end anywhere in a chart."""
+    small, large = shapes.grid(40, 30), shapes.grid(90, 70)
+    cut_mesh, _ = patches_of(shapes.join(small, large, small))
+    assert len(cut_mesh.faces) > AT_ONCE > len(small[1])
+    rng = np.random.default_rng(0)
+    uv = np.zeros((cut_mesh.n_vertices, 2))
+    uv[cut_mesh.faces.ravel()] = cut_mesh.rest_triangles.reshape(-1, 2)
+    uv += 1e-4 * rng.standard_normal(uv.shape)
+    whole = Objective(cut_mesh, None, 0.0)
+    towards = rng.standard_normal(uv.shape)
+
+    def found(of: Objective, at: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
+        energy, jacobian = of.energies(at)
+        steep = np.where(np.isfinite(jacobian), jacobian, 0)
+        sound = np.abs(steep - np.eye(2)[:, :, None]) * 0.1 + np.eye(2)[:, :, None]
+        return [
+            jacobian.T,
+            of._blocks(sound, proxy).T,
+            of.first_collapse(at, d),
+            of.free_gradient(sound, at),
+            energy,
+        ]
+
+    together = found(whole, uv, towards)
+    for chart in range(cut_mesh.n_charts):
+        only = np.arange(cut_mesh.n_charts) == chart
+        part, vertices, faces = cut_mesh.subset(only)
+        alone = found(Objective(part, None, 0.0), uv[vertices], towards[vertices])
+        for values, own in zip(together[:3], alone[:3], strict=True):
+            assert np.array_equal(values[faces], own)
+        assert np.array_equal(together[3][vertices], alone[3])
+        assert np.array_equal(together[4][only], alone[4])

@@ -146,8 +146,12 @@ def test_a_start_that_is_far_off_is_not_untangled() -> None:
     gap = (jacobians(cut_mesh, plain).transpose(1, 2, 0) - targets) ** 2
     weighted = np.bincount(cut_mesh.chart, cut_mesh.areas * gap.sum((0, 1)))
     off = weighted[1] / cut_mesh.chart_areas[1]
-    _, fine = from_jacobians(cut_mesh, targets, untangle=30, hopeless=1.01 * off)
-    assert fine.all()
-    left, fine = from_jacobians(cut_mesh, targets, untangle=30, hopeless=0.99 * off)
-    assert fine.tolist() == [True, False]
-    np.testing.assert_allclose(left, plain, atol=1e-12)
+    flips = np.bincount(cut_mesh.chart, np.linalg.det(jacobians(cut_mesh, plain)) <= 0)
+    assert flips[1] > 1
+    for hopeful in ((1.01 * off, np.inf), (np.inf, flips[1]), (1.01 * off, flips)):
+        _, fine = from_jacobians(cut_mesh, targets, untangle=30, hopeless=hopeful)
+        assert fine.all()
+    for hopeless in ((0.99 * off, np.inf), (np.inf, flips[1] - 1), (1.01 * off, flips - 1)):
+        left, fine = from_jacobians(cut_mesh, targets, untangle=30, hopeless=hopeless)
+        assert fine.tolist() == [True, False]
+        np.testing.assert_allclose(left, plain, atol=1e-12)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -44,16 +45,16 @@ def doubled(part: Part) -> Faces:
     return part.points, np.concatenate([part.faces, part.faces[::10]])
 
 
-def needles(part: Part) -> Faces:
-    """One face in six cut into three at a place a hundred-thousandth of its size from a corner."""
+def needles(part: Part, near: float = 1e-5) -> Faces:
+    """One face in six cut into three at a place so near to a corner, in sizes of the face."""
     points, faces = part.points, part.faces
     chosen = np.arange(0, len(faces), 6)
     a, b, c = faces[chosen].T
-    near = points[a] + 1e-5 * (points[b] - points[a]) + 1e-5 * (points[c] - points[a])
+    place = points[a] + near * (points[b] - points[a]) + near * (points[c] - points[a])
     new = len(points) + np.arange(len(chosen))
     split = [np.stack([a, b, new], 1), np.stack([b, c, new], 1), np.stack([c, a, new], 1)]
     rest = np.delete(faces, chosen, axis=0)
-    return np.concatenate([points, near]), np.concatenate([rest, *split])
+    return np.concatenate([points, place]), np.concatenate([rest, *split])
 
 
 def noisy(part: Part) -> Faces:
@@ -72,6 +73,8 @@ TWINS: dict[str, Callable[[Part], Faces]] = {
     "T-junctions": t_junctions,
     "doubled": doubled,
     "needles": needles,
+    "finer needles": partial(needles, near=1e-6),
+    "finest needles": partial(needles, near=1e-7),
     "noisy": noisy,
     "inches": inches,
 }

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import NoResultError, OutputError
 from circparam.formats.document import (
     Document,
@@ -24,6 +24,9 @@ from circparam.formats.source import Source
 from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
+FAR = 16  # sizes from the origin up to which float32 keeps a shape to a millionth of its size
+LARGEST = float(np.finfo(np.float32).max)
+
 
 def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
     """GLB: input vertices first, seam duplicates behind, one primitive for each group."""
@@ -31,18 +34,19 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     mesh = document.mesh
     n = len(mesh.points)
     split = split_vertices(n, mesh.faces.ravel(), stored_uv(uvmap.uv), uvmap.uv_faces.ravel())
-    with np.errstate(over="ignore"):
-        points = np.nan_to_num(mesh.points, posinf=0.0, neginf=0.0).astype(np.float32)
     used = np.zeros(n, bool)
     used[mesh.faces.ravel()] = True
-    if not np.isfinite(points).all():
-        far = float(np.abs(mesh.points[used]).max())
+    far = float(np.abs(mesh.points[used]).max())
+    at = _origin(mesh.points[used])
+    with np.errstate(over="ignore"):
+        points = (np.nan_to_num(mesh.points, posinf=0.0, neginf=0.0) - at).astype(np.float32)
+    if not far <= LARGEST or not np.isfinite(points).all():
         raise OutputError(
             f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
             "scale the mesh"
         )
     notes, warnings = not_carried(document, "glb")
-    if (points != mesh.points)[used].any():
+    if (points.astype(np.float64) + at != mesh.points)[used].any():
         notes.append("positions were rounded to float32, all that glTF stores")
     if split.added:
         notes.append(duplicated(split.added))
@@ -50,6 +54,11 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     order = np.argsort(groups, kind="stable")
     count = np.bincount(groups)
     tree = _new_tree(document, points[split.source], count)
+    if at.any():
+        tree["nodes"][0]["translation"] = at.tolist()
+        notes.append(
+            "the mesh lies far from the origin: its node holds the place, its positions the shape"
+        )
     corner = split.corner.reshape(-1, 3)[order].ravel()
     kind = index_type(len(split.source))
     parts = [
@@ -57,12 +66,12 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
         file_uv(split.uv).tobytes(),
         corner.astype(COMPONENTS[kind]).tobytes(),
     ]
-    at = 0
+    begin = 0
     for data, target in zip(parts, (ARRAY_BUFFER, ARRAY_BUFFER, ELEMENT_BUFFER), strict=True):
         tree["bufferViews"].append(
-            {"buffer": 0, "byteOffset": at, "byteLength": len(data), "target": target}
+            {"buffer": 0, "byteOffset": begin, "byteLength": len(data), "target": target}
         )
-        at += len(data)
+        begin += len(data)
     width, offset = np.dtype(COMPONENTS[kind]).itemsize, 0
     for k in count[count > 0].tolist():
         tree["accessors"].append(
@@ -70,9 +79,19 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
             | {"type": "SCALAR"}
         )
         offset += 3 * k * width
-    tree["buffers"] = [{"byteLength": at}]
+    tree["buffers"] = [{"byteLength": begin}]
     data = glb_bytes(tree, b"".join(parts))
     return Encoded(data, "glb", split.source, order, notes=notes, warnings=warnings)
+
+
+def _origin(points: FloatArray) -> FloatArray:
+    """(3,) where the node of a mesh is put, in numbers that float32 has: 0 unless it lies so far away that its
+    shape would be rounded away with its place, as that of a scan in the coordinates of a map."""
+    low, high = points.min(0), points.max(0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        near = not np.maximum(-low, high).max() > FAR * (high - low).max()
+        middle = np.zeros(3) if near else ((low + high) / 2).astype(np.float32).astype(np.float64)
+    return np.where(np.isfinite(middle), middle, 0.0)
 
 
 def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:

@@ -33,7 +33,7 @@ def sound_tree(source: Source, what: str = "the glTF tree") -> Iterator[None]:
     try:
         yield
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        cause = f"{type(error).__name__}: {error}"
+        cause = f"{error} is missing or unknown" if isinstance(error, KeyError) else str(error)
         raise source.error(f"{what} is malformed ({cause[:120]})") from None
 
 
@@ -205,9 +205,9 @@ class Tree:
             return out
         sparse = a["sparse"]
         n = _whole(sparse["count"])
-        kind = COMPONENTS[sparse["indices"]["componentType"]]
+        kind = component(sparse["indices"])
         data, _ = self.view(sparse["indices"]["bufferView"], name)
-        width = np.dtype(kind).itemsize
+        width = kind.itemsize
         at = self._strided(
             data, _whole(sparse["indices"].get("byteOffset", 0)), n, width, width, name
         )
@@ -234,7 +234,7 @@ class Tree:
     def values(self, index: Any) -> FloatArray:
         """(count, k) float64 values, normalised integers as fractions."""
         a = self.item("accessors", index)
-        code = np.dtype(COMPONENTS[a["componentType"]])
+        code = component(a)
         raw = doubles(self.rows(index).view(code))
         if a.get("normalized") and code.kind != "f":
             raw = np.maximum(raw / np.iinfo(code).max, -1.0)
@@ -243,15 +243,23 @@ class Tree:
     def integers(self, index: Any) -> IntArray:
         """(count,) int64 values of a scalar integer accessor."""
         a = self.item("accessors", index)
-        code = np.dtype(COMPONENTS[a["componentType"]])
+        code = component(a)
         if code.kind == "f" or a["type"] != "SCALAR":
             raise self.error(f"accessor {index} is used as indices and is no list of whole numbers")
         return self.rows(index).view(code)[:, 0].astype(np.int64)
 
 
+def component(entry: Json) -> np.dtype[Any]:
+    """The numbers that an accessor, or a list of sparse indices, is made of; ValueError for unknown ones."""
+    kind = entry["componentType"]
+    if kind not in COMPONENTS:
+        raise ValueError(f"component type {str(kind)[:20]} is none that glTF has")
+    return np.dtype(COMPONENTS[kind])
+
+
 def element_size(accessor: Json) -> int:
     """Bytes of one element."""
-    width = np.dtype(COMPONENTS[accessor["componentType"]]).itemsize
+    width = component(accessor).itemsize
     return _PADDED.get((accessor["type"], width), WIDTH[accessor["type"]] * width)
 
 
@@ -259,7 +267,7 @@ def _whole(value: Any) -> int:
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"{str(value)[:20]} where a whole number is expected")
+        raise ValueError(f"{str(value)[:20]} where a whole number from 0 on is expected")
     return value
 
 

@@ -27,16 +27,25 @@ class Parts:
 def node_matrix(node: Json) -> npt.NDArray[np.float64]:
     """(4, 4) the local transform of a node, column vectors."""
     if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = map(float, node.get("rotation", (0, 0, 0, 1)))
+        return _numbers(node, "matrix", np.eye(4).ravel()).reshape(4, 4).T
+    x, y, z, w = _numbers(node, "rotation", (0, 0, 0, 1)).tolist()
     out = np.eye(4)
     out[:3, :3] = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
-    out[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64).reshape(3)
-    out[:3, 3] = np.array(node.get("translation", (0, 0, 0)), np.float64).reshape(3)
+    out[:3, :3] *= _numbers(node, "scale", (1, 1, 1))
+    out[:3, 3] = _numbers(node, "translation", (0, 0, 0))
+    return out
+
+
+def _numbers(node: Json, key: str, default: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """The numbers of a property of a node; ValueError where it has more or fewer."""
+    need = np.size(default)
+    out = np.array(node.get(key, default), np.float64).ravel()
+    if len(out) != need:
+        raise ValueError(f"the {key} of a node has {len(out)} numbers, {need} are needed")
     return out
 
 

@@ -36,7 +36,7 @@ def scalars(layout: Layout, values: npt.NDArray[Any], code: str) -> Piece:
     return as_bytes("".join(words).encode()), size
 
 
-def list_piece(layout: Layout, head: Piece, counts: IntArray, items: Piece) -> Piece:
+def list_piece(head: Piece, counts: IntArray, items: Piece) -> Piece:
     """Rows of a list: the count's bytes, then ``counts`` of the items, each of which is one piece."""
     end = list_start(items[1])
     first = list_start(counts)
@@ -146,9 +146,7 @@ def with_face_uv(
     at = np.cumsum(length) - length
     length = length[corner_uv]
     pairs = take_ranges(text, at[corner_uv], length)
-    piece = list_piece(
-        layout, scalars(layout, 2 * size[:, None], count_code), size, (pairs, length)
-    )
+    piece = list_piece(scalars(layout, 2 * size[:, None], count_code), size, (pairs, length))
     blocks = {}
     if face is not None and face.count:
         blocks["face"] = rebuild(layout, face, drop["face"], piece)
@@ -182,7 +180,7 @@ def with_vertex_uv(layout: Layout, lists: FaceLists, split: Split, code: str) ->
                 f"property list {_NAMES[code_of_count]} {_NAMES[kind]} {indices.name}"
             )
             replace[indices.name] = list_piece(
-                layout, scalars(layout, sizes[:, None], code_of_count), sizes,
+                scalars(layout, sizes[:, None], code_of_count), sizes,
                 scalars(layout, values[:, None], kind),
             )  # fmt: skip
         if replace or drop.get(name):

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
 from circparam.geometry.raster import row_crossings
 
@@ -39,6 +40,7 @@ def chart_masks(start: FloatArray, end: FloatArray, angle: FloatArray, grow: flo
 
     The inside is filled by winding number, so holes stay free and charts that cross themselves are full.
     """
+    clock.tick()  # masks of a hundred charts take half a second
     c, s = np.cos(angle), np.sin(angle)
     a, b = _at_angles(start, c, s), _at_angles(end, c, s)
     low = np.floor(a.min(1) - grow - 0.01)

@@ -12,14 +12,19 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-import scipy.fft as sf
 
+from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.imports import OnDemand
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement
+
+sf = OnDemand(
+    "scipy.fft"
+)  # brings scipy.special along, and a chart alone on its page needs neither
 
 # A chart of which a tip moves by less than this between two angles is tried at no more of them (cells).
 _TIP = 3.0
@@ -99,6 +104,7 @@ def make_board(
         side = sf.next_fast_len(side + 1, real=True)
     spectra = []
     for m in masks:
+        clock.tick()
         block = np.zeros((len(m.cells), side, side), np.float32)
         h, w = min(m.cells.shape[1], side), min(m.cells.shape[2], side)
         block[:, :h, :w] = m.cells[:, :h, :w]
@@ -110,7 +116,8 @@ def make_board(
 def blur_transfer(side: int, sigma: float) -> FloatArray:
     """Transfer function of a Gaussian of ``sigma`` cells on the FFT grid, (side, side // 2 + 1)."""
     f0, f1 = sf.fftfreq(side)[:, None], sf.rfftfreq(side)[None]
-    return np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
+    gauss: FloatArray = np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
+    return gauss
 
 
 def lay_out(

@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft as sf
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer
+from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer, sf
 
 SEED = 9
 ANGLES = 20  # at which an outline is tried

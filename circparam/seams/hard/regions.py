@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_min, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    group_min,
+    group_sum,
+    next_half_edge,
+    slices,
+)
 from circparam.core.graph import components, nearest, undirected
 from circparam.mesh.atlas import SeamPrices
 from circparam.mesh.cut_mesh import CutMesh
@@ -16,6 +25,7 @@ from circparam.mesh.surface import Surface
 NOISE = 3e-7  # of the extent of the mesh: how far single precision and exporters move a point
 TURNED = 0.02  # radians by which such a move may turn the normal of a face that is sure of it
 NEEDLE = 1e-6  # height over longest edge below which no face is sure of its normal
+ACROSS = 3.0  # times as long an edge has to be for a needle to belong with what lies at a right angle beyond it
 FLAT = np.radians(0.5)  # edges that turn less lie inside a flat
 LEVEL = np.radians(1.0)  # no face of a flat leans more against the mean of it
 SHARP = np.radians(30)  # edges that turn more bound smooth regions
@@ -25,6 +35,7 @@ CURVED = 0.3  # radians of curvature inside a region up to which it counts as de
 FLAT_FACES = 3
 # regions are scraps, not parts, where more than MANY have fewer faces in the mean
 SCRAPS, MANY = 8, 64
+PAIRS = 2  # faces of a region in the mean, from which on sharp creases alone make it a part
 ORGANIC, DOUBTFUL, HARD = 0, 1, 2
 HARDLY = 0.1  # nor is there any doubt where so few of the creases are blunt
 BLUNT, MOSTLY = (
@@ -42,28 +53,40 @@ ALL_REGIONS = 0.9  # likewise, of regions between sharp edges
 
 def face_heights(surface: Surface) -> tuple[FloatArray, FloatArray]:
     """((m,) heights of faces over their longest edges, (m,) those edges)."""
-    p = surface.rest_triangles
-    longest = np.sqrt(((p[:, [1, 2, 0]] - p) ** 2).sum(2).max(1))
+    x, y = surface.rest_triangles.T
+    dx, dy = x[[1, 2, 0]] - x, y[[1, 2, 0]] - y
+    longest = np.sqrt((dx * dx + dy * dy).max(0))
     return 2 * surface.areas / np.maximum(longest, 1e-300), longest
 
 
 def extent(surface: Surface) -> float:
     """The largest coordinate, seen from the origin or from the middle: what noise scales with."""
-    p = surface.points[surface.faces.ravel()]
-    return float(max(np.abs(p).max(initial=0.0), np.ptp(p, axis=0).max(initial=0.0)))
+    used = np.zeros(len(surface.points), bool)
+    used[surface.faces] = True
+    axes = surface.points[used].T.copy()
+    return max((float(max(np.abs(x).max(), np.ptp(x))) for x in axes if len(x)), default=0.0)
 
 
 def sure_normals(surface: Surface) -> FloatArray:
-    """(m, 3) unit normals; needles, whose own are noise, take that of the face beyond their longest edges."""
+    """(m, 3) unit normals; needles, whose own are noise, take that of the face beyond their longest edges.
+
+    Where noise leaves them half a normal, faces beyond an edge that turns count as beyond a shorter one: the
+    needle between two holes of a flat is no part of the wall of either.
+    """
     height, longest = face_heights(surface)
-    sure = (height > NOISE / TURNED * extent(surface)) & (height > NEEDLE * longest)
+    noise = NOISE * extent(surface)
+    sure = (height > noise / TURNED) & (height > NEEDLE * longest)
     if sure.all() or not sure.any():
         return surface.normals
     fi, fj = surface.edges[:, 0] // 3, surface.edges[:, 1] // 3
     touch = ~sure[fi] | ~sure[fj]
     length = surface.edge_lengths[touch]
     step = 1 / np.maximum(length, 1e-9 * max(float(length.max(initial=0.0)), 1e-300))
-    links = undirected(len(sure), fi[touch], fj[touch], step)
+    a, b = fi[touch], fj[touch]
+    told = (height[a] > noise) & (height[b] > noise)
+    along = np.abs((surface.normals[a] * surface.normals[b]).sum(1))
+    step *= np.where(told, 1 + (ACROSS - 1) * (1 - along), 1.0)
+    links = undirected(len(sure), a, b, step)
     _, _, source = nearest(links, np.flatnonzero(sure))
     result: FloatArray = surface.normals[np.where(source >= 0, source, np.arange(len(sure)))]
     return result
@@ -71,16 +94,17 @@ def sure_normals(surface: Surface) -> FloatArray:
 
 def turns(surface: Surface) -> tuple[FloatArray, BoolArray]:
     """((e,) angle between the sure normals of both faces of each edge in radians, (e,) bool: it is concave)."""
-    n = sure_normals(surface)
-    e = surface.edges
-    a, b = n[e[:, 0] // 3], n[e[:, 1] // 3]
-    cross = np.cross(a, b)
-    flat = surface.faces.ravel()
-    along = (
-        surface.points[surface.faces[:, [1, 2, 0]].ravel()[e[:, 0]]] - surface.points[flat[e[:, 0]]]
-    )
-    angle = np.arctan2(np.linalg.norm(cross, axis=1), (a * b).sum(1))
-    return angle, (cross * along).sum(1) < 0
+    n, points, flat = sure_normals(surface), surface.points, surface.faces.ravel()
+    count = len(surface.edges)
+    angle, concave = np.empty(count), np.empty(count, bool)
+    for k in slices(count):
+        h, other = surface.edges[k].T
+        a, b = n[h // 3], n[other // 3]
+        cross = np.cross(a, b)
+        along = points[flat[next_half_edge(h)]] - points[flat[h]]
+        angle[k] = np.arctan2(np.linalg.norm(cross, axis=1), (a * b).sum(1))
+        concave[k] = (cross * along).sum(1) < 0
+    return angle, concave
 
 
 def flats(surface: Surface, angle: FloatArray) -> tuple[IntArray, BoolArray]:
@@ -111,10 +135,12 @@ def seam_prices(surface: Surface) -> SeamPrices:
 
 def corner_angles(rest_triangles: FloatArray) -> FloatArray:
     """(m, 3) angle of every corner."""
-    ahead = rest_triangles[:, [1, 2, 0]] - rest_triangles
-    back = rest_triangles[:, [2, 0, 1]] - rest_triangles
-    result: FloatArray = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
-    return result
+    out = np.empty((len(rest_triangles), 3))
+    for k in slices(len(out)):
+        triangles = rest_triangles[k]
+        ahead, back = triangles[:, [1, 2, 0]] - triangles, triangles[:, [2, 0, 1]] - triangles
+        out[k] = np.arctan2(np.abs(cross2(ahead, back)), (ahead * back).sum(2))
+    return out
 
 
 def curvature(cut_mesh: CutMesh) -> tuple[FloatArray, BoolArray]:
@@ -180,6 +206,8 @@ def hardness(surface: Surface) -> IntArray:
     found = _Bounded.of(surface, angle, CREASE)
     regions, creases, blunt = found.regions, found.creases, found.blunt
     scraps = (regions > MANY) & (regions * SCRAPS > size)
+    # fins and combs are boxes beside boxes, of two triangles a side; noise has regions of one face
+    scraps &= (blunt >= HARDLY * creases) | (regions * PAIRS > size)
     whole = (regions <= FEW) | (regions * PARTS <= size)
     candidate = (share >= HARD_FLATS) | ((creases > 0) & (found.unrolls >= HARD_REGIONS) & ~scraps)
     clear = (share >= SURE_FLATS) | ((found.unrolls >= SURE_REGIONS) & whole)

@@ -185,7 +185,9 @@ def _laid_again(atlas: Atlas, old_cut: BoolArray, chart: IntArray, limits: Limit
         _, whole = atlas.open()
         stretch = face_stretch(cut_mesh, whole)
         if share_over(cut_mesh, stretch, limits.most).sum() > limits.allowed:
-            bad[cut_mesh.chart[moved & (stretch > limits.most)]] = True
+            far = which[cut_mesh.chart] & (stretch > limits.most)
+            # where it is none of what moved, it is what was eased beside it
+            bad[cut_mesh.chart[far & moved if (far & moved).any() else far]] = True
     return bad[cut_mesh.chart]
 
 

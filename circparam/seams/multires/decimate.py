@@ -13,8 +13,11 @@ from circparam.core.arrays import (
     first_of_runs,
     group_sum,
     next_half_edge,
+    sorted_distinct,
+    stable_order,
 )
 from circparam.core.graph import components, nearest, undirected
+from circparam.geometry.collapse import collapsed
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge
 from circparam.mesh.surface import Surface
@@ -71,8 +74,6 @@ def decimate(surface: Surface, target: int) -> Proxy:
     The record of the collapses of fast-simplification tells which coarse vertex every fine vertex went into.
     Components of few faces are taken over unchanged.
     """
-    import fast_simplification
-
     points, faces = surface.vertex_points, surface.corner_vertex
     n = len(points)
     _, component = surface.components
@@ -80,23 +81,21 @@ def decimate(surface: Surface, target: int) -> Proxy:
     root = np.arange(n)
     position = points.copy()
     if large.any():
-        used = np.unique(faces[large])
+        used = sorted_distinct(faces[large])
         local = np.full(n, -1)
         local[used] = np.arange(len(used))
         centre = points[used].mean(0)
         size = float(np.abs(points[used] - centre).max())
         unit = (points[used] - centre) / size
-        share = max(int(target * large.mean()), 4 * len(np.unique(component[large])))
+        share = max(int(target * large.mean()), 4 * len(sorted_distinct(component[large])))
         simple = local[faces[large]].astype(np.int32)
-        _, _, collapses = fast_simplification.simplify(
-            unit, simple, target_count=min(share, int(large.sum())), return_collapses=True
-        )
-        moved, _, into = fast_simplification.replay_simplification(unit, simple, collapses)
+        moved, into = collapsed(unit, simple, min(share, int(large.sum())))
         # each coarse vertex is named by the first fine vertex that went into it
-        into = np.asarray(into, np.int64)
-        order = np.argsort(into, kind="stable")
+        order = stable_order(into)
         first = used[order[first_of_runs(into[order])]]
-        root[used] = first[np.unique(into, return_inverse=True)[1]]
+        found = np.zeros(len(moved), bool)
+        found[into] = True
+        root[used] = first[(np.cumsum(found) - 1)[into]]
         position[first] = moved[into[order[first_of_runs(into[order])]]] * size + centre
     coarse = root[faces]
     alive = (
@@ -111,7 +110,7 @@ def decimate(surface: Surface, target: int) -> Proxy:
     keep = np.flatnonzero(alive)
     keep = keep[_main_parts(position, coarse[keep], component[keep])]
     coarse = coarse[keep]
-    kept = np.unique(coarse)
+    kept = sorted_distinct(coarse)
     number = np.full(n, -1)
     number[kept] = np.arange(len(kept))
     proxy, apart = pair_edges(position[kept], number[coarse])

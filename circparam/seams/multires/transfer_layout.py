@@ -13,12 +13,13 @@ from circparam.core.arrays import (
     first_of_runs,
     group_count,
     group_sum,
+    slices,
 )
 from circparam.core.graph import nearest, undirected
 from circparam.geometry.gradient_transfer import (
+    in_rest_axes,
     nearest_known,
     space_gradients,
-    targets_from,
     turn_gradients,
 )
 from circparam.mesh.atlas import Atlas
@@ -28,6 +29,8 @@ from circparam.seams.multires.decimate import Proxy
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.shorten import propose
 from circparam.seams.segmentation.state import arcs_of
+
+NEAREST_AT_ONCE = 1 << 16  # faces: each turn is a call for a few of them
 
 
 def separate(
@@ -74,24 +77,25 @@ def nearest_coarse_face(fine: Surface, proxy: Proxy) -> IntArray:
     order = np.argsort(coarse.faces.ravel(), kind="stable")
     degree = group_count(coarse.faces.ravel(), len(coarse.points))
     first = np.cumsum(degree) - degree
-    cell = proxy.cell[fine.corner_vertex[:, 0]]
-    out = np.full(len(fine.faces), -1)
-    face = np.flatnonzero(cell >= 0)
     centre = coarse.points[coarse.faces].mean(1)
     size = float(np.sqrt(coarse.areas.mean()))
-    a, b, c = fine.faces.T
-    here = (fine.points[a] + fine.points[b] + fine.points[c]) / 3
-    best = np.full(len(fine.faces), np.inf)
-    for turn in range(
-        int(degree.max(initial=0))
-    ):  # the k-th face round each cell, all cells at once
-        face = face[degree[cell[face]] > turn]
-        candidate = order[first[cell[face]] + turn] // 3
-        apart = np.sqrt(((centre[candidate] - here[face]) ** 2).sum(1)) / size
-        apart += 0.5 * (1 - (coarse.normals[candidate] * fine.normals[face]).sum(1))
-        nearer = apart < best[face]
-        best[face[nearer]] = apart[nearer]
-        out[face[nearer]] = candidate[nearer]
+    out = np.full(len(fine.faces), -1)
+    for k in slices(len(out), NEAREST_AT_ONCE):
+        cell = proxy.cell[fine.corner_vertex[k, 0]]
+        a, b, c = fine.faces[k].T
+        here, normal = (fine.points[a] + fine.points[b] + fine.points[c]) / 3, fine.normals[k]
+        face = np.flatnonzero((cell >= 0) & (degree[cell] > 0))
+        best, found = np.full(len(cell), np.inf), out[k]
+        turn = 0
+        while len(face):  # the next face round each cell, all cells at once
+            candidate = order[first[cell[face]] + turn] // 3
+            apart = np.sqrt(((centre[candidate] - here[face]) ** 2).sum(1)) / size
+            apart += 0.5 * (1 - (coarse.normals[candidate] * normal[face]).sum(1))
+            nearer = apart < best[face]
+            best[face[nearer]] = apart[nearer]
+            found[face[nearer]] = candidate[nearer]
+            turn += 1
+            face = face[degree[cell[face]] > turn]
     return out
 
 
@@ -175,15 +179,17 @@ def fine_targets(
     known |= own & none_clear[chart]
     nearby, have = nearest_known(fine, known)
     source = np.where(have, near[nearby], -1)
-    turned = np.zeros((len(near), 2, 3))
-    # by way of the normal of the known face: the coarse one may look away from the others
-    there = nearby[have]
-    turned[have] = turn_gradients(
-        gradients[source[have]], coarse.surface.normals[source[have]], surface.normals[there]
-    )
-    far = have & ~known
-    turned[far] = turn_gradients(turned[far], surface.normals[nearby[far]], surface.normals[far])
-    return Carried(targets_from(fine, turned), source)
+    rest, normals = coarse.surface.normals, surface.normals
+    targets = np.empty((2, 2, len(near)))
+    for k in slices(len(near)):
+        turned = np.zeros((len(near[k]), 2, 3))
+        # by way of the normal of the known face: the coarse one may look away from the others
+        at, of = have[k], source[k][have[k]]
+        turned[at] = turn_gradients(gradients[of], rest[of], normals[nearby[k][at]])
+        far = at & ~known[k]
+        turned[far] = turn_gradients(turned[far], normals[nearby[k][far]], normals[k][far])
+        targets[..., k] = in_rest_axes(surface.points, surface.faces[k], normals[k], turned)
+    return Carried(targets, source)
 
 
 def prolonged(coarse: Atlas, fine: Atlas, cut_mesh: CutMesh, source: IntArray) -> FloatArray:

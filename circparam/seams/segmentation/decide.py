@@ -106,17 +106,18 @@ def nearly_flat_components(atlas: Atlas, bound: float) -> BoolArray:
 
 def merge_on(
     atlas: Atlas, bound: float, margin: float, monitor: Monitor, rise: float = RISE
-) -> None:
+) -> Merger | None:
     """Merge charts of a finished atlas that can be had as one at the same distortion.
 
     Arcs end at smaller curvature than they did and parts may come nearer to each other, so that unions turn out
     fine that were refused when charts were decided. Whatever is kept has fewer charts, shorter seams, and
-    the same mean distortion but for ``rise``, a share of it: it is better in every respect.
+    the same mean distortion but for ``rise``, a share of it: it is better in every respect. Returns what has
+    merged them, None where there was nothing to merge.
     """
     n, _ = atlas.charts()
     pieces, _ = atlas.surface.components
     if not pieces < n <= CROWD or monitor.expired:
-        return
+        return None
     options = MergeOptions(
         bound,
         margin=margin,
@@ -129,13 +130,14 @@ def merge_on(
     merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool), Worker(monitor.jobs))
     if atlas.prices is None:
         merger.run(monitor)
-        return
+        return merger
     # charts of hard surfaces were tried with all arcs at once too: where a round finds nothing, hardly one does
     while merger.work <= merger.limit and not monitor.expired:
         merged = merger.tally["merged"]
         going = merger.round(monitor)
         if not going or (merger.tally["merged"] == merged and merger.work > BARREN):
             break
+    return merger
 
 
 def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
@@ -154,12 +156,14 @@ def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
     fine = ~relaxed.bad(bound)
     at = np.where(fine[cut_mesh.vertex_chart][:, None], relaxed.uv, uv)
     out.scatter(cut_mesh, at)
-    merge_on(out, bound, 0.0, monitor)
+    merger = merge_on(out, bound, 0.0, monitor)
     had = float(chart_energies(cut_mesh, uv) @ cut_mesh.chart_areas)
     after, now = out.open()
-    left = (1 + RISE) * had / float(chart_energies(after, now) @ after.chart_areas) - 1
-    if left > RISE:
-        merge_on(out, bound, 0.0, monitor, left)
+    has = float(chart_energies(after, now) @ after.chart_areas)
+    if merger is not None and out.charts()[0] > pieces and had > has:
+        # only what there was no room for turns out otherwise
+        merger.more_room((1 + RISE) * had - has)
+        merger.run(monitor)
     return out
 
 

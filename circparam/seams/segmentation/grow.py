@@ -14,6 +14,7 @@ from circparam.core.arrays import (
     first_of_runs,
     group_max,
     group_sum,
+    slices,
     sorted_distinct,
 )
 from circparam.core.graph import components, distances, nearest, undirected
@@ -56,15 +57,19 @@ def dual_graph(surface: Surface, whole: BoolArray | None = None) -> DualGraph:
     n, cell = components(m, fi[locked], fj[locked])
     area = np.maximum(surface.areas, 1e-300)
     total = group_sum(area, cell, n)
-    corner = surface.points[surface.faces].mean(1)
+    corner = np.empty((m, 3))
+    for k in slices(m):
+        corner[k] = surface.points[surface.faces[k]].mean(1)
     centre = (
         np.stack([group_sum(corner[:, d] * area, cell, n) for d in range(3)], 1) / total[:, None]
     )
     normal = np.stack([group_sum(surface.normals[:, d] * area, cell, n) for d in range(3)], 1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     a, b = cell[fi], cell[fj]
-    turn = 1 - (normal[a] * normal[b]).sum(1)
-    far = np.linalg.norm(centre[a] - centre[b], axis=1)
+    turn, far = np.empty(len(e)), np.empty(len(e))
+    for k in slices(len(e)):
+        turn[k] = 1 - (normal[a[k]] * normal[b[k]]).sum(1)
+        far[k] = np.linalg.norm(centre[a[k]] - centre[b[k]], axis=1)
     # across the long side of two needles the way is as short as they are thin, wherever their centres lie
     across = 2 * (total[a] + total[b]) / (3 * np.maximum(surface.edge_lengths, 1e-300))
     far = np.where(across < NEEDLES * far, across, far)

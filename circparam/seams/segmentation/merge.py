@@ -6,10 +6,9 @@ about one relaxation of the surface however many charts there are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from circparam.core.arrays import (
     BoolArray,
@@ -25,6 +24,13 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
+from circparam.seams.segmentation.glues import (
+    Glues,
+    known_excess,
+    perimeters,
+    rings_of,
+    side_by_side,
+)
 from circparam.seams.segmentation.layout import chart_parts
 from circparam.seams.segmentation.state import Arcs, arcs_of, main_parts
 from circparam.seams.segmentation.unions import (
@@ -32,6 +38,7 @@ from circparam.seams.segmentation.unions import (
     MergeOptions,
     Tried,
     Unions,
+    first_look,
     keep_cheapest,
     lay_out,
 )
@@ -41,41 +48,10 @@ from circparam.solvers.pattern import eliminate_as, elimination_ranks
 PATIENCE = 3  # rounds in a row, after which merging ends
 HARDLY = 50  # if fewer than one in so many charts was merged in them
 FREE_WORK = 60_000  # faces: what trials on small surfaces hold costs little
+LOOKED_AT = 4_000  # faces of a surface up to which calls cost more than what unions hold
+LOOK = 10_000  # faces of the unions that are looked at together
 MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
-
-
-@dataclass(frozen=True, eq=False)
-class _Glues:
-    """Candidates for gluing: every arc, then every pair of neighbouring charts with all its arcs.
-
-    left, right: charts. key: what was tried is remembered by it. score: the best are tried first. may: bool.
-    useless: bool, known to fail, so that there is no need to lay the union out.
-    pair: (arcs,) pair of each arc.
-    """
-
-    left: IntArray
-    right: IntArray
-    key: npt.NDArray[np.uint64]
-    score: FloatArray
-    may: BoolArray
-    useless: BoolArray
-    pair: IntArray
-    rings: int = 1 << 62  # from this candidate on they glue both charts' slits as well
-
-    def glued(self, arcs: Arcs, chosen: IntArray, n_edges: int) -> BoolArray:
-        """(n_edges,) bool: edges that the chosen candidates glue."""
-        n = len(arcs.left)
-        arc = np.zeros(n, bool)
-        arc[chosen[chosen < n]] = True
-        several = chosen[(chosen >= n) & (chosen < self.rings)] - n
-        closed = chosen[chosen >= self.rings]
-        arc |= np.isin(self.pair, np.r_[several, closed - self.rings])
-        charts = np.r_[self.left[closed], self.right[closed]]
-        arc |= (arcs.left == arcs.right) & np.isin(arcs.left, charts)
-        out = np.zeros(n_edges, bool)
-        out[arcs.edge[arc[arcs.arc]]] = True
-        return out
 
 
 class Merger:
@@ -103,6 +79,8 @@ class Merger:
         if options.work is not None:
             self.limit = options.work * len(atlas.surface.faces) + FREE_WORK
         self.room = np.inf  # energy times area that all unions together may still add
+        self.dear = np.zeros(0, np.uint64)  # those of ``tried`` that there was no room for
+        self.looked_at = np.zeros(0, np.uint64)  # candidates that a first look left
         if options.rise is not None:
             cut_mesh, uv = atlas.open()
             self.room = options.rise * float(chart_energies(cut_mesh, uv) @ cut_mesh.chart_areas)
@@ -132,6 +110,10 @@ class Merger:
         open_glues = np.flatnonzero(glues.may & ~np.isin(glues.key, self.tried))
         if len(open_glues) == 0:
             return False
+        if np.isfinite(self.room):
+            open_glues = self._worth_trials(arcs, glues, open_glues, np.bincount(chart))
+            if len(open_glues) == 0:
+                return True
         pick = matching(glues.score[open_glues], glues.left[open_glues], glues.right[open_glues], n)
         chosen = open_glues[pick]
         self.tried = np.union1d(self.tried, glues.key[chosen])
@@ -140,7 +122,54 @@ class Merger:
             self._try(arcs, chart, n, glues, chosen, monitor)
         return True
 
-    def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> _Glues:
+    def more_room(self, room: float) -> None:
+        """Let unions add so much energy times area from now on; what there was no room for is tried again."""
+        self.room, self.work = room, 0
+        self.tried = np.setdiff1d(self.tried, self.dear)
+        self.dear, self.looked_at = np.zeros(0, np.uint64), np.zeros(0, np.uint64)
+
+    def _worth_trials(
+        self, arcs: Arcs, glues: Glues, open_glues: IntArray, size: IntArray
+    ) -> IntArray:
+        """The open candidates that a first look leaves, at the best few at once.
+
+        Where there is room for hardly any change it refuses nine of ten, and a trial alone takes as long as
+        what four hold. size: (n,) faces of the charts.
+        """
+        if self.atlas.prices is not None or len(self.atlas.surface.faces) > LOOKED_AT:
+            return open_glues
+        useless = glues.useless[open_glues]
+        self.tried = np.union1d(self.tried, glues.key[open_glues[useless]])
+        ask = open_glues[~useless]
+        seen = np.isin(glues.key[ask], self.looked_at)
+        if seen.any():
+            return ask[seen]
+        ask = ask[np.argsort(-glues.score[ask], kind="stable")]
+        while len(ask) and self.work <= self.limit:
+            faces = np.cumsum(size[glues.left[ask]] + size[glues.right[ask]])
+            number = max(int(np.searchsorted(faces, LOOK, side="right")), 1)
+            good = self._looked_at(arcs, glues, ask[:number])
+            if good.any():
+                return ask[:number][good]
+            ask = ask[number:]
+        return ask[:0]
+
+    def _looked_at(self, arcs: Arcs, glues: Glues, ask: IntArray) -> BoolArray:
+        """(k,) bool: of those candidates, the ones that a first look leaves; the others have been tried."""
+        unions = side_by_side(self.atlas, arcs, glues, ask, self.ranks)
+        good, dear, crossed = first_look(unions, self.room)
+        good &= ~not_disks(unions.cut_mesh)
+        self.looked_at = np.union1d(self.looked_at, glues.key[ask[good]])
+        self.tried = np.union1d(self.tried, glues.key[ask[~good]])
+        self.dear = np.union1d(self.dear, glues.key[ask[dear]])
+        self._remember(arcs, glues, ask[~good], crossed[~good])
+        self.work += int(np.bincount(unions.cut_mesh.chart)[~good].sum())
+        self.tally["trials"] += int((~good).sum())
+        self.tally["overlap"] += int(crossed.sum())
+        self.tally["distortion"] += int((~good & ~crossed).sum())
+        return good
+
+    def _glues(self, arcs: Arcs, chart: IntArray, n: int) -> Glues:
         """What may be glued: single arcs, and all arcs between two charts at once where there are several.
 
         Several at once are tried only when each alone has failed: two charts that close a flat ring overlap
@@ -178,7 +207,7 @@ class Merger:
         rings = 1 << 62
         if self.options.rigid:
             rings = len(left)
-            ring = self._rings(arcs, pairs, n, length[len(arcs.left) :])
+            ring = rings_of(arcs, pairs, n, length[len(arcs.left) :])
             left, right = np.r_[left, pairs // n], np.r_[right, pairs % n]
             key = np.r_[key, (key[len(arcs.left) :] ^ RING) * MIX]
             length = np.r_[length, ring]
@@ -186,36 +215,12 @@ class Merger:
             useless = np.r_[useless, np.zeros(len(ring), bool)]
         if not self.options.zip:
             may &= left != right
-        may &= ~self._hopeless(arcs, chart, left, right, pair)
-        rim = self._perimeters(arcs, chart, n)
+        least = known_excess(c, arcs, chart, self.lower_bound, (left, right, pair))
+        may &= ~(1 + least > self.options.bound)
+        rim = perimeters(c, arcs, chart, n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
         score = length / np.minimum(rim[left], rim[right]) - (left == right)
-        return _Glues(left, right, key, score, may, useless, pair, rings)
-
-    def _rings(self, arcs: Arcs, pairs: IntArray, n: int, length: FloatArray) -> FloatArray:
-        """(pairs,) length of all arcs of two charts and of the slits inside each: a tube, slit to unroll, goes
-        round a disk whole. 0 where there is no slit."""
-        own = arcs.left == arcs.right
-        slit = group_sum(arcs.length[own], arcs.left[own], n)
-        left, right = pairs // n, pairs % n
-        both = slit[left] + slit[right]
-        return np.where((left != right) & (both > 0), length + both, 0.0)
-
-    def _hopeless(
-        self, arcs: Arcs, chart: IntArray, left: IntArray, right: IntArray, pair: IntArray
-    ) -> BoolArray:
-        """(candidates,) bool: a part of the union is known to be distorted too much for it.
-
-        A map of a chart is one of each of its parts, so its distortion times its area is no less than that of
-        a part, and arcs and charts only grow.
-        """
-        area = group_sum(self.atlas.surface.areas, chart, len(np.bincount(chart)))
-        union = np.where(left == right, area[left], area[left] + area[right])
-        lower_bound = group_max(self.lower_bound[arcs.edge], arcs.arc, len(arcs.left))
-        several = group_max(lower_bound, pair, int(pair.max()) + 1)
-        lower_bound = np.r_[lower_bound, several, several][: len(left)]
-        result: BoolArray = 1 + lower_bound / union > self.options.bound
-        return result
+        return Glues(left, right, key, score, may, useless, pair, rings)
 
     def _overlapped(self, arcs: Arcs, pair: IntArray, n: int) -> tuple[BoolArray, BoolArray]:
         """Which arcs, and which pairs ((n,) bool), need not be tried: their last union overlapped deep, and
@@ -232,9 +237,7 @@ class Merger:
         together[pair[arcs.arc[~self.overlapped[1][arcs.edge]]]] = False
         return alone, together
 
-    def _remember(
-        self, arcs: Arcs, glues: _Glues, chosen: IntArray, overlapping: BoolArray
-    ) -> None:
+    def _remember(self, arcs: Arcs, glues: Glues, chosen: IntArray, overlapping: BoolArray) -> None:
         """Keep on the edges of arcs whether the unions along them overlapped deep."""
         n, pairs = len(arcs.left), int(glues.pair.max()) + 1
         alone, together = np.full(n, -1), np.full(pairs, -1)
@@ -279,18 +282,12 @@ class Merger:
         self.lower_bound[:] = 0
         self.lower_bound[now.edge] = (1 - SLACK) * known[now.arc]
 
-    def _perimeters(self, arcs: Arcs, chart: IntArray, n: int) -> FloatArray:
-        """(n,) length of the boundary of every chart."""
-        c = self.atlas
-        rim = group_sum(arcs.length, arcs.left, n) + group_sum(arcs.length, arcs.right, n)
-        return rim + group_sum(c.boundary_lengths, chart[c.surface.boundary // 3], n)
-
     def _try(
         self,
         arcs: Arcs,
         chart: IntArray,
         n: int,
-        glues: _Glues,
+        glues: Glues,
         chosen: IntArray,
         monitor: Monitor,
     ) -> None:
@@ -324,7 +321,10 @@ class Merger:
         self.tally["overlap"] += int(tried.overlapping.sum())
         good = ~tried.distorted & ~tried.overlapping
         if np.isfinite(self.room):
+            fine = good.copy()
             self.room -= keep_cheapest(unions, tried, good, self.room)
+            dear = tried.dear | (fine & ~good)
+            self.dear = np.union1d(self.dear, glues.key[chosen[dear]])
         self.tally["merged"] += int(good.sum())
         kept = good[cut_mesh.chart]
         c.corners[fid[kept]] = tried.uv[cut_mesh.faces[kept]]

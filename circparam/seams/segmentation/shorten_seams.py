@@ -16,6 +16,7 @@ from circparam.seams.segmentation.state import LaidOut
 from circparam.solvers.newton import RelaxOptions
 
 ROUNDS = 8  # of single chains that are tried again where all at once spoil a chart
+BARREN = 1  # rounds in a row for charts that are bad as they are
 WORTH_IT = 1e-3  # of the length of all seams: chains that gain less are not tried again
 
 
@@ -31,7 +32,8 @@ def shorten_seams(
 
     All chains are tried at once first, and those beside bad charts taken back until none is bad. These are
     tried again in rounds of the largest gains, at most one chain a chart. Charts that a step does not touch
-    keep the layout they have. Where a chart that no chain helps is bad as soon as it is relaxed, all stays.
+    keep the layout they have. Where a chart that no chain helps is bad as soon as it is relaxed, all stays:
+    once a round has found nothing chains beside such charts are tried before others, in so few rounds.
     """
     proposal = propose(atlas, rings, pinned)
     work = _Shortening(atlas, proposal, bound, dataclasses.replace(options, give_up=bound), margin)
@@ -45,17 +47,24 @@ def shorten_seams(
         spoilt = work.attempt(take)
     work.keep(take)
     open_chains = np.flatnonzero(~take & (gain > WORTH_IT * seams))
+    barren = 0
     for _ in range(ROUNDS):
         if len(open_chains) == 0 or (fragile and work.frail(work.beyond_help(open_chains))):
             break
-        pick = matching(
-            gain[open_chains], left[open_chains], right[open_chains], work.start.n_charts
-        )
-        chosen = open_chains[pick]
+        among = open_chains
+        if fragile and barren:
+            urgent = work.weak(work.untouched())
+            if urgent.any():
+                if barren > BARREN:
+                    break
+                among = open_chains[urgent[left[open_chains]] | urgent[right[open_chains]]]
+        pick = matching(gain[among], left[among], right[among], work.start.n_charts)
+        chosen = among[pick]
         trial = take.copy()
         trial[chosen] = True
         spoilt = work.attempt(trial)
         take[chosen[~spoilt[chosen]]] = True
+        barren = barren + 1 if spoilt[chosen].all() else 0
         open_chains = np.setdiff1d(open_chains, chosen)
         work.keep(take)
     # charts whose parts were pushed apart fall on each other again as soon as they are relaxed: what they
@@ -79,9 +88,8 @@ class _Shortening:
         # what is bad before any seam moves is no fault of a chain
         self.start = LaidOut(atlas.cut.copy(), chart, atlas.corners.copy(), np.zeros(n, bool))
         self.kept = self.last = self.start
-        self._sound = np.zeros(
-            n, bool
-        )  # charts that are good when they are laid out again as they were
+        # of charts laid out again as they were: 1 good, −1 bad, 0 not known yet
+        self._health = np.zeros(n, np.int64)
 
     def attempt(self, take: BoolArray) -> BoolArray:
         """Move the chains ``take`` ((k,) bool) alone; (k,) bool: those of them that lie beside bad charts."""
@@ -106,17 +114,21 @@ class _Shortening:
         self.attempt(take)
         self.kept = self.last
 
+    def weak(self, which: BoolArray) -> BoolArray:
+        """(n,) bool: those of some charts ((n,) bool) that are bad when laid out again as they were."""
+        start, asked = self.start, which & (self._health == 0)
+        if asked.any():
+            faces = asked[start.chart]
+            was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices).part(faces)
+            before = (np.cumsum(asked) - 1)[start.chart[faces]]
+            bad = lay_out_again(was, before, self.options, self.margin).bad(self.bound)
+            self._health[asked] = np.where(bad, -1, 1)
+        result: BoolArray = which & (self._health < 0)
+        return result
+
     def frail(self, which: BoolArray) -> bool:
         """Whether some of those charts ((n,) bool) are bad when they are laid out again as they were."""
-        start, asked = self.start, which & ~self._sound
-        if not asked.any():
-            return False
-        faces = asked[start.chart]
-        was = Atlas(self.atlas.surface, start.cut, start.corners, self.atlas.prices).part(faces)
-        before = (np.cumsum(asked) - 1)[start.chart[faces]]
-        bad = lay_out_again(was, before, self.options, self.margin).bad(self.bound)
-        self._sound[asked] = ~bad
-        return bool(bad.any())
+        return bool(self.weak(which).any())
 
     def beyond_help(self, chains: IntArray) -> BoolArray:
         """(n,) bool: untouched charts that none of these chains lies beside, on its old path or its new one."""

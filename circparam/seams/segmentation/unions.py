@@ -24,6 +24,9 @@ ENOUGH = 0.8  # of the excess of the bound: unions of hard surfaces are not rela
 # times the excess of the bound: by how much (Frobenius, squared) the Jacobians of a start with flipped faces
 # may be off in the mean. Of 190 unions of seven meshes with more one was good.
 HOPELESS = 3.0
+# faces that the first linear solve of a union flips, and share of them, from which it is not untangled: of 488
+# unions with flips of eight meshes the 34 that came to anything had 11 at most, 250 others more than 16
+MANY_FLIPS, FLIPPED = 16, 0.01
 # times the room that is left: by how much, in area, the Jacobians of a start may be off. Of 256 unions of ten
 # meshes all 18 that there was room for were below 1.9, and none of them had a flipped face.
 AFAR = 6.0
@@ -70,7 +73,8 @@ class Unions:
 class Tried:
     """Unions laid out: uv (nv, 2), and of each (n,) its energy, a floor of that, what is wrong.
 
-    deep: parts of the union lie on each other that no relaxation will part.
+    deep: parts of the union lie on each other that no relaxation will part. dear: it differs from its parts by
+    more than there was room for, which says nothing of where there is more.
     """
 
     uv: FloatArray
@@ -79,14 +83,15 @@ class Tried:
     distorted: BoolArray
     overlapping: BoolArray
     deep: BoolArray
+    dear: BoolArray
 
     @staticmethod
     def nothing(cut_mesh: CutMesh) -> Tried:
         """Of unions that nothing is known of."""
         n = cut_mesh.n_charts
-        none = np.zeros(n, bool)
+        none = [np.zeros(n, bool) for _ in range(4)]
         uv = np.zeros((cut_mesh.n_vertices, 2))
-        return Tried(uv, np.full(n, np.inf), np.ones(n), none, none.copy(), none.copy())
+        return Tried(uv, np.full(n, np.inf), np.ones(n), *none)
 
     def put(self, some: BoolArray, vertices: IntArray, part: Tried) -> None:
         """Take over what is known of some unions ((n,) bool) with those vertices."""
@@ -97,6 +102,7 @@ class Tried:
             (self.distorted, part.distorted),
             (self.overlapping, part.overlapping),
             (self.deep, part.deep),
+            (self.dear, part.dear),
         ):
             mine[some] = theirs
 
@@ -154,6 +160,25 @@ def lay_out_rigid(unions: Unions, options: MergeOptions, crowd: bool, monitor: M
 def _bent(unions: Unions, options: MergeOptions, crowd: bool) -> Tried:
     """Start from both layouts as far as one Poisson solve can have both, and relax."""
     cut_mesh = unions.cut_mesh
+    jacobian, targets = _wanted(unions)
+    if np.isfinite(options.room):
+        uv, near, dear = _start_within(cut_mesh, targets, options.room)
+        tried = _relax_some(cut_mesh, uv, near, options, crowd)
+        tried.dear[:] = dear
+        return tried
+    if options.rigid:
+        uv, energy = better_start(cut_mesh, targets, jacobian, unions.in_right, options.bound)
+        return _relax_some(cut_mesh, uv, np.isfinite(energy), options, crowd)
+    # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
+    flips = np.maximum(MANY_FLIPS, FLIPPED * np.bincount(cut_mesh.chart))
+    hopeless = HOPELESS * (options.bound - 1), flips
+    uv, _ = from_jacobians(cut_mesh, targets, options.untangle, hopeless=hopeless)
+    return _relax(cut_mesh, uv, options, crowd)
+
+
+def _wanted(unions: Unions) -> tuple[FloatArray, FloatArray]:
+    """(Jacobians of both layouts, the same with the right part turned onto the left one), (2, 2, m) each."""
+    cut_mesh = unions.cut_mesh
     turn = _turns(cut_mesh, unions.corners, unions.in_right)
     gradients = np.ascontiguousarray(cut_mesh.gradients.transpose(1, 2, 0))
     jacobian = dirichlet.jacobians(gradients, unions.corners.transpose(2, 1, 0))
@@ -161,29 +186,40 @@ def _bent(unions: Unions, options: MergeOptions, crowd: bool) -> Tried:
     turned = np.stack(
         [cosine * jacobian[0] - sine * jacobian[1], sine * jacobian[0] + cosine * jacobian[1]]
     )
-    targets = np.where(unions.in_right, turned, jacobian)
-    if np.isfinite(options.room):
-        return _within(cut_mesh, targets, options, crowd)
-    if options.rigid:
-        uv, energy = better_start(cut_mesh, targets, jacobian, unions.in_right, options.bound)
-        return _relax_some(cut_mesh, uv, np.isfinite(energy), options, crowd)
-    # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
-    hopeless = HOPELESS * (options.bound - 1)
-    uv, _ = from_jacobians(cut_mesh, targets, options.untangle, hopeless=hopeless)
-    return _relax(cut_mesh, uv, options, crowd)
+    return jacobian, np.where(unions.in_right, turned, jacobian)
 
 
-def _within(cut_mesh: CutMesh, targets: FloatArray, options: MergeOptions, crowd: bool) -> Tried:
-    """Relax the unions that hardly differ from the layouts of their parts; the others cost more than there is
-    room for. One linear solve tells: how far its Jacobians are off bounds about what the union adds."""
+def _start_within(
+    cut_mesh: CutMesh, targets: FloatArray, room: float
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """(uv, unions that hardly differ from the layouts of their parts, those that cost more than the room).
+
+    One linear solve tells: how far its Jacobians are off bounds about what the union adds.
+    """
     system = Poisson(cut_mesh)
     uv = system.layout(targets)
     jacobian, flipped = system.judged(uv)
     off = group_sum(
         ((jacobian - targets) ** 2).sum((0, 1)) * cut_mesh.areas, cut_mesh.chart, len(flipped)
     )
-    near = ~flipped & (off <= AFAR * options.room)
-    return _relax_some(cut_mesh, uv, near, options, crowd)
+    little = off <= AFAR * room
+    return uv, ~flipped & little, ~flipped & ~little
+
+
+def first_look(unions: Unions, room: float) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """What ``lay_out`` refuses before any relaxation where there is room for hardly any change.
+
+    Returns ((n,) worth a trial, (n,) that cost more than the room, (n,) that lie on themselves).
+    """
+    cut_mesh = unions.cut_mesh
+    uv, near, dear = _start_within(cut_mesh, _wanted(unions)[1], room)
+    crossed = np.zeros_like(near)
+    if near.any():
+        sub, vid, _ = cut_mesh.subset(near)
+        which = np.zeros(sub.n_charts, bool)
+        which[sub.chart[crossings(uv[vid], sub)[:, 0] // 3]] = True
+        crossed[near] = which
+    return near & ~crossed, dear, crossed
 
 
 def _relax_some(

@@ -9,7 +9,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, group_count, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
-from circparam.geometry.distortion import chart_distortion, face_stretch
+from circparam.geometry.distortion import face_stretch, stretch_and_distortion
 from circparam.geometry.nearby import centres, within
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
@@ -36,7 +36,8 @@ GROWTH = 1.25  # times so much more a round
 class Limits:
     """bound: distortion that no chart below it comes above. most: stretch that only the share ``allowed`` of
     the surface may exceed. spared: of that share, how much the worst faces may have that are left as they are.
-    near: share of the root of a chart's area that moves round such faces at first.
+    near: share of the root of a chart's area that moves round such faces at first. local: iterations of a step,
+    where what moves is only a few rings wide, and charts too large for a round too many (None: to the end).
     """
 
     bound: float
@@ -44,6 +45,7 @@ class Limits:
     allowed: float = AIMED * TAIL
     spared: float = SPARED
     near: float = NEAR
+    local: int | None = None
 
     def without(self, over: float, whole: CutMesh, part: CutMesh) -> Limits:
         """For a part of the surface, where the other parts use so much of the share."""
@@ -67,8 +69,8 @@ def even_out(
     was before, where that is higher); (n,) bool: charts that got better).
     """
     n, chart, most = cut_mesh.n_charts, cut_mesh.chart, limits.most
-    limit = np.maximum(chart_distortion(cut_mesh, uv), limits.bound)
-    stretch = face_stretch(cut_mesh, uv)
+    stretch, distortion = stretch_and_distortion(cut_mesh, uv)
+    limit = np.maximum(distortion, limits.bound)
     start = share_over(cut_mesh, stretch, most)
     best, folded = _Best(uv, start), _Best(uv, start)
     at, weight = uv, np.ones(len(chart))
@@ -77,16 +79,18 @@ def even_out(
     spared = _worst(cut_mesh, stretch, limits.spared * limits.allowed)
     for turn in range(ROUNDS):
         active = idle < PATIENCE
-        if not active.any() or best.over.sum() <= limits.allowed or monitor.expired:
+        over = best.over if limits.local is None else np.minimum(best.over, folded.over)
+        if not active.any() or over.sum() <= limits.allowed or monitor.expired:
             break
         heavier = weight * np.maximum(stretch / (1 + AIM * (most - 1)), 1.0) ** POWER
         heavier[spared] = 1.0
         weight = np.where(active[chart], np.minimum(heavier, HEAVIEST), weight)
         reach = np.where(small, np.inf, limits.near * GROWTH**turn * np.sqrt(cut_mesh.chart_areas))
-        at = _relaxed_beside(cut_mesh, at, weight, np.where(active, reach, 0.0), monitor)
-        stretch = face_stretch(cut_mesh, at)
+        reach = np.where(active, reach, 0.0)
+        at = _relaxed_beside(cut_mesh, at, weight, reach, limits.local, monitor)
+        stretch, distortion = stretch_and_distortion(cut_mesh, at)
         over = share_over(cut_mesh, stretch, most)
-        good = active & (over < best.over) & (chart_distortion(cut_mesh, at) <= limit)
+        good = active & (over < best.over) & (distortion <= limit)
         coiled = good & _overlapping(cut_mesh, at, good)
         best = best.taken(cut_mesh, at, over, good & ~coiled)
         # what lies on itself when it moves as a whole is tried again near those faces alone
@@ -143,14 +147,19 @@ def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> BoolArr
 
 
 def _relaxed_beside(
-    cut_mesh: CutMesh, uv: FloatArray, weight: FloatArray, reach: FloatArray, monitor: Monitor
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    weight: FloatArray,
+    reach: FloatArray,
+    local: int | None,
+    monitor: Monitor,
 ) -> FloatArray:
     """As ``relaxed_near``; charts that nothing moves are left out, the others are shared out in parts."""
     sub, vid, fid = cut_mesh.subset(reach > 0)
     tasks = []
     parts = chart_parts(sub)
     for of_part, part, v, f in parts:
-        tasks.append((part, uv[vid[v]], weight[fid[f]], reach[reach > 0][of_part]))
+        tasks.append((part, uv[vid[v]], weight[fid[f]], reach[reach > 0][of_part], local))
     out = uv.copy()
     done = Worker(monitor.jobs).map(relaxed_near, tasks, monitor)
     for (_, _, v, _), moved in zip(parts, done, strict=True):
@@ -159,11 +168,16 @@ def _relaxed_beside(
 
 
 def relaxed_near(
-    cut_mesh: CutMesh, uv: FloatArray, weight: FloatArray, reach: FloatArray, monitor: Monitor
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    weight: FloatArray,
+    reach: FloatArray,
+    local: int | None,
+    monitor: Monitor,
 ) -> FloatArray:
     """Relax the faces within reach ((n,) by charts) of those that weigh more than 1; the rest stays.
 
-    monitor: not asked, since two steps are soon done.
+    local: as ``RelaxOptions`` has it. monitor: not asked, since two steps are soon done.
     """
     heavy = (weight > 1) & (reach > 0)[cut_mesh.chart]
     if not heavy.any():
@@ -184,7 +198,7 @@ def relaxed_near(
         return uv
     heavier = weight[region]
     mean = group_sum(part.areas * heavier, part.chart, part.n_charts) / part.chart_areas
-    options = replace(STEP, fixed=fixed, weight=heavier / mean[part.chart])
+    options = replace(STEP, fixed=fixed, weight=heavier / mean[part.chart], local=local)
     out = uv.copy()
     out[source[~fixed]] = relax(part, uv[source], options).uv[~fixed]
     return out

@@ -104,3 +104,21 @@ def test_gltf_has_its_buffer_beside_it_or_inside(tmp_path) -> None:
         np.testing.assert_array_equal(a.tree.rows(k), b.tree.rows(k))
     written = write(tmp_path / "m.gltf", doc, uvmap)
     assert {p.name for p in written.files} == {"m.gltf", "m.bin"}
+
+
+@pytest.mark.parametrize("far", [0.0, 10.0, 500.0, 5e6, 1e12, -3e20])
+def test_shapes_far_from_the_origin_are_kept(far: float) -> None:
+    """A scan in the coordinates of a map came back in steps of half a metre, one further away as a point."""
+    points, faces = grid(5)
+    points = points / 3 + np.array([far, -far, 2 * far])
+    doc = from_arrays(points, faces)
+    out = encode(doc, layout_with_seams(doc), "glb")
+    again = read_data(out.data).mesh.points[: len(points)]
+    step = np.spacing(3 * abs(far))  # of the numbers that were given
+    assert np.abs((again - again[0]) - (points - points[0])).max() <= 2e-6 + step
+    assert np.abs(again - points).max() <= 2e-6 + step
+    node = tree_of(out.data)["nodes"][0]
+    assert ("translation" in node) == (abs(far) > 16)
+    assert any("far from the origin" in note for note in out.notes) == (abs(far) > 16)
+    stored = np.float32(node.get("translation", [0, 0, 0])).astype(float)
+    assert stored.tolist() == node.get("translation", [0, 0, 0])  # no viewer rounds it

@@ -298,3 +298,28 @@ def test_whole_numbers_may_be_written_as_decimals() -> None:
     for wrong in (9.5, True, -0.5, None):
         g.tree["accessors"][0]["count"] = wrong
         refused(g.glb(), "whole number")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"nodes": [{"mesh": 0, "matrix": [1, 2, 3]}]}, "matrix of a node has 3 numbers, 16 are"),
+        ({"nodes": [{"mesh": 0, "rotation": [0, 1]}]}, "rotation of a node has 2 numbers, 4 are"),
+        ({"nodes": [{"mesh": 0, "scale": 2}]}, "scale of a node has 1 numbers, 3 are"),
+        ({"accessors": [{"componentType": 7, "type": "VEC3", "count": 3}]}, "component type 7"),
+        ({"accessors": [{"componentType": 5126, "type": "VEC9", "count": 3}]}, "'VEC9' is missing"),
+        ({"accessors": [{"componentType": 5126, "type": "VEC3", "count": -3}]}, "-3 where a whole"),
+        ({"accessors": [{"type": "VEC3", "count": 3}]}, "'componentType' is missing"),
+    ],
+)
+def test_what_is_malformed_is_told_without_names_of_python(change: dict, says: str) -> None:
+    tree = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"componentType": 5126, "type": "VEC3", "count": 3}],
+    }
+    with pytest.raises(InputError, match=says) as caught:
+        read_data(json.dumps(tree | change).encode(), format="gltf")
+    assert "Error" not in str(caught.value)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from circparam.errors import InputError
-from circparam.formats.io import read, read_data
+from circparam.formats.io import encode, read, read_data
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import Source
+from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     assert_round_trip,
     corners,
@@ -147,3 +148,13 @@ def test_the_corner_with_too_many_numbers_is_named_by_its_line() -> None:
     text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1 2 3\nf 3 1/1/1/1 2\n"
     with pytest.raises(InputError, match=r"line 8.*more than v/vt/vn"):
         read_data(text, format="obj")
+
+
+def test_a_byte_order_mark_hides_no_line() -> None:
+    """Windows' editors write one: the first v line was not seen, so every index named another vertex."""
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\n"
+    mark = b"\xef\xbb\xbf"
+    document = read_data(mark + text, format="obj")
+    np.testing.assert_array_equal(document.mesh.points, read_data(text, format="obj").mesh.points)
+    layout = UVMap(np.eye(3)[:, :2], document.mesh.faces)
+    assert encode(document, layout).data.startswith(mark + text[:-8])

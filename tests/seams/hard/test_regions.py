@@ -54,6 +54,27 @@ def test_slivers_have_the_normals_of_what_they_lie_in() -> None:
     assert label.max() == 0
 
 
+def test_a_needle_beside_a_wall_stays_in_its_flat() -> None:
+    """Its edge to the wall is longer than that to the flat, and beyond its longest lies another needle."""
+    points = np.array(
+        [
+            [0, 0, 0],
+            [0.4, 0, 0],
+            [0.7, 1.2e-5, 0],
+            [0.8, 2.5e-5, 0],
+            [0.5, 1, 0],
+            [0.7, -1, 0],
+            [0.2, 0, 1],
+        ]
+    )
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [1, 5, 2], [2, 5, 3], [1, 0, 6]])
+    surface = surface_of(points, faces)
+    assert sure_normals(surface)[:5] == pytest.approx(surface.normals[:5], abs=1e-9)
+    label, _ = flats(surface, turns(surface)[0])
+    assert len(set(label[:5])) == 1
+    assert label[5] != label[0]
+
+
 def test_a_fine_tube_is_not_a_flat() -> None:
     """Its faces turn less than flats do, one by one."""
     surface = surface_of(*shapes.cylinder(around=900, along=1))
@@ -130,6 +151,19 @@ def test_many_regions_of_many_faces_are_parts_not_scraps(rings: int) -> None:
     blunt = surface.edge_lengths[crease & (angle < np.radians(40))].sum()
     assert 0.1 < blunt / surface.edge_lengths[crease].sum() < 0.5
     assert (hardness(surface) == HARD).all()
+
+
+def test_a_comb_of_boxes_is_hard_and_a_surface_of_spikes_is_not() -> None:
+    """Both have many regions of few faces between sharp creases; those of spikes are single faces."""
+    teeth = [np.array([[k, 0], [k + 0.5, 0], [k + 0.5, 3], [k + 1, 3]]) for k in range(20)]
+    outline = np.concatenate([*teeth, [[20, 4], [0, 4]]])
+    comb = extrude(outline, height=6.0)
+    surface = surface_of(comb.points, comb.faces)
+    assert comb.flat.sum() * 8 > len(comb.faces)
+    assert (hardness(surface) == HARD).all()
+    points, faces = shapes.icosphere(3)
+    reach = np.random.default_rng(0).uniform(0.2, 3, len(points))
+    assert (hardness(surface_of(points * reach[:, None], faces)) == ORGANIC).all()
 
 
 def test_angles_of_corners_and_what_they_leave() -> None:

@@ -25,7 +25,7 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     surface = surface_of(*shapes.icosphere(3))
     cost: dict[int, float] = {}
     gone_on: list[float] = []
-    start, end = starts.grow_and_merge, starts.shortened
+    start, end = starts.grow_and_merge, starts.shortened_and_merged
 
     def started(*task: object) -> starts.Start:
         one = start(*task)
@@ -39,7 +39,7 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     monkeypatch.setattr(starts, "BEHIND", behind)
     monkeypatch.setattr(starts, "TOGETHER", 0)
     monkeypatch.setattr(starts, "grow_and_merge", started)
-    monkeypatch.setattr(starts, "shortened", shortened)
+    monkeypatch.setattr(starts, "shortened_and_merged", shortened)
     atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), together=False)
     assert len(cost) == 4
     assert len(set(cost.values())) > 1
@@ -47,6 +47,36 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     assert min(gone_on) == min(cost.values())
     assert starts.cost_of(atlas) <= min(gone_on)
     assert np.isfinite(atlas.corners).all()
+
+
+def test_only_the_best_of_the_starts_is_shortened_a_second_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    surface = surface_of(*shapes.icosphere(3))
+    rings: list[int] = []
+    before: list[float] = []
+    shorten = starts.shorten_seams
+
+    def counted(atlas: Atlas, bound: float, options: RelaxOptions, reach: int, **rest: float):
+        rings.append(reach)
+        before.append(starts.cost_of(atlas))
+        return shorten(atlas, bound, options, reach, **rest)
+
+    ends: list[float] = []
+    first = starts.shortened_and_merged
+
+    def shortened(*given: object) -> Atlas:
+        atlas = first(*given)
+        ends.append(starts.cost_of(atlas))
+        return atlas
+
+    monkeypatch.setattr(starts, "BEHIND", 1e9)
+    monkeypatch.setattr(starts, "shorten_seams", counted)
+    monkeypatch.setattr(starts, "shortened_and_merged", shortened)
+    atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    assert rings == [3, 3, 3, 3, 1]
+    assert before[-1] == min(ends)
+    assert starts.cost_of(atlas) <= min(ends)
 
 
 def test_starts_that_merge_together_come_to_what_each_comes_to_alone() -> None:

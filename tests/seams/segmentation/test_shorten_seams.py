@@ -120,3 +120,36 @@ def test_no_chain_is_tried_again_where_none_can_help_a_frail_chart(monkeypatch) 
     sheet.corners[:] = corners
     shorten_seams(sheet, 1.01, FINE)
     assert tried == [1], "the frail charts have a chain that may help them"
+
+
+@pytest.mark.parametrize("helped", [False, True])
+def test_a_chart_bad_as_it_is_gets_few_rounds_unless_a_chain_helps_it(monkeypatch, helped) -> None:
+    """A sheet beside five others, each with a jagged seam to it: one chain a round can be tried."""
+    points, faces = shapes.grid(41, 41)
+    surface = surface_of(points * [1, 1, 0], faces)
+    x, y = middles(surface)[:, :2].T
+    row = np.minimum(np.floor(y * 5), 4)
+    teeth = np.abs(np.floor(y * 40) - 8 * row - 3.5) < 2
+    left = np.floor(x * 40) < np.where(teeth, 22, 20)
+    atlas = as_it_lies(cut_between(surface, np.where(left, 0, 1 + row.astype(np.int64))))
+    assert atlas.charts()[0] == 6
+    was = atlas.cut.copy()
+    laid_out, matched = module.lay_out_again, module.matching
+    rounds: list[int] = []
+
+    def counted(*given):
+        rounds.append(len(given[0]))
+        return matched(*given)
+
+    def bad_left(part: Atlas, *rest, **named):
+        now = laid_out(part, *rest, **named)
+        if helped and rounds:  # what is tried alone is good
+            return now
+        now.energy[np.unique(now.cut_mesh.chart[middles(part.surface)[:, 0] < 0.4])] = np.inf
+        return now
+
+    monkeypatch.setattr(module, "lay_out_again", bad_left)
+    monkeypatch.setattr(module, "matching", counted)
+    shorten_seams(atlas, 1.01, FINE)
+    assert len(rounds) == (5 if helped else 1 + module.BARREN)
+    assert np.array_equal(atlas.cut, was) != helped

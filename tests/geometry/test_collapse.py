@@ -1,0 +1,60 @@
+"""Collapses of edges: what is left of a mesh, wherever the work is done."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from circparam.geometry import collapse
+from tests.support import shapes
+
+
+def ball() -> tuple[np.ndarray, np.ndarray]:
+    points, faces = shapes.noisy(*shapes.icosphere(4), amount=0.01)
+    return np.ascontiguousarray(points / 2), faces.astype(np.int32)
+
+
+def left_of(into: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Faces that are no edge or point after the collapses."""
+    coarse = into[faces]
+    a, b, c = coarse.T
+    return coarse[(a != b) & (b != c) & (a != c)]
+
+
+def test_a_ball_keeps_its_shape_in_a_tenth_of_its_faces() -> None:
+    points, faces = ball()
+    moved, into = collapse.collapsed(points, faces, 500)
+    assert into.shape == (len(points),)
+    assert np.array_equal(np.unique(into), np.arange(len(moved)))
+    left = left_of(into, faces)
+    assert 400 <= len(left) <= 500
+    # closed, and as large and round as it was
+    assert len(moved) - len(left) // 2 == 2
+    assert np.allclose(np.linalg.norm(moved, axis=1), 0.5, atol=0.03)
+    volume = np.einsum("ij,ij->", moved[left[:, 0]], np.cross(moved[left[:, 1]], moved[left[:, 2]]))
+    assert volume / 6 == pytest.approx(4 / 3 * np.pi / 8, rel=0.05)
+    # each point went into one that lies near it
+    assert np.linalg.norm(moved[into] - points, axis=1).max() < 0.15
+
+
+def test_a_process_of_its_own_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    points, faces = ball()
+    here = collapse.collapsed(points, faces, 500)
+    monkeypatch.setattr(collapse, "APART_FACES", 1000)
+    monkeypatch.setattr(collapse, "_here", lambda *_: pytest.fail("nothing is done here"))
+    apart = collapse.collapsed(points, faces, 500)
+    assert all(np.array_equal(a, b) for a, b in zip(here, apart, strict=True))
+
+
+@pytest.mark.parametrize("program", ["/nowhere/python", "/bin/false"])
+def test_what_no_process_answers_is_done_here(
+    program: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points, faces = ball()
+    here = collapse.collapsed(points, faces, 500)
+    monkeypatch.setattr(collapse, "APART_FACES", 1000)
+    monkeypatch.setattr(sys, "executable", program)
+    again = collapse.collapsed(points, faces, 500)
+    assert all(np.array_equal(a, b) for a, b in zip(here, again, strict=True))

@@ -1,0 +1,79 @@
+"""What is seen of the seams: the same whoever looks, and left out where no time is left."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+import circparam
+from circparam.core import workers
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Later
+from circparam.geometry.visibility import visible_share
+from circparam.mesh.mesh import UVMap
+from circparam.pipeline import seen, unwrap
+from circparam.pipeline.result import Result
+from circparam.pipeline.summary import summarise
+from tests.support import shapes
+
+
+@pytest.fixture(autouse=True)
+def none_left() -> Iterator[None]:
+    yield
+    workers.stop()
+
+
+@pytest.fixture(scope="module")
+def torus() -> Result:
+    return circparam.unwrap(shapes.torus(16, 8), jobs=1)
+
+
+def told(result: Result, monitor: Monitor) -> Result:
+    """The result as the end of an unwrap with that monitor leaves it."""
+    uvmap = UVMap(result.uv, result.uv_faces)
+    found = seen.SeenBeside(result.surface, uvmap, monitor).told(result.verification)
+    return replace(result, verification=replace(found))
+
+
+def test_a_process_that_looks_finds_what_is_found_here(torus: Result) -> None:
+    workers.start(2, seen.__name__)
+    pool = workers.current()
+    assert pool is not None
+    pool.ready.result()
+    beside = told(torus, Monitor(jobs=2)).verification
+    assert isinstance(beside.seen, seen.Known)
+    expected = visible_share(torus.surface, torus.verification.cut)
+    assert 0 < expected < 1
+    assert beside.seam_visible == expected
+    assert told(torus, Monitor()).verification.seam_visible == expected
+
+
+def test_nobody_looks_where_no_time_is_left(torus: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[object] = []
+    monkeypatch.setattr(Later, "begin", looked.append)
+    monkeypatch.setattr("circparam.pipeline.verify.visible_share", lambda *a: looked.append(a))
+    late = told(torus, Monitor(timeout=-1.0, jobs=2))
+    assert json.loads(json.dumps(summarise(late)))["seam_visible"] is None
+    assert looked == []
+    short = Monitor(timeout=100.0)
+    short.seconds["repair"] = 30.0  # looking takes some minutes then
+    assert told(torus, short).verification.seam_visible is None
+    assert looked == []
+
+
+def test_an_unwrap_out_of_time_does_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    monitor = Monitor(timeout=1000.0)
+    given = unwrap.fit_stored
+
+    def late(*args: object) -> object:
+        monitor.deadline = 0.0
+        return given(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(unwrap, "fit_stored", late)
+    document = unwrap.open_source(shapes.torus(16, 8), circparam.Options())
+    result = unwrap.unwrap_document(document, None, circparam.Options(), monitor)
+    assert result.verification.valid
+    assert result.measures["seam_visible"] is None
