@@ -234,7 +234,7 @@ def _squares(n):
 
 
 def test_a_start_is_gone_on_with(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two triangles that make a square: a start with both on one square fills the page."""
+    """Two triangles that make a square: a start with both on one square fills the page; boxes fill half."""
     monkeypatch.setattr(strategy, "_found", lambda task: ([], None))  # no search of its own
     faces = np.array([[0, 1, 2], [3, 4, 5]])
     uv = np.array([[0, 0], [1, 0], [0, 1], [7, 5], [6, 5], [7, 4]], float)
