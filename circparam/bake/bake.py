@@ -22,7 +22,9 @@ from circparam.bake.projection import (
     through,
 )
 from circparam.bake.sampling import (
+    Closest,
     Paint,
+    apart,
     closest_paint,
     corner_paint,
     same_surface,
@@ -31,6 +33,7 @@ from circparam.bake.sampling import (
 )
 from circparam.core.arrays import BoolArray, IntArray, group_max, group_min
 from circparam.core.monitor import Monitor
+from circparam.core.words import percent
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode
@@ -42,6 +45,10 @@ from circparam.mesh.mesh import UVMap
 SHAPES = ("normals", "height")  # kinds that tell the shape of the source, not its colours
 KINDS = ("vertex-colors", "texture", *SHAPES)
 MAX_SIZE = 16384
+FAR, LOST = (
+    0.1,
+    1.0,
+)  # sizes of the mesh from which its closest points are doubtful, and meaningless
 Texels: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 
@@ -201,8 +208,19 @@ def bake_document(
         return _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
     paint, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
     if source is not None and not same_surface(document.mesh, source.mesh):
-        paint = closest_paint(document.mesh, source.mesh, paint)
+        closest = Closest(source.mesh.points, source.mesh.faces)
+        away = apart(document.mesh, closest)
+        if away > LOST:
+            raise InputError(
+                f"{document.source.name}: it lies {away:.2g} times its size away from {source.source.name}: "
+                "bring both to one place and scale, or give --map"
+            )
+        paint = closest_paint(document.mesh, closest, paint)
         notes = [*notes, "the source is another mesh: colours come from its closest points"]
+        if away > FAR:
+            notes.append(
+                f"these lie {percent(away)} of its size away in the mean: both should have one place and scale"
+            )
     baked = bake(layout, paint, size, channels=channels, monitor=monitor)
     return replace(baked, notes=notes + baked.notes)
 

@@ -29,6 +29,7 @@ MOST_STEPS = 8
 SAMPLES_A_FACE = 4
 FEWEST_SAMPLES, MOST_SAMPLES = 200_000, 2_000_000
 
+LOOKS = 300  # faces in whose middle it is asked how far away the source lies
 BLOCK = 200_000  # places looked up at once: some hundred bytes each
 
 
@@ -232,9 +233,15 @@ def _gap(p: FloatArray, corners: FloatArray, bary: FloatArray) -> FloatArray:
     return result
 
 
-def closest_paint(mesh: Mesh, source: Mesh, paint: Paint) -> Paint:
+def apart(mesh: Mesh, closest: Closest) -> float:
+    """How far a mesh lies from a surface: the mean over the middles of some faces, in sizes of the mesh."""
+    corners = mesh.points[mesh.faces[:: max(1, len(mesh.faces) // LOOKS)]]
+    size = float(np.linalg.norm(np.ptp(mesh.points[mesh.faces].reshape(-1, 3), axis=0)))
+    return float(closest.find(corners.mean(1))[2].mean()) / max(size, 1e-300)
+
+
+def closest_paint(mesh: Mesh, closest: Closest, paint: Paint) -> Paint:
     """Colours of another surface: those of its point that is closest to each place of the mesh."""
-    closest = Closest(source.points, source.faces)
 
     def through(face: IntArray, bary: FloatArray) -> FloatArray:
         places = np.einsum("pk,pkc->pc", bary, mesh.points[mesh.faces[face]])

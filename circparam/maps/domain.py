@@ -10,8 +10,9 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.errors import InputError, NoResultError
+from circparam.errors import InputError
 from circparam.maps.cones import signs
+from circparam.maps.convex import refuse_crushed
 from circparam.maps.embedding import embed
 from circparam.maps.helpers import ROUNDS, add_helpers
 from circparam.maps.landmarks import Landmarks
@@ -71,12 +72,7 @@ def _on_sphere(tracer: Tracer, layout: Layout, corners: FloatArray, method: str)
     if (signs(q, tracer.sheet.faces) > 0).all():
         return q
     q, _ = mend(tracer.sheet, q, tracer.on)
-    left = int((signs(q, tracer.sheet.faces) <= 0).sum())
-    if left:
-        raise NoResultError(
-            f"{left} faces are crushed between landmarks beyond double precision: "
-            "give a landmark at the end of every long thin part"
-        )
+    refuse_crushed(int((signs(q, tracer.sheet.faces) <= 0).sum()))
     return q
 
 

@@ -9,7 +9,7 @@ import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray
 from circparam.core.linalg import Factor
-from circparam.maps.mend import row_weights
+from circparam.maps.convex import row_weights
 from circparam.maps.tracing import Tracer, shares
 
 

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.errors import NoResultError
 from circparam.maps.base import Base, base_of
+from circparam.maps.convex import refuse_crushed
 from circparam.maps.cover import Cover, Development, own_development, references, whole_development
 from circparam.maps.domain import begun
 from circparam.maps.landmarks import Landmarks
@@ -118,12 +118,7 @@ def _patched(tracer: Tracer, side: Side, base: Base, regions: IntArray, method: 
     matrices = np.concatenate([np.eye(3)[None], base.across])
     cones = np.einsum("fcp,fpd->fcd", places, base.corners[patch])
     cover = Cover(base.geometry, sheet, base.geometry.normal(cones), index, matrices)
-    left = cover.inversions
-    if left:
-        raise NoResultError(
-            f"{left} faces are crushed between landmarks beyond double precision: "
-            "give a landmark at the end of every long thin part"
-        )
+    refuse_crushed(cover.inversions)
     first = references(sheet)
     whole = whole_development(sheet, index, matrices, first, side.sheet.faces)
     return Patched(patch, places, cover, first, whole)

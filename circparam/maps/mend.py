@@ -9,28 +9,18 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2
 from circparam.core.graph import components
-from circparam.core.linalg import Factor
 from circparam.maps.cones import all_counter_clockwise
+from circparam.maps.convex import combined, row_weights
 from circparam.maps.sheet import Sheet
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
 from circparam.solvers.untangle import untangle
 
 PATCHES = (4, 8, 2, 12)  # rings of a patch that is untangled, tried in turn
 WIDTHS = (0, 1, 2, 3, 5, 8, 12)  # rings round a face that is turned over, tried in turn
 TRIES = 2  # of every width; what is mended leaves others to mend
-
-
-def row_weights(sheet: Sheet, weights: str) -> FloatArray:
-    """(3m,) weights of all half-edges of a row of WEIGHTS, those that leave a vertex of sum 1."""
-    w = half_edge_weights(sheet.cut_mesh, WEIGHTS[weights].function)
-    start = sheet.faces.ravel()
-    result: FloatArray = w / group_sum(w, start, sheet.n)[start]
-    return result
 
 
 def widened(faces: IntArray, vertices: BoolArray, rings: int) -> BoolArray:
@@ -130,18 +120,9 @@ class _OnSphere:
         return ~all_counter_clockwise(q, self.sheet.faces[faces])
 
     def filled(self, q: FloatArray, free: BoolArray, weights: FloatArray) -> FloatArray:
-        i, j = self.sheet.faces.ravel(), self.sheet.faces[:, [1, 2, 0]].ravel()
-        use = free[i]
-        i, j, w = i[use], j[use], weights[use]
-        number, n = np.cumsum(free) - 1, int(free.sum())
-        inner = free[j]
-        matrix = sps.identity(n, format="csr") - sps.csr_matrix(
-            (w[inner], (number[i[inner]], number[j[inner]])), shape=(n, n)
-        )
-        value = w[~inner][:, None] * q[j[~inner]]
-        b = np.stack([group_sum(value[:, d], number[i[~inner]], n) for d in range(3)], 1)
+        ends = self.sheet.faces[:, [1, 2, 0]].ravel()
         out = q.copy()
-        new = Factor(matrix).solve(b)
+        new = combined(self.sheet, free, weights, lambda h: q[ends[h]])
         out[free] = new / np.maximum(np.linalg.norm(new, axis=1), 1e-300)[:, None]
         return out
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, group_sum
-from circparam.core.linalg import Factor
-from circparam.maps.mend import row_weights
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.maps.convex import combined, row_weights
 from circparam.maps.tracing import Tracer, shares
 
 
@@ -22,23 +20,18 @@ def laid_in_patches(tracer: Tracer, regions: IntArray, weights: str) -> tuple[In
     patch = tracer.regions(regions.tolist())
     key, known = _on_arcs(tracer, regions)
     free = ~tracer.on
+    ends = sheet.faces[:, [1, 2, 0]].ravel()
+
+    def around(corner: IntArray, vertex: IntArray) -> FloatArray:
+        return known[np.searchsorted(key, patch[corner // 3] * n + vertex)]
+
     w = row_weights(sheet, weights)
-    use = free[flat]
-    h = np.flatnonzero(use)
-    i, j = flat[h], sheet.faces[:, [1, 2, 0]].ravel()[h]
-    number, count = np.cumsum(free) - 1, int(free.sum())
-    inner = free[j]
-    matrix = sps.identity(count, format="csr") - sps.csr_matrix(
-        (w[h[inner]], (number[i[inner]], number[j[inner]])), shape=(count, count)
-    )
-    edge = h[~inner]
-    at = known[np.searchsorted(key, patch[edge // 3] * n + j[~inner])] * w[edge][:, None]
-    b = np.stack([group_sum(at[:, d], number[i[~inner]], count) for d in range(3)], 1)
-    inside = Factor(matrix).solve(b)
+    inside = combined(sheet, free, w, lambda h: around(h, ends[h]))
     places = np.empty((len(flat), 3))
-    places[use] = inside[number[flat[use]]]
+    use = free[flat]
+    places[use] = inside[(np.cumsum(free) - 1)[flat[use]]]
     on = np.flatnonzero(~use)
-    places[on] = known[np.searchsorted(key, patch[on // 3] * n + flat[on])]
+    places[on] = around(on, flat[on])
     return patch, places.reshape(-1, 3, 3)
 
 

@@ -9,12 +9,10 @@ them.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
-from circparam.core.linalg import Factor
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.maps.convex import combined, row_weights
 from circparam.maps.layout import Layout
-from circparam.maps.mend import row_weights
 from circparam.maps.tracing import Tracer, shares
 
 NEAREST = 0.05  # of an edge: how near to its ends it is split
@@ -135,20 +133,11 @@ class _Straightener:
         np.maximum.at(high, i, np.repeat(self.pair, 3))
         free = (low == high) & (high >= 0)
         free[self.tracer.marks] = False
-        w = row_weights(sheet, weights)
-        use = free[i]
-        i, j, w = i[use], j[use], w[use]
-        number, n = np.cumsum(free) - 1, int(free.sum())
-        inner = free[j]
-        matrix = sps.identity(n, format="csr") - sps.csr_matrix(
-            (w[inner], (number[i[inner]], number[j[inner]])), shape=(n, n)
-        )
         of = np.where(free, high, -1)
-        at = self._known(of[i[~inner]], j[~inner])
-        value = w[~inner][:, None] * at
-        b = np.stack([group_sum(value[:, d], number[i[~inner]], n) for d in range(2)], 1)
         uv = np.zeros((sheet.n, 2))
-        uv[free] = Factor(matrix).solve(b)
+        uv[free] = combined(
+            sheet, free, row_weights(sheet, weights), lambda h: self._known(of[i[h]], j[h])
+        )
         return uv, of
 
     def _known(self, pair: IntArray, vertices: IntArray) -> FloatArray:

@@ -53,7 +53,7 @@ class Effort:
 
 
 # of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each
-MANY = 10
+MANY = 9
 THOROUGH, THRIFTY = Effort(3, 4, 2, 3), Effort(1, 2, 1, 2)
 
 

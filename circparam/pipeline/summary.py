@@ -66,7 +66,9 @@ def _room(result: Result) -> list[str]:
     """A warning where pages are half empty although packing chose the sizes: with the option that helps."""
     o, share = result.options, result.measures.get("pack")
     sized = not o.packed or o.scale is False or o.texel_density is not None
-    if sized or share is None or share >= ROOM:
+    # single faces can't be cut, nor lie much better
+    lone = result.measures.get("charts") == len(result.mesh.faces)
+    if sized or lone or share is None or share >= ROOM:
         return []
     splits = result.work == "unwrap" and not isinstance(o.pack_splits, int)
     if splits and applies.fills_page(o):

@@ -147,7 +147,7 @@ def _figures(draw: ImageDraw.ImageDraw, y: int, figures: Figures) -> None:
 
 
 def png_bytes(image: Image.Image) -> bytes:
-    """The image as PNG, small: at most 256 colours where that changes nothing one would see."""
+    """The image as PNG."""
     out = io.BytesIO()
     image.save(out, "PNG", optimize=True)
     return out.getvalue()

@@ -17,6 +17,10 @@ from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.region import Region
 
 OUTER = 25  # rounds, each with an ε of its own
+BARREN = (
+    5  # rounds that bring neither fewer flips nor a better worst determinant, by a tenth at least
+)
+BETTER = 0.9
 DESCENT = DescentOptions(tolerance=1e-4, limit=60)
 FAR = 1e4  # times the root of its area: a group that spreads so wide is not followed further
 AREA = 1.0  # λ, weight of the area term against the shape term
@@ -101,22 +105,32 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     """(n, 2) the layout x of a region, lowered with an ε that follows the worst determinant of each group.
 
     A group is done when all its faces are upright, ε² = 10⁻¹² + 0.04 min(D, 0)² until then (Garanzha et al.
-    2021); one that flies apart keeps the last place from which it had not.
+    2021); one that flies apart keeps the last place from which it had not, and one that gets no better is left.
     """
     out = x.copy()
     source = np.arange(len(x))  # vertices of the region that the remaining groups hold
     moving = np.ones(region.n_groups, bool)
+    best = np.full(
+        (2, region.n_groups), np.inf
+    )  # flips, and how far the worst face is from upright
+    barren = np.zeros(region.n_groups, np.int64)
     for _ in range(OUTER):
         determinant = FoldoverEnergy(region, np.ones(region.n_groups)).determinants(x)
         worst = group_min(determinant, region.chart, region.n_groups)
+        flips = np.bincount(region.chart[determinant <= POSITIVE], minlength=region.n_groups)
+        now = np.stack([flips, -worst])
+        barren = np.where((now < BETTER * best).any(0), 0, barren + 1)
+        best = np.minimum(best, now)
         # a group that has flown apart is given up, before its numbers overflow
         left = (worst <= POSITIVE) & ~_flown_apart(region, x)
-        left &= moving  # one that has found no lower step would find none again
+        # one that has found no lower step would find none again
+        left &= moving & (barren < BARREN)
         if not left.any() or (monitor is not None and monitor.expired):
             break
         if not left.all():
             region, vertices = region.groups(left)
             x, worst, source = x[vertices], worst[left], source[vertices]
+            best, barren = best[:, left], barren[left]
         x, steps = _descended(region, x, np.sqrt(1e-12 + 0.04 * np.minimum(worst, 0.0) ** 2))
         moving = steps > 0
         keep = ~_flown_apart(region, x)[region.cut_mesh.vertex_chart]

@@ -22,6 +22,7 @@ from circparam.solvers.region import WHOLE, grow, moving_region
 RINGS = (8, 3, 20, WHOLE)
 NARROW_RINGS = (2, 5, 12, 30, WHOLE)
 NEAR_RINGS = (3, 8, 20, WHOLE)  # where nothing but a few faces is wrong
+HARDLY = 1.05  # times the faces of the region tried before, up to which a region is the same one
 POLISH = 10  # Newton steps on what was untangled, for its shape
 
 
@@ -60,7 +61,7 @@ def untangle(
     hold = np.zeros(cut_mesh.n_vertices, bool) if hold is None else hold
     n = cut_mesh.n_charts
     first = bad = flipped(cut_mesh.faces, uv)
-    widest = 0
+    widest, tried, last = 0, 0, np.zeros_like(first)
     uv = uv.copy()
     touched = np.zeros(len(cut_mesh.faces), bool)
     for rings in NARROW_RINGS if conformal else NEAR_RINGS if near else RINGS:
@@ -68,6 +69,9 @@ def untangle(
             break
         widest = rings
         region = grow(cut_mesh, bad, rings)
+        if np.array_equal(bad, last) and region.sum() <= HARDLY * tried:
+            continue  # what such a region could not do, this one cannot either
+        last, tried = bad, int(region.sum())
         touched |= region
         part = moving_region(cut_mesh, region, hold, uv)
         x = foldover.lower(part, uv[part.source], monitor)

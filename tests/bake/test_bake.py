@@ -119,6 +119,31 @@ def test_texture_of_another_mesh(files: Path):
     assert any("closest" in note for note in baked.notes)
 
 
+@pytest.mark.parametrize(
+    ("scale", "shift", "told"),
+    [
+        (1.0, 0.01, None),
+        (1.0, 0.5, "% of its size away"),
+        (1000.0, 300.0, "refused"),
+        (1.0, 5.0, "refused"),
+    ],
+)
+def test_sources_in_another_place_or_scale_are_told(
+    files: Path, scale: float, shift: float, told: str | None
+):
+    """A source in millimetres gave the colour of one point, without a word."""
+    points, faces = sheet(7)
+    layout = UVMap(points[:, :2].copy(), faces)
+    write_obj(files / "other.obj", points * scale + [0, 0, shift], layout, faces, mtl="m.mtl")
+    new, other = read(files / "new.obj"), read(files / "other.obj")
+    if told == "refused":
+        with pytest.raises(InputError, match=r"new.obj: it lies .* its size away from .*other.obj"):
+            bake_document(new, "texture", source=other, size=16)
+        return
+    notes = bake_document(new, "texture", source=other, size=16).notes
+    assert any("of its size away" in note for note in notes) == (told is not None)
+
+
 def test_a_large_texture_is_averaged_not_skipped(files: Path):
     noise = np.random.default_rng(0).integers(0, 256, (1024, 1024, 3), dtype=np.uint8)
     Image.fromarray(noise).save(files / "skin.png")

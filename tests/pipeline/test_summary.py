@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import circparam
@@ -74,3 +75,14 @@ def test_half_empty_pages_are_a_warning_with_the_option_that_helps(tmp_path: Pat
     for sizes in ({"scale": False}, {"texel_density": 9.0}, {"normalize": False}):
         asked = circparam.summarise(circparam.unwrap(strip, cut="none", **sizes))
         assert not any("full" in line for line in asked["warnings"])
+
+
+def test_single_faces_are_not_asked_to_be_cut() -> None:
+    """A triangle fills half of a page at most, whatever is asked for."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 0, 0], [6, 0, 0], [5, 1, 0]], float)
+    for faces in ([[0, 1, 2]], [[0, 1, 2], [3, 4, 5]]):
+        report = circparam.summarise(
+            circparam.unwrap((points, np.array(faces)), effort=0.1, padding=400)
+        )
+        assert report["pack"] < 0.5
+        assert not any("full" in line for line in report["warnings"])

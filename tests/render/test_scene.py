@@ -15,6 +15,7 @@ from circparam.render.scene import make_scene, row_labels, with_copies
 from circparam.render.show import scene_of, view_figures
 from circparam.render.views import draw_plan
 from tests.support import shapes
+from tests.support.pairs import blob
 from tests.support.scenes import QUAD, SQUARE, cube
 
 
@@ -57,6 +58,14 @@ def test_charts_and_seams_of_the_cube():
     assert not scene.outside
     assert not scene.inside_out
     assert make_scene(points, faces[:, ::-1], uv, uv_faces[:, ::-1]).inside_out
+
+
+@pytest.mark.parametrize("place", [(0, 0, 0), (9, -5, 2), (-70, 30, 500)])
+def test_closed_surfaces_are_inside_out_wherever_they_lie(place: tuple[int, int, int]):
+    ball = blob(1, 3)
+    uv, points = np.zeros((len(ball.points), 2)), ball.points + np.array(place)
+    assert not make_scene(points, ball.faces, uv, ball.faces).inside_out
+    assert make_scene(points, ball.faces[:, ::-1], uv, ball.faces).inside_out
 
 
 def test_repeated_vertices_are_no_seams():

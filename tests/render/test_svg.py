@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from circparam.render.colours import FLIP
 from circparam.render.figures import PictureOptions
 from circparam.render.scene import make_scene
 from circparam.render.svg import figure_svg, outlines
@@ -75,6 +76,8 @@ def test_three_squares_and_every_face_in_each():
     drawn = {fill: d for fill, d in fills.items() if fill != "none" and d.count("Z")}
     assert sum(map(area_of, drawn.values())) == pytest.approx(whole, rel=1e-4)
     assert len(drawn) > 1  # faces of several steps of the scale
+    beyond = figure_svg(scene, PictureOptions(scale_end=1.0001))
+    assert FLIP not in beyond  # what is beyond the scale has its last colour, no face is flipped
 
 
 def test_the_checker_begins_at_uv_zero():

@@ -25,7 +25,7 @@ from circparam.mesh.surface import Surface
 NOISE = 3e-7  # of the extent of the mesh: how far single precision and exporters move a point
 TURNED = 0.02  # radians by which such a move may turn the normal of a face that is sure of it
 NEEDLE = 1e-6  # height over longest edge below which no face is sure of its normal
-ACROSS = 3.0  # times as long an edge has to be for a needle to belong with what lies at a right angle beyond it
+ACROSS = 3.0  # times as long a sharp edge has to be for a needle to belong with what lies beyond it
 FLAT = np.radians(0.5)  # edges that turn less lie inside a flat
 LEVEL = np.radians(1.0)  # no face of a flat leans more against the mean of it
 SHARP = np.radians(30)  # edges that turn more bound smooth regions
@@ -70,8 +70,8 @@ def extent(surface: Surface) -> float:
 def sure_normals(surface: Surface) -> FloatArray:
     """(m, 3) unit normals; needles, whose own are noise, take that of the face beyond their longest edges.
 
-    Where noise leaves them half a normal, faces beyond an edge that turns count as beyond a shorter one: the
-    needle between two holes of a flat is no part of the wall of either.
+    Where noise leaves them half a normal, faces beyond a sharp edge count as beyond a shorter one: the needle
+    between two holes of a flat is no part of the wall of either.
     """
     height, longest = face_heights(surface)
     noise = NOISE * extent(surface)
@@ -85,7 +85,7 @@ def sure_normals(surface: Surface) -> FloatArray:
     a, b = fi[touch], fj[touch]
     told = (height[a] > noise) & (height[b] > noise)
     along = np.abs((surface.normals[a] * surface.normals[b]).sum(1))
-    step *= np.where(told, 1 + (ACROSS - 1) * (1 - along), 1.0)
+    step *= np.where(told & (along < np.cos(SHARP)), ACROSS, 1.0)
     links = undirected(len(sure), a, b, step)
     _, _, source = nearest(links, np.flatnonzero(sure))
     result: FloatArray = surface.normals[np.where(source >= 0, source, np.arange(len(sure)))]

@@ -73,7 +73,8 @@ class Glues:
 def _members(groups: IntArray, asked: IntArray) -> tuple[IntArray, IntArray]:
     """(place in ``asked``, member) of all members of each group that is asked for; groups: (n,) labels."""
     order = stable_order(groups)
-    count = group_count(groups, int(groups.max(initial=-1)) + 1)
+    most = max(int(groups.max(initial=-1)), int(asked.max(initial=-1)))  # groups may be empty
+    count = group_count(groups, most + 1)
     number = count[asked]
     first = (np.cumsum(count) - count)[asked]
     return np.repeat(np.arange(len(asked)), number), order[

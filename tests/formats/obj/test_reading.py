@@ -157,4 +157,4 @@ def test_a_byte_order_mark_hides_no_line() -> None:
     document = read_data(mark + text, format="obj")
     np.testing.assert_array_equal(document.mesh.points, read_data(text, format="obj").mesh.points)
     layout = UVMap(np.eye(3)[:, :2], document.mesh.faces)
-    assert encode(document, layout).data.startswith(mark + text[:-8])
+    assert encode(document, layout, "obj").data.startswith(mark + text[:-8])

@@ -144,3 +144,17 @@ def test_a_flat_sheet_needs_no_room() -> None:
     arcs, glues = candidates(atlas)
     unions = side_by_side(atlas, arcs, glues, np.zeros(1, np.int64), elimination_ranks(sheet))
     assert [x.tolist() for x in first_look(unions, 1e-9)] == [[True], [False], [False]]
+
+
+def test_charts_of_one_face_have_no_edge_of_their_own() -> None:
+    """A sheet and its last face: no inner edge bears the number of that face's chart."""
+    sheet = surface_of(*shapes.grid(4, 4))
+    label = np.zeros(len(sheet.faces), np.int64)
+    label[-1] = 1
+    atlas = as_it_lies(cut_between(sheet, label))
+    arcs, glues = candidates(atlas)
+    every = np.arange(len(arcs.left))
+    unions = side_by_side(atlas, arcs, glues, every, elimination_ranks(sheet))
+    assert np.bincount(unions.cut_mesh.chart).tolist() == [len(sheet.faces)] * len(every)
+    assert unions.in_right.sum() == len(every)
+    assert first_look(unions, 1e-9)[0].all()
