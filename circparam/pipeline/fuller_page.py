@@ -130,8 +130,7 @@ def _plans(carver: Carver, cuts: int, limited: bool, stop: Callable[[], bool]) -
     if first is None:
         return []
     areas = carver.atlas.surface.areas
-    seams = carver.atlas.seam_length * float(np.sqrt(areas.sum()))
-    longest = first.length + LIMIT * seams if limited else np.inf
+    longest = first.length + LIMIT * carver.seams if limited else np.inf
     spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
     planner = Planner(carver, float(areas.sum()), longest, cuts, stop, spared)
     return [first, *planner.best(first)]

@@ -22,6 +22,7 @@ from circparam.seams.hard.regions import HARD, hardness, seam_prices
 from circparam.seams.segmentation.weigh import share_over
 
 LONGEST = 512  # cells of a sketch: what is longer is a sliver, for which no page is sketched
+UNSEEN = 0.003  # of all seams, so little of which a cut may lead through flats whatever its length
 STEP = 0.35  # cells of a sketch between the corners of an outline
 
 
@@ -77,6 +78,11 @@ class Carver:
     stretch: float = np.inf
     grounds: dict[int, Ground] = field(default_factory=dict)
 
+    @cached_property
+    def seams(self) -> float:
+        """Length of the seams of the atlas."""
+        return self.atlas.seam_length * float(np.sqrt(self.atlas.surface.areas.sum()))
+
     def pieces(self, charts: IntArray) -> list[Piece]:
         """Some charts as they are; those without an outline are left out, all where one is a sliver."""
         return self._pieces(self.cut_mesh, self.uv, charts)
@@ -105,7 +111,8 @@ class Carver:
         new = after.cut & ~ground.atlas.cut
         lengths = after.surface.edge_lengths
         length = float(lengths[new].sum())
-        if float(lengths[new & ground.flat].sum()) > self.limits.flats * length:
+        through = max(self.limits.flats * length, UNSEEN * self.seams)
+        if float(lengths[new & ground.flat].sum()) > through:
             return None
         _, chart = after.charts()
         parts: list[Piece] = []
@@ -149,8 +156,14 @@ class Carver:
     def _ground(self, chart: int) -> Ground:
         if chart not in self.grounds:
             mine = self.cut_mesh.chart == chart
-            part = self.atlas.part(mine)
-            self.grounds[chart] = Ground(np.flatnonzero(mine), part, *_costs(part.surface))
+            surface = self.atlas.surface
+            sides = surface.edges // 3
+            near = mine.copy()  # with what lies beside: there a chart that is a flat ends
+            near[sides[mine[sides].any(1)]] = True
+            costs, flat = _costs(surface.part(near))
+            inner = mine[sides[near[sides].all(1)]].all(1)
+            ground = Ground(np.flatnonzero(mine), self.atlas.part(mine), costs[inner], flat[inner])
+            self.grounds[chart] = ground
         return self.grounds[chart]
 
 

@@ -176,7 +176,8 @@ def reach_count(atlas: Atlas, bound: float, count: int, monitor: Monitor) -> Non
         if n <= max(count, pieces):
             break
         bound = 1 + max(bound - 1, 1e-3) * 1.6
-        merger = Merger(atlas, MergeOptions(bound, margin=0.0, cone=SHORT_ARCS, zip=False), fixed)
+        options = MergeOptions(bound, margin=0.0, cone=SHORT_ARCS, zip=False, patient=True)
+        merger = Merger(atlas, options, fixed)
         while not monitor.expired and atlas.charts()[0] > count and merger.round(monitor):
             pass
 

@@ -42,7 +42,8 @@ class MergeOptions:
     zip: whether the two sides of one chart are glued too. work: how many faces all trials may have, in those of
     the surface, besides FREE_WORK (None: any number). rise: how much larger all merging may leave the mean
     energy of the surface, as a share of it (None: any union below the bound will do). room: what is left of
-    that, energy times area (infinite where nothing is asked for).
+    that, energy times area (infinite where nothing is asked for). patient: unions are untangled however many
+    faces their start flips.
     """
 
     bound: float
@@ -57,6 +58,7 @@ class MergeOptions:
     work: float | None = None
     rise: float | None = None
     room: float = np.inf
+    patient: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +173,8 @@ def _bent(unions: Unions, options: MergeOptions, crowd: bool) -> Tried:
         return _relax_some(cut_mesh, uv, np.isfinite(energy), options, crowd)
     # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
     flips = np.maximum(MANY_FLIPS, FLIPPED * np.bincount(cut_mesh.chart))
+    if options.patient:
+        flips[:] = np.inf
     hopeless = HOPELESS * (options.bound - 1), flips
     uv, _ = from_jacobians(cut_mesh, targets, options.untangle, hopeless=hopeless)
     return _relax(cut_mesh, uv, options, crowd)
