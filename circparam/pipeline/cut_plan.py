@@ -31,8 +31,6 @@ GOOD = 0.74  # covered share of a sketch from which on nothing is cut
 REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyond
 # or so much of the side of the page; share of a chart that either part must have
 LONG, PART = 0.6, 0.2
-WEIGHED = 12  # chords that are sketched
-TRIED, MADE = 6, 3  # of those, the best that are tried along edges until so many are made
 ALIKE = 1e-9  # of its length: plans whose seams are as long are the same
 NEAR = 0.1  # what a chord may be worth less than the best so far, and be kept for that
 LOCKED = PackOptions(resolution=512, padding=1)  # page on which outlines are grown until they lock
@@ -44,17 +42,21 @@ ZIGZAG = 1.08  # length of a path along edges over that of its chord
 @dataclass(frozen=True)
 class Effort:
     """How much is looked at. tries, more: of each sketch, and of what was made. breadth: plans of as many cuts
-    that are gone on with. ahead: cuts that may pay nothing before one that does."""
+    that are gone on with. ahead: cuts that may pay nothing before one that does. weighed: chords that are
+    sketched; of those the best ``tried`` are tried along edges until ``made`` of them are made."""
 
     tries: int
     more: int
     breadth: int
     ahead: int
+    weighed: int
+    tried: int
+    made: int
 
 
 # of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each
 MANY = 9
-THOROUGH, THRIFTY = Effort(3, 4, 2, 3), Effort(1, 2, 1, 2)
+THOROUGH, THRIFTY = Effort(3, 4, 2, 3, 12, 6, 3), Effort(1, 2, 1, 2, 8, 4, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +124,7 @@ class Planner:
     def _following(self, plan: Plan, best: float) -> list[Plan]:
         """Plans with one cut more: of the chords that sketches rank first those that can be made."""
         weighed: list[tuple[float, int, _Trial]] = []
-        highest = -np.inf
+        highest, effort = -np.inf, effort_of(plan.pieces)
         for number, trial in enumerate(self._trials(plan, best)):
             if self.stop():
                 break
@@ -133,10 +135,10 @@ class Planner:
                 highest = max(highest, value)
         weighed.sort(key=lambda w: w[:2])
         made: list[Plan] = []
-        for _, _, trial in weighed[:TRIED]:
+        for _, _, trial in weighed[: effort.tried]:
             after = None if self.stop() else self._made(plan, trial)
             made += [] if after is None else [after]
-            if len(made) == MADE:
+            if len(made) == effort.made:
                 break
         return made
 
@@ -177,10 +179,10 @@ class Planner:
             ok = (found.least > least) & (length < longest)
             trials += [_Trial(n, found, k, float(promise[k])) for k in np.flatnonzero(ok).tolist()]
         trials.sort(key=lambda t: -t.promise)
-        return self._apart(trials)
+        return self._apart(trials, effort_of(plan.pieces).weighed)
 
-    def _apart(self, trials: list[_Trial]) -> list[_Trial]:
-        """The first of the trials that do not say the same."""
+    def _apart(self, trials: list[_Trial], most: int) -> list[_Trial]:
+        """The first of the trials that do not say the same, at most so many."""
         kept: list[_Trial] = []
         ends: dict[int, FloatArray] = {}
         for trial in trials:
@@ -191,7 +193,7 @@ class Planner:
                 continue
             ends[trial.n] = np.vstack([before, here])
             kept.append(trial)
-            if len(kept) == WEIGHED:
+            if len(kept) == most:
                 break
         return kept
 
