@@ -45,6 +45,7 @@ FEW = 12  # charts: the page of more depends less on cuts, and each packing take
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
 COMPARED = (4, 2)  # plans that are packed, of few pieces and of many
 CUTS = 8  # at most
+BESIDE = 150_000  # faces up to which the page without cuts is packed by another process
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
 SPARED, LARGEST = 0.95e-3, 2
@@ -94,7 +95,9 @@ class _Uncut:
         self._enough = ENOUGH if few else ENOUGH_OF_MANY
         self._wanted = options.cuts_asked is not None
         self._later = Later(monitor.jobs, packing, (cascade, options), monitor)
-        self._later.begin()
+        # a large surface takes longer to hand over than its page to be packed
+        if len(cascade.atlas.surface.faces) <= BESIDE:
+            self._later.begin()
 
     @property
     def known(self) -> KnownPacking | None:
