@@ -54,8 +54,10 @@ class Effort:
     made: int
 
 
-# of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each
-MANY = 9
+# of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each; and
+# of surfaces of more faces, where a cut takes longer than its sketches: its parts are relaxed
+MANY, COSTLY = 9, 20_000
+SPARING = Effort(3, 4, 1, 2, 12, 4, 2)
 THOROUGH, THRIFTY = Effort(3, 4, 2, 3, 12, 6, 3), Effort(1, 2, 1, 2, 8, 4, 2)
 
 
@@ -108,9 +110,13 @@ class Planner:
         """Side of a cell of the sketches in uv."""
         return self.carver.easel.cell
 
+    def effort(self, plan: Plan) -> Effort:
+        """How much is looked at for what follows a plan."""
+        return effort_of(plan.pieces, len(self.carver.atlas.surface.faces))
+
     def best(self, first: Plan) -> list[Plan]:
         """The plans worth more than ``first``, those of the highest value first."""
-        best, kept, effort = first, [first], effort_of(first.pieces)
+        best, kept, effort = first, [first], self.effort(first)
         found: list[Plan] = []
         while kept and kept[0].cuts < min(best.cuts + effort.ahead, self.most):
             made = [after for plan in kept for after in self._following(plan, best.value)]
@@ -124,7 +130,7 @@ class Planner:
     def _following(self, plan: Plan, best: float) -> list[Plan]:
         """Plans with one cut more: of the chords that sketches rank first those that can be made."""
         weighed: list[tuple[float, int, _Trial]] = []
-        highest, effort = -np.inf, effort_of(plan.pieces)
+        highest, effort = -np.inf, self.effort(plan)
         for number, trial in enumerate(self._trials(plan, best)):
             if self.stop():
                 break
@@ -179,7 +185,7 @@ class Planner:
             ok = (found.least > least) & (length < longest)
             trials += [_Trial(n, found, k, float(promise[k])) for k in np.flatnonzero(ok).tolist()]
         trials.sort(key=lambda t: -t.promise)
-        return self._apart(trials, effort_of(plan.pieces).weighed)
+        return self._apart(trials, self.effort(plan).weighed)
 
     def _apart(self, trials: list[_Trial], most: int) -> list[_Trial]:
         """The first of the trials that do not say the same, at most so many."""
@@ -205,7 +211,7 @@ class Planner:
         parts = self.carver.halves(plan.pieces[n], trial.k)
         sketches = [p.sketch for p in (*plan.pieces[:n], *plan.pieces[n + 1 :])] + parts
         below = min(int(np.ceil(below)), plan.sketched + WORSE + 1)
-        page = least_page(sketches, below, effort_of(plan.pieces).tries, self.stop)
+        page = least_page(sketches, below, self.effort(plan).tries, self.stop)
         return None if page is None else page.side
 
 
@@ -224,9 +230,11 @@ class _Trial:
         return float(self.chords.length[self.k])
 
 
-def effort_of(pieces: list[Piece]) -> Effort:
-    """How much is looked at for a plan of some pieces."""
-    return THRIFTY if len(pieces) > MANY else THOROUGH
+def effort_of(pieces: list[Piece], faces: int) -> Effort:
+    """How much is looked at for a plan of some pieces of a surface of so many faces."""
+    if len(pieces) > MANY:
+        return THRIFTY
+    return SPARING if faces > COSTLY else THOROUGH
 
 
 def _distinct(plans: list[Plan], most: int) -> list[Plan]:
@@ -244,7 +252,8 @@ def page_sides(
     """(side in cells of the page of some pieces whose outlines lock, where they lie there, side of the page
     that holds their cells); None where none is below so many."""
     sketches = [p.sketch for p in pieces]
-    page = least_page(sketches, below, effort_of(pieces).more, stop)
+    more = (THRIFTY if len(pieces) > MANY else THOROUGH).more
+    page = least_page(sketches, below, more, stop)
     if page is None:
         return None
     layout = locked(sketches, page, easel.cell, LOCKED, stop)

@@ -11,7 +11,6 @@ A mesh that needs no seam gets none, and all cuts together make the seams no lon
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
-from circparam.core.workers import Later, Worker
+from circparam.core.workers import Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
@@ -31,7 +30,16 @@ from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.cut_along import Limits
-from circparam.pipeline.cut_plan import LOCKED, MANY, RATE, Plan, Planner, easel_of, first_plan
+from circparam.pipeline.cut_plan import (
+    LOCKED,
+    RATE,
+    THOROUGH,
+    Plan,
+    Planner,
+    easel_of,
+    effort_of,
+    first_plan,
+)
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver
 from circparam.pipeline.place import chart_signs, sized
@@ -43,9 +51,8 @@ from circparam.seams.stretch import STRETCH, stretch_asked
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
-COMPARED = (4, 2)  # plans that are packed, of few pieces and of many
+COMPARED = 4, 2  # plans that are packed, where much is looked at and where less is
 CUTS = 8  # at most
-BESIDE = 150_000  # faces up to which the page without cuts is packed by another process
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
 SPARED, LARGEST = 0.95e-3, 2
@@ -67,49 +74,18 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if cuts < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-    uncut = _Uncut(cascade, options, monitor)
-    if uncut.settles():
-        return replace(cascade, packing=uncut.known)
-    carver = _carver(cascade, cut_mesh, uv, options)
-
-    def stop() -> bool:
-        return monitor.expired or uncut.settles()
-
-    plans = _plans(carver, cuts, asked is None, stop)
-    known = uncut.known
-    if known is None or uncut.settles():
+    known = packing(cascade, options, monitor)
+    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
+    if known is None or (asked is None and _share(known) >= enough):
         return replace(cascade, packing=known)
+    carver = _carver(cascade, cut_mesh, uv, options)
+    plans = _plans(carver, cuts, asked is None, monitor)
     contest = _Contest(cascade, carver, options, monitor)
     chosen = contest.winner(plans, known) if len(plans) > 1 else None
     if chosen is not None:
         return chosen
     kept = replace(cascade, packing=known)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
-
-
-class _Uncut:
-    """The page without a cut: packed by an idle process beside the planning of cuts, else before it."""
-
-    def __init__(self, cascade: Cascade, options: Options, monitor: Monitor) -> None:
-        few = cascade.atlas.charts()[0] <= FEW
-        self._enough = ENOUGH if few else ENOUGH_OF_MANY
-        self._wanted = options.cuts_asked is not None
-        self._later = Later(monitor.jobs, packing, (cascade, options), monitor)
-        # a large surface takes longer to hand over than its page to be packed
-        if len(cascade.atlas.surface.faces) <= BESIDE:
-            self._later.begin()
-
-    @property
-    def known(self) -> KnownPacking | None:
-        """The page; waits for it."""
-        found: KnownPacking | None = self._later.result()
-        return found
-
-    def settles(self) -> bool:
-        """Whether no cut is looked for; not while a process packs, so plans nobody wants may be made."""
-        if self._later.pending:
-            return False
-        return self.known is None or (not self._wanted and _share(self.known) >= self._enough)
 
 
 def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
@@ -124,11 +100,15 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
     return Carver(cascade.atlas, cut_mesh, uv, easel, limits, stretch)
 
 
-def _plans(carver: Carver, cuts: int, limited: bool, stop: Callable[[], bool]) -> list[Plan]:
+def _plans(carver: Carver, cuts: int, limited: bool, monitor: Monitor) -> list[Plan]:
     """The plan without a cut and those worth more, the best first; none where no sketch is found.
 
     limited: whether seams grow by no more than LIMIT.
     """
+
+    def stop() -> bool:
+        return monitor.expired
+
     first = first_plan(carver, stop)
     if first is None:
         return []
@@ -150,7 +130,9 @@ class _Contest:
 
     def winner(self, plans: list[Plan], known: KnownPacking) -> Cascade | None:
         """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
-        before, most = self.cascade.atlas, COMPARED[len(plans[0].pieces) > MANY]
+        before = self.cascade.atlas
+        effort = effort_of(plans[0].pieces, len(before.surface.faces))
+        most = COMPARED[0 if effort is THOROUGH else 1]
         tried: list[tuple[Plan, Cascade]] = []
         for plan in plans[1:]:
             atlas = self.carver.joined(plan.pieces)

@@ -12,13 +12,12 @@ import pytest
 import circparam
 from circparam.core.arrays import FloatArray, IntArray, next_half_edge
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Later
 from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.packing.options import Packed
-from circparam.pipeline import fallback, fuller_page, place
+from circparam.pipeline import fallback, fuller_page, pieces, place
 from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import LIMIT, fill_page
 from circparam.pipeline.job import prepare
@@ -87,37 +86,14 @@ def test_what_counts_is_the_page_as_it_is_packed(
     assert len(after.notes) == count - 1
 
 
-@pytest.mark.parametrize(("share", "count"), [(0.5, 2), (0.9, 1)])
-@pytest.mark.parametrize("asked", [1, 5, 1000])
-def test_cuts_planned_beside_the_page_without_are_those_planned_after_it(
-    share: float, count: int, asked: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("unseen", "cut"), [(pieces.UNSEEN, False), (1.0, True)])
+def test_flats_that_are_charts_are_cut_only_where_nobody_sees_it(
+    unseen: float, cut: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whenever that page is there: at the first question, while plans are made, or when it is waited for."""
-    left = [asked]
-
-    class Slow(Later):
-        @property
-        def pending(self) -> bool:
-            left[0] -= 1
-            return self._found is None and left[0] > 0
-
-    pack, packed = fuller_page.pack, []
-
-    def full(faces: IntArray, uv: FloatArray, chart: IntArray, *rest: Any) -> Packed:
-        packed.append(int(chart.max()) + 1)
-        whole = np.array([share if chart.max() == 0 else 0.9])
-        return replace(pack(faces, uv, chart, *rest), share=whole)
-
-    monkeypatch.setattr(fuller_page, "pack", full)
-    expected = filled(roll())
-    assert expected.atlas.charts()[0] == count
-    alone = sorted(packed)
-    packed.clear()
-    monkeypatch.setattr(fuller_page, "Later", Slow)
-    found = filled(roll())
-    np.testing.assert_array_equal(found.atlas.cut, expected.atlas.cut)
-    assert found.notes == expected.notes
-    assert sorted(packed) == alone, "pages that nobody wants are not packed"
+    """Six squares fill their page badly, and cuts through two of them would make room."""
+    monkeypatch.setattr(pieces, "UNSEEN", unseen)
+    found = circparam.unwrap(shapes.cube(2), sharp=60, effort=0.01)
+    assert (found.measures["charts"] > 6) == cut
 
 
 def stretched(atlas: Atlas, columns: int) -> Atlas:

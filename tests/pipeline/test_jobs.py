@@ -85,10 +85,10 @@ def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(
     assert "settle_part" in sent
 
 
-def test_the_same_bytes_where_prices_pages_and_figures_are_found_beside(
+def test_the_same_bytes_where_prices_and_figures_are_found_beside(
     tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By what is seen of a mesh, for the seams of its proxy and for the report; the page without cuts."""
+    """By what is seen of a mesh, for the seams of its proxy and for the report."""
     begun: dict[str, list[bool]] = {}
     begin = workers.Later.begin
 
@@ -99,7 +99,7 @@ def test_the_same_bytes_where_prices_pages_and_figures_are_found_beside(
     monkeypatch.setattr(workers.Later, "begin", told)
     outs = [unwrapped(mesh(4), tmp_path, n) for n in (1, 2)]
     assert outs[0] == outs[1]
-    assert begun["asked_beside"] == begun["packing"] == [False, True]
+    assert begun["asked_beside"] == [False, True]
     assert begun["first_part"] == [True]
 
 
