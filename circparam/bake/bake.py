@@ -45,10 +45,8 @@ from circparam.mesh.mesh import UVMap
 SHAPES = ("normals", "height")  # kinds that tell the shape of the source, not its colours
 KINDS = ("vertex-colors", "texture", *SHAPES)
 MAX_SIZE = 16384
-FAR, LOST = (
-    0.1,
-    1.0,
-)  # sizes of the mesh from which its closest points are doubtful, and meaningless
+# sizes of the mesh from which its closest points are doubtful, and meaningless
+FAR, LOST = 0.1, 1.0
 Texels: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 

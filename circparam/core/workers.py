@@ -150,11 +150,6 @@ class Later:
         """Whether a process has it."""
         return self._future is not None
 
-    @property
-    def pending(self) -> bool:
-        """Whether a process is at it, so that asking for the result means waiting for it."""
-        return self._found is None and self._future is not None and not self._future.done()
-
     def result(self) -> Any:
         """What the function gives, found there or here; it is found once."""
         if self._found is None:

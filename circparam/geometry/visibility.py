@@ -17,7 +17,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum, next_half_edge, ranges
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_sum,
+    next_half_edge,
+    ranges,
+    slices,
+)
 from circparam.geometry.raster import extremes, fragments
 from circparam.mesh.surface import Surface
 
@@ -29,18 +37,15 @@ MOST = 8  # of them on one edge
 JUDGED = 64  # directions that a reported share is measured from
 # side of the picture for it; up to so many faces the coarse one
 COARSE, FINE, FEW = 128, 256, 10_000
-AT_ONCE = (
-    16_000  # faces: what is made of them stays in the cache, twice as fast on 100,000 and more
-)
+# faces: what is made of them stays in the cache, twice as fast on 100,000 and more
+AT_ONCE = 16_000
 ALL = slice(None)
 PARTS = 2  # of the directions of a reported share, which two processes may look along
 
-Scene: TypeAlias = tuple[
-    FloatArray, FloatArray
-]  # corners (3, 3, l) of faces, centres (3, s) of small ones
-Buffers: TypeAlias = tuple[
-    FloatArray, FloatArray
-]  # (pixels²,) largest and smallest height in every pixel
+# corners (3, 3, l) of faces, centres (3, s) of small ones
+Scene: TypeAlias = tuple[FloatArray, FloatArray]
+# (pixels²,) largest and smallest height in every pixel
+Buffers: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +86,7 @@ def seen_shares(
     centre = (flat.min(0) + flat.max(0)) / 2
     radius = float(np.sqrt(((flat - centre) ** 2).sum(1).max()))
     pixel = 2 * max(radius, 1e-300) / (pixels - 2 * FRAME)
-    scene = [
-        _scene((triangles[k : k + AT_ONCE] - centre) / pixel)
-        for k in range(0, len(triangles), AT_ONCE)
-    ]
+    scene = [_scene((triangles[k] - centre) / pixel) for k in slices(len(triangles), AT_ONCE)]
     normal = places.normal.sum(1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     vectors = np.ascontiguousarray(

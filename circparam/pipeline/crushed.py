@@ -41,10 +41,8 @@ def relieve(
     flipped that was not.
     """
     load = _loads(exact[faces], stored[faces])
-    most = (
-        CRUSHED
-        * group_sum(np.abs(cross2(*_sides(exact[faces]))), chart, int(chart.max()) + 1)[chart]
-    )
+    area = np.abs(cross2(*_sides(exact[faces])))
+    most = CRUSHED * group_sum(area, chart, int(chart.max()) + 1)[chart]
     crushed = (load > most) & np.isfinite(load)
     if not crushed.any():
         return stored

@@ -43,7 +43,8 @@ ZIGZAG = 1.08  # length of a path along edges over that of its chord
 class Effort:
     """How much is looked at. tries, more: of each sketch, and of what was made. breadth: plans of as many cuts
     that are gone on with. ahead: cuts that may pay nothing before one that does. weighed: chords that are
-    sketched; of those the best ``tried`` are tried along edges until ``made`` of them are made."""
+    sketched; of those the best ``tried`` are tried along edges until ``made`` of them are made. packed: plans
+    that are packed as they will be, beside the one without a cut."""
 
     tries: int
     more: int
@@ -52,13 +53,14 @@ class Effort:
     weighed: int
     tried: int
     made: int
+    packed: int
 
 
 # of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each; and
 # of surfaces of more faces, where a cut takes longer than its sketches: its parts are relaxed
 MANY, COSTLY = 9, 20_000
-SPARING = Effort(3, 4, 1, 2, 12, 4, 2)
-THOROUGH, THRIFTY = Effort(3, 4, 2, 3, 12, 6, 3), Effort(1, 2, 1, 2, 8, 4, 2)
+THOROUGH = Effort(3, 4, 2, 3, 12, 6, 3, 4)
+THRIFTY, SPARING = Effort(1, 2, 1, 2, 8, 4, 2, 2), Effort(3, 4, 1, 2, 12, 4, 2, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +114,7 @@ class Planner:
 
     def effort(self, plan: Plan) -> Effort:
         """How much is looked at for what follows a plan."""
-        return effort_of(plan.pieces, len(self.carver.atlas.surface.faces))
+        return effort_of(plan.pieces, self.carver)
 
     def best(self, first: Plan) -> list[Plan]:
         """The plans worth more than ``first``, those of the highest value first."""
@@ -158,7 +160,7 @@ class Planner:
         if length > self.longest or stretched > self.spared:
             return None
         pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *parts]
-        sides = page_sides(pieces, self.carver.easel, plan.sketched + WORSE + 1, self.stop)
+        sides = page_sides(pieces, self.carver, plan.sketched + WORSE + 1, self.stop)
         if sides is None:
             return None
         return Plan(pieces, length, *sides, plan.cuts + 1, stretched)
@@ -230,11 +232,11 @@ class _Trial:
         return float(self.chords.length[self.k])
 
 
-def effort_of(pieces: list[Piece], faces: int) -> Effort:
-    """How much is looked at for a plan of some pieces of a surface of so many faces."""
+def effort_of(pieces: list[Piece], carver: Carver) -> Effort:
+    """How much is looked at for a plan of some pieces."""
     if len(pieces) > MANY:
         return THRIFTY
-    return SPARING if faces > COSTLY else THOROUGH
+    return SPARING if len(carver.atlas.surface.faces) > COSTLY else THOROUGH
 
 
 def _distinct(plans: list[Plan], most: int) -> list[Plan]:
@@ -247,18 +249,18 @@ def _distinct(plans: list[Plan], most: int) -> list[Plan]:
 
 
 def page_sides(
-    pieces: list[Piece], easel: Easel, below: int, stop: Callable[[], bool]
+    pieces: list[Piece], carver: Carver, below: int, stop: Callable[[], bool]
 ) -> tuple[float, Placement, int] | None:
     """(side in cells of the page of some pieces whose outlines lock, where they lie there, side of the page
     that holds their cells); None where none is below so many."""
     sketches = [p.sketch for p in pieces]
-    more = (THRIFTY if len(pieces) > MANY else THOROUGH).more
-    page = least_page(sketches, below, more, stop)
+    page = least_page(sketches, below, effort_of(pieces, carver).more, stop)
     if page is None:
         return None
-    layout = locked(sketches, page, easel.cell, LOCKED, stop)
+    cell = carver.easel.cell
+    layout = locked(sketches, page, cell, LOCKED, stop)
     inner = LOCKED.resolution - 2 * LOCKED.border + LOCKED.gap
-    return inner / (layout.scale * easel.cell), layout, page.side
+    return inner / (layout.scale * cell), layout, page.side
 
 
 def _value(side: float, length: float) -> float:
@@ -278,7 +280,7 @@ def first_plan(carver: Carver, stop: Callable[[], bool]) -> Plan | None:
     least = 0.0 if len(area) <= ALL else LEAST
     pieces = carver.pieces(large[area[large] > least * area.sum()])
     widest = max((p.sketch.least for p in pieces), default=0)
-    sides = page_sides(pieces, carver.easel, max(2 * CELLS, widest + 2), stop) if pieces else None
+    sides = page_sides(pieces, carver, max(2 * CELLS, widest + 2), stop) if pieces else None
     if sides is None:
         return None
     cut_mesh = carver.cut_mesh

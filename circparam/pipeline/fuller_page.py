@@ -33,7 +33,6 @@ from circparam.pipeline.cut_along import Limits
 from circparam.pipeline.cut_plan import (
     LOCKED,
     RATE,
-    THOROUGH,
     Plan,
     Planner,
     easel_of,
@@ -51,7 +50,6 @@ from circparam.seams.stretch import STRETCH, stretch_asked
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
-COMPARED = 4, 2  # plans that are packed, where much is looked at and where less is
 CUTS = 8  # at most
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
@@ -130,9 +128,7 @@ class _Contest:
 
     def winner(self, plans: list[Plan], known: KnownPacking) -> Cascade | None:
         """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
-        before = self.cascade.atlas
-        effort = effort_of(plans[0].pieces, len(before.surface.faces))
-        most = COMPARED[0 if effort is THOROUGH else 1]
+        before, most = self.cascade.atlas, effort_of(plans[0].pieces, self.carver).packed
         tried: list[tuple[Plan, Cascade]] = []
         for plan in plans[1:]:
             atlas = self.carver.joined(plan.pieces)

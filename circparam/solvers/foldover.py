@@ -17,10 +17,8 @@ from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.region import Region
 
 OUTER = 25  # rounds, each with an ε of its own
-BARREN = (
-    5  # rounds that bring neither fewer flips nor a better worst determinant, by a tenth at least
-)
-BETTER = 0.9
+# rounds that bring neither fewer flips nor a better worst determinant, times BETTER at most
+BARREN, BETTER = 5, 0.9
 DESCENT = DescentOptions(tolerance=1e-4, limit=60)
 FAR = 1e4  # times the root of its area: a group that spreads so wide is not followed further
 AREA = 1.0  # λ, weight of the area term against the shape term
@@ -110,9 +108,8 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     out = x.copy()
     source = np.arange(len(x))  # vertices of the region that the remaining groups hold
     moving = np.ones(region.n_groups, bool)
-    best = np.full(
-        (2, region.n_groups), np.inf
-    )  # flips, and how far the worst face is from upright
+    # flips, and how far the worst face is from upright
+    best = np.full((2, region.n_groups), np.inf)
     barren = np.zeros(region.n_groups, np.int64)
     for _ in range(OUTER):
         determinant = FoldoverEnergy(region, np.ones(region.n_groups)).determinants(x)

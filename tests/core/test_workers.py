@@ -101,11 +101,10 @@ def test_what_is_asked_for_later_is_done_meanwhile_where_a_process_is_idle() -> 
     first.begin()
     assert pool.free == 0
     second.begin()  # none is idle: nothing happens
-    assert (first.begun, second.begun, second.pending) == (True, False, False)
+    assert (first.begun, second.begun) == (True, False)
     assert first.result()[0] == 9
     assert first.result()[1] in pool.executor._processes
     assert first.begun
-    assert not first.pending
     assert first.result() is first.result()
     assert second.result() == (16, os.getpid())
     alone = Later(1, square, (5, ""), Monitor())

@@ -22,9 +22,8 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement
 
-sf = OnDemand(
-    "scipy.fft"
-)  # brings scipy.special along, and a chart alone on its page needs neither
+# brings scipy.special along, and a chart alone on its page needs neither
+sf = OnDemand("scipy.fft")
 
 # A chart of which a tip moves by less than this between two angles is tried at no more of them (cells).
 _TIP = 3.0

@@ -172,10 +172,8 @@ def _bent(unions: Unions, options: MergeOptions, crowd: bool) -> Tried:
         uv, energy = better_start(cut_mesh, targets, jacobian, unions.in_right, options.bound)
         return _relax_some(cut_mesh, uv, np.isfinite(energy), options, crowd)
     # unions that stay flipped are given up: of 169 that were embedded anew 9 came out under the bound
-    flips = np.maximum(MANY_FLIPS, FLIPPED * np.bincount(cut_mesh.chart))
-    if options.patient:
-        flips[:] = np.inf
-    hopeless = HOPELESS * (options.bound - 1), flips
+    few = np.maximum(MANY_FLIPS, FLIPPED * np.bincount(cut_mesh.chart))
+    hopeless = HOPELESS * (options.bound - 1), np.inf if options.patient else few
     uv, _ = from_jacobians(cut_mesh, targets, options.untangle, hopeless=hopeless)
     return _relax(cut_mesh, uv, options, crowd)
 
