@@ -150,7 +150,11 @@ def clip_ears(p: FloatArray) -> IntArray:
 
 
 def _is_ear(q: FloatArray, left: list[int], k: int) -> bool:
-    """Whether corner k of what is left turns left and its triangle holds no other corner."""
+    """Whether corner k of what is left turns left and its triangle holds no other corner.
+
+    Corners at one point with a corner of the triangle do not count: a polygon with a hole comes back along the
+    bridge to it, and one that goes round twice would have no ear at all.
+    """
     i, j, m = left[k - 1], left[k], left[(k + 1) % len(left)]
     a, b, c = q[i], q[j], q[m]
     if not _cross(b - a, c - a) > 0:
@@ -158,6 +162,8 @@ def _is_ear(q: FloatArray, left: list[int], k: int) -> bool:
     others = q[[v for v in left if v not in (i, j, m)]]
     inside = (_cross(b - a, others - a) >= 0) & (_cross(c - b, others - b) >= 0)
     inside &= _cross(a - c, others - c) >= 0
+    for corner in (a, b, c):
+        inside &= (others != corner).any(1)
     return not inside.any()
 
 

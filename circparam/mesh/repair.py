@@ -87,7 +87,8 @@ def repair(
     uvmap: a layout to be judged: faces at an edge of more than two hang together as it shows them, so that
     its charts are counted as whoever made it counted them.
     Raises InputError where no face has an area, TopologyError where something would have to be repaired and
-    ``options.allow`` is False, OptionError where the weld tolerance is no distance or larger than the mesh.
+    ``options.allow`` is False or a polygon is closed in itself, OptionError where the weld tolerance is no
+    distance or larger than the mesh.
     """
     scale = mesh_scale(mesh)
     points = mesh.points if scale == 1.0 else mesh.points * scale
@@ -103,6 +104,8 @@ def repair(
     faces = welded[aside.kept]
     polygons = None if mesh.polygons is None else mesh.polygons[aside.kept]
     pairs = pair_half_edges(points, faces, polygons, _corner_uv(uvmap, aside.kept))
+    if polygons is not None:
+        _refuse_closed(mesh, polygons, pairs, aside.kept)
     p = points[faces]
     orientation = orient(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), pairs)
     surface = _oriented(points, faces, aside.kept, pairs, orientation)
@@ -195,6 +198,21 @@ def _part_of_another_polygon(
     own[polygons[~duplicate & ~bad]] = True
     result: BoolArray = own[polygons] & (polygons != polygons[first])
     return result
+
+
+def _refuse_closed(mesh: Mesh, polygons: IntArray, pairs: Pairs, kept: IntArray) -> None:
+    """Refuse a polygon that passes its corners again until it closes round nothing: no seam may open it.
+
+    polygons: (k,) of the faces ``kept``.
+    """
+    inside = np.bincount(polygons[pairs.edges[pairs.locked, 0] // 3], minlength=polygons.max() + 1)
+    closed = (2 * inside >= 3 * np.bincount(polygons))[polygons]
+    if closed.any():
+        number = mesh.face_number(kept[np.argmax(closed)])
+        raise TopologyError(
+            f"face {number} passes its corners again until it closes round nothing: no uv can show it whole. "
+            "Let it name each corner once"
+        )
 
 
 def _split_vertices(surface: Surface, apart: IntArray) -> IntArray:

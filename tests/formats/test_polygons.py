@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.errors import InputError, NoResultError
+from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats import polygons
 from circparam.formats.io import read_data
 from circparam.formats.polygons import clip_ears, list_start, polygon_of_corner, strips, triangulate
 from circparam.mesh.mesh import UVMap
+from circparam.mesh.repair import repair
 
 
 def test_the_fan_starts_at_the_first_corner_that_fits() -> None:
@@ -115,6 +116,52 @@ def test_ears_hold_no_other_corner() -> None:
     counts = np.bincount(np.sort(t.ravel()), minlength=7)
     assert len(t) == 5
     assert (counts >= 1).all()
+
+
+@pytest.mark.parametrize("holes", [1, 2, 3])
+def test_a_polygon_comes_back_along_the_bridges_to_its_holes(holes: int) -> None:
+    """Round holes in a disk, each reached along a bridge that the outline runs twice: its triangles all turn
+    as it does and their areas are what the disk has without its holes."""
+    rng = np.random.default_rng(holes)
+    for _ in range(20):
+        outline = _ring(int(rng.integers(8, 14)), 4.0, 0.0)
+        for k in range(holes):
+            hole = _ring(int(rng.integers(3, 9)), 0.5, 2 * np.pi * (k + 0.3) / holes)[::-1]
+            far = ((outline[:, None] - hole[None]) ** 2).sum(2)
+            i, j = np.unravel_index(np.argmin(far), far.shape)
+            hole = np.roll(hole, -j, 0)
+            outline = np.concatenate([outline[: i + 1], hole, hole[:1], outline[i:]])
+        p = np.c_[outline, np.zeros(len(outline))]
+        polys = triangulate(p, np.arange(len(p)), np.array([0, len(p)]))
+        q = p[polys.triangles]
+        area = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])[:, 2] / 2
+        assert (area > -1e-12).all()
+        x, y = outline.T
+        assert area.sum() == pytest.approx((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+        # none lies in a hole
+        centre = q.mean(1)[:, :2]
+        for k in range(holes):
+            middle = 2 * np.array(
+                [np.cos(2 * np.pi * (k + 0.3) / holes), np.sin(2 * np.pi * (k + 0.3) / holes)]
+            )
+            assert (((centre - middle) ** 2).sum(1) > 0.5**2 / 16).all()
+
+
+def _ring(n: int, radius: float, turn: float) -> np.ndarray:
+    """(n, 2) corners of a regular polygon: about the origin, or, if small, at 2 from it."""
+    angle = 2 * np.pi * np.arange(n) / n
+    middle = 2.0 * np.array([np.cos(turn), np.sin(turn)]) if radius < 1 else np.zeros(2)
+    return middle + radius * np.stack([np.cos(angle), np.sin(angle)], 1)
+
+
+def test_a_polygon_that_closes_round_nothing_is_refused() -> None:
+    """Four corners, named over and over: two triangles up and two down, joined at all their edges."""
+    square = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    document = read_data(square + b"f" + b" 1 2 3 4" * 100 + b" 1\n", format="obj")
+    with pytest.raises(TopologyError, match="face 1 passes its corners again"):
+        repair(document.mesh)
+    once, _ = repair(read_data(square + b"f 1 2 3 4\n", format="obj").mesh)
+    assert len(once.faces) == 2
 
 
 def test_a_polygon_without_a_normal_is_a_fan_from_its_first_corner() -> None:
