@@ -52,6 +52,16 @@ def test_a_cube_is_unfolded_to_a_net_of_six_squares(turn) -> None:
     assert atlas.surface.edge_lengths[atlas.cut].sum() == pytest.approx(7.0)
 
 
+@pytest.mark.parametrize("refine", [1, 2, 3, 4])
+def test_so_is_a_cube_of_any_triangles(refine: int) -> None:
+    points, faces = shapes.cube(refine)
+    surface = surface_of(points, faces)
+    seams = SEAMS["charts"].function(surface, SeamOptions(), Monitor())
+    atlas = Atlas(surface, seams.cut, seams.uv)
+    assert distortion(atlas) == pytest.approx(1.0, abs=1e-9)
+    assert surface.edge_lengths[atlas.cut].sum() == pytest.approx(7.0)
+
+
 @given(st.floats(0.3, 3.0), st.floats(0.3, 3.0))
 @settings(max_examples=15, deadline=None)
 def test_boxes_cost_no_more_than_when_only_seams_count(width: float, depth: float) -> None:
