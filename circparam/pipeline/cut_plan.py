@@ -32,6 +32,7 @@ REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyon
 # or so much of the side of the page; share of a chart that either part must have
 LONG, PART = 0.6, 0.2
 ALIKE = 1e-9  # of its length: plans whose seams are as long are the same
+SAME = 0.01  # what the pages and values of two plans differ by that are much the same
 NEAR = 0.1  # what a chord may be worth less than the best so far, and be kept for that
 LOCKED = PackOptions(resolution=512, padding=1)  # page on which outlines are grown until they lock
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
@@ -59,7 +60,7 @@ class Effort:
 # of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each; and
 # of surfaces of more faces, where a cut takes longer than its sketches: its parts are relaxed
 MANY, COSTLY = 9, 20_000
-THOROUGH = Effort(3, 4, 2, 3, 12, 6, 3, 4)
+THOROUGH = Effort(3, 4, 2, 3, 12, 6, 3, 2)
 THRIFTY, SPARING = Effort(1, 2, 1, 2, 8, 4, 2, 2), Effort(3, 4, 1, 2, 12, 4, 2, 2)
 
 
@@ -90,6 +91,10 @@ class Plan:
     def share(self) -> float:
         """The covered share, about."""
         return CELLS**2 / self.side**2
+
+    def like(self, other: Plan) -> bool:
+        """Whether the page of another plan is as full, for about as much seam: to pack both would tell little."""
+        return bool(abs(np.log(self.side / other.side)) < SAME and abs(self.value - other.value) < SAME)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +172,7 @@ class Planner:
 
     def _trials(self, plan: Plan, best: float) -> list[_Trial]:
         """Chords worth a sketch, the most promising first."""
-        longest = min(self.longest, float(np.exp((np.log(REACHED / CELLS**2) - best) / RATE)))
+        longest = min(self.longest, float(np.exp((np.log(REACHED) - best) / RATE)))
         sketches = [p.sketch for p in plan.pieces]
         boxes = np.array([float(s.masks.size.prod(1).min()) for s in sketches])
         squares = np.array([float(s.least) for s in sketches])
@@ -209,7 +214,7 @@ class Planner:
         """Side of the page with one chord more; None where its value is not above ``value``."""
         n = trial.n
         length = plan.length + ZIGZAG * trial.length
-        below = float(np.exp(min(-(value + RATE * np.log(length)) / 2, 20.0)))
+        below = CELLS * float(np.exp(min(-(value + RATE * np.log(length)) / 2, 20.0)))
         parts = self.carver.halves(plan.pieces[n], trial.k)
         sketches = [p.sketch for p in (*plan.pieces[:n], *plan.pieces[n + 1 :])] + parts
         below = min(int(np.ceil(below)), plan.sketched + WORSE + 1)
@@ -264,7 +269,7 @@ def page_sides(
 
 
 def _value(side: float, length: float) -> float:
-    return -2 * float(np.log(side)) - RATE * float(np.log(length))
+    return 2 * float(np.log(CELLS / side)) - RATE * float(np.log(length))
 
 
 def easel_of(cut_mesh: CutMesh, options: PackOptions) -> Easel:

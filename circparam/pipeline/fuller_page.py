@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -50,6 +51,9 @@ from circparam.seams.stretch import STRETCH, stretch_asked
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
+# what sketches tell of a page to be packed: it may be fuller than this share of what it is to be; and the
+# logarithm of what it may be fuller than its sketch, at most
+NEARLY, SURE = 0.86, 0.12
 CUTS = 8  # at most
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
@@ -72,18 +76,35 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if cuts < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-    known = packing(cascade, options, monitor)
-    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
-    if known is None or (asked is None and _share(known) >= enough):
-        return replace(cascade, packing=known)
     carver = _carver(cascade, cut_mesh, uv, options)
-    plans = _plans(carver, cuts, asked is None, monitor)
-    contest = _Contest(cascade, carver, options, monitor)
-    chosen = contest.winner(plans, known) if len(plans) > 1 else None
+    first = first_plan(carver, lambda: monitor.expired)
+    uncut = _Uncut(cascade, options, monitor)
+    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
+    # the page without cuts is packed first only where it may be full enough
+    if first is None or (asked is None and first.share > NEARLY * enough):
+        found = uncut.packing
+        if first is None or found is None or _share(found) >= enough:
+            return replace(cascade, packing=found)
+    plans = _plans(first, carver, cuts, asked is None, monitor)
+    chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
     if chosen is not None:
         return chosen
-    kept = replace(cascade, packing=known)
+    kept = replace(cascade, packing=uncut.packing)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
+
+
+@dataclass(frozen=True, eq=False)
+class _Uncut:
+    """The layout without cuts; it is packed when somebody asks for it."""
+
+    cascade: Cascade
+    options: Options
+    monitor: Monitor
+
+    @cached_property
+    def packing(self) -> KnownPacking | None:
+        """The charts as they are, packed; None where they cannot be."""
+        return packing(self.cascade, self.options, self.monitor)
 
 
 def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
@@ -98,8 +119,10 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
     return Carver(cascade.atlas, cut_mesh, uv, easel, limits, stretch)
 
 
-def _plans(carver: Carver, cuts: int, limited: bool, monitor: Monitor) -> list[Plan]:
-    """The plan without a cut and those worth more, the best first; none where no sketch is found.
+def _plans(
+    first: Plan, carver: Carver, cuts: int, limited: bool, monitor: Monitor
+) -> list[Plan]:
+    """The plan without a cut and those worth more, the best first.
 
     limited: whether seams grow by no more than LIMIT.
     """
@@ -107,9 +130,6 @@ def _plans(carver: Carver, cuts: int, limited: bool, monitor: Monitor) -> list[P
     def stop() -> bool:
         return monitor.expired
 
-    first = first_plan(carver, stop)
-    if first is None:
-        return []
     areas = carver.atlas.surface.areas
     longest = first.length + LIMIT * carver.seams if limited else np.inf
     spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
@@ -126,11 +146,14 @@ class _Contest:
     options: Options
     monitor: Monitor
 
-    def winner(self, plans: list[Plan], known: KnownPacking) -> Cascade | None:
+    def winner(self, plans: list[Plan], uncut: _Uncut) -> Cascade | None:
         """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
-        before, most = self.cascade.atlas, effort_of(plans[0].pieces, self.carver).packed
+        first, before = plans[0], self.cascade.atlas
+        most = effort_of(first.pieces, self.carver).packed
         tried: list[tuple[Plan, Cascade]] = []
         for plan in plans[1:]:
+            if any(plan.like(other) for other, _ in tried):
+                continue
             atlas = self.carver.joined(plan.pieces)
             bound = self.cascade.rules.bound
             if stretch_kept(atlas, before, self.options, bound, self.monitor):
@@ -141,15 +164,17 @@ class _Contest:
             (c, self.options, start_of(self.carver, p, c.atlas, self.options)) for p, c in tried
         ]
         packings = Worker(self.monitor.jobs).map(_packing, tasks, self.monitor)
-        best, chosen = _value(known, plans[0].length), None
-        for (plan, cascade), packed in zip(tried, packings, strict=True):
-            value = _value(packed, plan.length)
-            if value > best:
-                best, chosen = (
-                    value,
-                    replace(cascade, packing=packed).noted(_told(plan, before, cascade)),
-                )
-        return chosen
+        values = [_value(k, p.length) for (p, _), k in zip(tried, packings, strict=True)]
+        best = int(np.argmax(values)) if values else -1
+        if best < 0 or not np.isfinite(values[best]):
+            return None
+        # the page without cuts is packed where it may be better than its sketch tells
+        if values[best] < first.value + SURE and values[best] <= _value(
+            uncut.packing, first.length
+        ):
+            return None
+        plan, cascade = tried[best]
+        return replace(cascade, packing=packings[best]).noted(_told(plan, before, cascade))
 
 
 def _told(plan: Plan, before: Atlas, after: Cascade) -> str:

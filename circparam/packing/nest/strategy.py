@@ -64,6 +64,7 @@ class Schedule:
     fixed_cells: int = 160
     coarse_budget: float = 0.3e8
     budget: float = 0.3e8
+    patience: int = 100
     compacted_up_to: int = 150
     kept: int = 2
     smaller: float = 0.97
@@ -99,12 +100,27 @@ def nested(
         return _at_fixed_scale(task, options.fixed_scale)
     if shapes.n == 1:
         return _alone(shapes, options)
+    if task.start is not None and shapes.n <= SCHEDULE.handful:
+        going_on = _going_on(task)
+        if going_on is not None:
+            return going_on
     layouts, straight = _found(task)
     if shapes.n <= SCHEDULE.compacted_up_to:
         compacted = _compacted(task, layouts, (skyline, shelf), straight)
         if compacted is not None:
             return compacted
     return layouts[0] if layouts else None
+
+
+def _going_on(task: PackTask) -> Placement | None:
+    """The layout that is known already grown until it locks, or a better one that the search finds; None where
+    charts are straight, which may have to be laid along the axes, or where nothing passes the check."""
+    shapes, start = task.shapes, task.start
+    side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / task.options.pages))
+    if start is None or straight_charts(shapes, SCHEDULE.askew * side).counts.any():
+        return None
+    better = _searched(task, beat=start.scale * SCHEDULE.smaller, patience=SCHEDULE.patience)
+    return _compacted(task, better, (None, None), None)
 
 
 def _found(task: PackTask) -> tuple[list[Placement], Straight | None]:
@@ -206,7 +222,10 @@ def _steps(most: int, part: float) -> int:
 
 
 def _searched(
-    task: PackTask, straight: Straight | None = None, beat: float | None = None
+    task: PackTask,
+    straight: Straight | None = None,
+    beat: float | None = None,
+    patience: int = 8,
 ) -> list[Placement]:
     """Layouts of the search on the grid, best first; empty where it found none.
 
@@ -238,7 +257,7 @@ def _searched(
         if beat is not None:
             inner = options.resolution - 2 * options.border + options.gap
             largest = int(np.ceil(inner / (beat * cell))) - 1
-        found = search(board, shapes, options, cells, budget, largest)
+        found = search(board, shapes, options, cells, budget, largest, patience)
         if found:
             return [to_placement(board, f, options) for f in _different(found)]
         density *= SCHEDULE.less_hope
