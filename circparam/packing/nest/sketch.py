@@ -16,7 +16,8 @@ from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer, sf
 
 SEED = 9
-ANGLES = 20  # at which an outline is tried
+# even angles at which an outline is tried, fewer where none of its tips moves by more than so many cells between
+LEAST_ANGLES, ANGLES, TIP = 8, 16, 3.0
 TURNS = np.arange(24) * (
     np.pi / 48
 )  # among which those of the least box and the least square are found
@@ -62,7 +63,7 @@ class Easel:
     def sketch(self, start: FloatArray, end: FloatArray) -> Sketch:
         """An outline of edges from start to end (e, 2) in uv units."""
         middle = (start.min(0) + start.max(0)) / 2
-        angles = _angles(start[:: max(len(start) // 100, 1)])
+        angles = _angles(start[:: max(len(start) // 100, 1)] / self.cell)
         start, end = start - middle, end - middle
         masks = chart_masks(start / self.cell, end / self.cell, angles, self.grow)
         return Sketch(
@@ -71,12 +72,16 @@ class Easel:
 
 
 def _angles(points: FloatArray) -> FloatArray:
-    """(ANGLES,) angles for an outline: those of its least box and its least square among them."""
+    """Angles for an outline (cells): even ones from that of its least box, and those of its least square."""
     c, s = np.cos(TURNS), np.sin(TURNS)
     w = np.ptp(np.outer(c, points[:, 0]) - np.outer(s, points[:, 1]), axis=1)
     h = np.ptp(np.outer(s, points[:, 0]) + np.outer(c, points[:, 1]), axis=1)
     box, square = TURNS[int(np.argmin(w * h))], TURNS[int(np.argmin(np.maximum(w, h)))]
-    even = box + np.arange(ANGLES - 4) * (2 * np.pi / (ANGLES - 4))
+    around = np.pi * float(np.maximum(w, h).max())
+    count = 4 * int(np.ceil(np.clip(around / TIP, LEAST_ANGLES, ANGLES) / 4))
+    even = box + np.arange(count) * (2 * np.pi / count)
+    if count < ANGLES:
+        return even
     return np.concatenate([even, square + np.arange(4) * (np.pi / 2)])
 
 
