@@ -116,7 +116,8 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
     if options.cuts_asked is not None:
         limits = replace(limits, flats=1.0)
     easel = easel_of(cut_mesh, pack_options(options))
-    return Carver(cascade.atlas, cut_mesh, uv, easel, limits, stretch)
+    sign = chart_signs(cascade.atlas.surface, cut_mesh, options)
+    return Carver(cascade.atlas, cut_mesh, uv, easel, limits, sign, stretch)
 
 
 def _plans(
@@ -211,25 +212,24 @@ def _stretched(atlas: Atlas, most: float) -> float:
 
 def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
     """Where the charts of a plan lie on its page, as a start for packing; None where it does not hold them all,
-    or not as they are wound."""
+    or not as they are mirrored."""
     asked = pack_options(options)
     count, chart = atlas.charts()
     old = carver.cut_mesh.chart
-    face = [
-        int(p.ground.faces[0] if p.ground is not None else np.argmax(old == p.outline.chart))
-        for p in plan.pieces
-    ]
+    face = np.array(
+        [
+            int(p.ground.faces[0] if p.ground is not None else np.argmax(old == p.outline.chart))
+            for p in plan.pieces
+        ]
+    )
     if len(face) < count or asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
         return None
     sign = chart_signs(atlas.surface, atlas.open()[0], options)
-    if (sign != sign[0]).any():
-        return None
     order = np.argsort(chart[face])
+    if (sign != carver.sign[old[face[order]]]).any():
+        return None
     found = on_page(plan.layout, LOCKED, asked)
-    angle, offset = found.angle[order], found.offset[order]
-    if sign[0] < 0:
-        angle, offset = -angle, offset * [-1, 1] + [asked.resolution, 0]
-    return Placement(found.scale, angle, offset, found.page[order])
+    return Placement(found.scale, found.angle[order], found.offset[order], found.page[order])
 
 
 def _packing(

@@ -4,7 +4,7 @@ once, so that a plan knows how long its seams are, and holds no cut that cannot 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,9 +31,10 @@ class Ground:
     """The atlas of one chart, on which it can be cut. faces: (k,) those of the whole.
 
     costs: (e,) of a cut along each edge. flat: (e,) bool, edges inside flats that are meant. stretched: area of
-    its faces that are stretched too much.
+    its faces that are stretched too much. chart: which it is or was a part of.
     """
 
+    chart: int
     faces: IntArray
     opened: Opened
     costs: FloatArray
@@ -49,7 +50,8 @@ class Ground:
         """What it is of some faces (bool) of the atlas that it became."""
         inside = mine[self.atlas.surface.edges // 3].all(1)
         opened = Opened.of(after.part(mine))
-        return Ground(self.faces[mine], opened, self.costs[inside], self.flat[inside], stretched)
+        costs, flat = self.costs[inside], self.flat[inside]
+        return Ground(self.chart, self.faces[mine], opened, costs, flat, stretched)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +77,8 @@ class Piece:
 class Carver:
     """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. easel: of the sketches of its pieces.
 
-    stretch: from which on faces are stretched too much. grounds: of the charts that a cut was tried on.
+    sign: (n_charts,) −1 for charts that are packed mirrored, else 1. stretch: from which on faces are stretched
+    too much. grounds: of the charts that a cut was tried on.
     """
 
     atlas: Atlas
@@ -83,6 +86,7 @@ class Carver:
     uv: FloatArray
     easel: Easel
     limits: Limits
+    sign: FloatArray
     stretch: float = np.inf
     grounds: dict[int, Ground] = field(default_factory=dict)
 
@@ -106,8 +110,15 @@ class Carver:
         """Sketches of both parts of a piece that is cut straight along its chord k."""
         if k not in piece.halves:
             i, j = int(piece.chords.i[k]), int(piece.chords.j[k])
-            piece.halves[k] = [self.easel.sketch(*p.edges) for p in split(piece.outline, i, j)]
+            piece.halves[k] = [self._sketch(part) for part in split(piece.outline, i, j)]
         return piece.halves[k]
+
+    def _sketch(self, outline: Outline) -> Sketch:
+        """An outline as it is packed: mirrored where its chart is."""
+        start, end = outline.edges
+        if self.sign[outline.chart] < 0:
+            start, end = end * [-1, 1], start * [-1, 1]
+        return self.easel.sketch(start, end)
 
     def _cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
         ground = piece.ground or self._ground(piece.outline.chart)
@@ -160,7 +171,9 @@ class Carver:
         shown = outlines(cut_mesh, uv * scale, charts, STEP * self.easel.cell)
         if any(np.ptp(o.p, axis=0).max() > LONGEST * self.easel.cell for o in shown):
             return []
-        return [Piece(o, self.easel.sketch(*o.edges), uv[o.vertex], ground) for o in shown]
+        if ground is not None:
+            shown = [replace(o, chart=ground.chart) for o in shown]
+        return [Piece(o, self._sketch(o), uv[o.vertex], ground) for o in shown]
 
     def _ground(self, chart: int) -> Ground:
         if chart not in self.grounds:
@@ -173,8 +186,9 @@ class Carver:
             inner = mine[sides[near[sides].all(1)]].all(1)
             opened = Opened.of(self.atlas.part(mine))
             stretched = float(self._stretched(opened).sum())
-            ground = Ground(np.flatnonzero(mine), opened, costs[inner], flat[inner], stretched)
-            self.grounds[chart] = ground
+            self.grounds[chart] = Ground(
+                chart, np.flatnonzero(mine), opened, costs[inner], flat[inner], stretched
+            )
         return self.grounds[chart]
 
 
