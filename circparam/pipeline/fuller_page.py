@@ -25,6 +25,7 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing import pack
+from circparam.packing.budget import Budget
 from circparam.packing.nest.strategy import on_page
 from circparam.packing.placement import Placement
 from circparam.pipeline import fallback
@@ -34,6 +35,8 @@ from circparam.pipeline.cut_along import Limits
 from circparam.pipeline.cut_plan import (
     LOCKED,
     RATE,
+    WORK,
+    WORK_OF_FACE,
     Plan,
     Planner,
     easel_of,
@@ -77,7 +80,9 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         return cascade
 
     carver = _carver(cascade, cut_mesh, uv, options)
-    first = first_plan(carver, lambda: monitor.expired)
+    work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
+    budget = Budget(work, lambda: monitor.expired)
+    first = first_plan(carver, budget)
     uncut = _Uncut(cascade, options, monitor)
     enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
     # the page without cuts is packed first only where it may be full enough
@@ -85,7 +90,7 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         found = uncut.packing
         if first is None or found is None or _share(found) >= enough:
             return replace(cascade, packing=found)
-    plans = _plans(first, carver, cuts, asked is None, monitor)
+    plans = _plans(first, carver, cuts, asked is None, budget)
     chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
     if chosen is not None:
         return chosen
@@ -120,21 +125,15 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
     return Carver(cascade.atlas, cut_mesh, uv, easel, limits, sign, stretch)
 
 
-def _plans(
-    first: Plan, carver: Carver, cuts: int, limited: bool, monitor: Monitor
-) -> list[Plan]:
+def _plans(first: Plan, carver: Carver, cuts: int, limited: bool, budget: Budget) -> list[Plan]:
     """The plan without a cut and those worth more, the best first.
 
     limited: whether seams grow by no more than LIMIT.
     """
-
-    def stop() -> bool:
-        return monitor.expired
-
     areas = carver.atlas.surface.areas
     longest = first.length + LIMIT * carver.seams if limited else np.inf
     spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
-    planner = Planner(carver, float(areas.sum()), longest, cuts, stop, spared)
+    planner = Planner(carver, float(areas.sum()), longest, cuts, budget, spared)
     return [first, *planner.best(first)]
 
 

@@ -106,6 +106,12 @@ class Carver:
             piece.known[k] = self._cut(piece, k)
         return piece.known[k]
 
+    def size(self, piece: Piece) -> int:
+        """The faces of a piece."""
+        if piece.ground is not None:
+            return len(piece.ground.faces)
+        return int((self.cut_mesh.chart == piece.outline.chart).sum())
+
     def halves(self, piece: Piece, k: int) -> list[Sketch]:
         """Sketches of both parts of a piece that is cut straight along its chord k."""
         if k not in piece.halves:

@@ -6,12 +6,13 @@ covers in the end is a tenth more, since packing goes on from such a layout.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer, sf
 
@@ -79,7 +80,7 @@ def _angles(points: FloatArray) -> FloatArray:
     box, square = TURNS[int(np.argmin(w * h))], TURNS[int(np.argmin(np.maximum(w, h)))]
     around = np.pi * float(np.maximum(w, h).max())
     count = 4 * int(np.ceil(np.clip(around / TIP, LEAST_ANGLES, ANGLES) / 4))
-    even = box + np.arange(count) * (2 * np.pi / count)
+    even: FloatArray = box + np.arange(count) * (2 * np.pi / count)
     if count < ANGLES:
         return even
     return np.concatenate([even, square + np.arange(4) * (np.pi / 2)])
@@ -107,12 +108,12 @@ def _board(sketches: Sequence[Sketch], side: int) -> _Board:
 
 
 def least_page(
-    sketches: Sequence[Sketch], below: int, tries: int, stop: Callable[[], bool]
+    sketches: Sequence[Sketch], below: int, tries: int, budget: Budget
 ) -> SketchedPage | None:
     """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
 
     tries: orders that are tried without success before the search ends; it goes on with every success.
-    stop: whether there is no more time.
+    budget: of cells that are transformed.
     """
     least = max((s.least for s in sketches), default=1)
     least = max(least, int(np.sqrt(sum(s.area for s in sketches) / FULLEST)))
@@ -123,13 +124,13 @@ def least_page(
     rng = np.random.default_rng(SEED)
     found: SketchedPage | None = None
     failures = tried = 0
-    while failures < tries and side >= least and not stop():
+    while failures < tries and side >= least and not budget.over:
         order, sigma, choice = _try(rng, tried, sketches)
         tried += 1
         failures += 1
         stride = 1
         while side >= least:
-            page = _laid_out(board, order, side, sigma, choice)
+            page = _laid_out(board, order, side, sigma, choice, budget)
             if page is not None:
                 found, failures, stride = page, 0, 2 * stride
                 side = max(side - stride, least) if side > least else least - 1
@@ -154,7 +155,12 @@ def _try(
 
 
 def _laid_out(
-    board: _Board, order: IntArray, side: int, sigma: float, choice: list[IntArray]
+    board: _Board,
+    order: IntArray,
+    side: int,
+    sigma: float,
+    choice: list[IntArray],
+    budget: Budget,
 ) -> SketchedPage | None:
     """Sketches put one by one where they touch most, on a page of ``side`` cells; None where one finds no place
     that is free."""
@@ -168,6 +174,7 @@ def _laid_out(
         pick = choice[c][masks.size[choice[c]].max(1) <= side]
         if len(pick) == 0:
             return None
+        budget.spend(len(pick) * float(size) ** 2)
         page = sf.rfft2(grid)
         spot: tuple[int, int, int] | None
         if turn == 0:
