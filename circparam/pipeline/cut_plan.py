@@ -25,6 +25,7 @@ RATE = 0.5  # the exchange rate: log of the growth of the covered share over tha
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 LARGE, LEAST = 14, 0.01  # charts that are sketched, those of more than this share of the area
 ALL = 12  # charts up to which all are sketched, so that packing may go on from where they lie
+TOLD = 0.85  # share of the area that is sketched at least: else what is not decides how full the page gets
 # share of the area that a chart must have to be cut, and either part of it
 CUT, PIECE = 0.06, 0.012
 GOOD = 0.74  # covered share of a sketch from which on nothing is cut
@@ -39,7 +40,7 @@ APART = 3.0  # cells by which chords that are sketched lie apart, both ends toge
 WORSE = 2  # cells by which a page with one cut more may seem larger: the search is coarse
 # work of a search in cells that are transformed, and for each face; what locking a page counts as, and making a
 # cut for each face of its chart (150 million are about half a second)
-WORK, WORK_OF_FACE, LOCKING, CUTTING = 1.2e8, 2500.0, 2e6, 1000.0
+WORK, WORK_OF_FACE, LOCKING, CUTTING = 1.8e8, 4000.0, 2e6, 1000.0
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 
@@ -96,8 +97,10 @@ class Plan:
         return CELLS**2 / self.side**2
 
     def like(self, other: Plan) -> bool:
-        """Whether the page of another plan is as full, for about as much seam: to pack both would tell little."""
-        return bool(abs(np.log(self.side / other.side)) < SAME and abs(self.value - other.value) < SAME)
+        """Whether the page of another plan is as full, for as much seam: to pack both would tell little."""
+        return bool(
+            abs(np.log(self.side / other.side)) < SAME and abs(self.value - other.value) < SAME
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +108,8 @@ class Planner:
     """What all plans for one layout have in common.
 
     carver: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
-    budget: of cells that sketches transform; making a cut counts as well. spared: area of faces that may be stretched too much besides.
+    budget: of cells that sketches transform; making a cut counts as well. spared: area of faces that may be
+    stretched too much besides.
     """
 
     carver: Carver
@@ -290,7 +294,10 @@ def first_plan(carver: Carver, budget: Budget) -> Plan | None:
     area = carver.cut_mesh.chart_areas
     large = np.argsort(-area, kind="stable")[:LARGE]
     least = 0.0 if len(area) <= ALL else LEAST
-    pieces = carver.pieces(large[area[large] > least * area.sum()])
+    large = large[area[large] > least * area.sum()]
+    if area[large].sum() < TOLD * area.sum():
+        return None
+    pieces = carver.pieces(large)
     widest = max((p.sketch.least for p in pieces), default=0)
     sides = page_sides(pieces, carver, max(2 * CELLS, widest + 2), budget) if pieces else None
     if sides is None:

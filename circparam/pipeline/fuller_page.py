@@ -210,9 +210,11 @@ def _stretched(atlas: Atlas, most: float) -> float:
 
 
 def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
-    """Where the charts of a plan lie on its page, as a start for packing; None where it does not hold them all,
-    or not as they are mirrored."""
+    """Where the charts of a plan lie on its page, as a start for packing, those that were not sketched on page
+    −1; None where they lie otherwise than they are mirrored, or are not packed on one page."""
     asked = pack_options(options)
+    if asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
+        return None
     count, chart = atlas.charts()
     old = carver.cut_mesh.chart
     face = np.array(
@@ -221,14 +223,14 @@ def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Plac
             for p in plan.pieces
         ]
     )
-    if len(face) < count or asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
-        return None
     sign = chart_signs(atlas.surface, atlas.open()[0], options)
-    order = np.argsort(chart[face])
-    if (sign != carver.sign[old[face[order]]]).any():
+    at = chart[face]
+    if (sign[at] != carver.sign[old[face]]).any():
         return None
     found = on_page(plan.layout, LOCKED, asked)
-    return Placement(found.scale, found.angle[order], found.offset[order], found.page[order])
+    angle, offset, page = np.zeros(count), np.zeros((count, 2)), np.full(count, -1)
+    angle[at], offset[at], page[at] = found.angle, found.offset, found.page
+    return Placement(found.scale, angle, offset, page)
 
 
 def _packing(

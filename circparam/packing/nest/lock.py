@@ -20,7 +20,7 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 
-STEPS = 3  # linear programs
+STEPS = 3  # linear programs; more tell no better which of two pages is the fuller one
 ROWS = 30_000  # of all of them together
 
 

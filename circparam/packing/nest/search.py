@@ -149,7 +149,7 @@ def lay_out(
         kernel, area = board.spectra[c][pick], masks.area[pick]
         rows, columns = masks.size[pick, 0], masks.size[pick, 1]
         for tile in range(pages):
-            spot = _best_place(spectra[tile], kernel, blur, area, rows, columns, side)
+            spot = best_place(spectra[tile], kernel, blur, area, rows, columns, side)
             if spot is not None:
                 break
         else:
@@ -163,7 +163,7 @@ def lay_out(
     return GridLayout(side, mask, row, column, page)
 
 
-def _best_place(
+def best_place(
     page: Spectrum,
     kernel: Spectrum,
     blur: FloatArray,

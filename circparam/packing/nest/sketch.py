@@ -17,7 +17,7 @@ from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer, sf
 
 SEED = 9
-# even angles at which an outline is tried, fewer where none of its tips moves by more than so many cells between
+# even angles at which an outline is tried: none of its tips moves by more than TIP cells between
 LEAST_ANGLES, ANGLES, TIP = 8, 16, 3.0
 TURNS = np.arange(24) * (
     np.pi / 48
@@ -26,6 +26,7 @@ FULLEST = 0.78  # share of its cells that no page of a few outlines fills: none 
 SHUFFLED = 0.3  # spread of the logarithm of the sizes by which later tries change the order
 # tries in which all masks take part, by size and by reach; later ones take half of them
 FIRST_TRIES = 2
+LARGEST = 4  # outlines that are tried at all their angles; smaller ones at every other one
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +130,7 @@ def least_page(
         tried += 1
         failures += 1
         stride = 1
-        while side >= least:
+        while side >= least and not budget.over:
             page = _laid_out(board, order, side, sigma, choice, budget)
             if page is not None:
                 found, failures, stride = page, 0, 2 * stride
@@ -151,7 +152,11 @@ def _try(
         size = size + rng.normal(0, SHUFFLED, len(size))
         half = [c[rng.random(len(c)) < 0.5] for c in choice]
         choice = [h if len(h) else c for h, c in zip(half, choice, strict=True)]
-    return np.argsort(-size, kind="stable"), SIGMAS[tried % len(SIGMAS)], choice
+    order = np.argsort(-size, kind="stable")
+    if tried < FIRST_TRIES:
+        for k in order[LARGEST:].tolist():
+            choice[k] = choice[k][:: 2 if len(choice[k]) > LEAST_ANGLES else 1]
+    return order, SIGMAS[tried % len(SIGMAS)], choice
 
 
 def _laid_out(
