@@ -21,7 +21,7 @@ from circparam.packing.placement import Placement
 from circparam.pipeline.chords import Chords
 from circparam.pipeline.pieces import Carver, Piece
 
-RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
+RATE = 0.4  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 LARGE, LEAST = 14, 0.01  # charts that are sketched, those of more than this share of the area
 ALL = 12  # charts up to which all are sketched, so that packing may go on from where they lie
@@ -63,7 +63,7 @@ class Effort:
 
 # of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each; and
 # of surfaces of more faces, where a cut takes longer than its sketches: its parts are relaxed
-MANY, COSTLY = 9, 20_000
+MANY, COSTLY = 9, 30_000
 THOROUGH = Effort(3, 4, 2, 3, 12, 6, 3, 2)
 THRIFTY, SPARING = Effort(1, 2, 1, 2, 8, 4, 2, 2), Effort(3, 4, 1, 2, 12, 4, 2, 2)
 
