@@ -2,10 +2,10 @@
 
 Texels are bought with seam. A page of R · R texels of which a share s is covered has s R² texels of surface,
 and seams and boundaries of length L, in roots of the area, have L √s R texels beside them, where filters blend
-and mip maps bleed. **A cut is worth it where texels grow by 0.4 of the percentage by which seams do, at least** (``RATE`` in
-``cut_plan``), as sketches of the page see it. They see it in steps of a cell, 4 % of what is covered, and so
-late; what they rank highest is packed, beside the page without cuts where that may be as good, and the best is
-kept. The search has a budget of work (``WORK``), counted and not timed.
+and mip maps bleed. **A cut is worth it where texels grow by 0.4 of the percentage by which seams do, at
+least** (``RATE`` in ``cut_plan``), as sketches of the page see it. They see it in steps of a cell, 4 % of what
+is covered, and so late; what they rank highest is packed, beside the page without cuts where that may be as
+good, and the best is kept. The search has a budget of work (``WORK``), which is counted and not timed.
 A mesh that needs no seam gets none, and all cuts together make the seams no longer than ``LIMIT`` allows.
 """
 
@@ -58,7 +58,9 @@ ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing i
 # what sketches tell of a page to be packed: it may be fuller than this share of what it is to be; and the
 # logarithm of what it may be fuller than its sketch, at most
 NEARLY, SURE = 0.86, 0.12
-CLOSE = 0.05  # what a plan may be worth less than the best one by its sketch, and be packed beside it
+CLOSE = (
+    0.05  # what a plan may be worth less than the best one by its sketch, and be packed beside it
+)
 CUTS = 8  # at most
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
