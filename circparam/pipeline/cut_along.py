@@ -44,7 +44,21 @@ class Limits:
     flats: float = 0.2
 
 
-def cut_along(atlas: Atlas, chord: Chord, costs: FloatArray, limits: Limits) -> Atlas | None:
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """An atlas with the cut mesh that it is, and the uv (nv, 2) of that: whoever looks at it does so often."""
+
+    atlas: Atlas
+    cut_mesh: CutMesh
+    uv: FloatArray
+
+    @classmethod
+    def of(cls, atlas: Atlas) -> Opened:
+        """An atlas, opened."""
+        return cls(atlas, *atlas.open())
+
+
+def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) -> Opened | None:
     """The atlas of one chart cut along edges near a chord; None where that does not leave two disks as they
     should be.
 
@@ -52,11 +66,12 @@ def cut_along(atlas: Atlas, chord: Chord, costs: FloatArray, limits: Limits) -> 
     boundary near the ends of the chord, wherever it is shortest. Layouts stay as they are, but for those of
     parts above the bound: they are relaxed to below it, for which the cut often makes room.
     """
-    cut_mesh, uv = atlas.open()
+    atlas, tried = whole.atlas, np.zeros(0, np.int64)
     for ends in ENDS:
-        path = _path(atlas, cut_mesh, uv, chord, costs, ends)
-        if path is None:
+        path = _path(whole, chord, costs, ends)
+        if path is None or np.array_equal(path, tried):
             continue
+        tried = path
         cut = atlas.cut.copy()
         cut[path] = True
         after = _kept(Atlas(atlas.surface, cut, atlas.corners, atlas.prices), path, chord, limits)
@@ -65,15 +80,9 @@ def cut_along(atlas: Atlas, chord: Chord, costs: FloatArray, limits: Limits) -> 
     return None
 
 
-def _path(
-    atlas: Atlas,
-    cut_mesh: CutMesh,
-    uv: FloatArray,
-    chord: Chord,
-    costs: FloatArray,
-    ends: float,
-) -> IntArray | None:
+def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArray | None:
     """Edges of the cheapest way near a chord; None where there is none."""
+    atlas, cut_mesh, uv = whole.atlas, whole.cut_mesh, whole.uv
     s, flat = atlas.surface, cut_mesh.faces.ravel()
     edge = np.flatnonzero(~atlas.cut & np.isfinite(costs))
     h = s.edges[edge, 0]
@@ -146,7 +155,7 @@ def _distance(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
     return result
 
 
-def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas | None:
+def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened | None:
     """An atlas cut along a path (edges) if its two charts are as they should be, else None.
 
     Both disks (holes allowed) of as many faces as asked for, the smaller of about the area that was planned,
@@ -164,7 +173,7 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas |
         return None
     high = chart_distortion(cut_mesh, uv) > limits.bound
     if not high.any():
-        return atlas
+        return Opened(atlas, cut_mesh, uv)
     part, vertices, faces = cut_mesh.subset(high)
     scale = best_chart_scales(part, uv[vertices])[part.vertex_chart][:, None]
     options = RelaxOptions(max_iterations=STEPS, give_up=limits.bound)
@@ -176,4 +185,4 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Atlas |
         return None
     after = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
     after.scatter(part, better, faces)
-    return after
+    return Opened(after, cut_mesh, after.gather(cut_mesh))

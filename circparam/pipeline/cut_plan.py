@@ -6,7 +6,6 @@ is log s − RATE log L, with the covered share s and the length L of all bounda
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, next_half_edge
 from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
+from circparam.packing.budget import Budget
 from circparam.packing.nest.lock import locked
 from circparam.packing.nest.sketch import Easel, least_page
 from circparam.packing.options import PackOptions
@@ -21,10 +21,11 @@ from circparam.packing.placement import Placement
 from circparam.pipeline.chords import Chords
 from circparam.pipeline.pieces import Carver, Piece
 
-RATE = 0.5  # the exchange rate: log of the growth of the covered share over that of the seams
+RATE = 0.4  # the exchange rate: log of the growth of the covered share over that of the seams
 CELLS = 32  # squared: cells that all charts cover together on the sketches
 LARGE, LEAST = 14, 0.01  # charts that are sketched, those of more than this share of the area
 ALL = 12  # charts up to which all are sketched, so that packing may go on from where they lie
+TOLD = 0.85  # share of the area that is sketched at least: else what is not decides how full the page gets
 # share of the area that a chart must have to be cut, and either part of it
 CUT, PIECE = 0.06, 0.012
 GOOD = 0.74  # covered share of a sketch from which on nothing is cut
@@ -32,10 +33,14 @@ REACHED = 0.76  # covered share of a sketch that no cut is expected to get beyon
 # or so much of the side of the page; share of a chart that either part must have
 LONG, PART = 0.6, 0.2
 ALIKE = 1e-9  # of its length: plans whose seams are as long are the same
+SAME = 0.01  # what the pages and values of two plans differ by that are much the same
 NEAR = 0.1  # what a chord may be worth less than the best so far, and be kept for that
 LOCKED = PackOptions(resolution=512, padding=1)  # page on which outlines are grown until they lock
 APART = 3.0  # cells by which chords that are sketched lie apart, both ends together
 WORSE = 2  # cells by which a page with one cut more may seem larger: the search is coarse
+# work of a search in cells that are transformed, and for each face; what locking a page counts as, and making a
+# cut for each face of its chart (150 million are about half a second)
+WORK, WORK_OF_FACE, LOCKING, CUTTING = 1.8e8, 4000.0, 2e6, 1000.0
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 
@@ -58,8 +63,8 @@ class Effort:
 
 # of few pieces and of more than MANY: a sketch takes the longer the more there are, and tells less of each; and
 # of surfaces of more faces, where a cut takes longer than its sketches: its parts are relaxed
-MANY, COSTLY = 9, 20_000
-THOROUGH = Effort(3, 4, 2, 3, 12, 6, 3, 4)
+MANY, COSTLY = 9, 30_000
+THOROUGH = Effort(3, 4, 2, 3, 12, 6, 3, 2)
 THRIFTY, SPARING = Effort(1, 2, 1, 2, 8, 4, 2, 2), Effort(3, 4, 1, 2, 12, 4, 2, 2)
 
 
@@ -91,20 +96,27 @@ class Plan:
         """The covered share, about."""
         return CELLS**2 / self.side**2
 
+    def like(self, other: Plan) -> bool:
+        """Whether the page of another plan is as full, for as much seam: to pack both would tell little."""
+        return bool(
+            abs(np.log(self.side / other.side)) < SAME and abs(self.value - other.value) < SAME
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Planner:
     """What all plans for one layout have in common.
 
     carver: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
-    stop: whether there is no more time. spared: area of faces that may be stretched too much besides.
+    budget: of cells that sketches transform; making a cut counts as well. spared: area of faces that may be
+    stretched too much besides.
     """
 
     carver: Carver
     area: float
     longest: float
     most: int
-    stop: Callable[[], bool]
+    budget: Budget
     spared: float = np.inf
 
     @property
@@ -134,7 +146,7 @@ class Planner:
         weighed: list[tuple[float, int, _Trial]] = []
         highest, effort = -np.inf, self.effort(plan)
         for number, trial in enumerate(self._trials(plan, best)):
-            if self.stop():
+            if self.budget.over:
                 break
             side = self._sketched(plan, trial, highest - NEAR)
             if side is not None:
@@ -144,7 +156,7 @@ class Planner:
         weighed.sort(key=lambda w: w[:2])
         made: list[Plan] = []
         for _, _, trial in weighed[: effort.tried]:
-            after = None if self.stop() else self._made(plan, trial)
+            after = None if self.budget.over else self._made(plan, trial)
             made += [] if after is None else [after]
             if len(made) == effort.made:
                 break
@@ -152,7 +164,10 @@ class Planner:
 
     def _made(self, plan: Plan, trial: _Trial) -> Plan | None:
         """The plan with one cut more, made along edges; None where it cannot be, or the page gets no better."""
-        made = self.carver.cut(plan.pieces[trial.n], trial.k)
+        piece = plan.pieces[trial.n]
+        if trial.k not in piece.known:
+            self.budget.spend(CUTTING * self.carver.size(piece))
+        made = self.carver.cut(piece, trial.k)
         if made is None:
             return None
         parts, length, stretched = made
@@ -160,14 +175,14 @@ class Planner:
         if length > self.longest or stretched > self.spared:
             return None
         pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *parts]
-        sides = page_sides(pieces, self.carver, plan.sketched + WORSE + 1, self.stop)
+        sides = page_sides(pieces, self.carver, plan.sketched + WORSE + 1, self.budget)
         if sides is None:
             return None
         return Plan(pieces, length, *sides, plan.cuts + 1, stretched)
 
     def _trials(self, plan: Plan, best: float) -> list[_Trial]:
         """Chords worth a sketch, the most promising first."""
-        longest = min(self.longest, float(np.exp((np.log(REACHED / CELLS**2) - best) / RATE)))
+        longest = min(self.longest, float(np.exp((np.log(REACHED) - best) / RATE)))
         sketches = [p.sketch for p in plan.pieces]
         boxes = np.array([float(s.masks.size.prod(1).min()) for s in sketches])
         squares = np.array([float(s.least) for s in sketches])
@@ -210,11 +225,11 @@ class Planner:
         """Side of the page with one chord more; None where its value is not above ``value``."""
         n = trial.n
         length = plan.length + ZIGZAG * trial.length
-        below = float(np.exp(min(-(value + RATE * np.log(length)) / 2, 20.0)))
+        below = CELLS * float(np.exp(min(-(value + RATE * np.log(length)) / 2, 20.0)))
         parts = self.carver.halves(plan.pieces[n], trial.k)
         sketches = [p.sketch for p in (*plan.pieces[:n], *plan.pieces[n + 1 :])] + parts
         below = min(int(np.ceil(below)), plan.sketched + WORSE + 1)
-        page = least_page(sketches, below, self.effort(plan).tries, self.stop)
+        page = least_page(sketches, below, self.effort(plan).tries, self.budget)
         return None if page is None else page.side
 
 
@@ -250,22 +265,23 @@ def _distinct(plans: list[Plan], most: int) -> list[Plan]:
 
 
 def page_sides(
-    pieces: list[Piece], carver: Carver, below: int, stop: Callable[[], bool]
+    pieces: list[Piece], carver: Carver, below: int, budget: Budget
 ) -> tuple[float, Placement, int] | None:
     """(side in cells of the page of some pieces whose outlines lock, where they lie there, side of the page
     that holds their cells); None where none is below so many."""
     sketches = [p.sketch for p in pieces]
-    page = least_page(sketches, below, effort_of(pieces, carver).more, stop)
+    page = least_page(sketches, below, effort_of(pieces, carver).more, budget)
     if page is None:
         return None
     cell = carver.easel.cell
-    layout = locked(sketches, page, cell, LOCKED, stop)
+    budget.spend(LOCKING)
+    layout = locked(sketches, page, cell, LOCKED, lambda: budget.late)
     inner = LOCKED.resolution - 2 * LOCKED.border + LOCKED.gap
     return inner / (layout.scale * cell), layout, page.side
 
 
 def _value(side: float, length: float) -> float:
-    return -2 * float(np.log(side)) - RATE * float(np.log(length))
+    return 2 * float(np.log(CELLS / side)) - RATE * float(np.log(length))
 
 
 def easel_of(cut_mesh: CutMesh, options: PackOptions) -> Easel:
@@ -274,14 +290,17 @@ def easel_of(cut_mesh: CutMesh, options: PackOptions) -> Easel:
     return Easel(root / CELLS, options.gap / 2 * CELLS / options.resolution)
 
 
-def first_plan(carver: Carver, stop: Callable[[], bool]) -> Plan | None:
+def first_plan(carver: Carver, budget: Budget) -> Plan | None:
     """The plan without a cut; None where no sketch is found."""
     area = carver.cut_mesh.chart_areas
     large = np.argsort(-area, kind="stable")[:LARGE]
     least = 0.0 if len(area) <= ALL else LEAST
-    pieces = carver.pieces(large[area[large] > least * area.sum()])
+    large = large[area[large] > least * area.sum()]
+    if area[large].sum() < TOLD * area.sum():
+        return None
+    pieces = carver.pieces(large)
     widest = max((p.sketch.least for p in pieces), default=0)
-    sides = page_sides(pieces, carver, max(2 * CELLS, widest + 2), stop) if pieces else None
+    sides = page_sides(pieces, carver, max(2 * CELLS, widest + 2), budget) if pieces else None
     if sides is None:
         return None
     cut_mesh = carver.cut_mesh

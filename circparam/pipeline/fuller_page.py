@@ -2,9 +2,10 @@
 
 Texels are bought with seam. A page of R · R texels of which a share s is covered has s R² texels of surface,
 and seams and boundaries of length L, in roots of the area, have L √s R texels beside them, where filters blend
-and mip maps bleed. **A cut is worth it where texels grow by half the percentage by which seams do, at least**
-(``RATE`` in ``cut_plan``), as sketches of the page see it. They see it in steps of a cell, 4 % of what is
-covered, and so late; what they rank highest is packed, beside the page without cuts, and the best is kept.
+and mip maps bleed. **A cut is worth it where texels grow by 0.4 of the percentage by which seams do, at
+least** (``RATE`` in ``cut_plan``), as sketches of the page see it. They see it in steps of a cell, 4 % of what
+is covered, and so late; what they rank highest is packed, beside the page without cuts where that may be as
+good, and the best is kept. The search has a budget of work (``WORK``), which is counted and not timed.
 A mesh that needs no seam gets none, and all cuts together make the seams no longer than ``LIMIT`` allows.
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing import pack
+from circparam.packing.budget import Budget
 from circparam.packing.nest.strategy import on_page
 from circparam.packing.placement import Placement
 from circparam.pipeline import fallback
@@ -33,6 +36,8 @@ from circparam.pipeline.cut_along import Limits
 from circparam.pipeline.cut_plan import (
     LOCKED,
     RATE,
+    WORK,
+    WORK_OF_FACE,
     Plan,
     Planner,
     easel_of,
@@ -50,6 +55,12 @@ from circparam.seams.stretch import STRETCH, stretch_asked
 LIMIT = 0.149  # of the length of the seams that all cuts may add
 FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
 ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
+# what sketches tell of a page to be packed: it may be fuller than this share of what it is to be; and the
+# logarithm of what it may be fuller than its sketch, at most
+NEARLY, SURE = 0.86, 0.12
+CLOSE = (
+    0.05  # what a plan may be worth less than the best one by its sketch, and be packed beside it
+)
 CUTS = 8  # at most
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
@@ -72,18 +83,37 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if cuts < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-    known = packing(cascade, options, monitor)
-    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
-    if known is None or (asked is None and _share(known) >= enough):
-        return replace(cascade, packing=known)
     carver = _carver(cascade, cut_mesh, uv, options)
-    plans = _plans(carver, cuts, asked is None, monitor)
-    contest = _Contest(cascade, carver, options, monitor)
-    chosen = contest.winner(plans, known) if len(plans) > 1 else None
+    work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
+    budget = Budget(work, lambda: monitor.expired)
+    first = first_plan(carver, budget)
+    uncut = _Uncut(cascade, options, monitor)
+    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
+    # the page without cuts is packed first only where it may be full enough
+    if first is None or (asked is None and first.share > NEARLY * enough):
+        found = uncut.packing
+        if first is None or found is None or _share(found) >= enough:
+            return replace(cascade, packing=found)
+    plans = _plans(first, carver, cuts, asked is None, budget)
+    chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
     if chosen is not None:
         return chosen
-    kept = replace(cascade, packing=known)
+    kept = replace(cascade, packing=uncut.packing)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
+
+
+@dataclass(frozen=True, eq=False)
+class _Uncut:
+    """The layout without cuts; it is packed when somebody asks for it."""
+
+    cascade: Cascade
+    options: Options
+    monitor: Monitor
+
+    @cached_property
+    def packing(self) -> KnownPacking | None:
+        """The charts as they are, packed; None where they cannot be."""
+        return packing(self.cascade, self.options, self.monitor)
 
 
 def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
@@ -95,25 +125,19 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
     if options.cuts_asked is not None:
         limits = replace(limits, flats=1.0)
     easel = easel_of(cut_mesh, pack_options(options))
-    return Carver(cascade.atlas, cut_mesh, uv, easel, limits, stretch)
+    sign = chart_signs(cascade.atlas.surface, cut_mesh, options)
+    return Carver(cascade.atlas, cut_mesh, uv, easel, limits, sign, stretch)
 
 
-def _plans(carver: Carver, cuts: int, limited: bool, monitor: Monitor) -> list[Plan]:
-    """The plan without a cut and those worth more, the best first; none where no sketch is found.
+def _plans(first: Plan, carver: Carver, cuts: int, limited: bool, budget: Budget) -> list[Plan]:
+    """The plan without a cut and those worth more, the best first.
 
     limited: whether seams grow by no more than LIMIT.
     """
-
-    def stop() -> bool:
-        return monitor.expired
-
-    first = first_plan(carver, stop)
-    if first is None:
-        return []
     areas = carver.atlas.surface.areas
     longest = first.length + LIMIT * carver.seams if limited else np.inf
     spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
-    planner = Planner(carver, float(areas.sum()), longest, cuts, stop, spared)
+    planner = Planner(carver, float(areas.sum()), longest, cuts, budget, spared)
     return [first, *planner.best(first)]
 
 
@@ -126,11 +150,16 @@ class _Contest:
     options: Options
     monitor: Monitor
 
-    def winner(self, plans: list[Plan], known: KnownPacking) -> Cascade | None:
+    def winner(self, plans: list[Plan], uncut: _Uncut) -> Cascade | None:
         """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
-        before, most = self.cascade.atlas, effort_of(plans[0].pieces, self.carver).packed
+        first, before = plans[0], self.cascade.atlas
+        most = effort_of(first.pieces, self.carver).packed
         tried: list[tuple[Plan, Cascade]] = []
         for plan in plans[1:]:
+            if tried and plan.value < tried[0][0].value - CLOSE:
+                break
+            if any(plan.like(other) for other, _ in tried):
+                continue
             atlas = self.carver.joined(plan.pieces)
             bound = self.cascade.rules.bound
             if stretch_kept(atlas, before, self.options, bound, self.monitor):
@@ -141,15 +170,17 @@ class _Contest:
             (c, self.options, start_of(self.carver, p, c.atlas, self.options)) for p, c in tried
         ]
         packings = Worker(self.monitor.jobs).map(_packing, tasks, self.monitor)
-        best, chosen = _value(known, plans[0].length), None
-        for (plan, cascade), packed in zip(tried, packings, strict=True):
-            value = _value(packed, plan.length)
-            if value > best:
-                best, chosen = (
-                    value,
-                    replace(cascade, packing=packed).noted(_told(plan, before, cascade)),
-                )
-        return chosen
+        values = [_value(k, p.length) for (p, _), k in zip(tried, packings, strict=True)]
+        best = int(np.argmax(values)) if values else -1
+        if best < 0 or not np.isfinite(values[best]):
+            return None
+        # the page without cuts is packed where it may be better than its sketch tells
+        if values[best] < first.value + SURE and values[best] <= _value(
+            uncut.packing, first.length
+        ):
+            return None
+        plan, cascade = tried[best]
+        return replace(cascade, packing=packings[best]).noted(_told(plan, before, cascade))
 
 
 def _told(plan: Plan, before: Atlas, after: Cascade) -> str:
@@ -185,26 +216,27 @@ def _stretched(atlas: Atlas, most: float) -> float:
 
 
 def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Placement | None:
-    """Where the charts of a plan lie on its page, as a start for packing; None where it does not hold them all,
-    or not as they are wound."""
+    """Where the charts of a plan lie on its page, as a start for packing, those that were not sketched on page
+    −1; None where they lie otherwise than they are mirrored, or are not packed on one page."""
     asked = pack_options(options)
+    if asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
+        return None
     count, chart = atlas.charts()
     old = carver.cut_mesh.chart
-    face = [
-        int(p.ground.faces[0] if p.ground is not None else np.argmax(old == p.outline.chart))
-        for p in plan.pieces
-    ]
-    if len(face) < count or asked.pages > 1 or asked.fixed_scale or asked.rotate != "free":
-        return None
+    face = np.array(
+        [
+            int(p.ground.faces[0] if p.ground is not None else np.argmax(old == p.outline.chart))
+            for p in plan.pieces
+        ]
+    )
     sign = chart_signs(atlas.surface, atlas.open()[0], options)
-    if (sign != sign[0]).any():
+    at = chart[face]
+    if (sign[at] != carver.sign[old[face]]).any():
         return None
-    order = np.argsort(chart[face])
     found = on_page(plan.layout, LOCKED, asked)
-    angle, offset = found.angle[order], found.offset[order]
-    if sign[0] < 0:
-        angle, offset = -angle, offset * [-1, 1] + [asked.resolution, 0]
-    return Placement(found.scale, angle, offset, found.page[order])
+    angle, offset, page = np.zeros(count), np.zeros((count, 2)), np.full(count, -1)
+    angle[at], offset[at], page[at] = found.angle, found.offset, found.page
+    return Placement(found.scale, angle, offset, page)
 
 
 def _packing(

@@ -4,7 +4,7 @@ once, so that a plan knows how long its seams are, and holds no cut that cannot 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing.nest.sketch import Easel, Sketch
 from circparam.pipeline.chords import Chords, Outline, chords, outlines, split
-from circparam.pipeline.cut_along import Chord, Limits, cut_along
+from circparam.pipeline.cut_along import Chord, Limits, Opened, cut_along
 from circparam.seams.hard.flats import DEAR, hard_prices, real_flats
 from circparam.seams.hard.regions import HARD, hardness, seam_prices
 from circparam.seams.segmentation.weigh import share_over
@@ -30,18 +30,28 @@ STEP = 0.35  # cells of a sketch between the corners of an outline
 class Ground:
     """The atlas of one chart, on which it can be cut. faces: (k,) those of the whole.
 
-    costs: (e,) of a cut along each edge. flat: (e,) bool, edges inside flats that are meant.
+    costs: (e,) of a cut along each edge. flat: (e,) bool, edges inside flats that are meant. stretched: area of
+    its faces that are stretched too much. chart: which it is or was a part of.
     """
 
+    chart: int
     faces: IntArray
-    atlas: Atlas
+    opened: Opened
     costs: FloatArray
     flat: BoolArray
+    stretched: float
 
-    def part(self, after: Atlas, mine: BoolArray) -> Ground:
+    @property
+    def atlas(self) -> Atlas:
+        """Its atlas."""
+        return self.opened.atlas
+
+    def part(self, after: Atlas, mine: BoolArray, stretched: float) -> Ground:
         """What it is of some faces (bool) of the atlas that it became."""
         inside = mine[self.atlas.surface.edges // 3].all(1)
-        return Ground(self.faces[mine], after.part(mine), self.costs[inside], self.flat[inside])
+        opened = Opened.of(after.part(mine))
+        costs, flat = self.costs[inside], self.flat[inside]
+        return Ground(self.chart, self.faces[mine], opened, costs, flat, stretched)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +77,8 @@ class Piece:
 class Carver:
     """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. easel: of the sketches of its pieces.
 
-    stretch: from which on faces are stretched too much. grounds: of the charts that a cut was tried on.
+    sign: (n_charts,) −1 for charts that are packed mirrored, else 1. stretch: from which on faces are stretched
+    too much. grounds: of the charts that a cut was tried on.
     """
 
     atlas: Atlas
@@ -75,6 +86,7 @@ class Carver:
     uv: FloatArray
     easel: Easel
     limits: Limits
+    sign: FloatArray
     stretch: float = np.inf
     grounds: dict[int, Ground] = field(default_factory=dict)
 
@@ -85,7 +97,7 @@ class Carver:
 
     def pieces(self, charts: IntArray) -> list[Piece]:
         """Some charts as they are; those without an outline are left out, all where one is a sliver."""
-        return self._pieces(self.cut_mesh, self.uv, charts)
+        return self._pieces(Opened(self.atlas, self.cut_mesh, self.uv), charts)
 
     def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
         """(both parts of a piece cut along edges near its chord k, length of the seam, area of the faces that
@@ -94,43 +106,56 @@ class Carver:
             piece.known[k] = self._cut(piece, k)
         return piece.known[k]
 
+    def size(self, piece: Piece) -> int:
+        """The faces of a piece."""
+        if piece.ground is not None:
+            return len(piece.ground.faces)
+        return int((self.cut_mesh.chart == piece.outline.chart).sum())
+
     def halves(self, piece: Piece, k: int) -> list[Sketch]:
         """Sketches of both parts of a piece that is cut straight along its chord k."""
         if k not in piece.halves:
             i, j = int(piece.chords.i[k]), int(piece.chords.j[k])
-            piece.halves[k] = [self.easel.sketch(*p.edges) for p in split(piece.outline, i, j)]
+            piece.halves[k] = [self._sketch(part) for part in split(piece.outline, i, j)]
         return piece.halves[k]
+
+    def _sketch(self, outline: Outline) -> Sketch:
+        """An outline as it is packed: mirrored where its chart is."""
+        start, end = outline.edges
+        if self.sign[outline.chart] < 0:
+            start, end = end * [-1, 1], start * [-1, 1]
+        return self.easel.sketch(start, end)
 
     def _cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
         ground = piece.ground or self._ground(piece.outline.chart)
         start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
         chord = Chord(start, end, float(piece.chords.least[k]))
-        after = cut_along(ground.atlas, chord, ground.costs, self.limits)
-        if after is None:
+        opened = cut_along(ground.opened, chord, ground.costs, self.limits)
+        if opened is None:
             return None
+        after = opened.atlas
         new = after.cut & ~ground.atlas.cut
         lengths = after.surface.edge_lengths
         length = float(lengths[new].sum())
         through = max(self.limits.flats * length, UNSEEN * self.seams)
         if float(lengths[new & ground.flat].sum()) > through:
             return None
-        _, chart = after.charts()
+        stretched = self._stretched(opened)
         parts: list[Piece] = []
         for c in (0, 1):
-            part = ground.part(after, chart == c)
-            cut_mesh, uv = part.atlas.open()
-            parts += self._pieces(cut_mesh, uv, np.zeros(1, np.int64), part)
+            part = ground.part(after, opened.cut_mesh.chart == c, float(stretched[c]))
+            parts += self._pieces(part.opened, np.zeros(1, np.int64), part)
         if len(parts) < 2:
             return None
-        return parts, length, self.stretched(after) - self.stretched(ground.atlas)
+        return parts, length, float(stretched.sum()) - ground.stretched
 
-    def stretched(self, atlas: Atlas) -> float:
-        """Area of the faces that are stretched or shrunk too much."""
+    def _stretched(self, opened: Opened) -> FloatArray:
+        """(n_charts,) area of the faces of each chart that are stretched or shrunk too much."""
+        cut_mesh = opened.cut_mesh
         if not np.isfinite(self.stretch):
-            return 0.0
-        cut_mesh, uv = atlas.open()
-        over = share_over(cut_mesh, face_stretch(cut_mesh, uv), self.stretch)
-        return float(over.sum() * cut_mesh.chart_areas.sum())
+            return np.zeros(cut_mesh.n_charts)
+        over = share_over(cut_mesh, face_stretch(cut_mesh, opened.uv), self.stretch)
+        return np.asarray(over * cut_mesh.chart_areas.sum())
 
     def joined(self, pieces: Sequence[Piece]) -> Atlas:
         """The whole atlas with the cuts that the pieces have."""
@@ -145,13 +170,16 @@ class Carver:
         return after
 
     def _pieces(
-        self, cut_mesh: CutMesh, uv: FloatArray, charts: IntArray, ground: Ground | None = None
+        self, opened: Opened, charts: IntArray, ground: Ground | None = None
     ) -> list[Piece]:
+        cut_mesh, uv = opened.cut_mesh, opened.uv
         scale = best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
         shown = outlines(cut_mesh, uv * scale, charts, STEP * self.easel.cell)
         if any(np.ptp(o.p, axis=0).max() > LONGEST * self.easel.cell for o in shown):
             return []
-        return [Piece(o, self.easel.sketch(*o.edges), uv[o.vertex], ground) for o in shown]
+        if ground is not None:
+            shown = [replace(o, chart=ground.chart) for o in shown]
+        return [Piece(o, self._sketch(o), uv[o.vertex], ground) for o in shown]
 
     def _ground(self, chart: int) -> Ground:
         if chart not in self.grounds:
@@ -162,8 +190,11 @@ class Carver:
             near[sides[mine[sides].any(1)]] = True
             costs, flat = _costs(surface.part(near))
             inner = mine[sides[near[sides].all(1)]].all(1)
-            ground = Ground(np.flatnonzero(mine), self.atlas.part(mine), costs[inner], flat[inner])
-            self.grounds[chart] = ground
+            opened = Opened.of(self.atlas.part(mine))
+            stretched = float(self._stretched(opened).sum())
+            self.grounds[chart] = Ground(
+                chart, np.flatnonzero(mine), opened, costs[inner], flat[inner], stretched
+            )
         return self.grounds[chart]
 
 

@@ -79,11 +79,29 @@ def test_what_counts_is_the_page_as_it_is_packed(
         return replace(pack(faces, uv, chart, *rest), share=full)
 
     monkeypatch.setattr(fuller_page, "pack", packed)
+    monkeypatch.setattr(fuller_page, "SURE", np.inf)  # these shares are none that sketches tell
     before = roll()
     after = filled(before)
     assert after.atlas.charts()[0] == count
     assert (after.atlas is before) == (count == 1)
     assert len(after.notes) == count - 1
+
+
+@pytest.mark.parametrize(("sure", "packed_uncut"), [(fuller_page.SURE, 0), (np.inf, 1)])
+def test_a_page_without_cuts_that_is_much_emptier_is_not_packed(
+    sure: float, packed_uncut: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The strip covers a tenth of its page, as its sketch tells, and packing adds little to that."""
+    pack, charts = fuller_page.pack, []
+
+    def counted(faces: IntArray, uv: FloatArray, chart: IntArray, *rest: Any) -> Packed:
+        charts.append(int(chart.max()) + 1)
+        return pack(faces, uv, chart, *rest)
+
+    monkeypatch.setattr(fuller_page, "pack", counted)
+    monkeypatch.setattr(fuller_page, "SURE", sure)
+    assert filled(roll()).atlas.charts()[0] == 2
+    assert charts.count(1) == packed_uncut
 
 
 @pytest.mark.parametrize(("unseen", "cut"), [(pieces.UNSEEN, False), (1.0, True)])

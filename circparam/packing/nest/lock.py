@@ -20,7 +20,7 @@ from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 
-STEPS = 5  # linear programs
+STEPS = 3  # linear programs; more tell no better which of two pages is the fuller one
 ROWS = 30_000  # of all of them together
 
 
@@ -29,7 +29,7 @@ def locked(
     page: SketchedPage,
     cell: float,
     options: PackOptions,
-    stop: Callable[[], bool],
+    late: Callable[[], bool],
 ) -> Placement:
     """Where outlines lie when they lock: with offsets of the origin of their uv.
 
@@ -44,7 +44,7 @@ def locked(
     offset = corner * texels + options.border - options.gap / 2
     placed = Placement(texels / cell, angle, offset, np.zeros(len(at), np.int64))
     shapes = _shapes(sketches)
-    growth = Growth(shapes, options, Budget(ROWS, stop))
+    growth = Growth(shapes, options, Budget(ROWS, late))
     grown = roughly(growth, placed, STEPS, 0.0)
     c, s = np.cos(grown.angle) * grown.scale, np.sin(grown.angle) * grown.scale
     x, y = np.array([k.middle for k in sketches]).T

@@ -149,7 +149,7 @@ def lay_out(
         kernel, area = board.spectra[c][pick], masks.area[pick]
         rows, columns = masks.size[pick, 0], masks.size[pick, 1]
         for tile in range(pages):
-            spot = _best_place(spectra[tile], kernel, blur, area, rows, columns, side)
+            spot = best_place(spectra[tile], kernel, blur, area, rows, columns, side)
             if spot is not None:
                 break
         else:
@@ -163,7 +163,7 @@ def lay_out(
     return GridLayout(side, mask, row, column, page)
 
 
-def _best_place(
+def best_place(
     page: Spectrum,
     kernel: Spectrum,
     blur: FloatArray,
@@ -213,12 +213,13 @@ def search(
     cells: int,
     budget: Budget,
     largest: int | None = None,
+    patience: int = 8,
 ) -> list[GridLayout]:
     """Layouts of falling page side, best first.
 
     Greedy orders by size come first, then perturbed orders with a random part of the angles and another
     blur; each must beat the best page side by a cell, and goes on for as long as it does. largest: page side
-    in cells beyond which a layout is of no use (None: the whole grid).
+    in cells beyond which a layout is of no use (None: the whole grid). patience: tries until a first layout.
     """
     rng = np.random.default_rng(20)
     area = np.log(np.maximum(shapes.area, 1e-300))
@@ -254,7 +255,7 @@ def search(
                 break
         if budget.left <= 0 or not budget.spend(0):
             break
-        if not results and failures > 8:
+        if not results and failures > patience:
             break
     return results
 

@@ -6,17 +6,19 @@ covers in the end is a tenth more, since packing goes on from such a layout.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer, sf
 
 SEED = 9
-ANGLES = 20  # at which an outline is tried
+# even angles at which an outline is tried: none of its tips moves by more than TIP cells between
+LEAST_ANGLES, ANGLES, TIP = 8, 16, 3.0
 TURNS = np.arange(24) * (
     np.pi / 48
 )  # among which those of the least box and the least square are found
@@ -24,6 +26,7 @@ FULLEST = 0.78  # share of its cells that no page of a few outlines fills: none 
 SHUFFLED = 0.3  # spread of the logarithm of the sizes by which later tries change the order
 # tries in which all masks take part, by size and by reach; later ones take half of them
 FIRST_TRIES = 2
+LARGEST = 4  # outlines that are tried at all their angles; smaller ones at every other one
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,7 @@ class Easel:
     def sketch(self, start: FloatArray, end: FloatArray) -> Sketch:
         """An outline of edges from start to end (e, 2) in uv units."""
         middle = (start.min(0) + start.max(0)) / 2
-        angles = _angles(start[:: max(len(start) // 100, 1)])
+        angles = _angles(start[:: max(len(start) // 100, 1)] / self.cell)
         start, end = start - middle, end - middle
         masks = chart_masks(start / self.cell, end / self.cell, angles, self.grow)
         return Sketch(
@@ -71,12 +74,16 @@ class Easel:
 
 
 def _angles(points: FloatArray) -> FloatArray:
-    """(ANGLES,) angles for an outline: those of its least box and its least square among them."""
+    """Angles for an outline (cells): even ones from that of its least box, and those of its least square."""
     c, s = np.cos(TURNS), np.sin(TURNS)
     w = np.ptp(np.outer(c, points[:, 0]) - np.outer(s, points[:, 1]), axis=1)
     h = np.ptp(np.outer(s, points[:, 0]) + np.outer(c, points[:, 1]), axis=1)
     box, square = TURNS[int(np.argmin(w * h))], TURNS[int(np.argmin(np.maximum(w, h)))]
-    even = box + np.arange(ANGLES - 4) * (2 * np.pi / (ANGLES - 4))
+    around = np.pi * float(np.maximum(w, h).max())
+    count = 4 * int(np.ceil(np.clip(around / TIP, LEAST_ANGLES, ANGLES) / 4))
+    even: FloatArray = box + np.arange(count) * (2 * np.pi / count)
+    if count < ANGLES:
+        return even
     return np.concatenate([even, square + np.arange(4) * (np.pi / 2)])
 
 
@@ -102,12 +109,12 @@ def _board(sketches: Sequence[Sketch], side: int) -> _Board:
 
 
 def least_page(
-    sketches: Sequence[Sketch], below: int, tries: int, stop: Callable[[], bool]
+    sketches: Sequence[Sketch], below: int, tries: int, budget: Budget
 ) -> SketchedPage | None:
     """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
 
     tries: orders that are tried without success before the search ends; it goes on with every success.
-    stop: whether there is no more time.
+    budget: of cells that are transformed.
     """
     least = max((s.least for s in sketches), default=1)
     least = max(least, int(np.sqrt(sum(s.area for s in sketches) / FULLEST)))
@@ -118,13 +125,13 @@ def least_page(
     rng = np.random.default_rng(SEED)
     found: SketchedPage | None = None
     failures = tried = 0
-    while failures < tries and side >= least and not stop():
+    while failures < tries and side >= least and not budget.over:
         order, sigma, choice = _try(rng, tried, sketches)
         tried += 1
         failures += 1
         stride = 1
-        while side >= least:
-            page = _laid_out(board, order, side, sigma, choice)
+        while side >= least and not budget.over:
+            page = _laid_out(board, order, side, sigma, choice, budget)
             if page is not None:
                 found, failures, stride = page, 0, 2 * stride
                 side = max(side - stride, least) if side > least else least - 1
@@ -145,11 +152,20 @@ def _try(
         size = size + rng.normal(0, SHUFFLED, len(size))
         half = [c[rng.random(len(c)) < 0.5] for c in choice]
         choice = [h if len(h) else c for h, c in zip(half, choice, strict=True)]
-    return np.argsort(-size, kind="stable"), SIGMAS[tried % len(SIGMAS)], choice
+    order = np.argsort(-size, kind="stable")
+    if tried < FIRST_TRIES:
+        for k in order[LARGEST:].tolist():
+            choice[k] = choice[k][:: 2 if len(choice[k]) > LEAST_ANGLES else 1]
+    return order, SIGMAS[tried % len(SIGMAS)], choice
 
 
 def _laid_out(
-    board: _Board, order: IntArray, side: int, sigma: float, choice: list[IntArray]
+    board: _Board,
+    order: IntArray,
+    side: int,
+    sigma: float,
+    choice: list[IntArray],
+    budget: Budget,
 ) -> SketchedPage | None:
     """Sketches put one by one where they touch most, on a page of ``side`` cells; None where one finds no place
     that is free."""
@@ -163,6 +179,7 @@ def _laid_out(
         pick = choice[c][masks.size[choice[c]].max(1) <= side]
         if len(pick) == 0:
             return None
+        budget.spend(len(pick) * float(size) ** 2)
         page = sf.rfft2(grid)
         spot: tuple[int, int, int] | None
         if turn == 0:

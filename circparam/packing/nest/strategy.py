@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from circparam.packing.budget import Budget
+from circparam.packing.nest.between import ANGLES, SIDE, filled, lying
 from circparam.packing.nest.compaction import compact, roughly
 from circparam.packing.nest.growth import Growth
 from circparam.packing.nest.search import (
@@ -64,9 +65,12 @@ class Schedule:
     fixed_cells: int = 160
     coarse_budget: float = 0.3e8
     budget: float = 0.3e8
+    impatience: int = 8
+    patience: int = 100
     compacted_up_to: int = 150
     kept: int = 2
     smaller: float = 0.97
+    beaten: float = 0.94
     rough_steps: int = 5
     fine_steps: int = 12
     fine_trust: float = 8.0
@@ -99,12 +103,40 @@ def nested(
         return _at_fixed_scale(task, options.fixed_scale)
     if shapes.n == 1:
         return _alone(shapes, options)
+    task = _begun(task)
+    if task.start is not None:
+        going_on = _going_on(task)
+        if going_on is not None:
+            return going_on
     layouts, straight = _found(task)
     if shapes.n <= SCHEDULE.compacted_up_to:
         compacted = _compacted(task, layouts, (skyline, shelf), straight)
         if compacted is not None:
             return compacted
     return layouts[0] if layouts else None
+
+
+def _begun(task: PackTask) -> PackTask:
+    """The task with all charts in the layout that is known already, where that holds only the large ones."""
+    shapes, options, start = task.shapes, task.options, task.start
+    if start is None or lying(start).all():
+        return task
+    budget = Budget(SCHEDULE.coarse_budget * options.effort, lambda: task.monitor.expired)
+    inner = options.resolution - 2 * options.border + options.gap
+    cell = inner / SIDE / start.scale
+    angles = chart_angles(shapes, options, cell, ANGLES)
+    return replace(task, start=filled(shapes, options, start, angles, budget))
+
+
+def _going_on(task: PackTask) -> Placement | None:
+    """The layout that is known already grown until it locks, or a better one that the search finds; None where
+    charts are straight, which may have to be laid along the axes, or where nothing passes the check."""
+    shapes, start = task.shapes, task.start
+    side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / task.options.pages))
+    if start is None or straight_charts(shapes, SCHEDULE.askew * side).counts.any():
+        return None
+    better = _searched(task, beat=start.scale * SCHEDULE.beaten, long=True)
+    return _compacted(task, better, (None, None), None)
 
 
 def _found(task: PackTask) -> tuple[list[Placement], Straight | None]:
@@ -206,7 +238,10 @@ def _steps(most: int, part: float) -> int:
 
 
 def _searched(
-    task: PackTask, straight: Straight | None = None, beat: float | None = None
+    task: PackTask,
+    straight: Straight | None = None,
+    beat: float | None = None,
+    long: bool = False,
 ) -> list[Placement]:
     """Layouts of the search on the grid, best first; empty where it found none.
 
@@ -225,7 +260,8 @@ def _searched(
     box = shapes.boxes(least_square_angles(shapes, options.rotate))
     widest = float((box[:, 2:] - box[:, :2]).max())
     density = float(min(SCHEDULE.hoped_share, 0.97 * shapes.area.sum() / widest**2 / options.pages))
-    operations *= SCHEDULE.straight_budget if straight is not None or beat is not None else 1.0
+    halved = shapes.n <= SCHEDULE.handful if long else straight is not None or beat is not None
+    operations *= SCHEDULE.straight_budget if halved else 1.0
     budget = Budget(operations * options.effort, lambda: task.monitor.expired)
     for _ in range(SCHEDULE.tries if beat is None else 1):
         cell = cell_size(shapes, options, cells, density)
@@ -238,7 +274,8 @@ def _searched(
         if beat is not None:
             inner = options.resolution - 2 * options.border + options.gap
             largest = int(np.ceil(inner / (beat * cell))) - 1
-        found = search(board, shapes, options, cells, budget, largest)
+        patience = SCHEDULE.patience if long else SCHEDULE.impatience
+        found = search(board, shapes, options, cells, budget, largest, patience)
         if found:
             return [to_placement(board, f, options) for f in _different(found)]
         density *= SCHEDULE.less_hope

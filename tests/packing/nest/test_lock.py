@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from circparam.core.arrays import FloatArray
+from circparam.packing.budget import Budget
+from circparam.packing.nest import lock
 from circparam.packing.nest.lock import locked
 from circparam.packing.nest.sketch import Easel, Sketch, least_page
 from circparam.packing.options import PackOptions
@@ -29,7 +31,7 @@ def page_of(edges: list[tuple[FloatArray, FloatArray]]) -> tuple[list[Sketch], i
     """The sketches, the side of their page in cells, and where the outlines lock."""
     easel = Easel(CELL, 0.1)
     some = [easel.sketch(*e) for e in edges]
-    page = least_page(some, 80, 4, lambda: False)
+    page = least_page(some, 80, 4, Budget(1e12, lambda: False))
     assert page is not None
     return some, page.side, locked(some, page, CELL, PAGE, lambda: False)
 
@@ -44,8 +46,11 @@ def corners(edges: list[tuple[FloatArray, FloatArray]], placed: Placement) -> li
 
 
 @pytest.mark.parametrize("low", [(0.0, 0.0), (5.0, -3.0)])
-def test_squares_lock_where_they_fill_the_page(low: tuple[float, float]) -> None:
+def test_squares_lock_where_they_fill_the_page(
+    low: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Four equal squares, wherever their uv lie: cells waste a tenth of the side, outlines half of that."""
+    monkeypatch.setattr(lock, "STEPS", 6)  # to the end, where plans need the first ones only
     edges = [rectangle(0.83, 0.83, low)] * 4
     _, side, placed = page_of(edges)
     inner = PAGE.resolution - 2 * PAGE.border
@@ -70,7 +75,7 @@ def test_outlines_lie_on_the_page_and_apart() -> None:
 
 def test_it_ends_where_there_is_no_time() -> None:
     some = [Easel(CELL, 0.1).sketch(*rectangle(1.0, 1.0, (0.0, 0.0)))] * 2
-    page = least_page(some, 80, 4, lambda: False)
+    page = least_page(some, 80, 4, Budget(1e12, lambda: False))
     assert page is not None
     grown = locked(some, page, CELL, PAGE, lambda: False)
     late = locked(some, page, CELL, PAGE, lambda: True)

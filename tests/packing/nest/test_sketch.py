@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from circparam.core.arrays import FloatArray
+from circparam.packing.budget import Budget
 from circparam.packing.nest.sketch import FULLEST, Easel, Sketch, least_page
 
 EASEL = Easel(0.1, 0.0)
@@ -32,7 +33,7 @@ def never() -> bool:
 
 def least_side(some: list[Sketch], below: int, tries: int, stop: Callable[[], bool]) -> int | None:
     """Side of the page that is found; every cell of it has one sketch at most, and none lies outside."""
-    page = least_page(some, below, tries, stop)
+    page = least_page(some, below, tries, Budget(1e12, stop))
     if page is None:
         return None
     taken = np.zeros((page.side, page.side), int)
@@ -101,3 +102,15 @@ def test_it_ends_where_there_is_no_time() -> None:
 def test_the_same_outlines_need_the_same_page() -> None:
     some = sketches((1.6, 0.4), (0.8, 0.8), (0.3, 1.2), (0.5, 0.4))
     assert least_side(some, 60, 6, never) == least_side(some, 60, 6, never)
+
+
+def test_a_search_ends_when_its_work_is_done() -> None:
+    """Tries end where the budget does, which is not overdrawn by much; those before count."""
+    some = sketches((2.0, 0.7), (1.5, 1.1), (1.3, 0.9), (1.0, 0.4), (0.8, 0.8))
+    short, long = Budget(1e6, never), Budget(1e12, never)
+    page, better = least_page(some, 80, 10_000, short), least_page(some, 80, 30, long)
+    assert page is not None
+    assert better is not None
+    assert better.side <= page.side
+    assert -1e6 < short.left <= 0
+    assert least_page(some, 80, 4, Budget(0.0, never)) is None

@@ -1,0 +1,138 @@
+"""Charts put between others that lie already: a layout of the large ones is gone on with by all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.packing.budget import Budget
+from circparam.packing.nest.masks import Masks, chart_masks
+from circparam.packing.nest.search import SIGMAS, Board, Spectrum, best_place, blur_transfer, sf
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes
+from circparam.packing.placement import Placement
+
+SIDE = 72  # cells along the page of the charts that lie already
+SIDES = (1.0, 1.02, 1.04, 1.07, 1.1, 1.14, 1.2, 1.3)  # of that, pages that are tried for all
+ANGLES = 12  # at most at which a chart is tried
+
+
+def lying(placement: Placement) -> BoolArray:
+    """(n,) the charts that lie somewhere."""
+    return np.asarray(placement.page >= 0)
+
+
+def filled(
+    shapes: Shapes, options: PackOptions, start: Placement, angles: list[FloatArray], budget: Budget
+) -> Placement | None:
+    """A layout on one page with the charts that lie nowhere put between the others, on the smallest of some
+    pages that holds all; None where none does.
+
+    angles: at which each is tried. budget: of cells that are transformed.
+    """
+    there = lying(start)
+    inner = options.resolution - 2 * options.border + options.gap
+    frame = _Frame(inner / SIDE, options.border - options.gap / 2)
+    grow = options.gap / 2 / frame.texels
+    size = int(sf.next_fast_len(int(SIDE * SIDES[-1]) + 1, real=True))
+    used: FloatArray = np.zeros((size, size), np.float32)
+    world = shapes.place(start.angle, frame.cells(start.offset), start.scale / frame.texels)
+    for c in np.flatnonzero(there).tolist():
+        part = slice(shapes.edge_start[c], shapes.edge_start[c + 1])
+        edges = world[shapes.start[part]], world[shapes.end[part]]
+        _paint(used, chart_masks(*edges, np.zeros(1), grow))
+    rest = np.flatnonzero(~there)
+    rest = rest[np.argsort(-shapes.area[rest], kind="stable")]
+    board = _board(shapes, angles, rest, (frame.texels / start.scale, grow), size)
+    for factor in SIDES:
+        side = int(SIDE * factor)
+        at = _put(board, used.copy(), side, budget)
+        if at is not None:
+            return _placement(start, board, (rest, at), frame, SIDE / side)
+        if budget.over:
+            break
+    return None
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Texels of a cell, and where the first cell begins."""
+
+    texels: float
+    begin: float
+
+    def cells(self, offset: FloatArray) -> FloatArray:
+        """Offsets in cells."""
+        return (offset - self.begin) / self.texels
+
+
+def _paint(used: FloatArray, masks: Masks) -> None:
+    """Set the cells of a chart that lies on the page."""
+    x, y = masks.low[0].astype(np.int64).tolist()
+    rows, columns = np.nonzero(masks.cells[0])
+    rows, columns = rows + y, columns + x
+    ok = (rows >= 0) & (columns >= 0) & (rows < len(used)) & (columns < len(used))
+    used[rows[ok], columns[ok]] = 1
+
+
+def _board(
+    shapes: Shapes,
+    angles: list[FloatArray],
+    which: IntArray,
+    cells: tuple[float, float],
+    size: int,
+) -> Board:
+    """Masks and spectra of some charts. cells: side of one in uv, and so many of them charts are grown by."""
+    masks, spectra = [], []
+    for c in which.tolist():
+        a, b = shapes.outline(c)
+        masks.append(chart_masks(a / cells[0], b / cells[0], angles[c][:ANGLES], cells[1]))
+        block = np.zeros((len(masks[-1].cells), size, size), np.float32)
+        h, w = (min(k, size) for k in masks[-1].cells.shape[1:])
+        block[:, :h, :w] = masks[-1].cells[:, :h, :w]
+        spectra.append(np.conj(sf.rfft2(block)))
+    return Board(masks, spectra, cells[0], size)
+
+
+def _put(
+    board: Board, used: FloatArray, side: int, budget: Budget
+) -> list[tuple[int, int, int]] | None:
+    """The mask, row and column of each chart of a board on a page of ``side`` cells, or None."""
+    used[side:] = 1
+    used[:, side:] = 1
+    blur = blur_transfer(board.side, SIGMAS[0])
+    page: Spectrum = sf.rfft2(used)
+    at: list[tuple[int, int, int]] = []
+    for masks, spectra in zip(board.masks, board.spectra, strict=True):
+        pick = np.flatnonzero(masks.size.max(1) <= side)
+        if len(pick) == 0 or not budget.spend(len(pick) * float(board.side) ** 2):
+            return None
+        rows, columns = masks.size[pick].T
+        area = masks.area[pick].astype(np.float64)
+        spot = best_place(page, spectra[pick], blur, area, rows, columns, side)
+        if spot is None:
+            return None
+        k, y, x = int(pick[spot[0]]), spot[1], spot[2]
+        at.append((k, y, x))
+        h, w = masks.size[k]
+        used[y : y + h, x : x + w][masks.cells[k, :h, :w]] = 1
+        page = sf.rfft2(used)
+    return at
+
+
+def _placement(
+    start: Placement,
+    board: Board,
+    put: tuple[IntArray, list[tuple[int, int, int]]],
+    frame: _Frame,
+    smaller: float,
+) -> Placement:
+    """All charts on a page of which what lay there takes ``smaller`` of the side."""
+    angle, offset = start.angle.copy(), frame.cells(start.offset)
+    for c, masks, (k, y, x) in zip(put[0].tolist(), board.masks, put[1], strict=True):
+        angle[c] = masks.angle[k]
+        offset[c] = np.array([x, y]) - masks.low[k]
+    offset = offset * (frame.texels * smaller) + frame.begin
+    return Placement(start.scale * smaller, angle, offset, np.zeros(len(angle), np.int64))
