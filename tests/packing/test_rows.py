@@ -58,6 +58,15 @@ def test_pages_fill_one_after_the_other() -> None:
     assert finish(shapes, placement, options)[1] is None
 
 
+def test_a_page_is_full_before_the_next_begins() -> None:
+    """Of 16 squares to a page 40 need two full pages and half of the third."""
+    shapes = rectangles(np.ones((40, 2)))
+    options = PackOptions(256, 2, "none", pages=4, texel_density=58.0)
+    placement = row_placement(shapes, options, Monitor())
+    assert placement is not None
+    assert np.bincount(placement.page).tolist() == [16, 16, 8]
+
+
 def test_a_fixed_scale_is_kept_or_there_is_none() -> None:
     shapes = rectangles(np.ones((300, 2)))
     fits = row_placement(shapes, PackOptions(256, 2, texel_density=9.0), Monitor())
