@@ -71,6 +71,12 @@ class Shapes:
         return cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
 
     @cached_property
+    def perimeter(self) -> float:
+        """Length of all outlines together."""
+        edge = self.points[self.end] - self.points[self.start]
+        return float(np.sqrt((edge**2).sum(1)).sum())
+
+    @cached_property
     def hull(self) -> tuple[IntArray, IntArray]:
         """Outline vertices that may be corners of the convex hulls: (h,) by chart, and (n + 1,) offsets.
 
@@ -78,6 +84,8 @@ class Shapes:
         in ``DIRECTIONS`` directions are left out.
         """
         v, at = self.start, self.edge_start[:-1]
+        if np.diff(self.edge_start).max() <= DIRECTIONS:
+            return v, self.edge_start
         own, p = self.owner[v], self.points[v]
         furthest = []
         for t in np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS):
@@ -105,17 +113,26 @@ class Shapes:
     def boxes(self, angle: FloatArray) -> FloatArray:
         """Bounding boxes of all charts, each turned by its angle: (n,) radians → (n, 4) x0, y0, x1, y1."""
         own, at, px, py = self._hull_points
-        c, s = np.cos(angle)[own], np.sin(angle)[own]
+        c, s = np.cos(angle), np.sin(angle)
+        if px.ndim == 2:  # charts of few corners, one in each column
+            x, y = c * px - s * py, s * px + c * py
+            return np.stack([x.min(0), y.min(0), x.max(0), y.max(0)], 1)
+        c, s = c[own], s[own]
         x, y = c * px - s * py, s * px + c * py
         low, high = np.minimum.reduceat, np.maximum.reduceat
         return np.stack([low(x, at), low(y, at), high(x, at), high(y, at)], 1)
 
     @cached_property
     def _hull_points(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """(h,) chart, (n,) first, (h,) x and y of the points of ``hull``."""
+        """(h,) chart, (n,) first, (h,) x and y of the points of ``hull``; x and y (k, n) where no chart has
+        more than k of them, a few: the first ones then stand for those that are missing."""
         v, at = self.hull
-        x, y = np.ascontiguousarray(self.points[v].T)
-        return self.owner[v], at[:-1], x, y
+        first, count = at[:-1], np.diff(at)
+        if count.max() <= DIRECTIONS:
+            k = np.arange(count.max())[:, None]
+            v = v[first + np.where(k < count, k, 0)]
+        x, y = np.ascontiguousarray(np.moveaxis(self.points[v], -1, 0))
+        return self.owner[v], first, x, y
 
     @cached_property
     def known_angles(self) -> dict[tuple[str, int, int], FloatArray]:
@@ -126,6 +143,21 @@ class Shapes:
         """Edges of the outline of one chart: (k, 2) starts and (k, 2) ends."""
         part = slice(self.edge_start[c], self.edge_start[c + 1])
         return self.points[self.start[part]], self.points[self.end[part]]
+
+    def part(self, charts: IntArray) -> Shapes:
+        """Some of the charts, in the order they have here; their points stay where they are."""
+        new = np.full(self.n, -1)
+        kept = np.sort(charts)
+        new[kept] = np.arange(len(kept))
+        face = np.flatnonzero(new[self.chart] >= 0)
+        owner = np.where(self.owner >= 0, new[self.owner], -1)
+        edge = np.flatnonzero(owner[self.start] >= 0)
+        start = self.start[edge]
+        first = np.searchsorted(owner[start], np.arange(len(kept) + 1)).astype(np.int64)
+        faces, chart = self.faces[face], new[self.chart[face]]
+        return Shapes(
+            faces, self.points, chart, owner, self.area[kept], start, self.end[edge], first
+        )
 
     def place(self, angle: FloatArray, offset: FloatArray, scale: float) -> FloatArray:
         """(nv, 2): every chart scaled, turned by its angle (n,), its centre moved to offset (n, 2).

@@ -6,7 +6,7 @@ the lower and upper bound of each column, the page by its skyline; a chart comes
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -33,6 +33,9 @@ _SHARE, _SHARE_OF_MANY = 0.72, 0.58
 # Charts from which a page filled so far is full: a pass takes a second there.
 _MANY = 1000
 _FULL = 0.98
+
+# Two scales so much apart tell how the height rises; nearer ones tell of single rows.
+FAR = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,9 @@ def profiles(
         left = np.floor((left + centre.ravel()) / cell) * cell - centre.ravel()
     width = np.ceil((box[:, 2] - left) / cell).astype(np.int64) + pad
     start = np.r_[0, np.cumsum(width)]
-    lower, upper = np.full(start[-1], np.inf), np.full(start[-1], -np.inf)
+    # single precision: half the time, and rounding far below the margin of the gap
+    lower = np.full(start[-1], np.inf, np.float32)
+    upper = np.full(start[-1], -np.inf, np.float32)
     own = shapes.owner[shapes.start]
     for j in range(k):
         c, s = np.cos(angle[own, j]), np.sin(angle[own, j])
@@ -79,31 +84,29 @@ def profiles(
         )
         entry = own * k + j
         column, low, high = _column_bounds(a, b, left[entry], start[entry], cell)
-        np.minimum.at(lower, column, low)
-        np.maximum.at(upper, column, high)
-    return _trimmed(start, *_grown(lower, upper, grow, cell), left, cell)
+        np.minimum.at(lower, column, low.astype(np.float32))
+        np.maximum.at(upper, column, high.astype(np.float32))
+    return _trimmed(start, *_widened(lower, upper, grow, cell), left, cell)
 
 
 def _trimmed(
-    start: IntArray, lower: FloatArray, upper: FloatArray, left: FloatArray, cell: float
+    start: IntArray, lower: Bounds, upper: Bounds, left: FloatArray, cell: float
 ) -> Profiles:
     """Without the empty columns at both ends; an empty one in between (a chart in parts) bounds nothing."""
-    filled = np.isfinite(lower)
-    count = np.diff(start)
-    entry = np.repeat(np.arange(len(count)), count)
-    column = ranges(count)
-    first = np.minimum.reduceat(np.where(filled, column, len(filled)), start[:-1])
-    last = np.maximum.reduceat(np.where(filled, column, -1), start[:-1])
-    keep = (column >= first[entry]) & (column <= last[entry])
-    start = np.r_[0, np.cumsum(last - first + 1)].astype(np.int64)
-    lower, upper, own = lower[keep], upper[keep], entry[keep]
-    gap = ~filled[keep]
-    top = np.maximum.reduceat(upper, start[:-1])[own]
-    bottom = np.minimum.reduceat(lower, start[:-1])[own]
-    lower, upper = np.where(gap, top, lower), np.where(gap, bottom, upper)
-    left = left + first * cell
-    # single precision: half the time, and rounding far below the margin of the gap
-    return Profiles(start, lower.astype(np.float32), upper.astype(np.float32), left)
+    filled = np.flatnonzero(np.isfinite(lower))
+    first = filled[np.searchsorted(filled, start[:-1])]
+    last = filled[np.searchsorted(filled, start[1:]) - 1]
+    count = last - first + 1
+    trimmed = np.r_[0, np.cumsum(count)].astype(np.int64)
+    at = np.repeat(first - trimmed[:-1], count) + np.arange(trimmed[-1])
+    left = left + (first - start[:-1]) * cell
+    lower, upper = lower[at], upper[at]
+    gap = np.isinf(lower)
+    if gap.any():
+        top = np.repeat(np.maximum.reduceat(upper, trimmed[:-1]), count)
+        bottom = np.repeat(np.minimum.reduceat(lower, trimmed[:-1]), count)
+        lower, upper = np.where(gap, top, lower), np.where(gap, bottom, upper)
+    return Profiles(trimmed, lower, upper, left)
 
 
 def _column_bounds(
@@ -130,16 +133,14 @@ def _column_bounds(
     return first[e] + column, np.minimum(y0, y1), np.maximum(y0, y1)
 
 
-def _grown(
-    lower: FloatArray, upper: FloatArray, grow: float, cell: float
-) -> tuple[FloatArray, FloatArray]:
+def _widened(lower: Bounds, upper: Bounds, grow: float, cell: float) -> tuple[Bounds, Bounds]:
     """Bounds of the charts grown by a disc; the empty columns at both ends of a chart take it up."""
-    low, high = lower - grow, upper + grow
+    low, high = lower - np.float32(grow), upper + np.float32(grow)
     for k in range(1, int(np.ceil(grow / cell)) + 2):
         near = (k - 1) * cell
         if near >= grow:
             break
-        rise = np.sqrt(grow * grow - near * near)
+        rise = np.float32(np.sqrt(grow * grow - near * near))
         low[k:] = np.minimum(low[k:], lower[:-k] - rise)
         low[:-k] = np.minimum(low[:-k], lower[k:] - rise)
         high[k:] = np.maximum(high[k:], upper[:-k] + rise)
@@ -160,7 +161,7 @@ def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) ->
         return _stacked(shapes, options, angle, options.fixed_scale)[0]
     scale = scale_for(shapes, options, _SHARE if n < _MANY else _SHARE_OF_MANY)
     best: Placement | None = None
-    search = ScaleSearch(scale)
+    search = ScaleSearch(shapes, options, scale)
     for _ in range(PASSES):
         placement, fill = _stacked(shapes, options, angle, search.scale)
         fits = placement is not None
@@ -172,39 +173,69 @@ def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) ->
     return best
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ScaleSearch:
-    """The largest scale that fits, looked for: scale is tried next; low fits, high does not."""
+    """The largest scale that fits, looked for: scale is tried next; low fits, high does not.
 
+    first: the scale tried first and the height used there over the height there is. The root of the height is
+    nearly linear in the scale, also where most of a page is padding: two tries that are far apart tell the next
+    scale, before that the area that grown charts take does.
+    """
+
+    shapes: Shapes
+    options: PackOptions
     scale: float
     low: float = 0.0
     high: float = np.inf
+    first: tuple[float, float] | None = None
 
     def after(self, fits: bool, fill: float) -> ScaleSearch:
         """What is known after a try. fill: the height used over the height there is."""
         low, high = (self.scale, self.high) if fits else (self.low, self.scale)
-        guess = self.scale / np.sqrt(fill) * 0.999
+        first = self.first or (self.scale, fill)
+        guess = 0.999 * self._full(fill, *first)
         if fits:
             guess = max(guess, low * 1.003)
         between = (low + high) / 2 if low > 0 else 0.95 * high
-        return ScaleSearch(float(guess if low < guess < high else between), low, high)
+        guess = guess if low < guess < high else between
+        return replace(self, scale=float(guess), low=low, high=high, first=first)
+
+    def _full(self, fill: float, scale: float, first_fill: float) -> float:
+        """The scale at which the height is used up, as far as this try and the first one tell."""
+        far, root = self.scale - scale, np.sqrt(fill)
+        rise = root - np.sqrt(first_fill)
+        if abs(far) > FAR * scale and far * rise > 0:
+            return float(self.scale + (1 - root) * far / rise)
+        share = grown_share(self.shapes, self.options, self.scale) / fill
+        return scale_for(self.shapes, self.options, share)
 
     def closed(self, ratio: float) -> bool:
         """Whether a scale that is too large and one that fits are so near to each other."""
         return self.high < self.low * ratio
 
 
+def _grown(shapes: Shapes, options: PackOptions) -> FloatArray:
+    """Area of all charts, grown by half the gap, as a polynomial of the scale: highest power first."""
+    reach = options.gap / 2
+    return np.array([shapes.area.sum(), shapes.perimeter * reach, shapes.n * np.pi * reach * reach])
+
+
+def grown_share(shapes: Shapes, options: PackOptions, scale: float) -> float:
+    """Share of the pages that charts take at a scale, grown by half the gap."""
+    return float(np.polyval(_grown(shapes, options), scale) / _page_area(options))
+
+
 def scale_for(shapes: Shapes, options: PackOptions, share: float) -> float:
     """Scale at which charts, grown by half the gap, have ``share`` of the pages as their area."""
-    area, reach = float(shapes.area.sum()), options.gap / 2
-    edge = shapes.points[shapes.end] - shapes.points[shapes.start]
-    boundary = float(np.sqrt((edge**2).sum(1)).sum()) * reach
-    disc = shapes.n * np.pi * reach * reach
-    goal = share * options.pages * float(options.resolution) ** 2
-    root = np.sqrt(max(boundary * boundary + 4 * area * (goal - disc), 0.0))
+    area, boundary, disc = _grown(shapes, options).tolist()
+    root = np.sqrt(max(boundary * boundary + 4 * area * (share * _page_area(options) - disc), 0.0))
     return float(
         max((root - boundary) / (2 * max(area, 1e-300)), 1e-3 / max(shapes.radius.max(), 1e-300))
     )
+
+
+def _page_area(options: PackOptions) -> float:
+    return options.pages * float(options.resolution) ** 2
 
 
 def _stacked(

@@ -9,7 +9,7 @@ from circparam.core.registry import Row, Table
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles
 from circparam.packing.placement import Packer, PackTask, Placement
-from circparam.packing.rows import row_placement
+from circparam.packing.rows import ANGLES, hopeless, row_placement
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
@@ -20,7 +20,6 @@ NESTED_UP_TO = 250
 # than 6000 only there.
 SKYLINE_ABOVE = 40
 SKYLINE_UP_TO = 6000
-HURRIED_ANGLES = 9  # that are tried for boxes where time is up
 
 # Below this effort only so few charts are nested: the grid of many costs seconds before any search.
 LITTLE_EFFORT = 0.2
@@ -42,19 +41,21 @@ def _too_many_to_nest(shapes: Shapes, options: PackOptions) -> bool:
 
 def _shelf(task: PackTask) -> Placement | None:
     shapes, options = task.shapes, task.options
-    if not task.monitor.expired:
+    if not task.monitor.expired and shapes.n <= SKYLINE_UP_TO:
         return shelf_placement(shapes, options)
-    # of 30,000 charts the angles take longer than all the rest
-    angle = least_box_angles(shapes, options.rotate, steps=HURRIED_ANGLES)
+    # of 30,000 charts finer angles take longer than all the rest
+    angle = least_box_angles(shapes, options.rotate, steps=ANGLES)
     return shelf_placement(shapes, options, angle)
 
 
 def _skyline(task: PackTask) -> Placement | None:
+    if task.shapes.n > SKYLINE_UP_TO and hopeless(task.shapes, task.options):
+        return None
     return skyline_placement(task.shapes, task.options, task.monitor)
 
 
 def _rows(task: PackTask) -> Placement | None:
-    return row_placement(task.shapes, task.options, task.monitor)
+    return row_placement(task.shapes, task.options, task.monitor, task.found.get("shelf"))
 
 
 def _nest(task: PackTask) -> Placement | None:

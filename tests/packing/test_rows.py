@@ -7,10 +7,11 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.packing import pack
+from circparam.packing import rows as rows_module
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
-from circparam.packing.rows import row_placement
+from circparam.packing.rows import SAMPLE, hopeless, row_placement
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.table import SKYLINE_UP_TO
 from tests.support.packing import blobs, rectangles, triangles
@@ -57,6 +58,15 @@ def test_pages_fill_one_after_the_other() -> None:
     assert finish(shapes, placement, options)[1] is None
 
 
+def test_a_page_is_full_before_the_next_begins() -> None:
+    """Of 16 squares to a page 40 need two full pages and half of the third."""
+    shapes = rectangles(np.ones((40, 2)))
+    options = PackOptions(256, 2, "none", pages=4, texel_density=58.0)
+    placement = row_placement(shapes, options, Monitor())
+    assert placement is not None
+    assert np.bincount(placement.page).tolist() == [16, 16, 8]
+
+
 def test_a_fixed_scale_is_kept_or_there_is_none() -> None:
     shapes = rectangles(np.ones((300, 2)))
     fits = row_placement(shapes, PackOptions(256, 2, texel_density=9.0), Monitor())
@@ -70,3 +80,47 @@ def test_more_than_a_skyline_takes_are_packed() -> None:
     faces, uv, chart = triangles(SKYLINE_UP_TO + 1, 5)
     packed = pack(faces, uv, chart, PackOptions(2048, 1))
     assert packed.share[0] > 0.4
+
+
+def test_a_sample_tells_the_scale_of_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of many charts a sample is laid out first, all of them at few scales; and their page is full."""
+    seen: list[tuple[int, float]] = []
+    dropped = rows_module._dropped
+
+    def counted(shapes, *given):  # type: ignore[no-untyped-def]
+        found = dropped(shapes, *given)
+        seen.append((shapes.n, found[1]))
+        return found
+
+    monkeypatch.setattr(rows_module, "_dropped", counted)
+    shapes = shapes_of(*triangles(4 * SAMPLE, 3))
+    placement = row_placement(shapes, PackOptions(2048, 1), Monitor())
+    assert placement is not None
+    whole = [fill for n, fill in seen if n == shapes.n]
+    assert 1 <= len(whole) <= 3
+    assert 0.95 < whole[0] < 1.02
+    assert max(fill for fill in whole if fill <= 1) > 0.98
+
+
+def test_boxes_are_kept_where_gaps_count_for_more_than_shapes() -> None:
+    """30,000 charts on a page of 512 are gaps and little else, and gaps between boxes are narrower."""
+    shapes = shapes_of(*triangles(4 * SAMPLE, 3))
+    options = PackOptions(512, 3)
+    boxes = shelf_placement(shapes, options)
+    assert row_placement(shapes, options, Monitor(), boxes) is boxes
+    wide = PackOptions(4096, 1)
+    boxes = shelf_placement(shapes, wide)
+    found = row_placement(shapes, wide, Monitor(), boxes)
+    assert found is not None
+    assert boxes is not None
+    assert found.scale > boxes.scale
+
+
+def test_hopeless_is_a_scale_far_beyond_that_of_a_layout() -> None:
+    shapes = shapes_of(*triangles(3 * SAMPLE, 3))
+    reached = row_placement(shapes, PackOptions(2048, 1), Monitor())
+    assert reached is not None
+    for factor, lost in ((0.9, False), (1.05, False), (1.5, True)):
+        density = factor * reached.scale
+        assert hopeless(shapes, PackOptions(2048, 1, texel_density=density)) is lost
+    assert not hopeless(shapes, PackOptions(2048, 1))

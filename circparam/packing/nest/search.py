@@ -7,7 +7,7 @@ their spectra are made once; a larger scale of the charts is a smaller page on t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -35,6 +35,16 @@ THREADS = 1
 
 # The grid of the transforms is this much larger than the page at the density that is hoped for.
 SLACK = 1.25
+
+# The first page has sides so many times those at the density that is hoped for: a layout found at once costs
+# less than two that fail.
+FIRST = 1.18
+
+# What finds no place goes earlier, as if it were so much larger (in logarithms), so often in a round, unless it
+# is among the first: less than so much of the area had a place.
+RETRIES = 3
+BLAME = 0.5
+NEARLY = 0.9
 
 # Blurs of the contact score, in cells, of the first tries.
 SIGMAS = (2.0, 4.0, 1.2, 8.0, 3.0)
@@ -132,6 +142,20 @@ def lay_out(
 
     sigma: blur of the contact score in cells. choice: the masks of each chart that are tried.
     """
+    found = _attempt(board, order, side, sigma, pages, choice, budget)
+    return found if isinstance(found, GridLayout) else None
+
+
+def _attempt(
+    board: Board,
+    order: IntArray,
+    side: int,
+    sigma: float,
+    pages: int,
+    choice: list[IntArray],
+    budget: Budget,
+) -> GridLayout | int:
+    """As ``lay_out``; the chart that does not fit where one does not, −1 where the budget is used up."""
     n = len(board.masks)
     size = board.side
     grid = np.ones((pages, size, size), np.float32)
@@ -143,9 +167,9 @@ def lay_out(
         masks = board.masks[c]
         pick = choice[c][masks.size[choice[c]].max(1) <= side]
         if len(pick) == 0:
-            return None
+            return int(c)
         if not budget.spend(len(pick) * float(size) ** 2):
-            return None
+            return -1
         kernel, area = board.spectra[c][pick], masks.area[pick]
         rows, columns = masks.size[pick, 0], masks.size[pick, 1]
         for tile in range(pages):
@@ -153,7 +177,7 @@ def lay_out(
             if spot is not None:
                 break
         else:
-            return None
+            return int(c)
         k, y, x = spot
         mask[c], row[c], column[c], page[c] = pick[k], y, x, tile
         h, w = int(rows[k]), int(columns[k])
@@ -206,26 +230,35 @@ def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Place
     return Placement(texels / board.cell, angle, offset, found.page)
 
 
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What a layout must meet. largest: page side in cells beyond which it is of no use (None: the whole grid).
+    allowed: the masks of each chart that may be used (None: all). patience: tries until a first one."""
+
+    largest: int | None = None
+    allowed: list[IntArray] | None = None
+    patience: int = 8
+
+
 def search(
     board: Board,
     shapes: Shapes,
     options: PackOptions,
     cells: int,
     budget: Budget,
-    largest: int | None = None,
-    patience: int = 8,
+    terms: Terms = Terms(),
 ) -> list[GridLayout]:
     """Layouts of falling page side, best first.
 
     Greedy orders by size come first, then perturbed orders with a random part of the angles and another
-    blur; each must beat the best page side by a cell, and goes on for as long as it does. largest: page side
-    in cells beyond which a layout is of no use (None: the whole grid). patience: tries until a first layout.
+    blur; each must beat the best page side by a cell, and goes on for as long as it does.
     """
+    allowed = terms.allowed or [np.arange(len(m.angle)) for m in board.masks]
     rng = np.random.default_rng(20)
     area = np.log(np.maximum(shapes.area, 1e-300))
     span = 2 * np.log(np.maximum(shapes.radius, 1e-300))
-    results: list[GridLayout] = []
-    most = int(board.side) if largest is None else min(int(board.side), largest)
+    climb = _Climb(board, shapes, options.pages, budget)
+    most = int(board.side if terms.largest is None else min(board.side, terms.largest))
     tried = 0
     failures = 0
     while failures < 400:
@@ -236,28 +269,54 @@ def search(
             key = key + rng.normal(0, 0.25, shapes.n)
             share = float(rng.choice([0.15, 0.3, 0.6]))
             sigma = float(np.exp(rng.uniform(0, 2.2)))
-        choice = [_some(rng, len(m.angle), share) for m in board.masks]
-        order = np.argsort(-key, kind="stable")
+        choice = [a[_some(rng, len(a), share)] for a in allowed]
         tried += 1
-        failures += 1
-        stride = 1
-        while True:
-            side = results[0].side - stride if results else min(int(cells * 1.12), most)
-            if not results and failures > 1:
-                side = min(int(side * 1.05 ** (failures - 1)), most)
-            found = lay_out(board, order, side, sigma, options.pages, choice, budget)
-            if found is not None:
-                results.insert(0, found)
-                failures, stride = 0, 2 * stride
-            elif stride > 1:
-                stride = 1
-            else:
-                break
+        side = min(int(cells * FIRST), most)
+        if failures and not climb.results:
+            side = min(int(side * 1.05**failures), most)
+        failures = 0 if climb.round(key, side, sigma, choice) else failures + 1
         if budget.left <= 0 or not budget.spend(0):
             break
-        if not results and failures > patience:
+        if not climb.results and failures > terms.patience:
             break
-    return results
+    return climb.results
+
+
+@dataclass(eq=False)
+class _Climb:
+    """The way to smaller pages. results: layouts of falling page side, best first."""
+
+    board: Board
+    shapes: Shapes
+    pages: int
+    budget: Budget
+    results: list[GridLayout] = field(default_factory=list)
+
+    def round(self, key: FloatArray, side: int, sigma: float, choice: list[IntArray]) -> bool:
+        """Lay out by falling key (n,) on smaller and smaller pages, the first of ``side`` where nothing is
+        found yet; whether that found anything."""
+        found_any, stride, again = False, 1, RETRIES
+        order = np.argsort(-key, kind="stable")
+        while True:
+            if self.results:
+                side = self.results[0].side - stride
+            found = _attempt(self.board, order, side, sigma, self.pages, choice, self.budget)
+            if isinstance(found, GridLayout):
+                self.results.insert(0, found)
+                found_any, stride = True, 2 * stride
+            elif stride > 1:
+                stride = 1
+            elif again and found >= 0 and (self.results or self._placed(order, found) > NEARLY):
+                again -= 1
+                key = key + BLAME * (np.arange(len(key)) == found)
+                order = np.argsort(-key, kind="stable")
+            else:
+                return found_any
+
+    def _placed(self, order: IntArray, chart: int) -> float:
+        """Share of the area of all charts that comes before one of them in an order."""
+        area = self.shapes.area[order]
+        return float(area[: int(np.flatnonzero(order == chart)[0])].sum() / area.sum())
 
 
 def first_layout(

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from circparam.core.arrays import IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.between import ANGLES, SIDE, filled, lying
 from circparam.packing.nest.compaction import compact, roughly
 from circparam.packing.nest.growth import Growth
 from circparam.packing.nest.search import (
+    Board,
     GridLayout,
+    Terms,
     cell_size,
     chart_angles,
     first_layout,
@@ -38,10 +41,13 @@ class Schedule:
         the cells; on three of 63 to 96 charts 96 cells 0.607, 128 cells 0.594, 192 cells 0.573).
     fixed_cells: side of the grid at a scale the user fixed, which the compaction does not mend afterwards.
     handful_budget, coarse_budget, budget: cells transformed in the search on each grid: half a second or less.
+    beaten, patience: of a layout that is gone on with: share of its scale that the search must reach, and tries
+        until a first one does.
     compacted_up_to: charts up to which the linear programs are solved in a second or so.
     kept: layouts of very few charts that are compacted; one of more.
-    rough_steps, fine_steps: linear programs for each candidate, then for the best. fine_trust: the first trust
-        region of the latter, in texels of a page of 2048; small, as the rough ones leave little to move.
+    rough_steps, fine_steps, many_fine_steps: linear programs for each candidate, then for the best, of few and
+        of many charts. fine_trust: the first trust region of the latter, in texels of a page of 2048; small, as
+        the rough ones leave little to move.
     strict_steps, strict_trust: the same for a layout that the check refuses: it is all but locked.
     rows: rows of all linear programs together; beyond, the steps end.
     shelf_below: of many charts, rows of boxes are compacted only where nothing reached that much more than
@@ -50,6 +56,8 @@ class Schedule:
     askew: share of the side of a page beyond which a straight chart may lie as it fits best.
     straight_cost: share of what is covered that straight charts along the axes may cost; told from the search,
         with ``straight_budget`` times its budget, where they have ``straight_area`` of the area.
+    tiling: share of the area that straight charts have, beyond which few charts get the grid of many: what they
+        could tile is lost by rounding to coarse cells (0.82 to 0.89 of the page on a part of 30 rectangles).
     """
 
     hoped_share: float = 0.68
@@ -63,9 +71,8 @@ class Schedule:
     coarse_cells: int = 64
     cells: int = 96
     fixed_cells: int = 160
-    coarse_budget: float = 0.3e8
-    budget: float = 0.3e8
-    impatience: int = 8
+    coarse_budget: float = 0.45e8
+    budget: float = 0.6e8
     patience: int = 100
     compacted_up_to: int = 150
     kept: int = 2
@@ -73,6 +80,7 @@ class Schedule:
     beaten: float = 0.94
     rough_steps: int = 5
     fine_steps: int = 12
+    many_fine_steps: int = 7
     fine_trust: float = 8.0
     strict_steps: int = 3
     strict_trust: float = 1.0
@@ -83,9 +91,12 @@ class Schedule:
     straight_cost: float = 0.02
     straight_budget: float = 0.5
     straight_area: float = 0.05
+    tiling: float = 0.5
 
 
 SCHEDULE = Schedule()
+
+ALONG = 4  # angles at which a straight chart lies along the axes
 
 
 def nested(
@@ -135,7 +146,8 @@ def _going_on(task: PackTask) -> Placement | None:
     side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / task.options.pages))
     if start is None or straight_charts(shapes, SCHEDULE.askew * side).counts.any():
         return None
-    better = _searched(task, beat=start.scale * SCHEDULE.beaten, long=True)
+    boards = _Boards(shapes, task.options, None)
+    better = _searched(task, boards, beat=start.scale * SCHEDULE.beaten, patience=SCHEDULE.patience)
     return _compacted(task, better, (None, None), None)
 
 
@@ -146,17 +158,59 @@ def _found(task: PackTask) -> tuple[list[Placement], Straight | None]:
     better, so it is asked for nothing less.
     """
     shapes, options = task.shapes, task.options
-    if options.rotate != "free":
-        return _searched(task), None
-    side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / options.pages))
-    straight = straight_charts(shapes, SCHEDULE.askew * side)
-    if shapes.area[straight.counts].sum() < SCHEDULE.straight_area * shapes.area.sum():
-        return _searched(task), None
-    along = _searched(task, straight)
+    straight = None
+    if options.rotate == "free":
+        side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / options.pages))
+        straight = straight_charts(shapes, SCHEDULE.askew * side)
+        if shapes.area[straight.counts].sum() < SCHEDULE.straight_area * shapes.area.sum():
+            straight = None
+    boards = _Boards(shapes, options, straight)
+    along = _searched(task, boards, along=True) if straight is not None else []
     if not along:
-        return _searched(task), None
-    free = _searched(task, beat=along[0].scale / np.sqrt(1 - SCHEDULE.straight_cost))
+        return _searched(task, boards), None
+    free = _searched(task, boards, beat=along[0].scale / np.sqrt(1 - SCHEDULE.straight_cost))
     return (free, None) if free else (along, straight)
+
+
+@dataclass(eq=False)
+class _Boards:
+    """Boards for all searches of the same charts, each made once.
+
+    straight: charts that are tried along the axes too, at the first ``ALONG`` of their angles.
+    """
+
+    shapes: Shapes
+    options: PackOptions
+    straight: Straight | None
+    known: dict[tuple[int, float], Board] = field(default_factory=dict)
+
+    @property
+    def tiling(self) -> bool:
+        """Whether straight charts have most of the area: what they could tile coarse cells would lose."""
+        if self.straight is None:
+            return False
+        area = self.shapes.area
+        return bool(area[self.straight.counts].sum() > SCHEDULE.tiling * area.sum())
+
+    def of(self, cells: int, density: float) -> Board:
+        """The board of ``cells`` squared of which charts are hoped to cover ``density``."""
+        if (cells, density) not in self.known:
+            shapes = self.shapes
+            cell = cell_size(shapes, self.options, cells, density)
+            most = 64 if shapes.n <= SCHEDULE.very_few else 24
+            angles = chart_angles(shapes, self.options, cell, most)
+            if self.straight is not None:
+                for c in np.flatnonzero(self.straight.counts).tolist():
+                    angles[c] = np.r_[
+                        self.straight.angle[c] + np.arange(ALONG) * (np.pi / 2), angles[c]
+                    ]
+            self.known[cells, density] = make_board(shapes, self.options, angles, cells, density)
+        return self.known[cells, density]
+
+    def along(self, board: Board) -> list[IntArray]:
+        """The masks of each chart with which straight charts lie along the axes."""
+        counts = np.zeros(self.shapes.n, bool) if self.straight is None else self.straight.counts
+        return [np.arange(ALONG if counts[c] else len(m.angle)) for c, m in enumerate(board.masks)]
 
 
 def _compacted(
@@ -189,15 +243,17 @@ def _compacted(
             continue
         rough.append(roughly(growth, start, _steps(SCHEDULE.rough_steps, part), reached))
         rough.sort(key=lambda p: -p.scale)
-    steps = _steps(SCHEDULE.fine_steps if few else SCHEDULE.fine_steps // 2, part)
+    steps = _steps(SCHEDULE.fine_steps if few else SCHEDULE.many_fine_steps, part)
     for start in rough:
-        fine = compact(growth, start, steps, SCHEDULE.fine_trust)
-        if task.sound(fine):
-            return fine
-        # the straight strips were too narrow somewhere: the full gap everywhere may do
-        safe = compact(growth, fine, SCHEDULE.strict_steps, SCHEDULE.strict_trust, True)
-        if task.sound(safe):
-            return safe
+        # half the steps where all of them lead astray
+        for count in (steps, steps // 2):
+            fine = compact(growth, start, count, SCHEDULE.fine_trust)
+            if task.sound(fine):
+                return fine
+            # the straight strips were too narrow somewhere: the full gap everywhere may do
+            safe = compact(growth, fine, SCHEDULE.strict_steps, SCHEDULE.strict_trust, True)
+            if task.sound(safe):
+                return safe
     return None
 
 
@@ -239,14 +295,15 @@ def _steps(most: int, part: float) -> int:
 
 def _searched(
     task: PackTask,
-    straight: Straight | None = None,
+    boards: _Boards,
+    along: bool = False,
     beat: float | None = None,
-    long: bool = False,
+    patience: int = Terms.patience,
 ) -> list[Placement]:
     """Layouts of the search on the grid, best first; empty where it found none.
 
-    straight: charts that lie along the axes in all of them. beat: scale that they must exceed, for which one
-    grid is searched, with half the budget as with straight charts.
+    along: straight charts lie along the axes in all of them. beat: scale that they must exceed, for which one
+    grid is searched, with half the budget as with straight charts. patience: tries until a first one.
     """
     shapes, options = task.shapes, task.options
     # several pages share the cells of one, so that the work stays the same
@@ -254,29 +311,23 @@ def _searched(
     side, operations = SCHEDULE.cells, SCHEDULE.budget
     if shapes.n <= SCHEDULE.handful:
         side, operations = SCHEDULE.handful_cells, SCHEDULE.handful_budget
-    elif few:
+    elif few and not boards.tiling:
         side, operations = SCHEDULE.coarse_cells, SCHEDULE.coarse_budget
     cells = int(side / np.sqrt(min(options.pages, 6)))
     box = shapes.boxes(least_square_angles(shapes, options.rotate))
     widest = float((box[:, 2:] - box[:, :2]).max())
     density = float(min(SCHEDULE.hoped_share, 0.97 * shapes.area.sum() / widest**2 / options.pages))
-    halved = shapes.n <= SCHEDULE.handful if long else straight is not None or beat is not None
-    operations *= SCHEDULE.straight_budget if halved else 1.0
+    operations *= SCHEDULE.straight_budget if along or beat is not None else 1.0
     budget = Budget(operations * options.effort, lambda: task.monitor.expired)
     for _ in range(SCHEDULE.tries if beat is None else 1):
-        cell = cell_size(shapes, options, cells, density)
-        angles = chart_angles(shapes, options, cell, 64 if shapes.n <= SCHEDULE.very_few else 24)
-        if straight is not None:
-            for c in np.flatnonzero(straight.counts).tolist():
-                angles[c] = straight.angle[c] + np.arange(4) * (np.pi / 2)
-        board = make_board(shapes, options, angles, cells, density)
+        board = boards.of(cells, density)
         largest = None
         if beat is not None:
             inner = options.resolution - 2 * options.border + options.gap
-            largest = int(np.ceil(inner / (beat * cell))) - 1
-        patience = SCHEDULE.patience if long else SCHEDULE.impatience
-        found = search(board, shapes, options, cells, budget, largest, patience)
-        if found:
+            largest = int(np.ceil(inner / (beat * board.cell))) - 1
+        terms = Terms(largest, boards.along(board) if along else None, patience)
+        found = search(board, shapes, options, cells, budget, terms)
+        if found or budget.over:
             return [to_placement(board, f, options) for f in _different(found)]
         density *= SCHEDULE.less_hope
     return []

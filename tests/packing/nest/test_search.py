@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from circparam.packing.budget import Budget
+from circparam.packing.nest import search as module
 from circparam.packing.nest.search import (
+    Terms,
     cell_size,
     chart_angles,
     first_layout,
@@ -138,7 +140,42 @@ def test_no_layout_is_larger_than_asked_for():
     board = board_of(shapes, options)
     free = search(board, shapes, options, 48, Budget(4e6, lambda: False))
     largest = free[-1].side - 1
-    found = search(board, shapes, options, 48, Budget(4e6, lambda: False), largest)
+    found = search(board, shapes, options, 48, Budget(4e6, lambda: False), Terms(largest))
     assert found
     assert max(f.side for f in found) <= largest
-    assert not search(board, shapes, options, 48, Budget(4e6, lambda: False), free[0].side // 2)
+    assert not search(
+        board, shapes, options, 48, Budget(4e6, lambda: False), Terms(free[0].side // 2)
+    )
+
+
+def test_only_the_masks_allowed_are_used() -> None:
+    shapes = shapes_of(*blobs(6, 4, 0.4))
+    options = PackOptions(resolution=512, padding=3)
+    board = board_of(shapes, options)
+    allowed = [np.array([1, 3])] * 6
+    found = search(board, shapes, options, 48, Budget(2e6, lambda: False), Terms(allowed=allowed))
+    assert found
+    assert all(np.isin(f.mask, [1, 3]).all() for f in found)
+
+
+@pytest.mark.parametrize(("blamed", "rounds"), [(5, 1 + module.RETRIES), (0, 1)])
+def test_what_finds_no_place_goes_earlier(
+    blamed: int, rounds: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last of six charts goes before one more each time it finds no place; the first is not tried again."""
+    shapes = rectangles(np.sqrt(np.repeat([[99.0], [5], [4], [3], [2], [1]], 2, 1)))
+    orders: list[list[int]] = []
+
+    def nowhere(board, order, *rest):  # type: ignore[no-untyped-def]
+        orders.append(order.tolist())
+        return blamed
+
+    monkeypatch.setattr(module, "_attempt", nowhere)
+    board = board_of(shapes, PackOptions(256, 2))
+    climb = module._Climb(board, shapes, 1, endless())
+    assert not climb.round(np.log(shapes.area), 50, 2.0, [np.arange(4)] * 6)
+    places = [order.index(blamed) for order in orders]
+    assert len(places) == rounds
+    assert places == sorted(places, reverse=True)
+    assert rounds == 1 or places[-1] < places[0]
+    assert all(order[0] == 0 for order in orders)

@@ -7,12 +7,14 @@ import pytest
 
 from circparam.core.monitor import Monitor
 from circparam.packing import pack
+from circparam.packing.nest import strategy
 from circparam.packing.nest.strategy import nested
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.placement import PackTask
 from circparam.packing.shelf import shelf_placement
+from circparam.packing.straight import straight_charts
 from tests.support.packing import blobs, rectangles, shelf
 
 
@@ -80,3 +82,36 @@ def test_rows_of_boxes_are_a_start_too():
     for start in ({"shelf": rows}, {"skyline": rows}):
         found = nested(task, **start)
         assert found.scale == pytest.approx(rows.scale, rel=0.01)
+
+
+def test_half_the_steps_are_made_where_all_lead_astray(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A layout whose last steps go wrong is compacted again by fewer, before it is given up."""
+    shapes = shapes_of(*blobs(6, 3))
+    steps: list[int] = []
+    compact = strategy.compact
+
+    def counted(growth, start, count, *rest):  # type: ignore[no-untyped-def]
+        steps.append(count)
+        return compact(growth, start, count, *rest)
+
+    monkeypatch.setattr(strategy, "compact", counted)
+    options = PackOptions(resolution=256, effort=0.05)
+    found = nested(
+        PackTask(shapes, options, Monitor(), {}, lambda p: len(steps) >= 3)  # the third is sound
+    )
+    loose = nested(PackTask(shapes, options, Monitor(), {}, lambda p: False))
+    assert found is not None
+    assert loose is not None
+    assert steps[2] == steps[0] // 2
+    assert found.scale > loose.scale
+
+
+def test_straight_charts_with_most_of_the_area_may_tile() -> None:
+    faces, uv, chart = blobs(4, 3)
+    square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    for side, tiles in ((0.3, False), (30.0, True)):
+        more = np.array([[0, 1, 2], [0, 2, 3]]) + len(uv)
+        shapes = shapes_of(np.r_[faces, more], np.r_[uv, side * square + 50], np.r_[chart, [4, 4]])
+        straight = straight_charts(shapes, np.inf)
+        assert strategy._Boards(shapes, PackOptions(), straight).tiling is tiles
+    assert not strategy._Boards(shapes, PackOptions(), None).tiling
