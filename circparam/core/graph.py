@@ -72,7 +72,7 @@ def cycles(follower: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     steps = np.where(is_head, 0, 1)
     while True:
         further = jump[jump]
-        if np.array_equal(further, jump):
+        if (further == jump).all():
             break
         steps = steps + steps[jump]
         jump = further
@@ -90,7 +90,7 @@ def lowest_of_cycles(follower: IntArray) -> IntArray:
     lowest, jump = np.arange(len(follower)), follower
     while True:
         lower = np.minimum(lowest, lowest[jump])
-        if np.array_equal(lower, lowest):
+        if (lower == lowest).all():
             return lowest
         lowest, jump = lower, jump[jump]
 
@@ -99,7 +99,7 @@ def undirected(n: int, i: IntArray, j: IntArray, length: FloatArray) -> sps.csr_
     """Symmetric graph with the given edge lengths; of several edges between two nodes the shortest counts."""
     other = i != j
     i, j, length = i[other], j[other], length[other]
-    a, b, w = np.r_[i, j], np.r_[j, i], np.r_[length, length]
+    a, b, w = np.concatenate([i, j]), np.concatenate([j, i]), np.concatenate([length, length])
     key = a * n + b
     order = stable_order(key)
     first = first_of_runs(key[order])
@@ -157,7 +157,7 @@ class Graph:
         order = stable_order(key)
         head = first_of_runs(key[order])
         lightest = order[head]
-        count = np.diff(np.r_[head, len(order)])
+        count = np.diff(np.concatenate([head, [len(order)]]))
         if len(head) < len(order):  # parallel edges are few: sort only those by weight
             among = order[np.repeat(count > 1, count)]
             among = among[np.lexsort((weight[e[among]], key[among]))]

@@ -48,8 +48,8 @@ class BoundarySegments:
         loop = (np.cumsum(head) - 1)[lowest]
         length = norms2(self.end - self.start)
         # length from each segment on to the head of its loop; n is past the end
-        ahead = np.r_[length, 0.0]
-        jump = np.r_[np.where(head[self.following], n, self.following), n]
+        ahead = np.concatenate([length, [0.0]])
+        jump = np.concatenate([np.where(head[self.following], n, self.following), [n]])
         while (jump < n).any():
             ahead += ahead[jump]
             jump = jump[jump]

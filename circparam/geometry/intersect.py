@@ -220,8 +220,8 @@ def _pieces(
     step = np.floor(position[member] / np.maximum(PIECE * reach[member], 1e-300))
     joined = short[1:] & short[:-1] & (step[1:] == step[:-1])
     joined &= boundary.following[member[:-1]] == member[1:]
-    first = np.flatnonzero(np.r_[True, ~joined])
-    return first, np.diff(np.r_[first, len(member)]), member
+    first = np.flatnonzero(np.concatenate([[True], ~joined]))
+    return first, np.diff(np.concatenate([first, [len(member)]])), member
 
 
 def _all_pairs(

@@ -79,7 +79,7 @@ class Candidates:
         order = stable_order(cell)
         segment, cell = segment[order], cell[order]
         head = first_of_runs(cell)
-        count = np.diff(np.r_[head, len(cell)])
+        count = np.diff(np.concatenate([head, [len(cell)]]))
         yield from self._thin_cells(segment, count)
         crowd = np.repeat(count > CROWD, count)
         segment, box = segment[crowd], self._boxes(grid, segment[crowd], cell[crowd])
@@ -99,7 +99,7 @@ class Candidates:
             order = stable_order(cell)
             segment, box = segment[order], box[order]
             head = first_of_runs(cell[order])
-            count = np.diff(np.r_[head, len(cell)])
+            count = np.diff(np.concatenate([head, [len(cell)]]))
             yield from self._thin_cells(segment, count)
             crowd = np.repeat(count > CROWD, count)
             segment, box, count = segment[crowd], box[crowd], count[count > CROWD]
@@ -126,7 +126,7 @@ class Candidates:
         width = np.maximum(width, 2 * np.maximum(group_max(self.reach, self.group, n), 0.0))
         width = np.where(width > 0, width, 1.0)
         columns, rows = (((high[k] - low[k]) / width).astype(np.int64) + 2 for k in (0, 1))
-        offset = np.r_[0, np.cumsum(columns * rows)[:-1]]
+        offset = np.concatenate([[0], np.cumsum(columns * rows)[:-1]])
         # the slack covers the rounding of points along a segment
         slack = 1e-12 * (extent + np.maximum(np.abs(low[0]), np.abs(low[1])))
         return _Grid(low[0], low[1], width, columns, rows, offset, slack)
@@ -145,8 +145,10 @@ class Candidates:
             step = (self.end[segment, axis] - p) / number
             p = p + step * k
             low, high = np.minimum(p, p + step) - slack, np.maximum(p, p + step) + slack
-            first = np.clip(((low - origin[g]) / w).astype(np.int64), 0, cells[g] - 1)
-            last = np.clip(((high - origin[g]) / w).astype(np.int64), first, cells[g] - 1)
+            # np.clip takes longer than both
+            top = cells[g] - 1
+            first = np.minimum(np.maximum(((low - origin[g]) / w).astype(np.int64), 0), top)
+            last = np.minimum(np.maximum(((high - origin[g]) / w).astype(np.int64), first), top)
             spans.append((first, last - first + 1))
         (x, wide), (y, tall) = spans
         cell = grid.offset[g] + y * grid.columns[g] + x
@@ -158,7 +160,7 @@ class Candidates:
         entry = np.repeat(many, area[many])
         k = ranges(area[many])
         spread = cell[entry] + k // wide[entry] * grid.columns[g[entry]] + k % wide[entry]
-        return np.r_[segment[one], segment[entry]], np.r_[cell[one], spread]
+        return np.concatenate([segment[one], segment[entry]]), np.concatenate([cell[one], spread])
 
     def _boxes(self, grid: _Grid, segment: IntArray, cell: IntArray) -> FloatArray:
         """(x, y, width) of cells of the first grid."""

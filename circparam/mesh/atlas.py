@@ -37,7 +37,8 @@ class Atlas:
 
     cut: (e,) bool over ``surface.edges``. corners: (m, 3, 2) uv of each corner, zeros where none is given. Both
     are copied. The segmentation moves them as it goes; the stages of the pipeline make a new atlas instead.
-    prices: what seams along the edges mean, on hard surfaces; None where all edges are alike.
+    prices: what seams along the edges mean, on hard surfaces; None where all edges are alike. merged_on: it was
+    tried to merge its charts on, as it is, and nothing merged.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Atlas:
     ) -> None:
         self.surface = surface
         self.prices = prices
+        self.merged_on = False
         self.cut = cut.copy()
         self.corners = np.zeros((len(surface.faces), 3, 2)) if corners is None else corners.copy()
 

@@ -224,7 +224,7 @@ def boundary_loops(cut_mesh: CutMesh) -> Loops:
     at = np.full(cut_mesh.n_vertices, -1)
     at[flat[h]] = np.arange(len(h))
     labels, order, size = cycles(at[flat[next_half_edge(h)]])
-    start = np.r_[0, np.cumsum(size)].astype(np.int64)
+    start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
     chart = cut_mesh.chart[h[order][start[:-1]] // 3]
     length = group_sum(cut_mesh.lengths(h), labels, len(size))
     outer = np.zeros(len(size), bool)

@@ -16,14 +16,8 @@ from circparam.mesh.surface import Surface
 from circparam.seams.ahead import StretchAhead
 from circparam.seams.constraints import constrain
 from circparam.seams.crumbs import debris
-from circparam.seams.grown import (
-    LEVEL_FACES,
-    MARGIN,
-    REGROUP_FACES,
-    Decided,
-    finish,
-    grown_atlas,
-)
+from circparam.seams.decided import Decided
+from circparam.seams.grown import LEVEL_FACES, MARGIN, REGROUP_FACES, finish, grown_atlas
 from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
@@ -190,6 +184,8 @@ def free_atlas(
     if almost is not None:
         almost(atlas)
     if options.min_chart_faces > 1:  # small charts are what decides who joins whom then
+        return atlas
+    if atlas.merged_on:
         return atlas
     with monitor.stage("charts"):
         if len(surface.faces) <= LEVEL_FACES:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker, in_parts
+from circparam.core.workers import Later, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.cut_graph import cut_handles, genus_of
+from circparam.seams.decided import Decided, beside, from_later
 from circparam.seams.hidden import prices_beside, with_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
@@ -29,6 +28,7 @@ from circparam.seams.segmentation.decide import (
     better_in_all,
     decide,
     merge_on,
+    merge_on_once,
     merged_on,
     nearly_flat_components,
 )
@@ -36,7 +36,7 @@ from circparam.seams.segmentation.enforce import FINAL, below, breaks_up, enforc
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.starts import CHART_COST, LOOPS, cost_of
+from circparam.seams.segmentation.starts import LOOPS, cost_of
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.stretch import stretch_limits
@@ -98,59 +98,29 @@ def grown_atlas(
         atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
-            part = _decided(surface.part(bent), bound, options, worker, monitor, target)
-            decided = _beside(decided, bent, part)
+            part = _decided(surface.part(bent), bound, options, worker, monitor, target, on=False)
+            decided = beside(decided, bent, part)
     if decided.plain is not None and SMALL_FACES < len(surface.faces) <= LEVEL_FACES:
         with monitor.stage("enforce"):
             broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
         if broken:
-            with monitor.stage("carry"):
-                decided = decided._replace(atlas=decided.plain(), plain=None)
+            decided = decided.plain()
     merged, whole = decided.atlas, decided.atlas.charts()[0]
     finish(decided, bound, options, worker, monitor, notes)
     # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
     if decided.plain is None or merged.charts()[0] <= whole or cost_of(merged) <= decided.most:
         return merged
-    with monitor.stage("carry"):
-        plain = decided.plain()
-    finish(decided._replace(atlas=plain), bound, options, worker, monitor, [])
+    other = decided.plain()
+    plain = other.atlas
+    finish(other, bound, options, worker, monitor, [])
     if decided.most:
         return merged if cost_of(merged) <= cost_of(plain) else plain
-    for one in (plain, merged):
-        merge_on(one, bound, MARGIN / 2, monitor)
+    both = plain, merged
+    with monitor.stage("charts"):
+        done = worker.map(merge_on_once, [(one, bound, MARGIN / 2) for one in both], monitor)
+    for one, now in zip(both, done, strict=True):
+        one.cut, one.corners, one.merged_on = now
     return merged if better_in_all(merged, plain) else plain
-
-
-class Decided(NamedTuple):
-    """An atlas whose seams are decided: its dual graph, and how far its layout is from relaxed."""
-
-    atlas: Atlas
-    graph: DualGraph
-    relaxing: RelaxOptions = FINAL
-    plain: Callable[[], Atlas] | None = None  # makes it as it was before charts were merged on
-    most: float = 0.0  # seams and charts up to which one from a level stays, if more break
-
-
-def _beside(flat: Decided, bent: BoolArray, part: Decided) -> Decided:
-    """An atlas of components that need no seam, with what was decided for the others (bent: (m,) bool).
-
-    Of those from a level the next best is kept at hand; else the charts are those that were not merged on.
-    """
-    atlas = flat.atlas
-    if part.plain is None or not part.most:
-        atlas.put(bent, part.atlas if part.plain is None else part.plain())
-        return flat._replace(relaxing=part.relaxing)
-    pieces = int(np.unique(atlas.surface.components[1][~bent]).size)
-    atlas.put(bent, part.atlas)
-    plain = partial(_with_part, atlas, bent, part.plain)
-    return Decided(atlas, flat.graph, part.relaxing, plain, part.most + CHART_COST * pieces)
-
-
-def _with_part(atlas: Atlas, faces: BoolArray, make: Callable[[], Atlas]) -> Atlas:
-    """Another atlas with what is made put in for some faces ((m,) bool)."""
-    out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-    out.put(faces, make())
-    return out
 
 
 def finish(
@@ -161,8 +131,13 @@ def finish(
     monitor: Monitor,
     notes: list[str],
 ) -> None:
-    """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
+    """Relax charts on the surface itself, and split and merge again what is not as wanted there.
+
+    Nothing is left to do where that has been done already.
+    """
     atlas = decided.atlas
+    if decided.finished:
+        return
     if decided.relaxing.local is not None:
         # handles that only the mesh has, as those of noise: a loop each, where halves would go right across
         genus = genus_of(atlas.cut_mesh())
@@ -206,8 +181,12 @@ def _decided(
     worker: Worker,
     monitor: Monitor,
     target: int | None = None,
+    on: bool = True,
 ) -> Decided:
-    """Seams before the last relaxation, decided on the surface or on its proxy (of ``target`` faces)."""
+    """Seams before the last relaxation, decided on the surface or on its proxy (of ``target`` faces).
+
+    on: whether charts are merged on there where that may be gone back on.
+    """
     if complexity(surface) > LOOPS:
         surface = with_prices(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
@@ -215,7 +194,7 @@ def _decided(
             found = _decided(closed, bound, options, worker, monitor)
             return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
     count, graph = len(surface.faces), dual_graph(surface)
-    twice = target is None and options.max_charts is None and options.min_chart_faces == 1
+    twice = on and target is None and options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
     # workers that are opened for a small mesh come as its starts are about to end
@@ -244,8 +223,31 @@ def _decided(
         blind = dataclasses.replace(surface, price=None)
         if not fewer:
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
-        plain = partial(transfer_to_fine, blind, graph, coarse, proxy)
+        way = (blind, graph, coarse, proxy, bound, options)
+        later = Later(monitor.jobs, _carried, way, monitor)
+        if count > SMALL_FACES:  # there charts that were merged on often break
+            later.begin()
+        plain = partial(from_later, blind, graph, later)
         return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
+
+
+def _carried(
+    surface: Surface,
+    graph: DualGraph,
+    coarse: Atlas,
+    proxy: Proxy,
+    bound: float,
+    options: SeamOptions,
+    monitor: Monitor,
+) -> tuple[BoolArray, FloatArray, bool]:
+    """(cut, corners) of an atlas carried over from its proxy; whether it is finished, where one process does
+    that in hardly more time than several."""
+    with monitor.stage("carry"):
+        atlas = transfer_to_fine(surface, graph, coarse, proxy)
+    alone = len(in_parts(atlas.charts()[1])) == 1
+    if alone:
+        finish(Decided(atlas, graph), bound, options, Worker(monitor.jobs), monitor, [])
+    return atlas.cut, atlas.corners, alone
 
 
 def _from_level(
@@ -285,13 +287,17 @@ def _from_level(
             return Decided(atlas, graph, LOCAL)
         # it may be never, and is late: what the surface has worked out is not kept for that
         bare = dataclasses.replace(surface, price=None)
-        plain = partial(_next_best, bare, tried[order[1]], level, near)
+        plain = partial(_next_best, bare, tried[order[1]], level, near, monitor)
         return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost[order[1]])
 
 
-def _next_best(surface: Surface, coarse: Atlas, level: Proxy, near: IntArray) -> Atlas:
+def _next_best(
+    surface: Surface, coarse: Atlas, level: Proxy, near: IntArray, monitor: Monitor
+) -> Decided:
     """As ``from_level``, with all that it takes made anew."""
-    return from_level(surface, dual_graph(surface), coarse, level, near)
+    with monitor.stage("carry"):
+        graph = dual_graph(surface)
+        return Decided(from_level(surface, graph, coarse, level, near), graph, LOCAL)
 
 
 def _level_atlas(

@@ -51,7 +51,8 @@ def gradient(jacobian: FloatArray, blend: float = 0.0) -> FloatArray:
     det = determinants(jacobian)
     frobenius = (jacobian * jacobian).sum((0, 1))
     (a, b), (c, d) = jacobian
-    cofactor = np.stack([np.stack([d, -c]), np.stack([-b, a])])
+    cofactor = np.empty_like(jacobian)
+    cofactor[0, 0], cofactor[0, 1], cofactor[1, 0], cofactor[1, 1] = d, -c, -b, a
     result: FloatArray = (jacobian * (1 + 1 / (det * det)) - frobenius / det**3 * cofactor) / 2
     if blend:
         conformal = jacobian / det - frobenius / (2 * det * det) * cofactor
@@ -79,19 +80,23 @@ def newton_modes(jacobian: FloatArray, blend: float = 0.0) -> tuple[FloatArray, 
     """
     s1, s2, cx, sx, cy, sy = _rotation_parts(jacobian)
     g1, g2 = 2 * s1 - 2 / s1**3, 2 * s2 - 2 / s2**3
-    values = np.stack(
-        [
-            2 + 6 / s1**4,
-            2 + 6 / s2**4,
-            np.maximum((g1 + g2) / (s1 + s2), 0),
-            2 + 2 * (s1 * s1 + s1 * s2 + s2 * s2) / (s1 * s2) ** 3,
-        ]
-    )
-    rotation = np.stack([np.stack([cx, -sx]), np.stack([sx, cx])])
-    reflection = np.stack([np.stack([cy, sy]), np.stack([sy, -cy])])
-    twist = np.stack([np.stack([-sx, -cx]), np.stack([cx, -sx])]) * np.sqrt(0.5)
-    flip = np.stack([np.stack([-sy, cy]), np.stack([cy, sy])]) * np.sqrt(0.5)
-    modes = np.stack([(rotation + reflection) / 2, (rotation - reflection) / 2, twist, flip])
+    values, modes = np.empty((4, len(s1))), np.empty((4, 2, 2, len(s1)))
+    values[0] = 2 + 6 / s1**4
+    values[1] = 2 + 6 / s2**4
+    values[2] = np.maximum((g1 + g2) / (s1 + s2), 0)
+    values[3] = 2 + 2 * (s1 * s1 + s1 * s2 + s2 * s2) / (s1 * s2) ** 3
+    # the rotation (cx, −sx; sx, cx) and the reflection (cy, sy; sy, −cy): half their sum, half their difference
+    (a, b), (c, d) = modes[0]
+    a[:], b[:], c[:], d[:] = cx + cy, sy - sx, sx + sy, cx - cy
+    (a, b), (c, d) = modes[1]
+    a[:], b[:], c[:], d[:] = cx - cy, -sx - sy, sx - sy, cx + cy
+    modes[:2] /= 2
+    # the same turned by a right angle, over the root of 2
+    (a, b), (c, d) = modes[2]
+    a[:], b[:], c[:], d[:] = -sx, -cx, cx, -sx
+    (a, b), (c, d) = modes[3]
+    a[:], b[:], c[:], d[:] = -sy, cy, cy, sy
+    modes[2:] *= np.sqrt(0.5)
     values /= 4
     if blend:
         _blend_conformal(values, modes, s1, s2, blend)

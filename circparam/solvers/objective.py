@@ -63,7 +63,9 @@ class Objective:
     def gather(self, uv: FloatArray, faces: slice = slice(None)) -> FloatArray:
         """(2, 3, m) uv of the corners (of some faces)."""
         corners = self.corners[:, faces]
-        return np.stack([uv[:, 0][corners], uv[:, 1][corners]])
+        out = np.empty((2, *corners.shape))
+        out[0], out[1] = uv[:, 0][corners], uv[:, 1][corners]
+        return out
 
     def first_collapse(self, uv: FloatArray, d: FloatArray) -> FloatArray:
         """(m,) the step along d (n, 2) at which each face collapses (infinite where none)."""

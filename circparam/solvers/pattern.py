@@ -76,7 +76,7 @@ class VertexPattern:
         self.left, self.right, self.boundary = (
             h % 3 * m + h // 3 for h in (i, j, cut_mesh.boundary)
         )
-        first = np.r_[self.left, self.boundary]
+        first = np.concatenate([self.left, self.boundary])
         ahead = first + m
         ahead[ahead >= 3 * m] -= 3 * m
         self.n, self.ordered = n, order is not None
@@ -84,19 +84,19 @@ class VertexPattern:
         rank = np.empty(n, np.int64)
         rank[self.order] = np.arange(n)
         tail, head = rank[flat[first]], rank[flat[ahead]]
-        self.rows = np.r_[tail, head]
+        self.rows = np.concatenate([tail, head])
         self.chart = cut_mesh.vertex_chart[self.order]
         self.count = np.maximum(group_count(self.chart, cut_mesh.n_charts), 1)
         every = np.arange(n)
-        key = np.r_[head, tail, every] * n + np.r_[tail, head, every]
+        key = np.concatenate([head, tail, every]) * n + np.concatenate([tail, head, every])
         self.source = stable_order(key)
         found = key[self.source]
         twice = found[1:] == found[:-1]
         self.place: IntArray | None = None
         if twice.any():
             self.place = np.empty(len(key), np.int64)
-            self.place[self.source] = np.cumsum(np.r_[0, ~twice])
-            found = found[np.r_[True, ~twice]]
+            self.place[self.source] = np.cumsum(np.concatenate([[0], ~twice]))
+            found = found[np.concatenate([[True], ~twice])]
             self.source = np.arange(len(found))
         self.row = found % n
         self.start = np.searchsorted(found, np.arange(n + 1) * n)
@@ -107,10 +107,10 @@ class VertexPattern:
 
         weight: half-edge k of face f at k m + f. added: (n,) to the diagonal, by vertices.
         """
-        edge = -np.r_[weight[self.left] + weight[self.right], weight[self.boundary]]
-        both = np.r_[edge, edge]
+        edge = -np.concatenate([weight[self.left] + weight[self.right], weight[self.boundary]])
+        both = np.concatenate([edge, edge])
         diagonal = added[self.order] - group_sum(both, self.rows, self.n)
-        data = self._placed(np.r_[both, diagonal])
+        data = self._placed(np.concatenate([both, diagonal]))
         return sps.csc_matrix((data, self.row, self.start), shape=(self.n, self.n))
 
     def blocks(self, blocks: FloatArray) -> sps.csc_matrix:

@@ -30,8 +30,11 @@ def laplacian(cut_mesh: CutMesh) -> sps.csr_matrix:
     h = np.arange(len(flat))
     tail, head, w = flat, flat[next_half_edge(h)], weight.ravel()
     n = cut_mesh.n_vertices
-    off = sps.coo_matrix((np.r_[-w, -w], (np.r_[tail, head], np.r_[head, tail])), shape=(n, n))
-    diagonal = group_sum(np.r_[w, w], np.r_[tail, head], n)
+    off = sps.coo_matrix(
+        (np.concatenate([-w, -w]), (np.concatenate([tail, head]), np.concatenate([head, tail]))),
+        shape=(n, n),
+    )
+    diagonal = group_sum(np.concatenate([w, w]), np.concatenate([tail, head]), n)
     return (off + sps.diags(diagonal)).tocsr()
 
 
@@ -149,8 +152,8 @@ class Poisson:
         self.pins = first_vertices(cut_mesh)
         ahead = [1, 2, 0]
         around = group_sum(
-            np.abs(np.r_[weight.ravel(), weight.ravel()]),
-            np.r_[self.corners.ravel(), self.corners[ahead].ravel()],
+            np.abs(np.concatenate([weight.ravel(), weight.ravel()])),
+            np.concatenate([self.corners.ravel(), self.corners[ahead].ravel()]),
             n,
         )
         pins[self.pins] = around[self.pins]

@@ -297,3 +297,17 @@ def test_prices_of_seams_are_left_out_where_charts_need_the_time() -> None:
         monitor.seconds["repair"] = 1.0
         SEAMS["charts"].function(surface, SeamOptions(), monitor)
         assert ("visibility" in monitor.seconds) is priced
+
+
+@pytest.mark.parametrize("tried", [False, True])
+def test_merging_on_that_found_nothing_is_not_tried_again(
+    tried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    atlas.merged_on = tried
+    again: list[Atlas] = []
+    monkeypatch.setattr(module, "_first_atlas", lambda *_: atlas)
+    monkeypatch.setattr(module, "merge_on", lambda a, *_: again.append(a))
+    assert module.free_atlas(surface, 1.1, SeamOptions(), Monitor(), []) is atlas
+    assert again == ([] if tried else [atlas])

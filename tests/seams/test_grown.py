@@ -13,6 +13,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, grown
 from circparam.seams import charts as module
+from circparam.seams.decided import Decided
 from circparam.seams.multires.transfer import from_level
 from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
 from circparam.seams.multires.transfer_seams import NEAR_RINGS, transfer_seams
@@ -87,7 +88,7 @@ def test_a_level_whose_charts_break_gives_way_to_the_next(
 
     monkeypatch.setattr(grown, "from_level", brought)
 
-    def noted(decided: grown.Decided, *rest: object) -> None:
+    def noted(decided: Decided, *rest: object) -> None:
         finish(decided, *rest)  # type: ignore[arg-type]
         if len(decided.atlas.surface.faces) > 6_000:
             carried.append(decided.atlas)
@@ -208,7 +209,7 @@ def test_handles_that_only_the_mesh_has_cost_a_loop_each(monkeypatch: pytest.Mon
     made = {}
     for steps in (grown.LOCAL, grown.FINAL):
         atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-        decided = grown.Decided(atlas, graph, steps)
+        decided = Decided(atlas, graph, steps)
         grown.finish(decided, 1e6, SeamOptions(), Worker(1), Monitor(), [])
         assert not not_disks(atlas.cut_mesh()).any()
         made[steps.local is not None] = atlas
@@ -227,20 +228,58 @@ def test_charts_not_merged_on_are_gone_back_to_where_merged_ones_are_split_on_th
     plain.cut = (chart[surface.edges // 3] == 0).any(1)
     made, finished = [], []
 
-    def again() -> Atlas:
+    def again() -> Decided:
         made.append(plain)
-        return plain
+        return Decided(plain, decided.graph)
 
-    def finish(decided: grown.Decided, *_: object) -> None:
+    def finish(decided: Decided, *_: object) -> None:
         finished.append(decided.atlas)
         if split and decided.atlas is merged:
             decided.atlas.cut = np.ones(len(surface.edges), bool)
 
-    decided = grown.Decided(merged, grown.dual_graph(surface), plain=again)
+    decided = Decided(merged, grown.dual_graph(surface), plain=again)
     monkeypatch.setattr(grown, "_decided", lambda *_: decided)
     monkeypatch.setattr(grown, "finish", finish)
-    monkeypatch.setattr(grown, "merge_on", lambda *_: None)
+    monkeypatch.setattr(grown, "merge_on_once", lambda a, *_: (a.cut, a.corners, True))
     atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
     assert finished == ([merged, plain] if split else [merged])
     assert made == finished[1:]
     assert atlas is finished[-1]
+
+
+def test_what_is_finished_is_not_gone_through_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    surface = surface_of(*shapes.icosphere(2))
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    settled: list[Atlas] = []
+
+    def settle(part: Atlas, *_: object) -> Atlas:
+        settled.append(part)
+        return part
+
+    monkeypatch.setattr(grown, "settle_part", settle)
+    decided = Decided(atlas, dual_graph(surface), finished=True)
+    grown.finish(decided, BOUND, SeamOptions(), Worker(1), Monitor(), [])
+    assert not settled
+    assert not atlas.cut.any()
+    grown.finish(decided._replace(finished=False), BOUND, SeamOptions(), Worker(1), Monitor(), [])
+    assert settled
+    assert atlas.cut.any()
+
+
+def test_what_is_carried_over_in_one_part_comes_finished(monkeypatch: pytest.MonkeyPatch) -> None:
+    surface = surface_of(*shapes.icosphere(3))
+    graph = dual_graph(surface)
+    whole = Atlas(surface, np.zeros(len(surface.edges), bool))
+    grown.make_disks(whole, graph)
+    monkeypatch.setattr(grown, "transfer_to_fine", lambda *_: Atlas(surface, whole.cut))
+    way = (surface, graph, whole, None, BOUND, SeamOptions())
+    cut, corners, finished = grown._carried(*way, Monitor())
+    assert finished
+    expected = Atlas(surface, whole.cut)
+    grown.finish(Decided(expected, graph), BOUND, SeamOptions(), Worker(1), Monitor(), [])
+    assert np.array_equal(cut, expected.cut)
+    assert np.array_equal(corners, expected.corners)
+    monkeypatch.setattr(grown, "in_parts", lambda chart: [chart == 0, chart != 0])
+    cut, _, finished = grown._carried(*way, Monitor())
+    assert not finished
+    assert np.array_equal(cut, whole.cut)

@@ -11,6 +11,7 @@ from circparam.core.arrays import (
     IntArray,
     edge_keys,
     first_of_runs,
+    group_count,
     group_sum,
     next_half_edge,
 )
@@ -58,16 +59,17 @@ def _passed_on(cut_mesh: CutMesh, tree: IntArray, roots: IntArray, known: FloatA
     angle = np.arctan2(along[..., 1], along[..., 0]).ravel()
     a, b = cut_mesh.edges[tree, 0], cut_mesh.edges[tree, 1]
     turn = np.mod(angle[a] - angle[b], 2 * np.pi) - np.pi  # of face b against face a
-    k = np.arange(len(tree))
-    difference = sps.csr_matrix(
-        (np.r_[-np.ones(len(k)), np.ones(len(k))], (np.r_[k, k], np.r_[a // 3, b // 3])),
-        shape=(len(k), m),
-    )
-    ground, right = np.zeros(m), difference.T @ turn
-    ground[roots] = 1.0
+    # the Laplacian of the forest, held at its roots
+    ends = np.stack([a // 3, b // 3], 1)
+    right = group_sum(np.stack([-turn, turn], 1).ravel(), ends.ravel(), m)
     right[roots] += known
-    matrix = (difference.T @ difference + sps.diags(ground)).tocsc()
-    return Factor(matrix).solve(right)
+    diagonal = group_count(ends.ravel(), m).astype(np.float64)
+    diagonal[roots] += 1.0
+    every = np.arange(m)
+    rows = np.concatenate([ends[:, 0], ends[:, 1], every])
+    columns = np.concatenate([ends[:, 1], ends[:, 0], every])
+    data = np.concatenate([np.full(2 * len(ends), -1.0), diagonal])
+    return Factor(sps.csc_matrix((data, (rows, columns)), shape=(m, m))).solve(right)
 
 
 def transported(cut_mesh: CutMesh, jacobian: FloatArray, moves: BoolArray) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
@@ -138,6 +138,15 @@ def merge_on(
         if not going or (merger.tally["merged"] == merged and merger.work > BARREN):
             break
     return merger
+
+
+def merge_on_once(
+    atlas: Atlas, bound: float, margin: float, monitor: Monitor
+) -> tuple[BoolArray, FloatArray, bool]:
+    """(cut, corners) of an atlas merged on; whether nothing was merged, so that no other try will do more."""
+    count, _ = atlas.charts()
+    merge_on(atlas, bound, margin, monitor)
+    return atlas.cut, atlas.corners, not monitor.expired and atlas.charts()[0] == count
 
 
 def merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:

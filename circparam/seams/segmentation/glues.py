@@ -50,8 +50,8 @@ class Glues:
         arc[chosen[chosen < n]] = True
         several = chosen[(chosen >= n) & (chosen < self.rings)] - n
         closed = chosen[chosen >= self.rings]
-        arc |= np.isin(self.pair, np.r_[several, closed - self.rings])
-        charts = np.r_[self.left[closed], self.right[closed]]
+        arc |= np.isin(self.pair, np.concatenate([several, closed - self.rings]))
+        charts = np.concatenate([self.left[closed], self.right[closed]])
         arc |= (arcs.left == arcs.right) & np.isin(arcs.left, charts)
         out = np.zeros(n_edges, bool)
         out[arcs.edge[arc[arcs.arc]]] = True
@@ -64,8 +64,8 @@ class Glues:
         place, arc = np.flatnonzero(alone), chosen[alone]
         if not alone.all():
             of, several = _members(self.pair, chosen[~alone] - n)
-            place = np.r_[place, np.flatnonzero(~alone)[of]]
-            arc = np.r_[arc, several]
+            place = np.concatenate([place, np.flatnonzero(~alone)[of]])
+            arc = np.concatenate([arc, several])
         of, entry = _members(arcs.arc, arc)
         return arcs.edge[entry], place[of]
 
@@ -113,7 +113,7 @@ def known_excess(
     union = np.where(left == right, area[left], area[left] + area[right])
     of_arc = group_max(lower_bound[arcs.edge], arcs.arc, len(arcs.left))
     several = group_max(of_arc, pair, int(pair.max()) + 1)
-    result: FloatArray = np.r_[of_arc, several, several][: len(left)] / union
+    result: FloatArray = np.concatenate([of_arc, several, several])[: len(left)] / union
     return result
 
 

@@ -185,11 +185,14 @@ class Merger:
         held[arcs.arc[self.fixed[arcs.edge]]] = True
         pairs, pair = np.unique(arcs.left * n + arcs.right, return_inverse=True)
         pair = pair.reshape(-1)
-        left, right = np.r_[arcs.left, pairs // n], np.r_[arcs.right, pairs % n]
+        left, right = (
+            np.concatenate([arcs.left, pairs // n]),
+            np.concatenate([arcs.right, pairs % n]),
+        )
         several = (np.bincount(pair) > 1) & (pairs // n != pairs % n)
-        length = np.r_[arcs.length, group_sum(arcs.length, pair, len(pairs))]
+        length = np.concatenate([arcs.length, group_sum(arcs.length, pair, len(pairs))])
         key = np.zeros(len(left), np.uint64)
-        mark = np.r_[first_edge, np.full(len(pairs), len(c.cut) + 1)]
+        mark = np.concatenate([first_edge, np.full(len(pairs), len(c.cut) + 1)])
         for part in (first_face[left], size[left], first_face[right], size[right], mark):
             key = (key ^ part.astype(np.uint64)) * MIX
             key ^= key >> np.uint64(29)
@@ -197,22 +200,19 @@ class Merger:
         again, together = self._overlapped(arcs, pair, len(pairs))
         waiting = np.zeros(len(pairs), bool)
         waiting[pair[~np.isin(alone, self.tried) | held]] = True
-        may = np.r_[
-            ((arcs.left != arcs.right) | arcs.tip) & ~held,
-            several & ~waiting,
-        ]
-        useless = np.r_[again, together]
+        may = np.concatenate([((arcs.left != arcs.right) | arcs.tip) & ~held, several & ~waiting])
+        useless = np.concatenate([again, together])
         if self.options.faces is not None:
             may &= size[left] + np.where(left == right, 0, size[right]) <= self.options.faces
         rings = 1 << 62
         if self.options.rigid:
             rings = len(left)
             ring = rings_of(arcs, pairs, n, length[len(arcs.left) :])
-            left, right = np.r_[left, pairs // n], np.r_[right, pairs % n]
-            key = np.r_[key, (key[len(arcs.left) :] ^ RING) * MIX]
-            length = np.r_[length, ring]
-            may = np.r_[may, (ring > 0) & ~waiting]
-            useless = np.r_[useless, np.zeros(len(ring), bool)]
+            left, right = np.concatenate([left, pairs // n]), np.concatenate([right, pairs % n])
+            key = np.concatenate([key, (key[len(arcs.left) :] ^ RING) * MIX])
+            length = np.concatenate([length, ring])
+            may = np.concatenate([may, (ring > 0) & ~waiting])
+            useless = np.concatenate([useless, np.zeros(len(ring), bool)])
         if not self.options.zip:
             may &= left != right
         least = known_excess(c, arcs, chart, self.lower_bound, (left, right, pair))

@@ -44,10 +44,10 @@ def arcs_of(atlas: Atlas, chart: IntArray, cone: float = CONE) -> Arcs:
     """
     c = np.flatnonzero(atlas.cut)
     a, b = atlas.ends[0][c], atlas.ends[1][c]
-    valence = np.bincount(np.r_[a, b], minlength=atlas.n_vertices)
+    valence = np.bincount(np.concatenate([a, b]), minlength=atlas.n_vertices)
     through = (valence == 2) & ~atlas.on_boundary & (np.abs(atlas.angle_defects) <= cone)
     k = np.arange(len(c))
-    vertex, entry = np.r_[a, b], np.r_[k, k]
+    vertex, entry = np.concatenate([a, b]), np.concatenate([k, k])
     keep = through[vertex]
     vertex, entry = vertex[keep], entry[keep]
     entry = entry[np.argsort(vertex, kind="stable")]
