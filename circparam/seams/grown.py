@@ -273,7 +273,8 @@ def _from_level(
         targets = [proxy_faces(middle)]
         if len(middle.faces) <= LEVEL_FACES:
             targets += [int(k * targets[0]) for k in OTHER_PROXIES]
-        tasks = [(middle, inner, options, k, k == targets[0]) for k in targets]
+        several = len(targets) > 1
+        tasks = [(middle, inner, options, k, k == targets[0], several) for k in targets]
         tried = [Atlas(middle, *t) for t in worker.map(_level_atlas, tasks, monitor) if t]
     cost = [cost_of(a) for a in tried]
     order = np.argsort(cost, kind="stable").tolist()
@@ -300,15 +301,17 @@ def _level_atlas(
     options: SeamOptions,
     target: int,
     needed: bool,
+    beside: bool,
     monitor: Monitor,
 ) -> tuple[BoolArray, FloatArray] | None:
     """(cut, corners) of a level, decided on a proxy of so many faces; None where there is no time for it.
 
-    Its stretch is held more strictly by weights, since the surface it stands for is rougher.
+    beside: whether the processes that could share the work make another one meanwhile. Its stretch is held more
+    strictly by weights, since the surface it stands for is rougher.
     """
     if monitor.expired and not needed:
         return None
-    with monitor.alone("level"):
+    with monitor.alone("level", beside):
         atlas = grown_atlas(surface, bound, options, monitor, [], target)
         if options.min_chart_faces == 1:
             with monitor.stage("charts"):
