@@ -98,7 +98,10 @@ def grown_atlas(
         atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
-            part = _decided(surface.part(bent), bound, options, worker, monitor, target)
+            own = surface.part(bent)
+            if len(surface.faces) > LEVEL_FACES:  # both would have all of it side by side
+                surface.forget()
+            part = _decided(own, bound, options, worker, monitor, target)
             decided = _beside(decided, bent, part)
     if decided.plain is not None and SMALL_FACES < len(surface.faces) <= LEVEL_FACES:
         with monitor.stage("enforce"):
@@ -174,9 +177,9 @@ def finish(
         # where the number of charts counts more than the bound, only what overlaps is split
         to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_parts(chart)
-        tasks = [(atlas.part(faces), to_bound, decided.relaxing) for faces in parts]
-        for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
-            atlas.put(faces, part)
+        tasks = ((atlas.apart(faces), to_bound, decided.relaxing) for faces in parts)
+        for faces, moved in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
+            atlas.take(faces, *moved)
         if atlas.charts()[0] > count:
             regroup(atlas, bound, worker, monitor)
     if options.min_chart_faces > 1:
@@ -185,8 +188,10 @@ def finish(
             notes += small_note(absorb(atlas, merging, least, monitor), least)
 
 
-def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor) -> Atlas:
-    """Relax charts, and hold them to a bound."""
+def settle_part(
+    atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back."""
     with monitor.stage("relax"):
         layouts = relaxed_layouts(atlas, options, monitor)
         steps = FINAL
@@ -194,9 +199,9 @@ def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Moni
             layouts = below(atlas, layouts, bound, monitor)
             steps = dataclasses.replace(FINAL, bound=bound)
     if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
-        return atlas
+        return atlas.cut, atlas.corners
     enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
-    return atlas
+    return atlas.cut, atlas.corners
 
 
 def _decided(
