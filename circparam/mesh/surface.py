@@ -77,7 +77,7 @@ class Surface:
         return self.lengths(self.edges[:, 0])
 
     def forget(self) -> None:
-        """Let go of what was worked out of the shapes of the faces; it is worked out again where it is asked."""
+        """Let go of what was worked out of the shapes of the faces; worked out again where asked for."""
         for name in ("rest_triangles", "areas", "normals", "edge_lengths", "priced_lengths"):
             self.__dict__.pop(name, None)
 
