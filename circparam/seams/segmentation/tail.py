@@ -63,7 +63,7 @@ def hold_stretch(
         cut_mesh, uv = atlas.open()
         stretch = face_stretch(cut_mesh, uv)
         over = share_over(cut_mesh, stretch, limits.most)
-        if over.sum() <= limits.allowed or monitor.expired:
+        if over.sum() <= limits.enough or monitor.expired:
             return
         goal = _open_boundary(cut_mesh)
         far = stretch > limits.most

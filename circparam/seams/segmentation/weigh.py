@@ -24,7 +24,9 @@ POWER = 3  # of the stretch over that: by how much its weight grows a round
 HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layout folds
 SPARED = 0.5  # of the share allowed: the worst faces, which are left as they are
 ROUNDS = 8  # of weighing; most charts need three
-PATIENCE = 3  # rounds without headway after which a chart is left
+PATIENCE = (
+    3  # rounds without headway after which a chart is left; where a level was held before, one
+)
 STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 SMALL = 2000  # faces up to which a chart moves as a whole
@@ -46,6 +48,11 @@ class Limits:
     spared: float = SPARED
     near: float = NEAR
     local: int | None = None
+
+    @property
+    def enough(self) -> float:
+        """The share from which on no seam is added: of a surface whose level was held all that may be."""
+        return self.allowed if self.local is None else self.allowed / AIMED
 
     def without(self, over: float, whole: CutMesh, part: CutMesh) -> Limits:
         """For a part of the surface, where the other parts use so much of the share."""
@@ -74,11 +81,12 @@ def even_out(
     start = share_over(cut_mesh, stretch, most)
     best, folded = _Best(uv, start), _Best(uv, start)
     at, weight = uv, np.ones(len(chart))
-    idle = np.where(start > 0, 0, PATIENCE)
+    patience = PATIENCE if limits.local is None else 1
+    idle = np.where(start > 0, 0, patience)
     small = np.bincount(chart, minlength=n) <= SMALL
     spared = _worst(cut_mesh, stretch, limits.spared * limits.allowed)
     for turn in range(ROUNDS):
-        active = idle < PATIENCE
+        active = idle < patience
         over = best.over if limits.local is None else np.minimum(best.over, folded.over)
         if not active.any() or over.sum() <= limits.allowed or monitor.expired:
             break
@@ -95,9 +103,15 @@ def even_out(
         best = best.taken(cut_mesh, at, over, good & ~coiled)
         # what lies on itself when it moves as a whole is tried again near those faces alone
         again = coiled & small
-        folded = folded.taken(cut_mesh, at, over, good & ~again & (over < folded.over))
-        idle = np.where(good & ~coiled | again, 0, idle + 1)
-        idle[best.over == 0] = PATIENCE
+        nearer = good & ~again & (over < folded.over)
+        folded = folded.taken(cut_mesh, at, over, nearer)
+        headway = good & ~coiled | again
+        if (
+            limits.local is not None
+        ):  # rounds of a large chart are dear, and what it lies on is pushed apart
+            headway |= nearer
+        idle = np.where(headway, 0, idle + 1)
+        idle[best.over == 0] = patience
         if again.any():
             at = np.where(again[cut_mesh.vertex_chart][:, None], best.uv, at)
             stretch = np.where(again[chart], face_stretch(cut_mesh, best.uv), stretch)
