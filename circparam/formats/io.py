@@ -107,15 +107,15 @@ def read(
 
 
 def _peek(path: Path) -> None:
-    """Refuse a large file that its ends tell to be broken: reading it would take seconds and its size in memory."""
-    with contextlib.suppress(OSError, ValueError), path.open("rb") as file:  # else reading says it
-        size = file.seek(0, os.SEEK_END)
-        if size < PEEKED:
+    """Refuse a large file that its ends tell to be broken, instead of filling the memory with it first."""
+    with contextlib.suppress(OSError, ValueError):  # reading will say it
+        size = os.stat(path).st_size
+        if size < PEEKED or not path.is_file():
             return
-        file.seek(0)
-        head = file.read(PEEKED_AT)
-        file.seek(max(size - PEEKED_AT, 0))
-        tail = file.read()
+        with path.open("rb") as file:
+            head = file.read(PEEKED_AT)
+            file.seek(max(size - PEEKED_AT, 0))
+            tail = file.read()
         name = sniff(head)
         peek = None if name is None else FORMATS[name].function.peek
         if peek is not None:
