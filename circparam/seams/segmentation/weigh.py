@@ -24,9 +24,9 @@ POWER = 3  # of the stretch over that: by how much its weight grows a round
 HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layout folds
 SPARED = 0.5  # of the share allowed: the worst faces, which are left as they are
 ROUNDS = 8  # of weighing; most charts need three
-PATIENCE = (
-    3  # rounds without headway after which a chart is left; where a level was held before, one
-)
+PATIENCE = 3  # rounds without headway after which a chart is left
+# the same once it has made some, where a level was held before: rounds of large charts are dear
+PATIENCE_NEAR = 1
 STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 SMALL = 2000  # faces up to which a chart moves as a whole
@@ -81,12 +81,12 @@ def even_out(
     start = share_over(cut_mesh, stretch, most)
     best, folded = _Best(uv, start), _Best(uv, start)
     at, weight = uv, np.ones(len(chart))
-    patience = PATIENCE if limits.local is None else 1
-    idle = np.where(start > 0, 0, patience)
+    idle = np.where(start > 0, 0, PATIENCE)
     small = np.bincount(chart, minlength=n) <= SMALL
     spared = _worst(cut_mesh, stretch, limits.spared * limits.allowed)
     for turn in range(ROUNDS):
-        active = idle < patience
+        begun = np.minimum(best.over, folded.over) < start
+        active = idle < np.where(begun & (limits.local is not None), PATIENCE_NEAR, PATIENCE)
         over = best.over if limits.local is None else np.minimum(best.over, folded.over)
         if not active.any() or over.sum() <= limits.allowed or monitor.expired:
             break
@@ -105,13 +105,11 @@ def even_out(
         again = coiled & small
         nearer = good & ~again & (over < folded.over)
         folded = folded.taken(cut_mesh, at, over, nearer)
-        headway = good & ~coiled | again
-        if (
-            limits.local is not None
-        ):  # rounds of a large chart are dear, and what it lies on is pushed apart
+        headway = (good & ~coiled) | again
+        if limits.local is not None:  # what a chart lies on is pushed apart at the end
             headway |= nearer
         idle = np.where(headway, 0, idle + 1)
-        idle[best.over == 0] = patience
+        idle[best.over == 0] = PATIENCE
         if again.any():
             at = np.where(again[cut_mesh.vertex_chart][:, None], best.uv, at)
             stretch = np.where(again[chart], face_stretch(cut_mesh, best.uv), stretch)
