@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from circparam.core import clock
+from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Monitor
 from circparam.core.pool import Pool, current, start, stop
 
@@ -31,6 +32,7 @@ PARTED = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it
 PARTS = 8  # at most: more than processes, so that none waits long for the last one
 LARGE = 8  # charts of more than such a part of a part are dealt out one by one
+LARGE_TASK = 16 << 20  # bytes, from which on its arrays are worth keeping for the next ones
 MOST_SHARE = 0.9  # of the faces in one part, above which the others are not worth the trouble
 
 
@@ -268,8 +270,9 @@ class _Shared:
 
 def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
     """In a worker: one task. seconds, last: until its loops stop, and until it is broken off."""
-    function, task = pickle.loads(packed)
-    with clock.bounded(None if last is None else time.monotonic() + last):
+    bounded = clock.bounded(None if last is None else time.monotonic() + last)
+    with keeping_freed(len(packed) > LARGE_TASK), bounded:
+        function, task = pickle.loads(packed)
         return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
 
 
