@@ -81,7 +81,7 @@ bench-packing: $(VENV)/.dev ## covered share on identical charts
 bench-speed: $(VENV)/.dev ## seconds of whole atlases beside xatlas and UVAtlas, with a profile
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench speed
 
-bench-scale: $(VENV)/.dev ## rough meshes of 0.09 to 1.2 million faces, made here (SCALE="--sizes 4.7" for others)
+bench-scale: $(VENV)/.dev ## rough meshes of 0.09 to 1.2 million faces, made here (SCALE="--sizes 4.7,10 --holes 20000" for others)
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench scale $(SCALE)
 
 bench-batch: $(VENV)/.dev ## many files: rates, overhead, memory, and the tests of faults that take minutes

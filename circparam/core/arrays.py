@@ -64,12 +64,17 @@ def stable_order(keys: IntArray) -> IntArray:
     """The order that sorts keys (n,), equal ones as they stood: ``np.argsort(keys, kind="stable")``.
 
     Key and place are packed into one number where both fit, since numbers are sorted 5 to 13 times as fast as
-    an order of them is found.
+    an order of them is found; keys too large for that by their low bits, and then by the others.
     """
     n = len(keys)
     shift = n.bit_length()
-    if n == 0 or keys.min() < 0 or int(keys.max()) >> (62 - shift):
+    if n == 0 or keys.min() < 0:
         return np.argsort(keys, kind="stable")
+    bits = 62 - shift
+    if int(keys.max()) >> bits:
+        low = stable_order(keys & ((1 << bits) - 1))
+        order: IntArray = low[stable_order((keys >> bits)[low])]
+        return order
     packed = keys.astype(np.int64) << shift
     packed |= np.arange(n)
     packed.sort()

@@ -1,8 +1,51 @@
-"""What a process has of the memory, as the system tells it."""
+"""What a process has of the memory, as the system tells it, and how long it keeps what it has freed."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt, as malloc.h has them
+KEPT = 1 << 30  # bytes of a freed array, and of what is free at the end of the heap, that are kept
+USUAL = 32 << 20  # what glibc comes to by itself for arrays; twice as much for the heap
+
+
+@contextlib.contextmanager
+def keeping_freed(worth_it: bool = True) -> Iterator[None]:
+    """Inside, memory that arrays leave serves the next ones; afterwards it goes back to the system.
+
+    glibc maps every array above 32 MB anew, and the system fills each page with zeros when it is first touched:
+    half of what an operation on 5 million numbers takes, and a fourth of an unwrap of as many faces.
+    worth_it: False changes nothing, as do systems without glibc.
+    """
+    libc = _glibc() if worth_it else None
+    if libc is None:
+        yield
+        return
+    libc.mallopt(MMAP_THRESHOLD, KEPT)
+    libc.mallopt(TRIM_THRESHOLD, KEPT)
+    try:
+        yield
+    finally:
+        libc.mallopt(MMAP_THRESHOLD, USUAL)
+        libc.mallopt(TRIM_THRESHOLD, 2 * USUAL)
+        libc.malloc_trim(0)
+
+
+def _glibc() -> Any:
+    """The C library where it is glibc, else None."""
+    if not sys.platform.startswith("linux"):
+        return None
+    import ctypes  # takes a while
+
+    with contextlib.suppress(OSError):
+        libc = ctypes.CDLL(None)
+        if hasattr(libc, "gnu_get_libc_version"):
+            return libc
+    return None
 
 
 def resident(pid: int | str = "self") -> int:

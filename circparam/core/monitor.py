@@ -98,13 +98,14 @@ class Monitor:
             self.held = held
 
     @contextmanager
-    def alone(self, shown: str) -> Iterator[None]:
+    def alone(self, shown: str, beside: bool = True) -> Iterator[None]:
         """Inside, no other process shares the work: those that are open do parts beside this one.
 
-        shown: the stage that a listener is told of, whatever stages the work has.
+        shown: the stage that a listener is told of, whatever stages the work has. beside: False where there
+        are no such parts, so that processes may share the work after all.
         """
         before = self.jobs, self._shown
-        self.jobs, self._shown = 1, shown
+        self.jobs, self._shown = 1 if beside else self.jobs, shown
         try:
             yield
         finally:

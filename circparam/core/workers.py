@@ -14,11 +14,12 @@ import os
 import pickle
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from circparam.core import clock
+from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Monitor
 from circparam.core.pool import Pool, current, start, stop
 
@@ -31,6 +32,7 @@ PARTED = 8_000  # from this number of faces on work is done in parts
 PART_FACES = 4_000  # that a part has at least, if the charts allow it
 PARTS = 8  # at most: more than processes, so that none waits long for the last one
 LARGE = 8  # charts of more than such a part of a part are dealt out one by one
+LARGE_TASK = 16 << 20  # bytes, from which on its arrays are worth keeping for the next ones
 MOST_SHARE = 0.9  # of the faces in one part, above which the others are not worth the trouble
 
 
@@ -102,18 +104,21 @@ class Worker:
         self.jobs = jobs
 
     def map(
-        self, function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]], monitor: Monitor
+        self, function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]], monitor: Monitor
     ) -> list[Any]:
         """[function(*task, monitor) for task in tasks], in any order and by whoever is free.
 
-        function: at the top level of a module. A process has a monitor of its own with the same deadline. What
-        the caller does here may hand tasks out in turn, to processes that have nothing left to do.
+        tasks: a sequence; of an iterator, no task is kept longer than it takes to hand it on. function: at the
+        top level of a module. A process has a monitor of its own with the same deadline. What the caller does
+        here may hand tasks out in turn, to processes that have nothing left to do.
         """
-        pool = current() if self.jobs > 1 and len(tasks) > 1 else None
+        alone = isinstance(tasks, Sequence) and len(tasks) < 2
+        pool = current() if self.jobs > 1 and not alone else None
         if pool is None:
             return [function(*task, monitor) for task in tasks]
         try:
-            return _Shared(pool, function, tasks, monitor).run(min(self.jobs, len(tasks)) - 1)
+            shared = _Shared(pool, function, tasks, monitor)
+            return shared.run(min(self.jobs, shared.count) - 1)
         except BaseException:
             stop()  # else they would go on with what nobody wants
             raise
@@ -191,19 +196,25 @@ class _Shared:
         self,
         pool: Pool,
         function: Callable[..., Any],
-        tasks: Sequence[tuple[Any, ...]],
+        tasks: Iterable[tuple[Any, ...]],
         monitor: Monitor,
     ) -> None:
-        self._pool, self._function, self._tasks, self._monitor = pool, function, tasks, monitor
+        self._pool, self._function, self._monitor = pool, function, monitor
+        keep = isinstance(tasks, Sequence)
         # here and now: later the caller works on what tasks have in common. It takes the first itself.
-        self._packed = [b"", *(pickle.dumps((function, task), 5) for task in tasks[1:])]
+        self._tasks: list[tuple[Any, ...] | None] = []
+        self._packed: list[bytes] = []
+        for k, task in enumerate(tasks):
+            self._tasks.append(task if keep or k == 0 else None)
+            self._packed.append(pickle.dumps((function, task), 5) if k else b"")
+        self.count = len(self._tasks)
         self._sent: dict[int, Future[bytes] | None] = {}
         self._next = 0
         self._lock = threading.RLock()
 
     def run(self, processes: int) -> list[Any]:
         """All results; the work of processes that do not answer is done here."""
-        results: list[Any] = [None] * len(self._tasks)
+        results: list[Any] = [None] * self.count
         own = self._take()
         for _ in range(processes):
             self._send()
@@ -212,15 +223,19 @@ class _Shared:
             own = self._take()
         for k, future in self._sent.items():
             results[k] = self._answer(k, future)
-        self._tasks, self._packed = (), []  # who waits for a process holds this until there is one
+        self._tasks, self._packed = [], []  # who waits for a process holds this until there is one
         return results
 
     def _here(self, k: int) -> Any:
-        return self._function(*self._tasks[k], self._monitor)
+        task, self._tasks[k] = self._tasks[k], None
+        if task is None:
+            task = pickle.loads(self._packed[k])[1]
+            self._packed[k] = b""
+        return self._function(*task, self._monitor)
 
     def _take(self) -> int | None:
         with self._lock:
-            if self._next >= len(self._tasks):
+            if self._next >= self.count:
                 return None
             self._next += 1
             return self._next - 1
@@ -232,12 +247,13 @@ class _Shared:
             if done.cancelled() or done.exception() is not None:
                 return
         with self._lock:
-            left = self._next < len(self._tasks)
+            left = self._next < self.count
             k = self._take() if left and self._pool.claim(self._send) else None
             if k is None:
                 return
             future = self._sent[k] = _submitted(self._pool, self._packed[k], self._monitor)
-        self._packed[k] = b""
+        if self._tasks[k] is not None:  # else it may have to be done here
+            self._packed[k] = b""
         if future is not None:
             future.add_done_callback(self._send)
         else:
@@ -246,13 +262,17 @@ class _Shared:
     def _answer(self, k: int, future: Future[bytes] | None) -> Any:
         """What a process answered; else the same done here."""
         answer = _answered(self._pool, future, self._monitor)
-        return self._here(k) if answer is None else answer[0]
+        if answer is None:
+            return self._here(k)
+        self._packed[k] = b""
+        return answer[0]
 
 
 def _work(packed: bytes, seconds: float | None, last: float | None) -> bytes:
     """In a worker: one task. seconds, last: until its loops stop, and until it is broken off."""
-    function, task = pickle.loads(packed)
-    with clock.bounded(None if last is None else time.monotonic() + last):
+    bounded = clock.bounded(None if last is None else time.monotonic() + last)
+    with keeping_freed(len(packed) > LARGE_TASK), bounded:
+        function, task = pickle.loads(packed)
         return pickle.dumps(function(*task, Monitor(None, seconds)), 5)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import sys
@@ -21,6 +22,10 @@ from circparam.formats.source import Source, read_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, writable
 from circparam.mesh.mesh import UVMap
 
+PEEKED, PEEKED_AT = (
+    1 << 28,
+    1 << 20,
+)  # bytes of a file that is looked at before it is read; of its ends
 CURABLE = 1 << 24  # bytes of a refused file up to which it is tried whether trimesh takes it
 
 
@@ -95,8 +100,26 @@ def read(
     Raises InputError where the file is missing, unreadable, malformed, without faces, or holds NaN, or where
     its name says another format than its content.
     """
+    if os.fspath(path) != "-":
+        _peek(Path(path))
     data, source = read_bytes(path)
     return read_data(data, source, format=format, unshare=unshare, reader=reader)
+
+
+def _peek(path: Path) -> None:
+    """Refuse a large file that its ends tell to be broken, instead of filling the memory with it first."""
+    with contextlib.suppress(OSError, ValueError):  # reading will say it
+        size = os.stat(path).st_size
+        if size < PEEKED or not path.is_file():
+            return
+        with path.open("rb") as file:
+            head = file.read(PEEKED_AT)
+            file.seek(max(size - PEEKED_AT, 0))
+            tail = file.read()
+        name = sniff(head)
+        peek = None if name is None else FORMATS[name].function.peek
+        if peek is not None:
+            peek(head, tail, size, Source(os.fspath(path), path))
 
 
 def read_data(

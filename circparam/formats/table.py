@@ -18,6 +18,7 @@ from circparam.formats.obj.export import to_obj
 from circparam.formats.off import read_off
 from circparam.formats.ply.document import read_ply, round_ply
 from circparam.formats.ply.export import to_ply
+from circparam.formats.ply.reading import look_ahead
 from circparam.formats.source import Source
 from circparam.formats.stl import read_stl
 from circparam.formats.tokens import BYTE_ORDER_MARK
@@ -43,7 +44,8 @@ class Format:
     round_double: the same with uv in doubles, where the format can hold them (``WriteOptions.uv_double``).
     output: the format that its meshes are written to when nothing is said, '' for itself. unshare: reads with
     meshes that several nodes use copied for each; None where meshes of the format cannot be shared. foreign: it
-    is read through trimesh, which keeps geometry and uv only.
+    is read through trimesh, which keeps geometry and uv only. peek: (first bytes, last bytes, size, source),
+    raises InputError where these tell that a large file is not worth reading.
     """
 
     read: Read
@@ -56,6 +58,7 @@ class Format:
     output: str = ""
     unshare: Read | None = None
     foreign: bool = False
+    peek: Callable[[bytes, bytes, int, Source], None] | None = None
 
     def __call__(self, data: bytes, source: Source) -> Document:
         """Read a file of this format."""
@@ -135,7 +138,7 @@ FORMATS: Table[Format] = Table(
     Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
     Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
-                      round_double=_as_it_is),
+                      round_double=_as_it_is, peek=look_ahead),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _is_gltf, rank=1, export=to_gltf, round_uv=_as_gltf,
                        unshare=_read_unshared),

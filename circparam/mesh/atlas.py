@@ -159,7 +159,17 @@ class Atlas:
         prices = None if self.prices is None else self.prices.part(inside)
         return Atlas(self.surface.part(faces), self.cut[inside], self.corners[faces], prices)
 
+    def apart(self, faces: BoolArray) -> Atlas:
+        """As ``part``, without the points of the rest: for another process."""
+        out = self.part(faces)
+        out.surface = out.surface.compact()
+        return out
+
     def put(self, faces: BoolArray, part: Atlas) -> None:
         """Take over what became of ``part(faces)``."""
-        self.cut[faces[self.surface.edges // 3].all(1)] = part.cut
-        self.corners[faces] = part.corners
+        self.take(faces, part.cut, part.corners)
+
+    def take(self, faces: BoolArray, cut: BoolArray, corners: FloatArray) -> None:
+        """Take over the seams and the uv of ``part(faces)``."""
+        self.cut[faces[self.surface.edges // 3].all(1)] = cut
+        self.corners[faces] = corners

@@ -76,6 +76,11 @@ class Surface:
         """(e,) length of each edge in ``edges``."""
         return self.lengths(self.edges[:, 0])
 
+    def forget(self) -> None:
+        """Let go of what was worked out of the shapes of the faces; worked out again where asked for."""
+        for name in ("rest_triangles", "areas", "normals", "edge_lengths", "priced_lengths"):
+            self.__dict__.pop(name, None)
+
     def torn_seams(self, corners: FloatArray) -> IntArray:
         """(s,) half-edges of ``torn`` whose two sides have different uv; corners (m, 3, 2)."""
         flat = corners.reshape(-1, corners.shape[-1])
@@ -170,6 +175,13 @@ class Surface:
             behind(self.torn, 3 * m),
             None if self.price is None else np.tile(self.price, count),
         )
+
+    def compact(self) -> Surface:
+        """The same with the points alone that faces have, in their order: what another process needs of it."""
+        used = np.zeros(len(self.points), bool)
+        used[self.faces] = True
+        number = np.cumsum(used) - 1
+        return replace(self, points=self.points[used], faces=number[self.faces])
 
     def part(self, faces: BoolArray) -> Surface:
         """Some faces ((m,) bool); where they meet the others is a boundary. Of all: itself."""

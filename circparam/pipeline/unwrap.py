@@ -14,6 +14,7 @@ import numpy as np
 
 from circparam.core import workers
 from circparam.core.arrays import FloatArray, group_sum
+from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.words import counted
 from circparam.errors import InputError
@@ -32,7 +33,7 @@ from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
-from circparam.pipeline.memory import fit_memory
+from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
@@ -44,6 +45,7 @@ from circparam.pipeline.verify import corners_of, uv_seams
 # charts that are only projected, and all that follows; packing in rows, writing, verifying; all but packing.
 LEAST_COST, PACK_COST, WRITE_COST = 7.0, 16.0, 5.0
 KEPT = 0.05  # seconds that are kept besides
+KEEPING = 100_000  # faces from which on freed memory is kept for the next arrays
 
 
 def unwrap(
@@ -82,13 +84,14 @@ def unwrap_document(
     fit_memory(document.source.name, count, options, monitor)
     if monitor.jobs > 1:
         start_for(options, count)
-    try:
+    with keeping_freed(count >= KEEPING and memory_limit() is None):
+        try:
+            return _unwrapped(document, output, options, monitor)
+        except MemoryError:
+            if not workers.stop():  # what workers had of the memory was not missing here
+                raise
+        monitor.jobs = 1
         return _unwrapped(document, output, options, monitor)
-    except MemoryError:
-        if not workers.stop():  # what workers had of the memory was not missing here
-            raise
-    monitor.jobs = 1
-    return _unwrapped(document, output, options, monitor)
 
 
 def _unwrapped(

@@ -20,6 +20,8 @@ FEW = 6
 # as ``weigh.NEAR``, where a level has settled what is further away; and in roots of the area of a face
 NEARBY, NEAR_FACES = 0.05, 4.0
 LOCAL = 8  # iterations of a step there
+# faces of such charts, above which no seam is added: a slit takes as long as to carry them, a split more yet
+MOST_SLIT = 5_000_000
 
 
 class StretchAhead:
@@ -83,5 +85,6 @@ def hold_all(
     # on a rough mesh such faces are everywhere: what is near is told in faces
     face, chart = part.surface.areas.mean(), cut_mesh.chart_areas[which].max()
     near = min(NEARBY, NEAR_FACES * float(np.sqrt(face / chart)))
+    slits = slits and len(part.surface.faces) <= MOST_SLIT
     hold_stretch(part, replace(rest, near=near, local=LOCAL), monitor, slits, splits)
     atlas.put(faces, part)

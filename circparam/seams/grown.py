@@ -98,7 +98,10 @@ def grown_atlas(
         atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
-            part = _decided(surface.part(bent), bound, options, worker, monitor, target, on=False)
+            own = surface.part(bent)
+            if len(surface.faces) > LEVEL_FACES:  # both would have all of it side by side
+                surface.forget()
+            part = _decided(own, bound, options, worker, monitor, target, on=False)
             decided = beside(decided, bent, part)
     if decided.plain is not None and SMALL_FACES < len(surface.faces) <= LEVEL_FACES:
         with monitor.stage("enforce"):
@@ -149,9 +152,9 @@ def finish(
         # where the number of charts counts more than the bound, only what overlaps is split
         to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_parts(chart)
-        tasks = [(atlas.part(faces), to_bound, decided.relaxing) for faces in parts]
-        for faces, part in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
-            atlas.put(faces, part)
+        tasks = ((atlas.apart(faces), to_bound, decided.relaxing) for faces in parts)
+        for faces, moved in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
+            atlas.take(faces, *moved)
         if atlas.charts()[0] > count:
             regroup(atlas, bound, worker, monitor)
     if options.min_chart_faces > 1:
@@ -160,8 +163,10 @@ def finish(
             notes += small_note(absorb(atlas, merging, least, monitor), least)
 
 
-def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor) -> Atlas:
-    """Relax charts, and hold them to a bound."""
+def settle_part(
+    atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back."""
     with monitor.stage("relax"):
         layouts = relaxed_layouts(atlas, options, monitor)
         steps = FINAL
@@ -169,9 +174,9 @@ def settle_part(atlas: Atlas, bound: float, options: RelaxOptions, monitor: Moni
             layouts = below(atlas, layouts, bound, monitor)
             steps = dataclasses.replace(FINAL, bound=bound)
     if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
-        return atlas
+        return atlas.cut, atlas.corners
     enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
-    return atlas
+    return atlas.cut, atlas.corners
 
 
 def _decided(
@@ -275,7 +280,8 @@ def _from_level(
         targets = [proxy_faces(middle)]
         if len(middle.faces) <= LEVEL_FACES:
             targets += [int(k * targets[0]) for k in OTHER_PROXIES]
-        tasks = [(middle, inner, options, k, k == targets[0]) for k in targets]
+        several = len(targets) > 1
+        tasks = [(middle, inner, options, k, k == targets[0], several) for k in targets]
         tried = [Atlas(middle, *t) for t in worker.map(_level_atlas, tasks, monitor) if t]
     cost = [cost_of(a) for a in tried]
     order = np.argsort(cost, kind="stable").tolist()
@@ -306,15 +312,17 @@ def _level_atlas(
     options: SeamOptions,
     target: int,
     needed: bool,
+    beside: bool,
     monitor: Monitor,
 ) -> tuple[BoolArray, FloatArray] | None:
     """(cut, corners) of a level, decided on a proxy of so many faces; None where there is no time for it.
 
-    Its stretch is held more strictly by weights, since the surface it stands for is rougher.
+    beside: whether the processes that could share the work make another one meanwhile. Its stretch is held more
+    strictly by weights, since the surface it stands for is rougher.
     """
     if monitor.expired and not needed:
         return None
-    with monitor.alone("level"):
+    with monitor.alone("level", beside):
         atlas = grown_atlas(surface, bound, options, monitor, [], target)
         if options.min_chart_faces == 1:
             with monitor.stage("charts"):

@@ -24,6 +24,7 @@ from circparam.solvers.preconditioner import (
     BlockPattern,
     TwoLevel,
     aggregates,
+    hold_blocks,
     solve_direct,
 )
 
@@ -177,6 +178,8 @@ class Objective:
         step = np.empty_like(g)
         small = np.repeat(~large, 2)
         rows = sps.csr_matrix(matrix)
+        if self.fixed is not None:
+            rows.eliminate_zeros()  # held rows would fill the factor
         step[~large] = solve_direct(rows[small][:, small], g[~large])
         if large.any():
             step[large] = self._iterated(rows[~small][:, ~small], g[large], uv, large)
@@ -197,11 +200,13 @@ class Objective:
 
 
 def _hold(matrix: SparseMatrix, fixed: BoolArray) -> SparseMatrix:
-    """The matrix with identity rows and columns (times a number) for fixed vertices."""
-    held = np.repeat(fixed, 2)
-    moves = sps.diags(np.where(held, 0.0, 1.0))
-    size = float(np.abs(matrix.diagonal()).mean())
-    return sps.csr_matrix(moves @ matrix @ moves + sps.diags(np.where(held, size, 0.0)))
+    """The matrix with identity rows and columns (times a number) for fixed vertices; it may change in place."""
+    if isinstance(matrix, sps.bsr_matrix):
+        hold_blocks(matrix, fixed)
+        return matrix
+    columns = sps.csc_matrix(matrix)
+    hold(columns, fixed)
+    return columns
 
 
 def in_units_of_faces(cut_mesh: CutMesh, uv: FloatArray) -> tuple[CutMesh, FloatArray, float]:

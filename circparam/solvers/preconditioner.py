@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, group_count, group_sum, next_half_edge
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    group_sum,
+    next_half_edge,
+    stable_order,
+)
 from circparam.core.graph import components
 from circparam.core.linalg import Factor, SparseMatrix
 from circparam.mesh.cut_mesh import CutMesh
@@ -36,7 +44,8 @@ class BlockPattern:
         self.inner = i % 3 * m + i // 3, j % 3 * m + j // 3
         self.boundary = cut_mesh.boundary % 3 * m + cut_mesh.boundary // 3
         self.tail, self.head = tail, head
-        order = np.lexsort((columns, rows))
+        order = stable_order(columns)
+        order = order[stable_order(rows[order])]
         self.place = np.empty(len(order), np.int64)  # of each of those pairs in the matrix
         self.place[order] = np.arange(len(order))
         self.indices = columns[order].astype(np.int32)
@@ -64,6 +73,14 @@ class BlockPattern:
         diagonal[:, 1, 1] += ridge
         data[self.diagonal] = diagonal
         return sps.bsr_matrix((data, self.indices, self.indptr), shape=(2 * self.n, 2 * self.n))
+
+
+def hold_blocks(matrix: sps.bsr_matrix, fixed: BoolArray) -> None:
+    """As ``pattern.hold``, of a matrix of blocks whose rows are the vertices in their own order."""
+    size = float(np.abs(matrix.diagonal()).mean())
+    row = np.repeat(np.arange(len(fixed)), np.diff(matrix.indptr))
+    matrix.data[fixed[row] | fixed[matrix.indices]] = 0.0
+    matrix.data[fixed[row] & (matrix.indices == row)] = size * np.eye(2)
 
 
 def solve_direct(matrix: SparseMatrix, b: FloatArray) -> FloatArray:

@@ -1,17 +1,20 @@
 """``make bench-scale``: rough meshes with floaters and an inner shell; docs/benchmarks/scale.md.
 
-    python -m tests.bench.scale [--sizes 0.09,0.33,0.66,1.2] [--seed 1] [--floaters 20000] [--judge COMMAND]
+    python -m tests.bench.scale [--sizes 0.09,0.33,0.66,1.2,4.7,10] [--seed 1] [--floaters 20000]
+                                [--holes 20000] [--keep FOLDER] [--judge COMMAND]
 
 Every mesh is made here: a ball with limbs, displaced by waves and by noise of a quarter of an edge, an inner
 shell and 40 floaters, some of them open. Each is unwrapped to PLY by the command line in a process of its own;
 figures are those of its JSON; processor seconds are those of its workers too, peak memory is its own.
---floaters adds a body among so many floaters beside its clean twin. --judge: a command that gets each
-written file, for an opinion of its own.
+--floaters adds a body among so many floaters, --holes a sheet with so many holes, each beside its clean twin.
+--keep: a folder that each mesh's JSON is written to as soon as it is there. --judge: a command that gets each
+written file, for an opinion of its own. 4.7 and 10 million faces take minutes and 9 and 18 GB.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import resource
@@ -96,6 +99,26 @@ def scan(count: int, seed: int, floaters: int = FLOATERS) -> shapes.Shape:
     return shapes.join(*parts)
 
 
+def sheet(holes: int, side: int = 0) -> shapes.Shape:
+    """A wavy sheet with so many holes of one or four squares; side: squares on a side, where they are told."""
+    across = int(np.ceil(np.sqrt(holes)))
+    n = side or 4 * across + 1
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij"))
+    z = 0.1 * n * np.sin(8 * x / n) * np.cos(6 * y / n)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    a = i * (n + 1) + j
+    b, c, d = a + n + 1, a + n + 2, a + 1
+    if holes:
+        number = (i // 4) * across + j // 4
+        width = 1 + number % 2  # of the hole in each block of 4 × 4
+        inside = (i % 4 > 0) & (i % 4 <= width) & (j % 4 > 0) & (j % 4 <= width)
+        keep = ~(inside & (number < holes) & (i // 4 < across) & (j // 4 < across))
+        a, b, c, d = a[keep], b[keep], c[keep], d[keep]
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    used, number = np.unique(faces, return_inverse=True)
+    return np.stack([x, y, z], 1)[used] / n, number.reshape(-1, 3)
+
+
 def write_ply(path: Path, shape: shapes.Shape) -> None:
     """Binary, float32, as scanners write it."""
     points, faces = shape
@@ -165,32 +188,50 @@ def lines_of(size: float, run: Run) -> list[Line]:
     return [Line(faces, run.wall, "s", seconds), Line(faces, run.memory, "GB", memory)]
 
 
+def beside_twin(name: str, many: Run, twin: Run) -> Line:
+    """What a face of a mesh takes over what one of its clean twin does."""
+    share = many.processor / many.told["faces"] * twin.told["faces"] / twin.processor
+    line = Line(f"{name}, a face, over the clean twin", share, "", f"<= {TWIN:g}")
+    say(line)
+    return line
+
+
 def main() -> None:
     """Make the meshes, unwrap them, write the report."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--sizes", default=",".join(f"{s:g}" for s in SIZES), help="million faces")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--floaters", type=int, default=0, help="of another mesh, with its twin")
+    parser.add_argument("--holes", type=int, default=0, help="of a sheet, with its twin")
+    parser.add_argument("--keep", type=Path, help="a folder for the JSON of each mesh")
     parser.add_argument("--judge", help="a command that gets each written file")
     given = parser.parse_args()
     runs: list[Run] = []
     lines: list[Line] = []
     with tempfile.TemporaryDirectory(prefix="circparam-") as name:
         folder = Path(name)
+
+        def told(what: str, shape: shapes.Shape) -> Run:
+            """The command line on one more mesh."""
+            runs.append(unwrap(what, shape, folder, given.judge))
+            if given.keep is not None:
+                given.keep.mkdir(parents=True, exist_ok=True)
+                text = json.dumps(dataclasses.asdict(runs[-1]), indent=1)
+                (given.keep / f"{what}.json").write_text(text + "\n")
+            return runs[-1]
+
         for size in (float(s) for s in given.sizes.split(",") if s):
-            shape = scan(int(size * 1e6), given.seed)
-            runs.append(unwrap(f"{size:g}M", shape, folder, given.judge))
-            lines += lines_of(size, runs[-1])
+            lines += lines_of(size, told(f"{size:g}M", scan(int(size * 1e6), given.seed)))
             for line in lines[-2:]:
                 say(line)
         if given.floaters:
-            many = unwrap("floaters", scan(20_000, 1, given.floaters), folder, given.judge)
-            twin = unwrap("twin", scan(many.told["faces"], 1, 0), folder, given.judge)
-            runs += [many, twin]
-            share = many.processor / many.told["faces"] * twin.told["faces"] / twin.processor
-            text = f"{given.floaters} floaters, a face, over the clean twin"
-            lines.append(Line(text, share, "", f"<= {TWIN:g}"))
-            say(lines[-1])
+            many = told("floaters", scan(20_000, 1, given.floaters))
+            twin = told("twin", scan(many.told["faces"], 1, 0))
+            lines.append(beside_twin(f"{given.floaters} floaters", many, twin))
+        if given.holes:
+            many = told("holes", sheet(given.holes))
+            twin = told("sheet", sheet(0, int(np.sqrt(many.told["faces"] / 2))))
+            lines.append(beside_twin(f"{given.holes} holes", many, twin))
     blocks = [
         common.table(HEAD, [row(run) for run in runs]),
         common.table(("figure", "value", "asked", "", ""), [line.cells() for line in lines]),

@@ -87,6 +87,15 @@ def test_equal_keys_stay_in_their_order(keys: list[int], far: int) -> None:
     assert stable_order(array).tolist() == sorted(range(len(keys)), key=lambda k: keys[k])
 
 
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), max_size=60))
+def test_keys_that_differ_in_low_and_in_high_bits_are_sorted_by_both(
+    keys: list[tuple[int, int]],
+) -> None:
+    values = [(high << 58) + low for high, low in keys]
+    order = stable_order(np.array(values, np.int64)).tolist()
+    assert order == sorted(range(len(values)), key=lambda k: values[k])
+
+
 @given(st.integers(0, 300), st.integers(1, 50))
 def test_slices_hold_every_row_once_and_in_order(count: int, size: int) -> None:
     rows = [range(count)[k] for k in slices(count, size)]

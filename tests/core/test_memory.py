@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import mmap
 import os
+import platform
 import sys
 
+import numpy as np
 import pytest
 
-from circparam.core.memory import address_space, resident
+from circparam.core.memory import address_space, keeping_freed, resident
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc is there on Linux alone")
@@ -24,3 +26,27 @@ def test_what_is_held_counts() -> None:
 
 def test_a_process_that_is_not_there_holds_nothing() -> None:
     assert resident(2**30) == 0 == address_space(2**30)
+
+
+def faults(size: int, times: int) -> int:
+    """Pages that the system had to give while arrays of so many bytes came and went."""
+    import resource
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(times):
+        np.ones(size, np.uint8)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="mallopt is glibc's")
+def test_arrays_that_were_freed_serve_the_next_ones_and_go_back_to_the_system_at_the_end() -> None:
+    size = 200_000_000
+    outside = faults(size, 4)
+    with keeping_freed():
+        faults(size, 1)
+        assert faults(size, 4) < outside / 10
+        held = resident()
+        with keeping_freed(False):
+            assert faults(size, 4) < outside / 10, "not worth it: as it was"
+    assert held - resident() > 0.8 * size
+    assert faults(size, 4) > outside / 2

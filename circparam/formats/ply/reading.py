@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray, doubles, ranges
+from circparam.errors import InputError
 from circparam.formats.ply.model import TYPES, Element, Property
 from circparam.formats.source import Source
 from circparam.formats.tokens import Tokens, as_bytes, gather, parse_floats, parse_ints, tokenize
@@ -18,13 +19,32 @@ CHUNK = 1 << 22  # rows that are looked at at once
 MAX_HEADER = 1 << 20  # bytes: the longest header of a real file is a thousandth of it
 
 
+def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
+    """Refuse a binary file that cannot hold what its header promises, before the file is read.
+
+    head, tail: its first and last bytes, as many as a header may have and more than ``UNFILLED``. size: of the
+    whole, in bytes. Raises InputError; what it lets pass may still be refused.
+    """
+    layout = Layout.__new__(Layout)
+    layout.data, layout.source = head, source
+    room = size - layout.begin()
+    if layout.ascii:
+        return
+    for e in layout.elements:
+        room -= layout.promised(e, room)
+    last = layout.elements[-1] if layout.elements else Element("", 0)
+    lists = any(p.count_type for p in last.properties)
+    if last.count and lists and not tail[-UNFILLED:].strip(b"\0"):
+        raise layout.unfilled(last)
+
+
 class Layout:
     """The header of a PLY file and the place of every value."""
 
     def __init__(self, data: bytes, source: Source) -> None:
         self.data, self.source = data, source
         self.raw = as_bytes(data)
-        self.body = self._header()
+        self.body = self.begin()
         self.tokens: Tokens | None = tokenize(data[self.body :]) if self.ascii else None
         at = 0 if self.ascii else self.body
         self._size = len(self.tokens.start) if self.tokens else len(data)
@@ -33,7 +53,8 @@ class Layout:
 
     # the header ------------------------------------------------------------------------------
 
-    def _header(self) -> int:
+    def begin(self) -> int:
+        """Read the header; where it ends."""
         found = re.search(rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r)", self.data[:MAX_HEADER])
         if found is None:
             raise self.source.error("the PLY header has no end_header line: the file is cut short")
@@ -84,14 +105,30 @@ class Layout:
     def _width(self, code: str) -> int:
         return 1 if self.ascii else int(code[1])
 
+    def _least(self, e: Element) -> int:
+        """What a row of an element takes at least."""
+        return sum(self._width(p.count_type or p.type) for p in e.properties)
+
+    def promised(self, e: Element, room: int) -> int:
+        """What the rows of an element take at least; InputError where that is more than there is room."""
+        least = self._least(e)
+        if e.count * least > room:
+            raise self.source.error(
+                f"the header promises {e.count} rows of {e.name!r}, the file has at most "
+                f"{max(room, 0) // max(least, 1)}"
+            )
+        return e.count * least
+
+    def unfilled(self, e: Element) -> InputError:
+        """What is said of a file that ends in zeros."""
+        return self.source.error(
+            f"the rows of {e.name!r} end in zeros: the file was not filled to its end"
+        )
+
     def _rows(self, e: Element, at: int) -> int:
         """Find the rows of an element that begins at ``at``; returns where the next one begins."""
-        least = sum(self._width(p.count_type or p.type) for p in e.properties)
-        if e.count * least > self._size - at:
-            have = (self._size - at) // max(least, 1)
-            raise self.source.error(
-                f"the header promises {e.count} rows of {e.name!r}, the file has at most {have}"
-            )
+        self.promised(e, self._size - at)
+        least = self._least(e)
         lists = [p for p in e.properties if p.count_type]
         if not e.properties or e.count == 0:
             e.row = np.full(2, at, np.int64)
@@ -118,9 +155,7 @@ class Layout:
                     return rows
         else:
             if e is self.elements[-1] and self._unfilled(at):
-                raise self.source.error(
-                    f"the rows of {e.name!r} end in zeros: the file was not filled to its end"
-                )
+                raise self.unfilled(e)
             one = self._chase(e, at, 1)
             stride = int(one[1] - one[0])
             if at + stride * e.count <= self._size:
@@ -142,7 +177,7 @@ class Layout:
         Row after row would tell the same of gigabytes in minutes. stride: bytes of the first row.
         """
         whole, left = divmod(self._size - at, stride)
-        least = sum(self._width(p.count_type or p.type) for p in e.properties)
+        least = self._least(e)
         if (e.count - whole) * least <= left:
             return False
         for first in range(0, whole, CHUNK):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sps
@@ -27,19 +27,41 @@ LLOYD_ROUNDS = 4
 NEEDLES = 0.05  # of the distance of their centroids: two faces are needles where the way across is shorter
 
 
-@dataclass(frozen=True, eq=False)
 class DualGraph:
-    """Cells (faces joined across locked edges) and the steps between them.
+    """Cells (faces joined across locked edges) and the steps between them, made when they are first asked for.
 
-    cell: (m,) cell of each face. tail, head: (e,) cells of both sides of every edge. step: (e,) cost.
+    For many an atlas of a large surface nobody asks. surface: what it is of. whole: (e,) bool, edges that join
+    faces to cells besides the locked ones.
     """
 
-    cell: IntArray
-    tail: IntArray
-    head: IntArray
-    step: FloatArray
+    def __init__(self, surface: Surface, whole: BoolArray | None = None) -> None:
+        self._surface, self._whole = surface, None if whole is None else whole.copy()
+
+    @cached_property
+    def _made(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+        return _cells_and_steps(self._surface, self._whole)
 
     @property
+    def cell(self) -> IntArray:
+        """(m,) cell of each face."""
+        return self._made[0]
+
+    @property
+    def tail(self) -> IntArray:
+        """(e,) cell on the first side of every edge."""
+        return self._made[1]
+
+    @property
+    def head(self) -> IntArray:
+        """(e,) cell on the other side."""
+        return self._made[2]
+
+    @property
+    def step(self) -> FloatArray:
+        """(e,) cost of the step between both."""
+        return self._made[3]
+
+    @cached_property
     def n(self) -> int:
         """Number of cells."""
         return int(self.cell.max()) + 1
@@ -50,6 +72,13 @@ def dual_graph(surface: Surface, whole: BoolArray | None = None) -> DualGraph:
 
     whole: (e,) bool, edges that join faces to cells besides the locked ones.
     """
+    return DualGraph(surface, whole)
+
+
+def _cells_and_steps(
+    surface: Surface, whole: BoolArray | None
+) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """(cell, tail, head, step) of a dual graph."""
     m = len(surface.faces)
     e = surface.edges
     fi, fj = e[:, 0] // 3, e[:, 1] // 3
@@ -74,7 +103,7 @@ def dual_graph(surface: Surface, whole: BoolArray | None = None) -> DualGraph:
     across = 2 * (total[a] + total[b]) / (3 * np.maximum(surface.edge_lengths, 1e-300))
     far = np.where(across < NEEDLES * far, across, far)
     step = far * (1 + NORMAL_WEIGHT * turn) + 1e-9 * float(np.sqrt(total.sum()))
-    return DualGraph(cell, a, b, step)
+    return cell, a, b, step
 
 
 def grow(

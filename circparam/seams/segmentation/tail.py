@@ -63,7 +63,7 @@ def hold_stretch(
         cut_mesh, uv = atlas.open()
         stretch = face_stretch(cut_mesh, uv)
         over = share_over(cut_mesh, stretch, limits.most)
-        if over.sum() <= limits.allowed or monitor.expired:
+        if over.sum() <= limits.enough or monitor.expired:
             return
         goal = _open_boundary(cut_mesh)
         far = stretch > limits.most
@@ -107,9 +107,11 @@ def _weighed(cut_mesh: CutMesh, uv: FloatArray, limits: Limits, monitor: Monitor
     which[order[kept]] = False
     sub, vid, _ = cut_mesh.subset(which)
     rest = limits.without(over[~which].sum(), cut_mesh, sub)
-    # with so much to hold some places are hopeless: without them the others fare better
+    # with so much to hold some places are hopeless: without them the others fare better; and where a level was
+    # held already, as many rounds without anything spared only come to the same
     part, left = uv[vid], np.full(sub.n_charts, np.inf)
-    for aim in (rest,) if over.sum() > LOST * limits.allowed else (replace(rest, spared=0.0), rest):
+    hopeless = over.sum() > LOST * limits.allowed or limits.local is not None
+    for aim in (rest,) if hopeless else (replace(rest, spared=0.0), rest):
         other, _ = even_out(sub, uv[vid], aim, monitor)
         share = share_over(sub, face_stretch(sub, other), limits.most)
         part = np.where((share < left)[sub.vertex_chart][:, None], other, part)

@@ -25,6 +25,8 @@ HEAVIEST = 1e3  # times its area: heavier faces tear at the others, and the layo
 SPARED = 0.5  # of the share allowed: the worst faces, which are left as they are
 ROUNDS = 8  # of weighing; most charts need three
 PATIENCE = 3  # rounds without headway after which a chart is left
+# the same once it has made some, where a level was held before: rounds of large charts are dear
+PATIENCE_NEAR = 1
 STEP = RelaxOptions(tolerance=1e-4, max_iterations=2)
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 SMALL = 2000  # faces up to which a chart moves as a whole
@@ -46,6 +48,11 @@ class Limits:
     spared: float = SPARED
     near: float = NEAR
     local: int | None = None
+
+    @property
+    def enough(self) -> float:
+        """The share from which on no seam is added: of a surface whose level was held all that may be."""
+        return self.allowed if self.local is None else self.allowed / AIMED
 
     def without(self, over: float, whole: CutMesh, part: CutMesh) -> Limits:
         """For a part of the surface, where the other parts use so much of the share."""
@@ -78,7 +85,8 @@ def even_out(
     small = np.bincount(chart, minlength=n) <= SMALL
     spared = _worst(cut_mesh, stretch, limits.spared * limits.allowed)
     for turn in range(ROUNDS):
-        active = idle < PATIENCE
+        begun = np.minimum(best.over, folded.over) < start
+        active = idle < np.where(begun & (limits.local is not None), PATIENCE_NEAR, PATIENCE)
         over = best.over if limits.local is None else np.minimum(best.over, folded.over)
         if not active.any() or over.sum() <= limits.allowed or monitor.expired:
             break
@@ -95,8 +103,12 @@ def even_out(
         best = best.taken(cut_mesh, at, over, good & ~coiled)
         # what lies on itself when it moves as a whole is tried again near those faces alone
         again = coiled & small
-        folded = folded.taken(cut_mesh, at, over, good & ~again & (over < folded.over))
-        idle = np.where(good & ~coiled | again, 0, idle + 1)
+        nearer = good & ~again & (over < folded.over)
+        folded = folded.taken(cut_mesh, at, over, nearer)
+        headway = (good & ~coiled) | again
+        if limits.local is not None:  # what a chart lies on is pushed apart at the end
+            headway |= nearer
+        idle = np.where(headway, 0, idle + 1)
         idle[best.over == 0] = PATIENCE
         if again.any():
             at = np.where(again[cut_mesh.vertex_chart][:, None], best.uv, at)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from circparam.errors import InputError
+from circparam.formats import io
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.ply import reading
@@ -216,3 +219,41 @@ def test_the_last_vertex_may_be_named_and_strips_restart_at_minus_one() -> None:
     for face, strip in (([0, 1, 3], [0]), ([0, 1, -1], [0]), ([0, 1, 2], [3]), ([0, 1, 2], [-2])):
         with pytest.raises(InputError, match="a face names vertex"):
             read_data(file(face, strip))
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "says"),
+    [
+        (10_000_000, 10_000_000, "the rows of 'face' end in zeros"),
+        (10_000_000, 2**32, "promises 4294967296 rows of 'face', the file has at most"),
+        (2**40, 1, "promises 1099511627776 rows of 'vertex', the file has at most"),
+    ],
+)
+def test_a_large_file_that_cannot_be_whole_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vertices: int, faces: int, says: str
+) -> None:
+    """4 GB cut short took half a minute and 6 GB."""
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    path = tmp_path / "cut.ply"
+    with path.open("wb") as file:
+        file.write(head.encode())
+        file.truncate(1 << 29)  # sparse
+    read_bytes = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda self: pytest.fail("it was read"))
+    with pytest.raises(InputError, match=says):
+        read(path)
+    monkeypatch.setattr(Path, "read_bytes", read_bytes)
+
+
+def test_a_large_file_that_is_whole_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(io, "PEEKED", 1)
+    for encoding in ORDERS:
+        path = tmp_path / "whole.ply"
+        path.write_bytes(sample(encoding))
+        assert len(read(path).mesh.faces) == len(read_data(sample(encoding)).mesh.faces)
