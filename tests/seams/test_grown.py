@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.overlap import overlaps, signs
@@ -252,9 +253,9 @@ def test_what_is_finished_is_not_gone_through_again(monkeypatch: pytest.MonkeyPa
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     settled: list[Atlas] = []
 
-    def settle(part: Atlas, *_: object) -> Atlas:
+    def settle(part: Atlas, *_: object) -> tuple[BoolArray, FloatArray]:
         settled.append(part)
-        return part
+        return part.cut, part.corners
 
     monkeypatch.setattr(grown, "settle_part", settle)
     decided = Decided(atlas, dual_graph(surface), finished=True)
