@@ -229,9 +229,8 @@ def _decided(
         if not fewer:
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
         way = (blind, graph, coarse, proxy, bound, options)
+        # not begun beside: what splits merged charts has more use for the processes
         later = Later(monitor.jobs, _carried, way, monitor)
-        if count > SMALL_FACES:  # there charts that were merged on often break
-            later.begin()
         plain = partial(from_later, blind, graph, later)
         return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
 
