@@ -8,7 +8,7 @@ shell and 40 floaters, some of them open. Each is unwrapped to PLY by the comman
 figures are those of its JSON; processor seconds are those of its workers too, peak memory is its own.
 --floaters adds a body among so many floaters, --holes a sheet with so many holes, each beside its clean twin.
 --keep: a folder that each mesh's JSON is written to as soon as it is there. --judge: a command that gets each
-written file, for an opinion of its own. 4.7 and 10 million faces take minutes and 9 and 18 GB.
+written file, for an opinion of its own. 4.7 and 10 million faces take minutes and 7 and 17 GB.
 """
 
 from __future__ import annotations
