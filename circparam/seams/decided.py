@@ -9,9 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from circparam.core.arrays import BoolArray
-from circparam.core.workers import Later
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.surface import Surface
 from circparam.seams.segmentation.enforce import FINAL
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.starts import CHART_COST
@@ -26,7 +24,6 @@ class Decided(NamedTuple):
     relaxing: RelaxOptions = FINAL
     plain: Callable[[], Decided] | None = None  # makes it as it was before charts were merged on
     most: float = 0.0  # seams and charts up to which one from a level stays, if more break
-    finished: bool = False  # see ``finish``
 
 
 def beside(flat: Decided, bent: BoolArray, part: Decided) -> Decided:
@@ -50,9 +47,3 @@ def _with_part(flat: Decided, faces: BoolArray, make: Callable[[], Decided]) -> 
     out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
     out.put(faces, make().atlas)
     return flat._replace(atlas=out)
-
-
-def from_later(surface: Surface, graph: DualGraph, later: Later) -> Decided:
-    """What a task gives on a surface: (cut, corners, whether it is finished)."""
-    cut, corners, finished = later.result()
-    return Decided(Atlas(surface, cut, corners), graph, finished=finished)

@@ -9,12 +9,12 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Later, Worker, in_parts
+from circparam.core.workers import Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.cut_graph import cut_handles, genus_of
-from circparam.seams.decided import Decided, beside, from_later
+from circparam.seams.decided import Decided, beside
 from circparam.seams.hidden import prices_beside, with_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
@@ -134,13 +134,8 @@ def finish(
     monitor: Monitor,
     notes: list[str],
 ) -> None:
-    """Relax charts on the surface itself, and split and merge again what is not as wanted there.
-
-    Nothing is left to do where that has been done already.
-    """
+    """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
     atlas = decided.atlas
-    if decided.finished:
-        return
     if decided.relaxing.local is not None:
         # handles that only the mesh has, as those of noise: a loop each, where halves would go right across
         genus = genus_of(atlas.cut_mesh())
@@ -228,30 +223,17 @@ def _decided(
         blind = dataclasses.replace(surface, price=None)
         if not fewer:
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
-        way = (blind, graph, coarse, proxy, bound, options)
         # not begun beside: what splits merged charts has more use for the processes
-        later = Later(monitor.jobs, _carried, way, monitor)
-        plain = partial(from_later, blind, graph, later)
+        plain = partial(_carried, blind, graph, coarse, proxy, monitor)
         return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
 
 
 def _carried(
-    surface: Surface,
-    graph: DualGraph,
-    coarse: Atlas,
-    proxy: Proxy,
-    bound: float,
-    options: SeamOptions,
-    monitor: Monitor,
-) -> tuple[BoolArray, FloatArray, bool]:
-    """(cut, corners) of an atlas carried over from its proxy; whether it is finished, where one process does
-    that in hardly more time than several."""
+    surface: Surface, graph: DualGraph, coarse: Atlas, proxy: Proxy, monitor: Monitor
+) -> Decided:
+    """An atlas of the proxy carried over."""
     with monitor.stage("carry"):
-        atlas = transfer_to_fine(surface, graph, coarse, proxy)
-    alone = len(in_parts(atlas.charts()[1])) == 1
-    if alone:
-        finish(Decided(atlas, graph), bound, options, Worker(monitor.jobs), monitor, [])
-    return atlas.cut, atlas.corners, alone
+        return Decided(transfer_to_fine(surface, graph, coarse, proxy), graph)
 
 
 def _from_level(

@@ -28,7 +28,7 @@ def test_sharp_is_degrees() -> None:
     """Edges of a cube bend by a right angle: 89 cuts them all, 91 none."""
     mesh = shapes.cube(2)
     assert circparam.unwrap(mesh, sharp=89, effort=0.01).measures["charts"] == 6
-    assert circparam.unwrap(mesh, sharp=91, effort=0.01).measures["charts"] == 1
+    assert circparam.unwrap(mesh, sharp=91, effort=0.01, pack_splits=0).measures["charts"] == 1
 
 
 def test_unknown_names_have_a_cure() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.overlap import overlaps, signs
@@ -246,41 +245,3 @@ def test_charts_not_merged_on_are_gone_back_to_where_merged_ones_are_split_on_th
     assert finished == ([merged, plain] if split else [merged])
     assert made == finished[1:]
     assert atlas is finished[-1]
-
-
-def test_what_is_finished_is_not_gone_through_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    surface = surface_of(*shapes.icosphere(2))
-    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    settled: list[Atlas] = []
-
-    def settle(part: Atlas, *_: object) -> tuple[BoolArray, FloatArray]:
-        settled.append(part)
-        return part.cut, part.corners
-
-    monkeypatch.setattr(grown, "settle_part", settle)
-    decided = Decided(atlas, dual_graph(surface), finished=True)
-    grown.finish(decided, BOUND, SeamOptions(), Worker(1), Monitor(), [])
-    assert not settled
-    assert not atlas.cut.any()
-    grown.finish(decided._replace(finished=False), BOUND, SeamOptions(), Worker(1), Monitor(), [])
-    assert settled
-    assert atlas.cut.any()
-
-
-def test_what_is_carried_over_in_one_part_comes_finished(monkeypatch: pytest.MonkeyPatch) -> None:
-    surface = surface_of(*shapes.icosphere(3))
-    graph = dual_graph(surface)
-    whole = Atlas(surface, np.zeros(len(surface.edges), bool))
-    grown.make_disks(whole, graph)
-    monkeypatch.setattr(grown, "transfer_to_fine", lambda *_: Atlas(surface, whole.cut))
-    way = (surface, graph, whole, None, BOUND, SeamOptions())
-    cut, corners, finished = grown._carried(*way, Monitor())
-    assert finished
-    expected = Atlas(surface, whole.cut)
-    grown.finish(Decided(expected, graph), BOUND, SeamOptions(), Worker(1), Monitor(), [])
-    assert np.array_equal(cut, expected.cut)
-    assert np.array_equal(corners, expected.corners)
-    monkeypatch.setattr(grown, "in_parts", lambda chart: [chart == 0, chart != 0])
-    cut, _, finished = grown._carried(*way, Monitor())
-    assert not finished
-    assert np.array_equal(cut, whole.cut)
