@@ -199,8 +199,12 @@ class Planner:
             promise = -np.log(np.maximum(square**2, (box + CELLS**2) / 2))
             promise = (promise - np.log(square**2 + box)) / 2 - RATE * np.log(length)
             least = min(PIECE * self.area, PART * outline.area)
-            # a chord that is an edge is made as it is
-            ok = (found.least > least) & (plan.length + found.length < longest)
+            large = found.least > least
+            ok = large & (length < longest)
+            if (
+                plan.cuts == 0 and not ok.any()
+            ):  # straight along an edge, as those of a cube, they may be short enough
+                ok = large & (plan.length + found.length < longest)
             trials += [_Trial(n, found, k, float(promise[k])) for k in np.flatnonzero(ok).tolist()]
         trials.sort(key=lambda t: -t.promise)
         return self._apart(trials, self.effort(plan).weighed)
