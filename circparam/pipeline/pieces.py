@@ -201,8 +201,7 @@ class Carver:
 def _costs(surface: Surface) -> tuple[FloatArray, BoolArray]:
     """((e,) what a cut along each edge costs, (e,) bool: edges inside flats that are meant)."""
     cost = np.where(surface.locked, np.inf, surface.priced_lengths)
-    flat, size = real_flats(surface)
-    flat = flat & (size > 2)
+    flat, _ = real_flats(surface)
     hard = hardness(surface) == HARD
     if hard.any():
         prices = hard_prices(surface, [(hard, seam_prices(surface.part(hard)))])
