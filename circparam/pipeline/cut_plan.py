@@ -40,7 +40,7 @@ APART = 3.0  # cells by which chords that are sketched lie apart, both ends toge
 WORSE = 2  # cells by which a page with one cut more may seem larger: the search is coarse
 # work of a search in cells that are transformed, and for each face; what locking a page counts as, and making a
 # cut for each face of its chart (150 million are about half a second)
-WORK, WORK_OF_FACE, LOCKING, CUTTING = 1.8e8, 4000.0, 2e6, 1000.0
+WORK, WORK_OF_FACE, LOCKING, CUTTING = 2.9e8, 6400.0, 2e6, 1000.0
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
 
 
