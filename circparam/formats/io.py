@@ -22,10 +22,8 @@ from circparam.formats.source import Source, read_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, writable
 from circparam.mesh.mesh import UVMap
 
-PEEKED, PEEKED_AT = (
-    1 << 28,
-    1 << 20,
-)  # bytes of a file that is looked at before it is read; of its ends
+# bytes of a file that is looked at before it is read; of its ends
+PEEKED, PEEKED_AT = 1 << 28, 1 << 20
 CURABLE = 1 << 24  # bytes of a refused file up to which it is tried whether trimesh takes it
 
 

@@ -58,9 +58,8 @@ ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing i
 # what sketches tell of a page to be packed: it may be fuller than this share of what it is to be; and the
 # logarithm of what it may be fuller than its sketch, at most
 NEARLY, SURE = 0.86, 0.12
-CLOSE = (
-    0.05  # what a plan may be worth less than the best one by its sketch, and be packed beside it
-)
+# what a plan may be worth less than the best one by its sketch, and be packed beside it
+CLOSE = 0.05
 CUTS = 8  # at most
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
