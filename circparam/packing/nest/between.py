@@ -9,7 +9,15 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.search import SIGMAS, Board, Spectrum, best_place, blur_transfer, sf
+from circparam.packing.nest.search import (
+    SIGMAS,
+    Board,
+    Spectrum,
+    best_place,
+    blur_transfer,
+    board_of,
+    sf,
+)
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
@@ -45,7 +53,12 @@ def filled(
         _paint(used, chart_masks(*edges, np.zeros(1), grow))
     rest = np.flatnonzero(~there)
     rest = rest[np.argsort(-shapes.area[rest], kind="stable")]
-    board = _board(shapes, angles, rest, (frame.texels / start.scale, grow), size)
+    cell, outlines = frame.texels / start.scale, [shapes.outline(c) for c in rest.tolist()]
+    masks = [
+        chart_masks(a / cell, b / cell, angles[c][:ANGLES], grow)
+        for c, (a, b) in zip(rest.tolist(), outlines, strict=True)
+    ]
+    board = board_of(masks, cell, size)
     for factor in SIDES:
         side = int(SIDE * factor)
         at = _put(board, used.copy(), side, budget)
@@ -75,25 +88,6 @@ def _paint(used: FloatArray, masks: Masks) -> None:
     rows, columns = rows + y, columns + x
     ok = (rows >= 0) & (columns >= 0) & (rows < len(used)) & (columns < len(used))
     used[rows[ok], columns[ok]] = 1
-
-
-def _board(
-    shapes: Shapes,
-    angles: list[FloatArray],
-    which: IntArray,
-    cells: tuple[float, float],
-    size: int,
-) -> Board:
-    """Masks and spectra of some charts. cells: side of one in uv, and so many of them charts are grown by."""
-    masks, spectra = [], []
-    for c in which.tolist():
-        a, b = shapes.outline(c)
-        masks.append(chart_masks(a / cells[0], b / cells[0], angles[c][:ANGLES], cells[1]))
-        block = np.zeros((len(masks[-1].cells), size, size), np.float32)
-        h, w = (min(k, size) for k in masks[-1].cells.shape[1:])
-        block[:, :h, :w] = masks[-1].cells[:, :h, :w]
-        spectra.append(np.conj(sf.rfft2(block)))
-    return Board(masks, spectra, cells[0], size)
 
 
 def _put(

@@ -111,6 +111,11 @@ def make_board(
     side = sf.next_fast_len(max(int(cells * SLACK), largest + 2), real=True)
     while side % 2:
         side = sf.next_fast_len(side + 1, real=True)
+    return board_of(masks, cell, side)
+
+
+def board_of(masks: list[Masks], cell: float, side: int) -> Board:
+    """Masks of charts with their spectra on an FFT grid of ``side`` cells."""
     spectra = []
     for m in masks:
         clock.tick()
