@@ -201,9 +201,8 @@ class Planner:
             least = min(PIECE * self.area, PART * outline.area)
             large = found.least > least
             ok = large & (length < longest)
-            if (
-                plan.cuts == 0 and not ok.any()
-            ):  # straight along an edge, as those of a cube, they may be short enough
+            # straight along an edge, as those of a cube, they may be short enough
+            if plan.cuts == 0 and not ok.any():
                 ok = large & (plan.length + found.length < longest)
             trials += [_Trial(n, found, k, float(promise[k])) for k in np.flatnonzero(ok).tolist()]
         trials.sort(key=lambda t: -t.promise)
@@ -294,13 +293,14 @@ def easel_of(cut_mesh: CutMesh, options: PackOptions) -> Easel:
     return Easel(root / CELLS, options.gap / 2 * CELLS / options.resolution)
 
 
-def first_plan(carver: Carver, budget: Budget) -> Plan | None:
-    """The plan without a cut; None where no sketch is found."""
+def first_plan(carver: Carver, budget: Budget, told: float) -> Plan | None:
+    """The plan without a cut; None where no sketch is found, or where sketches would tell of less than the
+    share ``told`` of the area."""
     area = carver.cut_mesh.chart_areas
     large = np.argsort(-area, kind="stable")[:LARGE]
     least = 0.0 if len(area) <= ALL else LEAST
     large = large[area[large] > least * area.sum()]
-    if area[large].sum() < TOLD * area.sum():
+    if area[large].sum() < told * area.sum():
         return None
     pieces = carver.pieces(large)
     widest = max((p.sketch.least for p in pieces), default=0)

@@ -36,6 +36,7 @@ from circparam.pipeline.cut_along import Limits
 from circparam.pipeline.cut_plan import (
     LOCKED,
     RATE,
+    TOLD,
     WORK,
     WORK_OF_FACE,
     Plan,
@@ -85,18 +86,14 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     carver = _carver(cascade, cut_mesh, uv, options)
     work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
     budget = Budget(work, lambda: monitor.expired)
-    first = first_plan(carver, budget)
+    first = first_plan(carver, budget, TOLD if asked is None else 0.0)
     uncut = _Uncut(cascade, options, monitor)
     enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
-    # the page without cuts is packed first only where it may be full enough
-    if first is None or (asked is None and first.share > NEARLY * enough):
-        found = uncut.packing
-        if first is None or found is None or _share(found) >= enough:
-            return replace(cascade, packing=found)
-    plans = _plans(first, carver, cuts, asked is None, budget)
-    chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
-    if chosen is not None:
-        return chosen
+    if first is not None and not (asked is None and uncut.fills(first, enough)):
+        plans = _plans(first, carver, cuts, asked is None, budget)
+        chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
+        if chosen is not None:
+            return chosen
     kept = replace(cascade, packing=uncut.packing)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
 
@@ -113,6 +110,12 @@ class _Uncut:
     def packing(self) -> KnownPacking | None:
         """The charts as they are, packed; None where they cannot be."""
         return packing(self.cascade, self.options, self.monitor)
+
+    def fills(self, sketched: Plan, enough: float) -> bool:
+        """Whether it covers so much that nothing is looked for; packed for that only where its sketch may."""
+        if sketched.share <= NEARLY * enough:
+            return False
+        return self.packing is None or _share(self.packing) >= enough
 
 
 def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:

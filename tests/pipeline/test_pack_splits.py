@@ -56,6 +56,17 @@ def test_more_splits_fill_the_page_more() -> None:
     assert four["pack"] >= 1.5 * one["pack"]
 
 
+def test_cuts_that_were_asked_for_are_made_beside_many_small_charts() -> None:
+    """Sixty scraps too small to be sketched have a fifth of the area: no reason to leave the cross alone."""
+    scraps = [shapes.grid(2, 2, 1.4, 1.4) for _ in range(60)]
+    apart = [(p + np.array([80.0 + 3 * k, 0.0, 0.0]), f) for k, (p, f) in enumerate(scraps)]
+    parts = shapes.join(star(), *apart)
+    whole, split = (circparam.unwrap(parts, resolution=512, pack_splits=n) for n in (0, 2))
+    assert whole.measures["charts"] == 61
+    assert 62 <= split.measures["charts"] <= 63
+    assert split.measures["pack"] > whole.measures["pack"]
+
+
 def test_nothing_is_split_that_packs_well() -> None:
     plain = circparam.unwrap(shapes.delaunay_square(200), resolution=256)
     result = circparam.unwrap(shapes.delaunay_square(200), resolution=256, pack_splits=3)
