@@ -32,7 +32,10 @@ _SHARE, _SHARE_OF_MANY = 0.72, 0.58
 
 # Charts from which a page filled so far is full: a pass takes a second there.
 _MANY = 1000
-_FULL = 0.98
+_FULL = 0.99
+
+# Weight of how high a chart ends, beside the room that it wastes for each of its columns.
+STEEP = 1.0
 
 # Two scales so much apart tell how the height rises; nearer ones tell of single rows.
 FAR = 0.05
@@ -149,7 +152,7 @@ def _widened(lower: Bounds, upper: Bounds, grow: float, cell: float) -> tuple[Bo
 
 
 def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Placement | None:
-    """Charts put on the skyline from the tallest on, at the scale that just fills the pages or the fixed one.
+    """Charts put on the skyline from the largest on, at the scale that just fills the pages or the fixed one.
 
     None where they do not fit on the pages at any scale tried.
     """
@@ -251,8 +254,10 @@ def _stacked(
     margin = options.border - grow
     room = options.resolution - 2 * margin
     columns = int(room / cell)
-    size = shapes.boxes(angle[:, 0]) * scale
-    order = np.argsort(-(size[:, 3] - size[:, 1]), kind="stable")
+    # large ones first, with their gaps, and of those the long ones: by height alone thin ones come too early
+    length = (wide[:, 2:] - wide[:, :2]).max(1) * scale
+    grown = shapes.area * scale**2 + length * options.gap
+    order = np.argsort(-grown * length, kind="stable")
     sky = np.zeros((options.pages, columns), np.float32)
     pick, corner, rest = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
     page = np.zeros(n, np.int64)
@@ -304,6 +309,6 @@ def _rest(
     windows = np.ndarray((w, len(sky) - w + 1), sky.dtype, sky, 0, (step, step))
     height = (windows - lower[:, None]).max(0)
     waste = height * w + lower.sum() - (below[w:] - below[:-w])
-    cost = waste / w + 0.5 * (height + upper.max())
+    cost = waste / w + STEEP * (height + upper.max())
     x = int(cost.argmin())
     return float(cost[x]), x, float(height[x])
