@@ -21,6 +21,7 @@ from circparam._version import __version__
 from circparam.core.arrays import FloatArray, IntArray, group_count, group_sum, relabel
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, up_vector
+from circparam.render.coarser import MOST, coarser
 from circparam.render.figures import Figures, PageImages, PictureOptions, counts, scene_figures
 from circparam.render.scene import Scene
 from circparam.render.views import checker_cells
@@ -42,6 +43,7 @@ def page(
 ) -> str:
     """The page as text. figures: (label, text) pairs of the table; None writes what the scene itself tells."""
     options = options or PictureOptions()
+    whole, scene = scene, coarser(scene, MOST)
     images = options.images
     order = np.arange(len(scene.faces))
     if images is not None:
@@ -55,10 +57,10 @@ def page(
     fields = {
         "VERSION": __version__,
         "TITLE": escaped(options.title),
-        "NOTE": escaped(counts(scene, options.note)),
+        "NOTE": escaped(counts(whole, options.note) + _shown(whole, scene)),
         "HINT": HINT,
         "ASPECT": f"{_aspect(scene):.4g}",
-        "FIGURES": _table(figures if figures is not None else scene_figures(scene)),
+        "FIGURES": _table(figures if figures is not None else scene_figures(whole)),
         "REPAIRS": _list(options.repairs),
         "MORPHS": _sliders(scene),
         "STYLE": page_style("style.css"),
@@ -97,6 +99,11 @@ def page_style(name: str) -> str:
 def escaped(text: str) -> str:
     """Text for a page: no markup, and no halves of surrogate pairs, which names on a disk may hold."""
     return html.escape(text.encode("utf-8", "replace").decode())
+
+
+def _shown(whole: Scene, scene: Scene) -> str:
+    """How many faces are drawn, where that is not all of them."""
+    return "" if scene is whole else f" · drawn with {len(scene.faces):,} of the faces"
 
 
 def _aspect(scene: Scene) -> float:
