@@ -34,8 +34,9 @@ _SHARE, _SHARE_OF_MANY = 0.72, 0.58
 _MANY = 1000
 _FULL = 0.99
 
-# Weight of how high a chart ends, beside the room that it wastes for each of its columns.
-STEEP = 1.0
+# Weight of how high a chart ends, beside the room that it wastes for each of its columns: of charts by size,
+# and by height, which is tried too where there are not many.
+STEEP, STEEP_BY_HEIGHT = 1.0, 0.5
 
 # Two scales so much apart tell how the height rises; nearer ones tell of single rows.
 FAR = 0.05
@@ -152,7 +153,8 @@ def _widened(lower: Bounds, upper: Bounds, grow: float, cell: float) -> tuple[Bo
 
 
 def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) -> Placement | None:
-    """Charts put on the skyline from the largest on, at the scale that just fills the pages or the fixed one.
+    """Charts put on the skyline by falling size, or height, at the scale that just fills the pages, or the
+    fixed one.
 
     None where they do not fit on the pages at any scale tried.
     """
@@ -160,13 +162,29 @@ def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) ->
     turns = {"free": 8 if n <= 3000 else 4, "90": 4, "none": 1}[options.rotate]
     base = least_box_angles(shapes, options.rotate) if options.rotate == "free" else np.zeros(n)
     angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
-    if options.fixed_scale is not None:
-        return _stacked(shapes, options, angle, options.fixed_scale)[0]
-    scale = scale_for(shapes, options, _SHARE if n < _MANY else _SHARE_OF_MANY)
+    orders = (False, True) if n < _MANY else (False,)
+    scale = options.fixed_scale
+    if scale is not None:
+        tried = (_stacked(shapes, options, angle, scale, by_height)[0] for by_height in orders)
+        return next((p for p in tried if p is not None), None)
+    found: list[Placement] = []
+    for by_height in orders:
+        if not found or not monitor.expired:
+            largest = _largest(shapes, options, angle, by_height, monitor)
+            found += [] if largest is None else [largest]
+    return max(found, key=lambda p: p.scale, default=None)
+
+
+def _largest(
+    shapes: Shapes, options: PackOptions, angle: FloatArray, by_height: bool, monitor: Monitor
+) -> Placement | None:
+    """Charts in one of two orders at the largest scale found."""
+    n = shapes.n
     best: Placement | None = None
+    scale = scale_for(shapes, options, _SHARE if n < _MANY else _SHARE_OF_MANY)
     search = ScaleSearch(shapes, options, scale)
     for _ in range(PASSES):
-        placement, fill = _stacked(shapes, options, angle, search.scale)
+        placement, fill = _stacked(shapes, options, angle, search.scale, by_height)
         fits = placement is not None
         best = placement if fits else best
         search = search.after(fits, fill)
@@ -242,9 +260,12 @@ def _page_area(options: PackOptions) -> float:
 
 
 def _stacked(
-    shapes: Shapes, options: PackOptions, angle: FloatArray, scale: float
+    shapes: Shapes, options: PackOptions, angle: FloatArray, scale: float, by_height: bool
 ) -> tuple[Placement | None, float]:
-    """Put all charts on the skyline at a scale: (placement or None, height used over height there is)."""
+    """Put all charts on the skyline at a scale: (placement or None, height used over height there is).
+
+    by_height: the tallest first, else the largest and longest.
+    """
     n, k = angle.shape
     wide = shapes.boxes(angle[:, 0])
     mean = float((wide[:, 2] - wide[:, 0]).mean()) * scale + 2 * options.gap
@@ -254,10 +275,11 @@ def _stacked(
     margin = options.border - grow
     room = options.resolution - 2 * margin
     columns = int(room / cell)
-    # large ones first, with their gaps, and of those the long ones: by height alone thin ones come too early
-    length = (wide[:, 2:] - wide[:, :2]).max(1) * scale
-    grown = shapes.area * scale**2 + length * options.gap
-    order = np.argsort(-grown * length, kind="stable")
+    size = (wide[:, 2:] - wide[:, :2]) * scale
+    # by height alone thin ones come early
+    grown = shapes.area * scale**2 + size.max(1) * options.gap
+    order = np.argsort(-size[:, 1] if by_height else -grown * size.max(1), kind="stable")
+    steep = STEEP_BY_HEIGHT if by_height else STEEP
     sky = np.zeros((options.pages, columns), np.float32)
     pick, corner, rest = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
     page = np.zeros(n, np.int64)
@@ -269,7 +291,7 @@ def _stacked(
             for j in range(k):
                 e = c * k + j
                 part = slice(shape.start[e], shape.start[e + 1])
-                spot = _rest(sky[tile], below, shape.lower[part], shape.upper[part])
+                spot = _rest(sky[tile], below, shape.lower[part], shape.upper[part], steep)
                 if spot is not None and spot[0] < best[0]:
                     best = (spot[0], j, spot[1], spot[2], tile)
             last = tile == options.pages - 1
@@ -295,11 +317,11 @@ def _top(shape: Profiles, e: int, y: float) -> float:
 
 
 def _rest(
-    sky: Bounds, below: Bounds, lower: Bounds, upper: Bounds
+    sky: Bounds, below: Bounds, lower: Bounds, upper: Bounds, steep: float
 ) -> tuple[float, int, float] | None:
     """Where a chart comes to rest with the least waste: (cost, first column, height of its centre).
 
-    below: (columns + 1,) area below the skyline left of each column.
+    steep: weight of how high it ends. below: (columns + 1,) area below the skyline left of each column.
     """
     w = len(lower)
     if w > len(sky):
@@ -309,6 +331,6 @@ def _rest(
     windows = np.ndarray((w, len(sky) - w + 1), sky.dtype, sky, 0, (step, step))
     height = (windows - lower[:, None]).max(0)
     waste = height * w + lower.sum() - (below[w:] - below[:-w])
-    cost = waste / w + STEEP * (height + upper.max())
+    cost = waste / w + steep * (height + upper.max())
     x = int(cost.argmin())
     return float(cost[x]), x, float(height[x])

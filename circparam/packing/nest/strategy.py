@@ -46,6 +46,8 @@ def nested(
         return _at_fixed_scale(task, options.fixed_scale)
     if shapes.n == 1:
         return _alone(shapes, options)
+    if task.start is None:
+        task = replace(task, start=_large_first(task))
     task = _begun(task)
     if task.start is not None:
         going_on = _going_on(task)
@@ -57,6 +59,26 @@ def nested(
         if compacted is not None:
             return compacted
     return layouts[0] if layouts else None
+
+
+def _large_first(task: PackTask) -> Placement | None:
+    """Of many charts, most of them crumbs: a layout of the large ones, which alone are few and so are laid out
+    better. The others, on page −1, find a place between them. None for other charts."""
+    shapes, options = task.shapes, task.options
+    if shapes.n <= SCHEDULE.few or options.pages > 1 or options.rotate != "free":
+        return None
+    area = float(shapes.area.sum())
+    long = 2 * shapes.radius > SCHEDULE.crumb_reach * np.sqrt(area)
+    large = np.flatnonzero(long | (shapes.area > SCHEDULE.crumb_area * area))
+    if len(large) > SCHEDULE.few or shapes.area[large].sum() < (1 - SCHEDULE.crumbs) * area:
+        return None
+    alone = replace(task, shapes=shapes.part(large), found={}, sound=lambda _: True)
+    found = nested(alone)
+    if found is None:
+        return None
+    angle, offset, page = np.zeros(shapes.n), np.zeros((shapes.n, 2)), np.full(shapes.n, -1)
+    angle[large], offset[large], page[large] = found.angle, found.offset, found.page
+    return Placement(found.scale, angle, offset, page)
 
 
 def _begun(task: PackTask) -> PackTask:

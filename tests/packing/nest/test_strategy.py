@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from circparam.packing.pack import finish
 from circparam.packing.placement import PackTask
 from circparam.packing.shelf import shelf_placement
 from circparam.packing.straight import straight_charts
-from tests.support.packing import blobs, rectangles, shelf
+from tests.support.packing import blobs, promise, rectangles, shelf
 
 
 def test_nesting_beats_rows_of_boxes():
@@ -115,3 +117,49 @@ def test_straight_charts_with_most_of_the_area_may_tile() -> None:
         straight = straight_charts(shapes, np.inf)
         assert strategy._Boards(shapes, PackOptions(), straight).tiling is tiles
     assert not strategy._Boards(shapes, PackOptions(), None).tiling
+
+
+def crumbs(large: int, small: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Blobs of much the same size, and as many small ones, of a hundredth of their sides, before them."""
+    faces, uv, chart = blobs(large + small, 8, spread=0.1)
+    for c in range(small):
+        v = np.unique(faces[chart == c])
+        uv[v] = uv[v[0]] + (uv[v] - uv[v[0]]) / 100
+    return faces, uv, chart
+
+
+def test_of_many_crumbs_the_large_charts_are_laid_out_first() -> None:
+    faces, uv, chart = crumbs(8, 60)
+    shapes = shapes_of(faces, uv, chart)
+    options = PackOptions(resolution=512, padding=2, effort=0.2)
+    task = PackTask(shapes, options, Monitor(), {}, lambda p: True)
+    found = strategy._large_first(task)
+    assert found is not None
+    assert (np.flatnonzero(found.page == 0) == np.arange(60, 68)).all()
+    alone = nested(replace(task, shapes=shapes.part(np.arange(60, 68))))
+    assert alone is not None
+    assert found.scale == alone.scale
+    promise(faces, uv, chart, pack(faces, uv, chart, options), options)
+
+
+@pytest.mark.parametrize(
+    ("large", "small", "options"),
+    [
+        (8, 40, PackOptions()),  # few in all
+        (70, 60, PackOptions()),  # not few without the crumbs
+        (8, 60, PackOptions(pages=2)),
+        (8, 60, PackOptions(rotate="90")),
+    ],
+)
+def test_other_charts_are_laid_out_together(large: int, small: int, options: PackOptions) -> None:
+    shapes = shapes_of(*crumbs(large, small))
+    task = PackTask(shapes, options, Monitor(), {}, lambda p: True)
+    assert strategy._large_first(task) is None
+
+
+def test_crumbs_with_much_of_the_area_are_laid_out_with_the_others() -> None:
+    sizes = [[1.0, 1.0]] * 5 + [[0.05, 0.05]] * 100
+    task = PackTask(rectangles(sizes), PackOptions(), Monitor(), {}, lambda p: True)
+    assert strategy._large_first(task) is None
+    fewer = replace(task, shapes=rectangles(sizes[:62]))
+    assert strategy._large_first(fewer) is not None
