@@ -54,8 +54,9 @@ from circparam.seams.segmentation.weigh import share_over
 from circparam.seams.stretch import STRETCH, stretch_asked
 
 LIMIT = 0.149  # of the length of the seams that all cuts may add
-FEW = 12  # charts: the page of more depends less on cuts, and each packing takes longer
-ENOUGH, ENOUGH_OF_MANY = 0.7, 0.66  # covered share of a page on which nothing is looked for
+ENOUGH = 0.7  # covered share of a page on which nothing is looked for
+# the same of more charts than FEW on surfaces of more faces than LARGE, where cuts and packing take longer
+ENOUGH_OF_MANY, FEW, LARGE = 0.66, 12, 100_000
 # what sketches tell of a page to be packed: it may be fuller than this share of what it is to be; and the
 # logarithm of what it may be fuller than its sketch, at most
 NEARLY, SURE = 0.86, 0.12
@@ -88,7 +89,8 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     budget = Budget(work, lambda: monitor.expired)
     first = first_plan(carver, budget, TOLD if asked is None else 0.0)
     uncut = _Uncut(cascade, options, monitor)
-    enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
+    costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
+    enough = ENOUGH_OF_MANY if costly else ENOUGH
     if first is not None and not (asked is None and uncut.fills(first, enough)):
         plans = _plans(first, carver, cuts, asked is None, budget)
         chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
