@@ -20,6 +20,10 @@ import click
 
 from circparam._version import __version__
 from circparam.cli import exits, signals
+from circparam.core.memory import room_for_libraries
+from circparam.core.workers import cores
+
+ALONE = {"-h", "--help", "-V", "--version"}  # what needs no command, and so no library
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,8 @@ class LazyGroup(click.Group):
     def _run(self, argv: list[str], complete_var: str | None, extra: dict[str, Any]) -> int:
         stdout, stderr = sys.stdout, sys.stderr
         try:
+            if argv and argv[0] not in ALONE:
+                room_for_libraries(cores())
             value = super().main(argv, "circparam", complete_var, False, **extra)
             sys.stdout.flush()
         except click.ClickException as error:

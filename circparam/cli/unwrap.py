@@ -12,6 +12,8 @@ import click
 from circparam.cli import common, exits, progress
 from circparam.cli.paths import check_outputs, made_folder, output_path, without_outputs
 from circparam.core.imports import put_off
+from circparam.core.memory import room_for_libraries
+from circparam.core.workers import cores
 from circparam.errors import CircparamError, GateError, OptionError
 from circparam.pipeline.options import Options
 
@@ -283,3 +285,4 @@ def _limit_memory(size: str | None) -> None:
     import resource
 
     resource.setrlimit(resource.RLIMIT_AS, (count, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    room_for_libraries(cores())

@@ -8,8 +8,14 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
+from circparam.errors import NoResultError
+
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt, as malloc.h has them
 KEPT = 1 << 30  # bytes of a freed array, and of what is free at the end of the heap, that are kept
+# bytes of address space that NumPy and SciPy take with the work space of their two OpenBLAS, and what each of
+# its threads takes: below, OpenBLAS tries without end, or ends the process
+LIBRARIES, THREAD = 250_000_000, 100_000_000
+SQUARE = 300  # rows of matrices whose product takes all work space, in all threads
 USUAL = 32 << 20  # what glibc comes to by itself for arrays; twice as much for the heap
 
 
@@ -33,6 +39,33 @@ def keeping_freed(worth_it: bool = True) -> Iterator[None]:
         libc.mallopt(MMAP_THRESHOLD, USUAL)
         libc.mallopt(TRIM_THRESHOLD, 2 * USUAL)
         libc.malloc_trim(0)
+
+
+def room_for_libraries(threads: int) -> None:
+    """Refuse a bound on the address space under which the libraries cannot work with so many threads.
+
+    Raises NoResultError with what would do.
+    """
+    try:
+        import resource
+    except ImportError:
+        return
+    bound, least = resource.getrlimit(resource.RLIMIT_AS)[0], LIBRARIES + THREAD * threads
+    if bound != resource.RLIM_INFINITY and bound < least:
+        raise NoResultError(
+            f"the memory is bounded to {bound / 1e9:.2f} GB, and the libraries alone take {least / 1e9:.2f}: "
+            "allow more (--max-memory, ulimit -v)"
+        )
+
+
+def claim_work_space() -> None:
+    """Have OpenBLAS take the work space that it keeps, while there is room: later it would end the process."""
+    import numpy as np
+    from scipy.linalg import blas
+
+    square = np.ones((SQUARE, SQUARE))
+    np.dot(square, square)
+    blas.dgemm(1.0, square, square)
 
 
 def _glibc() -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from circparam.core import pool, workers
-from circparam.core.memory import address_space
+from circparam.core.memory import address_space, claim_work_space
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
 from circparam.pipeline.options import Options
@@ -31,15 +31,19 @@ def memory_limit() -> int | None:
 
 
 def fit_memory(name: str, faces: int, options: Options, monitor: Monitor) -> None:
-    """Do without workers where the memory is not enough for them too.
+    """Do without workers where the memory is not enough for them too; the libraries take their work space.
 
     Raises NoResultError where a mesh of so many faces has no chance under the bound, with what it would need.
     """
-    if options.cut != "charts" or faces < KNOWN:
-        return
     limit = memory_limit()
     if limit is None:
         return
+    if options.cut == "charts" and faces >= KNOWN:
+        _judge(name, faces, limit, monitor)
+    claim_work_space()
+
+
+def _judge(name: str, faces: int, limit: int, monitor: Monitor) -> None:
     held = address_space()
     need = held + FACE * faces
     if limit < held + LIKELY * FACE * faces:

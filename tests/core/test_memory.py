@@ -61,3 +61,49 @@ def arrays_come_and_go() -> None:
             assert faults(size, 4) < outside / 10, "not worth it: as it was"
     assert held - resident() > 0.8 * size
     assert faults(size, 4) > outside / 2
+
+
+needs_bounds = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="address spaces are bounded on Linux alone"
+)
+
+
+@needs_bounds
+def test_products_need_no_more_memory_once_their_work_space_is_claimed() -> None:
+    code = """
+import resource
+import numpy as np
+from scipy.linalg import blas
+from circparam.core.memory import address_space, claim_work_space
+square = np.ones((300, 300))
+claim_work_space()
+bound = address_space() + 8_000_000
+resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
+assert np.allclose(np.dot(square, square), 300)
+assert np.allclose(blas.dgemm(1.0, square, square), 300)
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, timeout=120)
+
+
+@needs_bounds
+@pytest.mark.parametrize("words", [["unwrap", "mesh.obj"], ["methods"]])
+def test_a_bound_below_what_the_libraries_take_is_refused_at_once(words: list[str]) -> None:
+    run = bounded(300_000_000, *words)
+    assert run.returncode == 5
+    assert "the libraries alone take" in run.stderr
+    assert run.stderr.count("\n") == 1
+
+
+@needs_bounds
+def test_help_needs_no_libraries() -> None:
+    assert bounded(300_000_000, "--help").returncode == 0
+
+
+def bounded(size: int, *words: str) -> subprocess.CompletedProcess[str]:
+    """The command line with so much address space."""
+    code = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({size}, {size}))"
+    code += "; from circparam.cli.group import main; main()"
+    command = [sys.executable, "-c", code, *words]
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
+    )
