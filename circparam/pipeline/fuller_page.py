@@ -40,13 +40,13 @@ from circparam.pipeline.cut_plan import (
     WORK,
     WORK_OF_FACE,
     Plan,
-    Planner,
     easel_of,
     effort_of,
     first_plan,
 )
+from circparam.pipeline.cut_search import Planner
 from circparam.pipeline.options import Options
-from circparam.pipeline.pieces import Carver
+from circparam.pipeline.pieces import Carver, Knife
 from circparam.pipeline.place import chart_signs, sized
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
@@ -90,7 +90,7 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     uncut = _Uncut(cascade, options, monitor)
     enough = ENOUGH if cut_mesh.n_charts <= FEW else ENOUGH_OF_MANY
     if first is not None and not (asked is None and uncut.fills(first, enough)):
-        plans = _plans(first, carver, cuts, asked is None, budget)
+        plans = _plans(first, carver, cuts, asked is None, budget, monitor)
         chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
         if chosen is not None:
             return chosen
@@ -128,18 +128,21 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
         limits = replace(limits, flats=1.0)
     easel = easel_of(cut_mesh, pack_options(options))
     sign = chart_signs(cascade.atlas.surface, cut_mesh, options)
-    return Carver(cascade.atlas, cut_mesh, uv, easel, limits, sign, stretch)
+    seams = cascade.atlas.seam_length * float(np.sqrt(cascade.atlas.surface.areas.sum()))
+    return Carver(cascade.atlas, cut_mesh, uv, Knife(easel, limits, sign, seams, stretch))
 
 
-def _plans(first: Plan, carver: Carver, cuts: int, limited: bool, budget: Budget) -> list[Plan]:
+def _plans(
+    first: Plan, carver: Carver, cuts: int, limited: bool, budget: Budget, monitor: Monitor
+) -> list[Plan]:
     """The plan without a cut and those worth more, the best first.
 
     limited: whether seams grow by no more than LIMIT.
     """
     areas = carver.atlas.surface.areas
-    longest = first.length + LIMIT * carver.seams if limited else np.inf
+    longest = first.length + LIMIT * carver.knife.seams if limited else np.inf
     spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
-    planner = Planner(carver, float(areas.sum()), longest, cuts, budget, spared)
+    planner = Planner(carver, float(areas.sum()), longest, cuts, budget, monitor, spared)
     return [first, *planner.best(first)]
 
 
@@ -155,7 +158,7 @@ class _Contest:
     def winner(self, plans: list[Plan], uncut: _Uncut) -> Cascade | None:
         """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
         first, before = plans[0], self.cascade.atlas
-        most = effort_of(first.pieces, self.carver).packed
+        most = effort_of(len(first.pieces), self.carver).packed
         tried: list[tuple[Plan, Cascade]] = []
         for plan in plans[1:]:
             if tried and plan.value < tried[0][0].value - CLOSE:
@@ -233,7 +236,7 @@ def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Plac
     )
     sign = chart_signs(atlas.surface, atlas.open()[0], options)
     at = chart[face]
-    if (sign[at] != carver.sign[old[face]]).any():
+    if (sign[at] != carver.knife.sign[old[face]]).any():
         return None
     found = on_page(plan.layout, LOCKED, asked)
     angle, offset, page = np.zeros(count), np.zeros((count, 2)), np.full(count, -1)

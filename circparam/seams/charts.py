@@ -18,7 +18,7 @@ from circparam.seams.constraints import constrain
 from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
 from circparam.seams.grown import LEVEL_FACES, MARGIN, REGROUP_FACES, finish, grown_atlas
-from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
+from circparam.seams.hard.charts import take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.straighten import straighten
@@ -36,6 +36,7 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.stretch import STRETCH, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
+from circparam.seams.ways import made_ways
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried
 DOUBTS = 10_000
@@ -214,23 +215,27 @@ def _first_atlas(
     if (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES:
         surface = with_prices(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)
-    parts = []
-    if hard.any():
-        part = hard_atlas(surface.part(hard), bound, options, worker, monitor, notes)
-        atlas.put(hard, part)
-        parts.append((hard, part.prices))
-    doubtful &= not monitor.expired
-    plain = np.zeros(len(surface.faces), bool)
-    if doubtful.any():
-        other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-        # what needs no seam needs no second way either
+    rest = ~hard
+    # what needs no seam needs no second way either: a disk may need none; of what is none both are made at once
+    cut_mesh = atlas.cut_mesh()
+    ways = {"hard": hard, "doubtful": doubtful}
+    if not (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any():
+        first = {"grown": rest} if rest.sum() > hard.sum() else {}
+        ways = {**first, "hard": hard, "grown": rest, "doubtful": doubtful}
+    made = made_ways(surface, ways, bound, options, monitor, notes)
+    parts, plain = [], np.zeros(len(surface.faces), bool)
+    other = made.get("doubtful")
+    if other is not None:
         plain[doubtful] = ~with_seams(other)
-        atlas.put(plain, other.part(plain[doubtful]))
-    rest = ~hard & ~plain
-    if rest.any():
+    if "hard" in made:
+        atlas.put(hard, made["hard"])
+        parts.append((hard, made["hard"].prices))
+    if "grown" in made:
+        atlas.put(rest, made["grown"])
+    elif (rest := rest & ~plain).any():
         atlas.put(rest, grown_atlas(surface.part(rest), bound, options, monitor, notes))
-    if doubtful.any():
+    if other is not None:
+        atlas.put(plain, other.part(plain[doubtful]))
         taken = plain | take_better(atlas, doubtful, other, CHART_COST)
         parts.append((taken, other.part(taken[doubtful]).prices))
     if any(faces.any() for faces, _ in parts):
