@@ -20,7 +20,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
-from circparam.core.workers import Worker
+from circparam.core.workers import Later, Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
@@ -107,9 +107,18 @@ class _Uncut:
     monitor: Monitor
 
     @cached_property
+    def _later(self) -> Later:
+        return Later(self.monitor.jobs, _packing, (self.cascade, self.options, None), self.monitor)
+
+    def begin(self) -> None:
+        """Let a process that is idle pack it: it may be asked for."""
+        self._later.begin()
+
+    @cached_property
     def packing(self) -> KnownPacking | None:
         """The charts as they are, packed; None where they cannot be."""
-        return packing(self.cascade, self.options, self.monitor)
+        found: KnownPacking | None = self._later.result()
+        return found
 
     def fills(self, sketched: Plan, enough: float) -> bool:
         """Whether it covers so much that nothing is looked for; packed for that only where its sketch may."""
@@ -174,6 +183,8 @@ class _Contest:
         tasks = [
             (c, self.options, start_of(self.carver, p, c.atlas, self.options)) for p, c in tried
         ]
+        if len(tasks) == 1 and tried[0][0].value < first.value + SURE:
+            uncut.begin()  # beside the only one
         packings = Worker(self.monitor.jobs).map(_packing, tasks, self.monitor)
         values = [_value(k, p.length) for (p, _), k in zip(tried, packings, strict=True)]
         best = int(np.argmax(values)) if values else -1

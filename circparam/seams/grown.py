@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker, in_parts
+from circparam.core.workers import PARTED, Later, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
@@ -107,15 +108,16 @@ def grown_atlas(
         with monitor.stage("enforce"):
             broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
         if broken:
-            decided = decided.plain()
+            decided = decided.plain(monitor)
     merged, whole = decided.atlas, decided.atlas.charts()[0]
+    other = Later(monitor.jobs, plain_finished, (decided.plain, bound, options), monitor)
+    if decided.plain is not None and len(surface.faces) < PARTED:
+        other.begin()  # of more faces, what splits merged charts has more use for the processes
     finish(decided, bound, options, worker, monitor, notes)
     # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
     if decided.plain is None or merged.charts()[0] <= whole or cost_of(merged) <= decided.most:
         return merged
-    other = decided.plain()
-    plain = other.atlas
-    finish(other, bound, options, worker, monitor, [])
+    plain = Atlas(merged.surface, *other.result())
     if decided.most:
         return merged if cost_of(merged) <= cost_of(plain) else plain
     both = plain, merged
@@ -124,6 +126,15 @@ def grown_atlas(
     for one, now in zip(both, done, strict=True):
         one.cut, one.corners, one.merged_on = now
     return merged if better_in_all(merged, plain) else plain
+
+
+def plain_finished(
+    make: Callable[[Monitor], Decided], bound: float, options: SeamOptions, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """(cut, corners) of what ``Decided.plain`` makes, finished."""
+    decided = make(monitor)
+    finish(decided, bound, options, Worker(monitor.jobs), monitor, [])
+    return decided.atlas.cut, decided.atlas.corners
 
 
 def finish(
@@ -223,8 +234,7 @@ def _decided(
         blind = dataclasses.replace(surface, price=None)
         if not fewer:
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
-        # not begun beside: what splits merged charts has more use for the processes
-        plain = partial(_carried, blind, graph, coarse, proxy, monitor)
+        plain = partial(_carried, blind, graph, coarse, proxy)
         return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
 
 
@@ -274,7 +284,7 @@ def _from_level(
             return Decided(atlas, graph, LOCAL)
         # it may be never, and is late: what the surface has worked out is not kept for that
         bare = dataclasses.replace(surface, price=None)
-        plain = partial(_next_best, bare, tried[order[1]], level, near, monitor)
+        plain = partial(_next_best, bare, tried[order[1]], level, near)
         return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost[order[1]])
 
 

@@ -20,7 +20,8 @@ from circparam.core.pool import current
 from circparam.errors import OptionError
 from circparam.pipeline import jobs
 from circparam.pipeline.options import Options
-from circparam.seams import grown
+from circparam.seams import charts, grown
+from circparam.seams.hard.regions import DOUBTFUL
 from circparam.seams.segmentation import starts
 from tests.support import shapes
 
@@ -101,6 +102,19 @@ def test_the_same_bytes_where_prices_and_figures_are_found_beside(
     assert outs[0] == outs[1]
     assert begun["asked_beside"] == [False, True]
     assert begun["first_part"] == [True]
+
+
+def test_the_same_bytes_where_a_small_mesh_is_shared(
+    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both ways to its charts, what is looked at for cuts, and those that are made."""
+    monkeypatch.setattr(charts, "hardness", lambda s: np.full(len(s.faces), DOUBTFUL))
+    outs = []
+    for n in (1, 2, 3):
+        outs.append(unwrapped(mesh(), tmp_path, n))
+        assert {"one_way", "looked_at", "made_cut"} <= set(sent) or n == 1
+        sent.clear()
+    assert outs[0] == outs[1] == outs[2]
 
 
 UNGUARDED = """

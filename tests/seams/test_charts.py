@@ -16,9 +16,8 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS, grown
+from circparam.seams import SEAMS, grown, ways
 from circparam.seams import charts as module
-from circparam.seams import ways
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import nearly_flat_components
 from circparam.seams.segmentation.layout import lay_out_fresh

@@ -15,9 +15,8 @@ from circparam.geometry.overlap import overlaps, self_overlapping, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS
+from circparam.seams import SEAMS, ways
 from circparam.seams import charts as module
-from circparam.seams import ways
 from circparam.seams.hard.charts import take_better, uncoiled
 from circparam.seams.hard.flats import with_hard_prices
 from circparam.seams.hard.regions import (
