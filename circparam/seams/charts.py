@@ -220,8 +220,7 @@ def _first_atlas(
     cut_mesh = atlas.cut_mesh()
     ways = {"hard": hard, "doubtful": doubtful}
     if not (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any():
-        first = {"grown": rest} if rest.sum() > hard.sum() else {}
-        ways = {**first, "hard": hard, "grown": rest, "doubtful": doubtful}
+        ways["grown"] = rest
     made = made_ways(surface, ways, bound, options, monitor, notes)
     parts, plain = [], np.zeros(len(surface.faces), bool)
     other = made.get("doubtful")

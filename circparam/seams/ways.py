@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Worker
+from circparam.core.workers import PARTED, Later, Worker
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.grown import grown_atlas
@@ -15,6 +15,7 @@ from circparam.seams.options import SeamOptions
 
 ORDER = ("hard", "doubtful", "grown")  # of what is said of them
 SPARE = ("doubtful",)  # ways that are left out where time is up
+SENT = 50_000  # faces: of more, each way has work enough in parts for all processes
 
 
 def made_ways(
@@ -25,19 +26,28 @@ def made_ways(
     monitor: Monitor,
     notes: list[str],
 ) -> dict[str, Atlas]:
-    """The atlas of some faces for each way, by its name, on as many processes as there are jobs.
+    """The atlas of some faces for each way, by its name; the small ones made by processes that are idle.
 
     ways: (m,) bool, the faces of each: "grown", or else hard; what is empty, or left out for want of time, is
-    missing in the result. The first is made in this process. notes: get what is said of them.
+    missing in the result. notes: get what is said of them.
     """
-    ways = {name: faces for name, faces in ways.items() if faces.any()}
-    parts = [surface.part(faces) for faces in ways.values()]
-    tasks = [(name, part, bound, options) for name, part in zip(ways, parts, strict=True)]
-    done = Worker(monitor.jobs).map(one_way, tasks, monitor)
-    found = {k: (p, way) for k, p, way in zip(ways, parts, done, strict=True) if way is not None}
+    parts = {name: surface.part(faces) for name, faces in ways.items() if faces.any()}
+    later = {
+        name: Later(monitor.jobs, one_way, (name, part, bound, options), monitor)
+        for name, part in parts.items()
+    }
+    order = sorted(parts, key=lambda name: len(parts[name].faces))
+    for name in order[:-1]:
+        if len(parts[name].faces) <= SENT:
+            later[name].begin()
+    found = {}
+    for name in sorted(parts, key=lambda name: later[name].begun):
+        way = later[name].result()
+        if way is not None:
+            found[name] = way
     for name in ORDER:
-        notes += found[name][1][-1] if name in found else []
-    return {name: Atlas(part, *way[:-1]) for name, (part, way) in found.items()}
+        notes += found[name][-1] if name in found else []
+    return {name: Atlas(parts[name], *way[:-1]) for name, way in found.items()}
 
 
 def one_way(
