@@ -19,7 +19,7 @@ from circparam.formats.memory import from_arrays
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.packing.options import Packed
-from circparam.pipeline import cut_plan, fallback, fuller_page, jobs, pieces, place
+from circparam.pipeline import cut_plan, cut_search, fallback, fuller_page, jobs, pieces, place
 from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import LIMIT, fill_page
 from circparam.pipeline.job import prepare
@@ -274,7 +274,16 @@ def test_processes_share_the_search_and_change_nothing(monkeypatch: pytest.Monke
         begin(self)
         begun.append(self.begun)
 
+    values: list[list[float]] = []
+    best = cut_search.Planner.best
+
+    def noted(self: cut_search.Planner, first: cut_plan.Plan) -> list[cut_plan.Plan]:
+        plans = best(self, first)
+        values.append([p.value for p in plans])
+        return plans
+
     monkeypatch.setattr(workers.Later, "begin", told)
+    monkeypatch.setattr(cut_search.Planner, "best", noted)
     monkeypatch.setattr(fuller_page, "SURE", np.inf)
     monkeypatch.setattr(cut_plan, "THOROUGH", replace(cut_plan.THOROUGH, packed=1))
     workers.start(2, *jobs.MODULES)
@@ -288,6 +297,7 @@ def test_processes_share_the_search_and_change_nothing(monkeypatch: pytest.Monke
     workers.stop()
     one, two = (f.packing.packed.uv for f in found if f.packing is not None)
     assert np.array_equal(one, two)
+    assert values[0] == values[1]
     assert np.array_equal(found[0].atlas.cut, found[1].atlas.cut)
     assert found[0].atlas.charts()[0] == 2
     assert begun == [False, True]
