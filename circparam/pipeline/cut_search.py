@@ -51,8 +51,8 @@ class Planner:
     """What all plans for one layout have in common.
 
     carver: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
-    budget: of cells that sketches transform; making a cut counts as well. spared: area of faces that may be
-    stretched too much besides.
+    budget: of cells that sketches transform; making a cut counts as well. monitor: tells how many processes
+    share the work. spared: area of faces that may be stretched too much besides.
     """
 
     carver: Carver
