@@ -26,7 +26,7 @@ def made_ways(
     monitor: Monitor,
     notes: list[str],
 ) -> dict[str, Atlas]:
-    """The atlas of some faces for each way, by its name; the small ones made by processes that are idle.
+    """The atlas of some faces for each way, by its name; all but the largest made by processes that are idle.
 
     ways: (m,) bool, the faces of each: "grown", or else hard; what is empty, or left out for want of time, is
     missing in the result. notes: get what is said of them.
@@ -37,7 +37,7 @@ def made_ways(
         for name, part in parts.items()
     }
     order = sorted(parts, key=lambda name: len(parts[name].faces))
-    for name in order[:-1]:
+    for name in reversed(order[:-1]):
         if len(parts[name].faces) <= SENT:
             later[name].begin()
     found = {}
