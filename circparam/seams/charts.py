@@ -21,6 +21,7 @@ from circparam.seams.grown import LEVEL_FACES, MARGIN, REGROUP_FACES, finish, gr
 from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
+from circparam.seams.hard.rival import Outdone, Rival
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
@@ -227,11 +228,19 @@ def _first_atlas(
         # what needs no seam needs no second way either
         plain[doubtful] = ~with_seams(other)
         atlas.put(plain, other.part(plain[doubtful]))
-    rest = ~hard & ~plain
-    if rest.any():
-        atlas.put(rest, grown_atlas(surface.part(rest), bound, options, monitor, notes))
+    rest, check, taken = ~hard & ~plain, None, doubtful
+    if doubtful.any() and not (rest & ~doubtful).any():
+        unit = float(np.sqrt(other.surface.areas.sum()))
+        check = Rival.of(other.part(rest[doubtful]), unit, CHART_COST).face
+    try:
+        if rest.any():
+            own = surface.part(rest)
+            atlas.put(rest, grown_atlas(own, bound, options, monitor, notes, check=check))
+        if doubtful.any():
+            taken = plain | take_better(atlas, doubtful, other, CHART_COST)
+    except Outdone:
+        atlas.put(doubtful, other)
     if doubtful.any():
-        taken = plain | take_better(atlas, doubtful, other, CHART_COST)
         parts.append((taken, other.part(taken[doubtful]).prices))
     if any(faces.any() for faces, _ in parts):
         atlas.prices = hard_prices(surface, parts)
