@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from circparam.seams.grown import LEVEL_FACES, MARGIN, REGROUP_FACES, finish, gr
 from circparam.seams.hard.charts import take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
+from circparam.seams.hard.rival import Outdone, Rival
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
@@ -217,13 +219,15 @@ def _first_atlas(
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = ~hard
     # what needs no seam needs no second way either: a disk may need none; of what is none both are made at once
-    cut_mesh = atlas.cut_mesh()
-    ways = {"hard": hard, "doubtful": doubtful}
+    cut_mesh, unit = atlas.cut_mesh(), float(np.sqrt(surface.areas[doubtful].sum()))
+    ways, rival = {"hard": hard, "doubtful": doubtful}, None
+    same = doubtful.any() and not (rest & ~doubtful).any()
     if not (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any():
         ways["grown"] = rest
-    made = made_ways(surface, ways, bound, options, monitor, notes)
+        rival = partial(Rival.of, unit=unit, chart_cost=CHART_COST) if same else None
+    made = made_ways(surface, ways, bound, options, monitor, notes, rival)
     parts, plain = [], np.zeros(len(surface.faces), bool)
-    other = made.get("doubtful")
+    other, outdone = made.get("doubtful"), "grown" in ways and "grown" not in made
     if other is not None:
         plain[doubtful] = ~with_seams(other)
     if "hard" in made:
@@ -231,11 +235,18 @@ def _first_atlas(
         parts.append((hard, made["hard"].prices))
     if "grown" in made:
         atlas.put(rest, made["grown"])
-    elif (rest := rest & ~plain).any():
-        atlas.put(rest, grown_atlas(surface.part(rest), bound, options, monitor, notes))
+    elif "grown" not in ways and (rest := rest & ~plain).any():
+        check = None
+        if same and other is not None:
+            check = Rival.of(other.part(rest[doubtful]), unit, CHART_COST).face
+        try:
+            own = surface.part(rest)
+            atlas.put(rest, grown_atlas(own, bound, options, monitor, notes, check=check))
+        except Outdone:
+            outdone = True
     if other is not None:
-        atlas.put(plain, other.part(plain[doubtful]))
-        taken = plain | take_better(atlas, doubtful, other, CHART_COST)
+        atlas.put(doubtful if outdone else plain, other if outdone else other.part(plain[doubtful]))
+        taken = doubtful if outdone else plain | take_better(atlas, doubtful, other, CHART_COST)
         parts.append((taken, other.part(taken[doubtful]).prices))
     if any(faces.any() for faces, _ in parts):
         atlas.prices = hard_prices(surface, parts)

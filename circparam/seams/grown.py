@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,10 +74,12 @@ def grown_atlas(
     monitor: Monitor,
     notes: list[str],
     target: int | None = None,
+    check: Callable[[list[Atlas]], None] | None = None,
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
 
-    Components that need no seam are told on the surface itself: a proxy is never quite as flat.
+    Components that need no seam are told on the surface itself: a proxy is never quite as flat. check: as in
+    ``Starting``; what it raises comes out here.
     """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
     if options.max_charts is None and options.min_chart_faces == 1:
@@ -94,16 +97,15 @@ def grown_atlas(
         with monitor.stage("charts"):
             bent = ~nearly_flat_components(atlas, bound)
     if bent.all():
-        decided = _decided(surface, bound, options, worker, monitor, target)
+        decided = _decided(surface, bound, options, worker, monitor, _How(target, check=check))
     else:
         atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
-            own = surface.part(bent)
+            own, how = surface.part(bent), _How(target, on=False)
             if len(surface.faces) > LEVEL_FACES:  # both would have all of it side by side
                 surface.forget()
-            part = _decided(own, bound, options, worker, monitor, target, on=False)
-            decided = beside(decided, bent, part)
+            decided = beside(decided, bent, _decided(own, bound, options, worker, monitor, how))
     if decided.plain is not None and SMALL_FACES < len(surface.faces) <= LEVEL_FACES:
         with monitor.stage("enforce"):
             broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
@@ -185,19 +187,24 @@ def settle_part(
     return atlas.cut, atlas.corners
 
 
+class _How(NamedTuple):
+    """How seams are decided. target: faces of the proxy, None as its size has it. on: whether charts are merged
+    on there where that may be gone back on. check: see ``grown_atlas``."""
+
+    target: int | None = None
+    on: bool = True
+    check: Callable[[list[Atlas]], None] | None = None
+
+
 def _decided(
     surface: Surface,
     bound: float,
     options: SeamOptions,
     worker: Worker,
     monitor: Monitor,
-    target: int | None = None,
-    on: bool = True,
+    how: _How = _How(),  # noqa: B008
 ) -> Decided:
-    """Seams before the last relaxation, decided on the surface or on its proxy (of ``target`` faces).
-
-    on: whether charts are merged on there where that may be gone back on.
-    """
+    """Seams before the last relaxation, decided on the surface or on its proxy."""
     if complexity(surface) > LOOPS:
         surface = with_prices(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
@@ -205,27 +212,27 @@ def _decided(
             found = _decided(closed, bound, options, worker, monitor)
             return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
     count, graph = len(surface.faces), dual_graph(surface)
-    twice = on and target is None and options.max_charts is None and options.min_chart_faces == 1
+    twice = how.on and how.target is None
+    twice &= options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
     # workers that are opened for a small mesh come as its starts are about to end
     proxy, alone = None, count <= ALONE
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
-            target = target or proxy_faces(surface)
+            target = how.target or proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             surface = with_prices(surface, options, monitor)
-            atlas = decide(
-                surface, bound, MARGIN, options.max_charts, worker, monitor, Starting(alone)
-            )
+            most, starting = options.max_charts, Starting(alone, check=how.check)
+            atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
             return Decided(atlas, graph)
         prices = prices_beside(surface, proxy, options, monitor)
         inner = 1 + (bound - 1) * (1 - SLACK)
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
             most = options.max_charts
-            starting = Starting(alone, prices)
+            starting = Starting(alone, prices, how.check)
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
             other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]
