@@ -122,10 +122,9 @@ def grown_atlas(
     plain = Atlas(merged.surface, *other.result())
     if decided.most:
         return merged if cost_of(merged) <= cost_of(plain) else plain
-    both = plain, merged
     with monitor.stage("charts"):
-        done = worker.map(merge_on_once, [(one, bound, MARGIN / 2) for one in both], monitor)
-    for one, now in zip(both, done, strict=True):
+        done = worker.map(merge_on_once, [(a, bound, MARGIN / 2) for a in (plain, merged)], monitor)
+    for one, now in zip((plain, merged), done, strict=True):
         one.cut, one.corners, one.merged_on = now
     return merged if better_in_all(merged, plain) else plain
 
@@ -229,8 +228,7 @@ def _decided(
             return Decided(atlas, graph)
         prices = prices_beside(surface, proxy, options, monitor)
         inner = 1 + (bound - 1) * (1 - SLACK)
-        rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
-        with monitor.holding(rest, least=DECIDING):
+        with monitor.holding(TRANSFER_COST * monitor.seconds.get("repair", 0.0), DECIDING):
             most = options.max_charts
             starting = Starting(alone, prices, how.check)
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
