@@ -7,6 +7,7 @@ is log s − RATE log L, with the covered share s and the length L of all bounda
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,10 +16,9 @@ from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.budget import Budget
 from circparam.packing.nest.lock import locked
-from circparam.packing.nest.sketch import Easel, least_page
+from circparam.packing.nest.sketch import Easel, Sketch, least_page
 from circparam.packing.options import PackOptions
 from circparam.packing.placement import Placement
-from circparam.pipeline.chords import Chords
 from circparam.pipeline.pieces import Carver, Piece
 
 RATE = 0.4  # the exchange rate: log of the growth of the covered share over that of the seams
@@ -42,6 +42,9 @@ WORSE = 2  # cells by which a page with one cut more may seem larger: the search
 # cut for each face of its chart (150 million are about half a second)
 WORK, WORK_OF_FACE, LOCKING, CUTTING = 2.9e8, 6400.0, 2e6, 1000.0
 ZIGZAG = 1.08  # length of a path along edges over that of its chord
+
+# side in cells of a page of pieces whose outlines lock, where they lie there, side of one for their cells
+Sides: TypeAlias = tuple[float, Placement, int]
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ class Plan:
     @property
     def value(self) -> float:
         """What is gained by a fuller page less what seams cost."""
-        return _value(self.side, self.length)
+        return value_of(self.side, self.length)
 
     @property
     def share(self) -> float:
@@ -103,187 +106,28 @@ class Plan:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Planner:
-    """What all plans for one layout have in common.
-
-    carver: makes the cuts. area: of all charts. longest: length of boundaries that is not exceeded. most: cuts.
-    budget: of cells that sketches transform; making a cut counts as well. spared: area of faces that may be
-    stretched too much besides.
-    """
-
-    carver: Carver
-    area: float
-    longest: float
-    most: int
-    budget: Budget
-    spared: float = np.inf
-
-    @property
-    def cell(self) -> float:
-        """Side of a cell of the sketches in uv."""
-        return self.carver.easel.cell
-
-    def effort(self, plan: Plan) -> Effort:
-        """How much is looked at for what follows a plan."""
-        return effort_of(plan.pieces, self.carver)
-
-    def best(self, first: Plan) -> list[Plan]:
-        """The plans worth more than ``first``, those of the highest value first."""
-        best, kept, effort = first, [first], self.effort(first)
-        found: list[Plan] = []
-        while kept and kept[0].cuts < min(best.cuts + effort.ahead, self.most):
-            made = [after for plan in kept for after in self._following(plan, best.value)]
-            made.sort(key=lambda p: -p.value)
-            kept = _distinct(made, effort.breadth)
-            found += [p for p in kept if p.value > first.value]
-            best = max([best, *kept], key=lambda p: p.value)
-            kept = [p for p in kept if p.share < GOOD]
-        return sorted(found, key=lambda p: -p.value)
-
-    def _following(self, plan: Plan, best: float) -> list[Plan]:
-        """Plans with one cut more: of the chords that sketches rank first those that can be made."""
-        weighed: list[tuple[float, int, _Trial]] = []
-        highest, effort = -np.inf, self.effort(plan)
-        for number, trial in enumerate(self._trials(plan, best)):
-            if self.budget.over:
-                break
-            side = self._sketched(plan, trial, highest - NEAR)
-            if side is not None:
-                value = _value(side, plan.length + ZIGZAG * trial.length)
-                weighed.append((-value, number, trial))
-                highest = max(highest, value)
-        weighed.sort(key=lambda w: w[:2])
-        made: list[Plan] = []
-        for _, _, trial in weighed[: effort.tried]:
-            after = None if self.budget.over else self._made(plan, trial)
-            made += [] if after is None else [after]
-            if len(made) == effort.made:
-                break
-        return made
-
-    def _made(self, plan: Plan, trial: _Trial) -> Plan | None:
-        """The plan with one cut more, made along edges; None where it cannot be, or the page gets no better."""
-        piece = plan.pieces[trial.n]
-        if trial.k not in piece.known:
-            self.budget.spend(CUTTING * self.carver.size(piece))
-        made = self.carver.cut(piece, trial.k)
-        if made is None:
-            return None
-        parts, length, stretched = made
-        length, stretched = plan.length + length, plan.stretched + stretched
-        if length > self.longest or stretched > self.spared:
-            return None
-        pieces = [*plan.pieces[: trial.n], *plan.pieces[trial.n + 1 :], *parts]
-        sides = page_sides(pieces, self.carver, plan.sketched + WORSE + 1, self.budget)
-        if sides is None:
-            return None
-        return Plan(pieces, length, *sides, plan.cuts + 1, stretched)
-
-    def _trials(self, plan: Plan, best: float) -> list[_Trial]:
-        """Chords worth a sketch, the most promising first."""
-        longest = min(self.longest, float(np.exp((np.log(REACHED) - best) / RATE)))
-        sketches = [p.sketch for p in plan.pieces]
-        boxes = np.array([float(s.masks.size.prod(1).min()) for s in sketches])
-        squares = np.array([float(s.least) for s in sketches])
-        trials = []
-        for n, piece in enumerate(plan.pieces):
-            outline = piece.outline
-            if boxes[n] < CUT * CELLS**2 and squares[n] < LONG * plan.side:
-                continue
-            found = piece.chords
-            others = np.delete(squares, n).max(initial=0.0)
-            square = np.maximum(found.square / self.cell, others)
-            box = boxes.sum() - boxes[n] + found.box / self.cell**2
-            length = plan.length + ZIGZAG * found.length
-            promise = -np.log(np.maximum(square**2, (box + CELLS**2) / 2))
-            promise = (promise - np.log(square**2 + box)) / 2 - RATE * np.log(length)
-            least = min(PIECE * self.area, PART * outline.area)
-            large = found.least > least
-            ok = large & (length < longest)
-            # straight along an edge, as those of a cube, they may be short enough
-            if plan.cuts == 0 and not ok.any():
-                ok = large & (plan.length + found.length < longest)
-            trials += [_Trial(n, found, k, float(promise[k])) for k in np.flatnonzero(ok).tolist()]
-        trials.sort(key=lambda t: -t.promise)
-        return self._apart(trials, self.effort(plan).weighed)
-
-    def _apart(self, trials: list[_Trial], most: int) -> list[_Trial]:
-        """The first of the trials that do not say the same, at most so many."""
-        kept: list[_Trial] = []
-        ends: dict[int, FloatArray] = {}
-        for trial in trials:
-            here = np.concatenate(trial.chords.ends(trial.k))
-            before = ends.get(trial.n, np.zeros((0, 4)))
-            d = (before - here).reshape(-1, 2, 2)
-            if (np.sqrt((d**2).sum(2)).sum(1) < APART * self.cell).any():
-                continue
-            ends[trial.n] = np.vstack([before, here])
-            kept.append(trial)
-            if len(kept) == most:
-                break
-        return kept
-
-    def _sketched(self, plan: Plan, trial: _Trial, value: float) -> int | None:
-        """Side of the page with one chord more; None where its value is not above ``value``."""
-        n = trial.n
-        length = plan.length + ZIGZAG * trial.length
-        below = CELLS * float(np.exp(min(-(value + RATE * np.log(length)) / 2, 20.0)))
-        parts = self.carver.halves(plan.pieces[n], trial.k)
-        sketches = [p.sketch for p in (*plan.pieces[:n], *plan.pieces[n + 1 :])] + parts
-        below = min(int(np.ceil(below)), plan.sketched + WORSE + 1)
-        page = least_page(sketches, below, self.effort(plan).tries, self.budget)
-        return None if page is None else page.side
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """Chord k of piece n of a plan; promise: what it may be worth, told from boxes."""
-
-    n: int
-    chords: Chords
-    k: int
-    promise: float
-
-    @property
-    def length(self) -> float:
-        """Of the chord."""
-        return float(self.chords.length[self.k])
-
-
-def effort_of(pieces: list[Piece], carver: Carver) -> Effort:
-    """How much is looked at for a plan of some pieces."""
-    if len(pieces) > MANY:
+def effort_of(pieces: int, carver: Carver) -> Effort:
+    """How much is looked at for a plan of so many pieces."""
+    if pieces > MANY:
         return THRIFTY
     return SPARING if len(carver.atlas.surface.faces) > COSTLY else THOROUGH
 
 
-def _distinct(plans: list[Plan], most: int) -> list[Plan]:
-    """The first of the plans, at most so many, that are not the same cuts in another order."""
-    kept: list[Plan] = []
-    for plan in plans:
-        if len(kept) < most and all(abs(plan.length - k.length) > ALIKE * k.length for k in kept):
-            kept.append(plan)
-    return kept
-
-
 def page_sides(
-    pieces: list[Piece], carver: Carver, below: int, budget: Budget
-) -> tuple[float, Placement, int] | None:
-    """(side in cells of the page of some pieces whose outlines lock, where they lie there, side of the page
-    that holds their cells); None where none is below so many."""
-    sketches = [p.sketch for p in pieces]
-    page = least_page(sketches, below, effort_of(pieces, carver).more, budget)
+    sketches: list[Sketch], cell: float, below: int, tries: int, budget: Budget
+) -> Sides | None:
+    """The page of some pieces whose outlines lock; None where none is below so many cells."""
+    page = least_page(sketches, below, tries, budget)
     if page is None:
         return None
-    cell = carver.easel.cell
     budget.spend(LOCKING)
     layout = locked(sketches, page, cell, LOCKED, lambda: budget.late)
     inner = LOCKED.resolution - 2 * LOCKED.border + LOCKED.gap
     return inner / (layout.scale * cell), layout, page.side
 
 
-def _value(side: float, length: float) -> float:
+def value_of(side: float, length: float) -> float:
+    """What a page of a side in cells is worth less what boundaries of a length cost."""
     return 2 * float(np.log(CELLS / side)) - RATE * float(np.log(length))
 
 
@@ -304,7 +148,10 @@ def first_plan(carver: Carver, budget: Budget, told: float) -> Plan | None:
         return None
     pieces = carver.pieces(large)
     widest = max((p.sketch.least for p in pieces), default=0)
-    sides = page_sides(pieces, carver, max(2 * CELLS, widest + 2), budget) if pieces else None
+    tries, cell = effort_of(len(pieces), carver).more, carver.easel.cell
+    sketches = [p.sketch for p in pieces]
+    below = max(2 * CELLS, widest + 2)
+    sides = page_sides(sketches, cell, below, tries, budget) if pieces else None
     if sides is None:
         return None
     cut_mesh = carver.cut_mesh

@@ -20,7 +20,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
-from circparam.core.workers import Worker
+from circparam.core.workers import Later, Worker
 from circparam.errors import CircparamError
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
@@ -40,13 +40,13 @@ from circparam.pipeline.cut_plan import (
     WORK,
     WORK_OF_FACE,
     Plan,
-    Planner,
     easel_of,
     effort_of,
     first_plan,
 )
+from circparam.pipeline.cut_search import Planner
 from circparam.pipeline.options import Options
-from circparam.pipeline.pieces import Carver
+from circparam.pipeline.pieces import Carver, Knife
 from circparam.pipeline.place import chart_signs, sized
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
@@ -92,7 +92,7 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
     enough = ENOUGH_OF_MANY if costly else ENOUGH
     if first is not None and not (asked is None and uncut.fills(first, enough)):
-        plans = _plans(first, carver, cuts, asked is None, budget)
+        plans = _plans(first, carver, cuts, asked is None, budget, monitor)
         chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
         if chosen is not None:
             return chosen
@@ -109,9 +109,18 @@ class _Uncut:
     monitor: Monitor
 
     @cached_property
+    def _later(self) -> Later:
+        return Later(self.monitor.jobs, _packing, (self.cascade, self.options, None), self.monitor)
+
+    def begin(self) -> None:
+        """Let a process that is idle pack it: it may be asked for."""
+        self._later.begin()
+
+    @cached_property
     def packing(self) -> KnownPacking | None:
         """The charts as they are, packed; None where they cannot be."""
-        return packing(self.cascade, self.options, self.monitor)
+        found: KnownPacking | None = self._later.result()
+        return found
 
     def fills(self, sketched: Plan, enough: float) -> bool:
         """Whether it covers so much that nothing is looked for; packed for that only where its sketch may."""
@@ -130,18 +139,21 @@ def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Option
         limits = replace(limits, flats=1.0)
     easel = easel_of(cut_mesh, pack_options(options))
     sign = chart_signs(cascade.atlas.surface, cut_mesh, options)
-    return Carver(cascade.atlas, cut_mesh, uv, easel, limits, sign, stretch)
+    seams = cascade.atlas.seam_length * float(np.sqrt(cascade.atlas.surface.areas.sum()))
+    return Carver(cascade.atlas, cut_mesh, uv, Knife(easel, limits, sign, seams, stretch))
 
 
-def _plans(first: Plan, carver: Carver, cuts: int, limited: bool, budget: Budget) -> list[Plan]:
+def _plans(
+    first: Plan, carver: Carver, cuts: int, limited: bool, budget: Budget, monitor: Monitor
+) -> list[Plan]:
     """The plan without a cut and those worth more, the best first.
 
     limited: whether seams grow by no more than LIMIT.
     """
     areas = carver.atlas.surface.areas
-    longest = first.length + LIMIT * carver.seams if limited else np.inf
+    longest = first.length + LIMIT * carver.knife.seams if limited else np.inf
     spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
-    planner = Planner(carver, float(areas.sum()), longest, cuts, budget, spared)
+    planner = Planner(carver, float(areas.sum()), longest, cuts, budget, monitor, spared)
     return [first, *planner.best(first)]
 
 
@@ -157,7 +169,7 @@ class _Contest:
     def winner(self, plans: list[Plan], uncut: _Uncut) -> Cascade | None:
         """The cascade with the cuts of the best plan; None where the first one, without any, is no worse."""
         first, before = plans[0], self.cascade.atlas
-        most = effort_of(first.pieces, self.carver).packed
+        most = effort_of(len(first.pieces), self.carver).packed
         tried: list[tuple[Plan, Cascade]] = []
         for plan in plans[1:]:
             if tried and plan.value < tried[0][0].value - CLOSE:
@@ -173,6 +185,8 @@ class _Contest:
         tasks = [
             (c, self.options, start_of(self.carver, p, c.atlas, self.options)) for p, c in tried
         ]
+        if len(tasks) == 1 and tried[0][0].value < first.value + SURE:
+            uncut.begin()  # beside the only one
         packings = Worker(self.monitor.jobs).map(_packing, tasks, self.monitor)
         values = [_value(k, p.length) for (p, _), k in zip(tried, packings, strict=True)]
         best = int(np.argmax(values)) if values else -1
@@ -235,7 +249,7 @@ def start_of(carver: Carver, plan: Plan, atlas: Atlas, options: Options) -> Plac
     )
     sign = chart_signs(atlas.surface, atlas.open()[0], options)
     at = chart[face]
-    if (sign[at] != carver.sign[old[face]]).any():
+    if (sign[at] != carver.knife.sign[old[face]]).any():
         return None
     found = on_page(plan.layout, LOCKED, asked)
     angle, offset, page = np.zeros(count), np.zeros((count, 2)), np.full(count, -1)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,6 +25,10 @@ from circparam.seams.segmentation.weigh import share_over
 LONGEST = 512  # cells of a sketch: what is longer is a sliver, for which no page is sketched
 UNSEEN = 0.003  # of all seams, so little of which a cut may lead through flats whatever its length
 STEP = 0.35  # cells of a sketch between the corners of an outline
+
+# both parts of a piece, length of the seam between them, area of the faces that are stretched too much then and
+# were not
+Cut: TypeAlias = "tuple[list[Piece], float, float]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +63,14 @@ class Ground:
 class Piece:
     """A chart, or what cuts have left of it. outline: scaled to the size of the surface. places: (k, 2) uv of
     its corners in the atlas. ground: None where nothing was cut. known, halves: what cuts along its chords came
-    to, and sketches of what they leave, since plans share pieces."""
+    to, and what straight ones leave, since plans share pieces."""
 
     outline: Outline
     sketch: Sketch
     places: FloatArray
     ground: Ground | None = None
-    known: dict[int, tuple[list[Piece], float, float] | None] = field(default_factory=dict)
-    halves: dict[int, list[Sketch]] = field(default_factory=dict)
+    known: dict[int, Cut | None] = field(default_factory=dict)
+    halves: dict[int, Halves] = field(default_factory=dict)
 
     @cached_property
     def chords(self) -> Chords:
@@ -73,63 +78,43 @@ class Piece:
         return chords(self.outline)
 
 
-@dataclass(frozen=True, eq=False)
-class Carver:
-    """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. easel: of the sketches of its pieces.
+@dataclass(eq=False)
+class Halves:
+    """What a straight cut through a piece leaves: outlines, and sketches as soon as somebody asked for them."""
 
-    sign: (n_charts,) −1 for charts that are packed mirrored, else 1. stretch: from which on faces are stretched
-    too much. grounds: of the charts that a cut was tried on.
+    outlines: tuple[Outline, Outline]
+    found: list[Sketch] = field(default_factory=list)
+
+    def sketches(self, knife: Knife) -> list[Sketch]:
+        """The sketches of both."""
+        self.found = self.found or [knife.sketch(part) for part in self.outlines]
+        return self.found
+
+
+@dataclass(frozen=True, eq=False)
+class Knife:
+    """What all cuts of an atlas have in common, and no more: it goes to other processes.
+
+    easel: of the sketches of pieces. limits: what they have to keep. sign: (n_charts,) −1 for charts that are
+    packed mirrored, else 1. seams: length of all that there are. stretch: from which on faces are stretched
+    too much.
     """
 
-    atlas: Atlas
-    cut_mesh: CutMesh
-    uv: FloatArray
     easel: Easel
     limits: Limits
     sign: FloatArray
+    seams: float
     stretch: float = np.inf
-    grounds: dict[int, Ground] = field(default_factory=dict)
 
-    @cached_property
-    def seams(self) -> float:
-        """Length of the seams of the atlas."""
-        return self.atlas.seam_length * float(np.sqrt(self.atlas.surface.areas.sum()))
-
-    def pieces(self, charts: IntArray) -> list[Piece]:
-        """Some charts as they are; those without an outline are left out, all where one is a sliver."""
-        return self._pieces(Opened(self.atlas, self.cut_mesh, self.uv), charts)
-
-    def cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
-        """(both parts of a piece cut along edges near its chord k, length of the seam, area of the faces that
-        are stretched too much then and were not), or None."""
-        if k not in piece.known:
-            piece.known[k] = self._cut(piece, k)
-        return piece.known[k]
-
-    def size(self, piece: Piece) -> int:
-        """The faces of a piece."""
-        if piece.ground is not None:
-            return len(piece.ground.faces)
-        return int((self.cut_mesh.chart == piece.outline.chart).sum())
-
-    def halves(self, piece: Piece, k: int) -> list[Sketch]:
-        """Sketches of both parts of a piece that is cut straight along its chord k."""
-        if k not in piece.halves:
-            i, j = int(piece.chords.i[k]), int(piece.chords.j[k])
-            piece.halves[k] = [self._sketch(part) for part in split(piece.outline, i, j)]
-        return piece.halves[k]
-
-    def _sketch(self, outline: Outline) -> Sketch:
+    def sketch(self, outline: Outline) -> Sketch:
         """An outline as it is packed: mirrored where its chart is."""
         start, end = outline.edges
         if self.sign[outline.chart] < 0:
             start, end = end * [-1, 1], start * [-1, 1]
         return self.easel.sketch(start, end)
 
-    def _cut(self, piece: Piece, k: int) -> tuple[list[Piece], float, float] | None:
-        ground = piece.ground or self._ground(piece.outline.chart)
-        start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
-        chord = Chord(start, end, float(piece.chords.least[k]))
+    def cut(self, ground: Ground, chord: Chord) -> Cut | None:
+        """A chart cut along edges near a chord; None where that cannot be."""
         opened = cut_along(ground.opened, chord, ground.costs, self.limits)
         if opened is None:
             return None
@@ -140,22 +125,73 @@ class Carver:
         through = max(self.limits.flats * length, UNSEEN * self.seams)
         if float(lengths[new & ground.flat].sum()) > through:
             return None
-        stretched = self._stretched(opened)
+        stretched = self.stretched(opened)
         parts: list[Piece] = []
         for c in (0, 1):
             part = ground.part(after, opened.cut_mesh.chart == c, float(stretched[c]))
-            parts += self._pieces(part.opened, np.zeros(1, np.int64), part)
+            parts += self.pieces(part.opened, np.zeros(1, np.int64), part)
         if len(parts) < 2:
             return None
         return parts, length, float(stretched.sum()) - ground.stretched
 
-    def _stretched(self, opened: Opened) -> FloatArray:
+    def stretched(self, opened: Opened) -> FloatArray:
         """(n_charts,) area of the faces of each chart that are stretched or shrunk too much."""
         cut_mesh = opened.cut_mesh
         if not np.isfinite(self.stretch):
             return np.zeros(cut_mesh.n_charts)
         over = share_over(cut_mesh, face_stretch(cut_mesh, opened.uv), self.stretch)
         return np.asarray(over * cut_mesh.chart_areas.sum())
+
+    def pieces(self, opened: Opened, charts: IntArray, ground: Ground | None = None) -> list[Piece]:
+        """Some charts as they are; those without an outline are left out, all where one is a sliver."""
+        cut_mesh, uv = opened.cut_mesh, opened.uv
+        scale = best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
+        shown = outlines(cut_mesh, uv * scale, charts, STEP * self.easel.cell)
+        if any(np.ptp(o.p, axis=0).max() > LONGEST * self.easel.cell for o in shown):
+            return []
+        if ground is not None:
+            shown = [replace(o, chart=ground.chart) for o in shown]
+        return [Piece(o, self.sketch(o), uv[o.vertex], ground) for o in shown]
+
+
+@dataclass(frozen=True, eq=False)
+class Carver:
+    """What makes the cuts of an atlas. cut_mesh, uv: the atlas opened. grounds: of the charts that a cut was
+    tried on."""
+
+    atlas: Atlas
+    cut_mesh: CutMesh
+    uv: FloatArray
+    knife: Knife
+    grounds: dict[int, Ground] = field(default_factory=dict)
+
+    @property
+    def easel(self) -> Easel:
+        """That of all sketches."""
+        return self.knife.easel
+
+    def pieces(self, charts: IntArray) -> list[Piece]:
+        """Some charts as they are; those without an outline are left out, all where one is a sliver."""
+        return self.knife.pieces(Opened(self.atlas, self.cut_mesh, self.uv), charts)
+
+    def size(self, piece: Piece) -> int:
+        """The faces of a piece."""
+        if piece.ground is not None:
+            return len(piece.ground.faces)
+        return int((self.cut_mesh.chart == piece.outline.chart).sum())
+
+    def halves(self, piece: Piece, k: int) -> Halves:
+        """Both parts of a piece that is cut straight along its chord k."""
+        if k not in piece.halves:
+            i, j = int(piece.chords.i[k]), int(piece.chords.j[k])
+            piece.halves[k] = Halves(split(piece.outline, i, j))
+        return piece.halves[k]
+
+    def task(self, piece: Piece, k: int) -> tuple[Ground, Chord]:
+        """What ``Knife.cut`` is asked for to cut a piece near its chord k."""
+        start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
+        ground = piece.ground or self._ground(piece.outline.chart)
+        return ground, Chord(start, end, float(piece.chords.least[k]))
 
     def joined(self, pieces: Sequence[Piece]) -> Atlas:
         """The whole atlas with the cuts that the pieces have."""
@@ -169,18 +205,6 @@ class Carver:
         after.cut |= np.diff(label[surface.edges // 3], axis=1)[:, 0] != 0
         return after
 
-    def _pieces(
-        self, opened: Opened, charts: IntArray, ground: Ground | None = None
-    ) -> list[Piece]:
-        cut_mesh, uv = opened.cut_mesh, opened.uv
-        scale = best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-        shown = outlines(cut_mesh, uv * scale, charts, STEP * self.easel.cell)
-        if any(np.ptp(o.p, axis=0).max() > LONGEST * self.easel.cell for o in shown):
-            return []
-        if ground is not None:
-            shown = [replace(o, chart=ground.chart) for o in shown]
-        return [Piece(o, self._sketch(o), uv[o.vertex], ground) for o in shown]
-
     def _ground(self, chart: int) -> Ground:
         if chart not in self.grounds:
             mine = self.cut_mesh.chart == chart
@@ -191,7 +215,7 @@ class Carver:
             costs, flat = _costs(surface.part(near))
             inner = mine[sides[near[sides].all(1)]].all(1)
             opened = Opened.of(self.atlas.part(mine))
-            stretched = float(self._stretched(opened).sum())
+            stretched = float(self.knife.stretched(opened).sum())
             self.grounds[chart] = Ground(
                 chart, np.flatnonzero(mine), opened, costs[inner], flat[inner], stretched
             )

@@ -8,7 +8,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Later
+from circparam.core.workers import Later
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.seams import grown
@@ -17,6 +17,7 @@ from circparam.seams.segmentation.weigh import Limits, share_over
 
 # charts: of real meshes those with 3 stayed as they were, those with 9, 18 and 32 did not
 FEW = 6
+LEAST = 1_500  # faces: of fewer it is soon held
 # as ``weigh.NEAR``, where a level has settled what is further away; and in roots of the area of a face
 NEARBY, NEAR_FACES = 0.05, 4.0
 LOCAL = 8  # iterations of a step there
@@ -37,7 +38,7 @@ class StretchAhead:
 
     def begin(self, atlas: Atlas) -> None:
         """Let an idle process go on with the atlas as it is now, where it is likely to stay like that."""
-        large = len(atlas.surface.faces) >= PARTED and self._monitor.jobs > 1
+        large = len(atlas.surface.faces) >= LEAST and self._monitor.jobs > 1
         if large and atlas.charts()[0] <= FEW:
             start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
             later = Later(self._monitor.jobs, held, (start, *self._how), self._monitor)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -18,9 +19,10 @@ from circparam.seams.constraints import constrain
 from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
 from circparam.seams.grown import LEVEL_FACES, MARGIN, REGROUP_FACES, finish, grown_atlas
-from circparam.seams.hard.charts import hard_atlas, take_better, with_seams
+from circparam.seams.hard.charts import take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
+from circparam.seams.hard.rival import Outdone, Rival
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
@@ -36,6 +38,7 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.stretch import STRETCH, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
+from circparam.seams.ways import made_ways
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried
 DOUBTS = 10_000
@@ -214,24 +217,36 @@ def _first_atlas(
     if (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES:
         surface = with_prices(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
-    worker = Worker(monitor.jobs if hard.sum() > PARTED else 1)
-    parts = []
-    if hard.any():
-        part = hard_atlas(surface.part(hard), bound, options, worker, monitor, notes)
-        atlas.put(hard, part)
-        parts.append((hard, part.prices))
-    doubtful &= not monitor.expired
-    plain = np.zeros(len(surface.faces), bool)
-    if doubtful.any():
-        other = hard_atlas(surface.part(doubtful), bound, options, worker, monitor, notes)
-        # what needs no seam needs no second way either
+    rest = ~hard
+    # what needs no seam needs no second way either: a disk may need none; of what is none both are made at once
+    cut_mesh, unit = atlas.cut_mesh(), float(np.sqrt(surface.areas[doubtful].sum()))
+    ways, rival = {"hard": hard, "doubtful": doubtful}, None
+    same = doubtful.any() and not (rest & ~doubtful).any()
+    if not (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any():
+        ways["grown"] = rest
+        rival = partial(Rival.of, unit=unit, chart_cost=CHART_COST) if same else None
+    made = made_ways(surface, ways, bound, options, monitor, notes, rival)
+    parts, plain = [], np.zeros(len(surface.faces), bool)
+    other, outdone = made.get("doubtful"), "grown" in ways and "grown" not in made
+    if other is not None:
         plain[doubtful] = ~with_seams(other)
-        atlas.put(plain, other.part(plain[doubtful]))
-    rest = ~hard & ~plain
-    if rest.any():
-        atlas.put(rest, grown_atlas(surface.part(rest), bound, options, monitor, notes))
-    if doubtful.any():
-        taken = plain | take_better(atlas, doubtful, other, CHART_COST)
+    if "hard" in made:
+        atlas.put(hard, made["hard"])
+        parts.append((hard, made["hard"].prices))
+    if "grown" in made:
+        atlas.put(rest, made["grown"])
+    elif "grown" not in ways and (rest := rest & ~plain).any():
+        check = None
+        if same and other is not None:
+            check = Rival.of(other.part(rest[doubtful]), unit, CHART_COST).face
+        try:
+            own = surface.part(rest)
+            atlas.put(rest, grown_atlas(own, bound, options, monitor, notes, check=check))
+        except Outdone:
+            outdone = True
+    if other is not None:
+        atlas.put(doubtful if outdone else plain, other if outdone else other.part(plain[doubtful]))
+        taken = doubtful if outdone else plain | take_better(atlas, doubtful, other, CHART_COST)
         parts.append((taken, other.part(taken[doubtful]).prices))
     if any(faces.any() for faces, _ in parts):
         atlas.prices = hard_prices(surface, parts)

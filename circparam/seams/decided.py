@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from circparam.core.arrays import BoolArray
+from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.enforce import FINAL
 from circparam.seams.segmentation.grow import DualGraph
@@ -22,7 +23,7 @@ class Decided(NamedTuple):
     atlas: Atlas
     graph: DualGraph
     relaxing: RelaxOptions = FINAL
-    plain: Callable[[], Decided] | None = None  # makes it as it was before charts were merged on
+    plain: Callable[[Monitor], Decided] | None = None  # as it was before charts were merged on
     most: float = 0.0  # seams and charts up to which one from a level stays, if more break
 
 
@@ -41,9 +42,11 @@ def beside(flat: Decided, bent: BoolArray, part: Decided) -> Decided:
     return flat._replace(plain=plain, most=part.most + CHART_COST * pieces)
 
 
-def _with_part(flat: Decided, faces: BoolArray, make: Callable[[], Decided]) -> Decided:
+def _with_part(
+    flat: Decided, faces: BoolArray, make: Callable[[Monitor], Decided], monitor: Monitor
+) -> Decided:
     """Another atlas with what is made put in for some faces ((m,) bool)."""
     atlas = flat.atlas
     out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-    out.put(faces, make().atlas)
+    out.put(faces, make(monitor).atlas)
     return flat._replace(atlas=out)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker, in_parts
+from circparam.core.workers import PARTED, Later, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
@@ -72,10 +74,12 @@ def grown_atlas(
     monitor: Monitor,
     notes: list[str],
     target: int | None = None,
+    check: Callable[[list[Atlas]], None] | None = None,
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
 
-    Components that need no seam are told on the surface itself: a proxy is never quite as flat.
+    Components that need no seam are told on the surface itself: a proxy is never quite as flat. check: as in
+    ``Starting``; what it raises comes out here.
     """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
     if options.max_charts is None and options.min_chart_faces == 1:
@@ -93,37 +97,45 @@ def grown_atlas(
         with monitor.stage("charts"):
             bent = ~nearly_flat_components(atlas, bound)
     if bent.all():
-        decided = _decided(surface, bound, options, worker, monitor, target)
+        decided = _decided(surface, bound, options, worker, monitor, _How(target, check=check))
     else:
         atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
-            own = surface.part(bent)
+            own, how = surface.part(bent), _How(target, on=False)
             if len(surface.faces) > LEVEL_FACES:  # both would have all of it side by side
                 surface.forget()
-            part = _decided(own, bound, options, worker, monitor, target, on=False)
-            decided = beside(decided, bent, part)
+            decided = beside(decided, bent, _decided(own, bound, options, worker, monitor, how))
     if decided.plain is not None and SMALL_FACES < len(surface.faces) <= LEVEL_FACES:
         with monitor.stage("enforce"):
             broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
         if broken:
-            decided = decided.plain()
+            decided = decided.plain(monitor)
     merged, whole = decided.atlas, decided.atlas.charts()[0]
+    other = Later(monitor.jobs, plain_finished, (decided.plain, bound, options), monitor)
+    if decided.plain is not None and len(surface.faces) < PARTED:
+        other.begin()  # of more faces, what splits merged charts has more use for the processes
     finish(decided, bound, options, worker, monitor, notes)
     # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
     if decided.plain is None or merged.charts()[0] <= whole or cost_of(merged) <= decided.most:
         return merged
-    other = decided.plain()
-    plain = other.atlas
-    finish(other, bound, options, worker, monitor, [])
+    plain = Atlas(merged.surface, *other.result())
     if decided.most:
         return merged if cost_of(merged) <= cost_of(plain) else plain
-    both = plain, merged
     with monitor.stage("charts"):
-        done = worker.map(merge_on_once, [(one, bound, MARGIN / 2) for one in both], monitor)
-    for one, now in zip(both, done, strict=True):
+        done = worker.map(merge_on_once, [(a, bound, MARGIN / 2) for a in (plain, merged)], monitor)
+    for one, now in zip((plain, merged), done, strict=True):
         one.cut, one.corners, one.merged_on = now
     return merged if better_in_all(merged, plain) else plain
+
+
+def plain_finished(
+    make: Callable[[Monitor], Decided], bound: float, options: SeamOptions, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """(cut, corners) of what ``Decided.plain`` makes, finished."""
+    decided = make(monitor)
+    finish(decided, bound, options, Worker(monitor.jobs), monitor, [])
+    return decided.atlas.cut, decided.atlas.corners
 
 
 def finish(
@@ -174,19 +186,24 @@ def settle_part(
     return atlas.cut, atlas.corners
 
 
+class _How(NamedTuple):
+    """How seams are decided. target: faces of the proxy, None as its size has it. on: whether charts are merged
+    on there where that may be gone back on. check: see ``grown_atlas``."""
+
+    target: int | None = None
+    on: bool = True
+    check: Callable[[list[Atlas]], None] | None = None
+
+
 def _decided(
     surface: Surface,
     bound: float,
     options: SeamOptions,
     worker: Worker,
     monitor: Monitor,
-    target: int | None = None,
-    on: bool = True,
+    how: _How = _How(),  # noqa: B008
 ) -> Decided:
-    """Seams before the last relaxation, decided on the surface or on its proxy (of ``target`` faces).
-
-    on: whether charts are merged on there where that may be gone back on.
-    """
+    """Seams before the last relaxation, decided on the surface or on its proxy."""
     if complexity(surface) > LOOPS:
         surface = with_prices(surface, options, monitor, LEVEL_FACES)
         closed = close_small_holes(surface)
@@ -194,27 +211,26 @@ def _decided(
             found = _decided(closed, bound, options, worker, monitor)
             return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
     count, graph = len(surface.faces), dual_graph(surface)
-    twice = on and target is None and options.max_charts is None and options.min_chart_faces == 1
+    twice = how.on and how.target is None
+    twice &= options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
     # workers that are opened for a small mesh come as its starts are about to end
     proxy, alone = None, count <= ALONE
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
-            target = target or proxy_faces(surface)
+            target = how.target or proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
             surface = with_prices(surface, options, monitor)
-            atlas = decide(
-                surface, bound, MARGIN, options.max_charts, worker, monitor, Starting(alone)
-            )
+            most, starting = options.max_charts, Starting(alone, check=how.check)
+            atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
             return Decided(atlas, graph)
         prices = prices_beside(surface, proxy, options, monitor)
         inner = 1 + (bound - 1) * (1 - SLACK)
-        rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
-        with monitor.holding(rest, least=DECIDING):
+        with monitor.holding(TRANSFER_COST * monitor.seconds.get("repair", 0.0), DECIDING):
             most = options.max_charts
-            starting = Starting(alone, prices)
+            starting = Starting(alone, prices, how.check)
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
             other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]
@@ -223,8 +239,7 @@ def _decided(
         blind = dataclasses.replace(surface, price=None)
         if not fewer:
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
-        # not begun beside: what splits merged charts has more use for the processes
-        plain = partial(_carried, blind, graph, coarse, proxy, monitor)
+        plain = partial(_carried, blind, graph, coarse, proxy)
         return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
 
 
@@ -274,7 +289,7 @@ def _from_level(
             return Decided(atlas, graph, LOCAL)
         # it may be never, and is late: what the surface has worked out is not kept for that
         bare = dataclasses.replace(surface, price=None)
-        plain = partial(_next_best, bare, tried[order[1]], level, near, monitor)
+        plain = partial(_next_best, bare, tried[order[1]], level, near)
         return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost[order[1]])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,16 @@ import numpy as np
 import pytest
 
 import circparam
+from circparam.core import workers
 from circparam.core.arrays import FloatArray, IntArray, next_half_edge
 from circparam.core.monitor import Monitor
+from circparam.core.pool import current
 from circparam.errors import OptionError
 from circparam.formats.memory import from_arrays
 from circparam.geometry.distortion import chart_distortion, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.packing.options import Packed
-from circparam.pipeline import fallback, fuller_page, pieces, place
+from circparam.pipeline import cut_plan, cut_search, fallback, fuller_page, jobs, pieces, place
 from circparam.pipeline.cascade import Cascade, CascadeRules
 from circparam.pipeline.fuller_page import LIMIT, fill_page
 from circparam.pipeline.job import prepare
@@ -261,6 +264,46 @@ def test_the_layout_stays_sound(shape: shapes.Shape, tmp_path: Path) -> None:
     cut = auto.measures["charts"] > whole.measures["charts"]
     assert cut == any("fuller page" in note for note in auto.notes)
     assert not any("fuller page" in note for note in whole.notes)
+
+
+def test_processes_share_the_search_and_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chords are looked at and cuts made by both; the page without cuts is packed beside the only plan."""
+    workers.start(2, *jobs.MODULES)
+    pool = current()
+    assert pool is not None
+    pool.ready.result()
+    begun: list[bool] = []
+    begin = workers.Later.begin
+
+    def told(self: workers.Later) -> None:
+        while pool.free < 1:  # its answer is here before a process is free again
+            os.sched_yield()
+        begin(self)
+        begun.append(self.begun)
+
+    values: list[list[float]] = []
+    best = cut_search.Planner.best
+
+    def noted(self: cut_search.Planner, first: cut_plan.Plan) -> list[cut_plan.Plan]:
+        plans = best(self, first)
+        values.append([p.value for p in plans])
+        return plans
+
+    monkeypatch.setattr(workers.Later, "begin", told)
+    monkeypatch.setattr(cut_search.Planner, "best", noted)
+    monkeypatch.setattr(fuller_page, "SURE", np.inf)
+    monkeypatch.setattr(cut_plan, "THOROUGH", replace(cut_plan.THOROUGH, packed=1))
+    found = []
+    for n in (1, 2):
+        cascade = Cascade(roll(200), CascadeRules(bound=1.05))
+        found.append(fill_page(cascade, Options(resolution=512), Monitor(jobs=n)))
+    workers.stop()
+    one, two = (f.packing.packed.uv for f in found if f.packing is not None)
+    assert np.array_equal(one, two)
+    assert values[0] == values[1]
+    assert np.array_equal(found[0].atlas.cut, found[1].atlas.cut)
+    assert found[0].atlas.charts()[0] == 3
+    assert begun == [False, True]
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,8 @@ from circparam.core.pool import current
 from circparam.errors import OptionError
 from circparam.pipeline import jobs
 from circparam.pipeline.options import Options
-from circparam.seams import grown
+from circparam.seams import charts, grown
+from circparam.seams.hard.regions import DOUBTFUL
 from circparam.seams.segmentation import starts
 from tests.support import shapes
 
@@ -49,6 +50,28 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(workers._Shared, "_send", told)
     monkeypatch.setattr(jobs, "FACES", 100)
     return names
+
+
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[bool]]:
+    """By the names of functions, whether tasks that are asked for later were begun when they were to be."""
+    names: dict[str, list[bool]] = {}
+    begin = workers.Later.begin
+
+    def told(self: workers.Later) -> None:
+        begin(self)
+        names.setdefault(self._function.__name__, []).append(self.begun)
+
+    monkeypatch.setattr(workers.Later, "begin", told)
+    return names
+
+
+def ready(n: int) -> None:
+    """Processes that are up before there is anything to do."""
+    workers.start(n, *jobs.MODULES)
+    pool = current()
+    assert pool is not None
+    pool.ready.result()
 
 
 def mesh(level: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -86,21 +109,30 @@ def test_the_same_bytes_where_a_part_of_the_charts_is_relaxed_beside(
 
 
 def test_the_same_bytes_where_prices_and_figures_are_found_beside(
-    tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, sent: list[str], begun: dict[str, list[bool]]
 ) -> None:
     """By what is seen of a mesh, for the seams of its proxy and for the report."""
-    begun: dict[str, list[bool]] = {}
-    begin = workers.Later.begin
-
-    def told(self: workers.Later) -> None:
-        begin(self)
-        begun.setdefault(self._function.__name__, []).append(self.begun)
-
-    monkeypatch.setattr(workers.Later, "begin", told)
     outs = [unwrapped(mesh(4), tmp_path, n) for n in (1, 2)]
     assert outs[0] == outs[1]
     assert begun["asked_beside"] == [False, True]
     assert begun["first_part"] == [True]
+
+
+def test_the_same_bytes_where_a_small_mesh_is_shared(
+    tmp_path: Path, sent: list[str], begun: dict[str, list[bool]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both ways to its charts, what is looked at for cuts, and those that are made."""
+    monkeypatch.setattr(charts, "hardness", lambda s: np.full(len(s.faces), DOUBTFUL))
+    outs = []
+    for n in (1, 2, 3):
+        if n > 1:
+            ready(n)
+        outs.append(unwrapped(mesh(), tmp_path, n))
+        assert begun["one_way"] == [n > 1], "the smaller one"
+        assert {"looked_at", "made_cut"} <= set(sent) or n == 1
+        sent.clear()
+        begun.clear()
+    assert outs[0] == outs[1] == outs[2]
 
 
 UNGUARDED = """

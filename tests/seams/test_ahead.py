@@ -23,7 +23,7 @@ LIMITS = Limits(1.5, 2.0)
 
 @pytest.fixture(autouse=True)
 def one_process(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(ahead, "PARTED", 100)
+    monkeypatch.setattr(ahead, "LEAST", 100)
     workers.start(2, "circparam.seams.charts")
     pool = current()
     assert pool is not None
@@ -80,7 +80,7 @@ def test_nothing_is_begun_with_many_charts_or_few_faces(monkeypatch: pytest.Monk
     atlas, _ = relaxed(shapes.spire())
     pool = current()
     assert pool is not None
-    for name, value in (("FEW", 0), ("PARTED", 10**6)):
+    for name, value in (("FEW", 0), ("LEAST", 10**6)):
         with monkeypatch.context() as patch:
             patch.setattr(ahead, name, value)
             StretchAhead(LIMITS, True, True, Monitor(jobs=2)).begin(atlas)

@@ -16,7 +16,7 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS, grown
+from circparam.seams import SEAMS, grown, ways
 from circparam.seams import charts as module
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import nearly_flat_components
@@ -227,13 +227,14 @@ def test_hard_surfaces_are_not_grown(monkeypatch) -> None:
     box, ball = surface_of(*shapes.cube(2)), surface_of(*shapes.icosphere(2))
     find, plain = module.charts, SeamOptions()
     monkeypatch.setattr(module, "grown_atlas", stop)
+    monkeypatch.setattr(ways, "grown_atlas", stop)
     assert find(box, plain, Monitor()).cut.any()
     assert find(box, SeamOptions(max_charts=2), Monitor()).cut.any()
     for surface, options in ((ball, plain), (ball, SeamOptions(max_charts=2))):
         with pytest.raises(Called):
             find(surface, options, Monitor())
     monkeypatch.undo()
-    monkeypatch.setattr(module, "hard_atlas", stop)
+    monkeypatch.setattr(ways, "hard_atlas", stop)
     with pytest.raises(Called):
         find(box, plain, Monitor())
     assert find(ball, plain, Monitor()).cut.any()

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
+from circparam.core import workers
 from circparam.core.monitor import Monitor
+from circparam.core.pool import current
 from circparam.core.workers import Worker
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
@@ -98,7 +102,7 @@ def test_a_level_whose_charts_break_gives_way_to_the_next(
 
     monkeypatch.setattr(grown, "finish", noted)
     atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
-    assert atlas is carried[-1]
+    assert np.array_equal(atlas.cut, carried[-1].cut)
     assert len(carried) == len(levels) == (2 if broken else 1)
     assert levels == sorted(levels)
     assert atlas.charts()[0] < 40
@@ -228,7 +232,7 @@ def test_charts_not_merged_on_are_gone_back_to_where_merged_ones_are_split_on_th
     plain.cut = (chart[surface.edges // 3] == 0).any(1)
     made, finished = [], []
 
-    def again() -> Decided:
+    def again(monitor: Monitor) -> Decided:
         made.append(plain)
         return Decided(plain, decided.graph)
 
@@ -244,4 +248,42 @@ def test_charts_not_merged_on_are_gone_back_to_where_merged_ones_are_split_on_th
     atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
     assert finished == ([merged, plain] if split else [merged])
     assert made == finished[1:]
-    assert atlas is finished[-1]
+    assert np.array_equal(atlas.cut, finished[-1].cut)
+
+
+def halved(surface: Surface, monitor: Monitor) -> Decided:
+    """A sphere in eight."""
+    side = (surface.points[surface.faces].mean(1) > 0) @ [1, 2, 4]
+    cut = np.diff(side[surface.edges // 3], axis=1)[:, 0] != 0
+    return Decided(Atlas(surface, cut), grown.dual_graph(surface))
+
+
+def test_what_may_be_gone_back_to_is_finished_beside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One chart of a sphere breaks up on the mesh; eight are what is finished meanwhile, to the same charts."""
+    surface = surface_of(*shapes.icosphere(3))
+    begun: list[bool] = []
+    result = workers.Later.result
+
+    def told(self: workers.Later) -> object:
+        begun.append(self.begun)
+        return result(self)
+
+    monkeypatch.setattr(workers.Later, "result", told)
+
+    def decided(*_: object) -> Decided:
+        whole = Atlas(surface, np.zeros(len(surface.edges), bool))
+        return Decided(whole, grown.dual_graph(surface), plain=partial(halved, surface))
+
+    monkeypatch.setattr(grown, "_decided", decided)
+    workers.start(2, grown.__name__)
+    pool = current()
+    assert pool is not None
+    pool.ready.result()
+    found = []
+    for jobs in (1, 2):
+        found.append(grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(jobs=jobs), []))
+    workers.stop()
+    assert begun == [False, True]
+    assert np.array_equal(found[0].cut, found[1].cut)
+    assert np.array_equal(found[0].corners, found[1].corners)
+    assert 1 < found[0].charts()[0] <= 8

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, group_sum
+from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
@@ -14,6 +14,7 @@ from circparam.mesh.surface import Surface
 from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
 from circparam.seams.hard.regions import seam_prices
+from circparam.seams.hard.rival import component_costs
 from circparam.seams.hard.unroll import layers, slits, straight, unroll
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.enforce import enforce
@@ -30,7 +31,6 @@ FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30, bound=1 + 1e-6)
 FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60, bound=1 + 1e-6)
 MARGIN = 0.001  # share of the root of its area that parts of one chart keep apart
 COILED = 0.9  # of the excess of the bound over 1: how far strips that lie straight are relaxed
-EYESORE = 4.0  # what a seam in a flat counts on top of its length when two atlases are compared
 WORK = 16.0  # times the faces of the surface: what the trials of merging may hold in all
 SPLITS = 16  # rounds of splitting regions that break the bound
 
@@ -101,22 +101,14 @@ def with_seams(atlas: Atlas) -> BoolArray:
 def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float) -> BoolArray:
     """Take components of ``other``, an atlas of some faces ((m,) bool), where it is the better one.
 
-    What counts is the length of the seams, more for those in flats (EYESORE), and so much for every chart, in
+    What counts is the length of the seams, more for those in flats, and so much for every chart, in
     units of the root of the area of all. Returns (all faces of ``atlas``,) bool: what was taken.
     """
     surface = other.surface
     mine = atlas.part(faces)
-    fi = surface.edges[:, 0] // 3
-    n, component = surface.components
-    flat = np.zeros(len(fi)) if other.flat is None else other.flat
-    length = surface.edge_lengths * (1 + EYESORE * flat) / np.sqrt(surface.areas.sum())
-    costs = []
-    for one in (mine, other):
-        _, chart = one.charts()
-        _, first = np.unique(chart, return_index=True)
-        seam = group_sum(length[one.cut], component[fi[one.cut]], n)
-        costs.append(seam + chart_cost * np.bincount(component[first], minlength=n))
-    better = (costs[1] < costs[0])[component]
+    unit = float(np.sqrt(surface.areas.sum()))
+    theirs, own = (component_costs(one, other.flat, unit, chart_cost) for one in (other, mine))
+    better = (theirs < own)[surface.components[1]]
     if better.any():
         mine.put(better, other.part(better))
         atlas.put(faces, mine)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -38,10 +40,12 @@ ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may n
 
 class Starting(NamedTuple):
     """How starts are made. together: see ``best_of_starts``. prices: of the edges of the surface, found beside
-    them where it has none yet."""
+    them where it has none yet. check: told the starts when they have merged, where they are of all the surface;
+    it may raise what ends the search."""
 
     together: bool = True
     prices: PricesBeside | None = None
+    check: Callable[[list[Atlas]], None] | None = None
 
 
 TOGETHER = Starting()
@@ -57,15 +61,15 @@ def decide(
     starting: Starting = TOGETHER,
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole."""
-    together, prices = starting
+    prices = starting.prices
     atlas = Atlas(replace(surface, price=None), np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, bound)
     if rest.any():
         part = surface.part(rest)
         # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
-        begin = None if prices is None else prices.begin
         plain = replace(part, price=None)
-        best = best_of_starts(plain, bound, margin, worker, monitor, together, begin)
+        begin = partial(_begin, starting, bool(rest.all()))
+        best = best_of_starts(plain, bound, margin, worker, monitor, starting.together, begin)
         if prices is not None:
             part = replace(surface, price=prices.result()).part(rest)
         if part.price is not None:
@@ -75,6 +79,14 @@ def decide(
     if max_charts is not None:
         reach_count(atlas, bound, max_charts, monitor)
     return atlas
+
+
+def _begin(starting: Starting, whole: bool, merged: list[Atlas]) -> None:
+    """What is done when starts have merged. whole: they are all of the surface."""
+    if whole and starting.check is not None:
+        starting.check(merged)
+    if starting.prices is not None:
+        starting.prices.begin()
 
 
 def whole_components(atlas: Atlas, bound: float) -> BoolArray:

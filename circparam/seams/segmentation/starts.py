@@ -50,13 +50,14 @@ def best_of_starts(
     worker: Worker,
     monitor: Monitor,
     together: bool = True,
-    begin: Callable[[], None] | None = None,
+    begin: Callable[[list[Atlas]], None] | None = None,
 ) -> Atlas:
     """Grow, merge and shorten charts: the best of a few starts where that is cheap.
 
     Starts that are clearly behind when they have merged are not gone on with. together: whether starts merge
     in one system, which takes a third less work, or one in a process, which takes a third less time. begin:
-    called when what is left keeps one process busy, hardly more.
+    called with the starts when they have merged and what is left keeps one process busy, hardly more; it may
+    raise what ends the search.
     """
     begin = begin or _nothing
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
@@ -65,19 +66,20 @@ def best_of_starts(
         seeds = seeds[:1]
     if len(seeds) == 1:
         start = grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
-        begin()
+        begin([start.merger.atlas])
         return shortened(start, bound, margin, monitor)
     if together or len(surface.faces) <= TOGETHER:
         starts = merged_together(surface, bound, margin, seeds, monitor)
     else:
         tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
         starts = [s for s in worker.map(start_once, tasks, monitor) if s]
-    begin()
-    cost = np.array([cost_of(s.merger.atlas) for s in starts])
+    merged = [start.merger.atlas for start in starts]
+    begin(merged)
+    cost = np.array([cost_of(one) for one in merged])
     near = np.flatnonzero(cost <= (1 + BEHIND) * cost.min())
     if monitor.expired:
         near = np.array([int(cost.argmin())])
-    were = [starts[k].merger.atlas.cut.copy() for k in near]
+    were = [merged[k].cut.copy() for k in near]
     done = worker.map(shorten_once, [(starts[k], bound, margin) for k in near], monitor)
     ends = [Atlas(surface, *one) for one in done]
     best = int(np.argmin([cost_of(end) for end in ends]))
@@ -86,7 +88,7 @@ def best_of_starts(
     return ends[best]
 
 
-def _nothing() -> None:
+def _nothing(merged: list[Atlas]) -> None:
     pass
 
 

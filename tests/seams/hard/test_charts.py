@@ -15,7 +15,7 @@ from circparam.geometry.overlap import overlaps, self_overlapping, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS
+from circparam.seams import SEAMS, ways
 from circparam.seams import charts as module
 from circparam.seams.hard.charts import take_better, uncoiled
 from circparam.seams.hard.flats import with_hard_prices
@@ -151,7 +151,7 @@ def test_organic_shapes_do_not_go_the_way_of_hard_ones(monkeypatch) -> None:
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(module, "hard_atlas", never)
+    monkeypatch.setattr(ways, "hard_atlas", never)
     surface = surface_of(*shapes.bumped_disk())
     module.charts(surface, SeamOptions(), Monitor())
 
@@ -187,6 +187,7 @@ def test_what_needs_no_seam_is_not_grown_as_well(monkeypatch) -> None:
 
     monkeypatch.setattr(module, "hardness", lambda s: np.full(len(s.faces), DOUBTFUL))
     monkeypatch.setattr(module, "grown_atlas", never)
+    monkeypatch.setattr(ways, "grown_atlas", never)
     surface = surface_of(*shapes.join(shapes.grid(6, 6), shapes.annulus()))
     seams = module.charts(surface, SeamOptions(), Monitor())
     assert not seams.cut.any()
@@ -248,7 +249,7 @@ def test_workers_change_nothing() -> None:
     out = []
     workers.start(2, module.__name__)
     for jobs in (2, 1):
-        atlas = module.hard_atlas(surface, 1.05, SeamOptions(), Worker(jobs), Monitor(), [])
+        atlas = ways.hard_atlas(surface, 1.05, SeamOptions(), Worker(jobs), Monitor(), [])
         out.append(atlas.corners)
     workers.stop()
     assert np.array_equal(*out)
