@@ -29,9 +29,11 @@ def asked_beside(surface: Surface, strength: float, monitor: Monitor) -> FloatAr
 
 
 class PricesBeside:
-    """Prices of the edges of a proxy, by what is seen of its surface: found by an idle process, if any."""
+    """Prices of the edges of a surface, or of its proxy, by what is seen: found by an idle process, if any."""
 
-    def __init__(self, surface: Surface, strength: float, proxy: Proxy, monitor: Monitor) -> None:
+    def __init__(
+        self, surface: Surface, strength: float, proxy: Proxy | None, monitor: Monitor
+    ) -> None:
         self._surface, self._proxy, self._monitor = surface, proxy, monitor
         # what a surface keeps beside its fields need not be sent
         task = (replace(surface), strength)
@@ -42,9 +44,11 @@ class PricesBeside:
         self._later.begin()
 
     def result(self) -> FloatArray | None:
-        """(e,) the prices of the edges of the proxy."""
+        """(e,) the prices of the edges, of the proxy where there is one."""
         with self._monitor.stage("visibility"):
             fine = replace(self._surface, price=self._later.result())
+            if self._proxy is None:
+                return fine.price
             return priced(self._proxy.surface, fine, self._proxy.cell).price
 
 
@@ -82,9 +86,9 @@ def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:
 
 
 def prices_beside(
-    surface: Surface, proxy: Proxy, options: SeamOptions, monitor: Monitor
+    surface: Surface, proxy: Proxy | None, options: SeamOptions, monitor: Monitor
 ) -> PricesBeside | None:
-    """Prices of a proxy where the surface has none yet: seams move on the proxy alone."""
+    """Prices of a surface that has none yet, or of its proxy, where seams move on that alone."""
     if not _wanted(surface, options, monitor):
         return None
     return PricesBeside(surface, options.hide_seams or 0.0, proxy, monitor)
