@@ -15,7 +15,6 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams import grown
-from circparam.seams.crumbs import crumbs
 from circparam.seams.multires.decimate import decimating
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import hold_stretch
@@ -38,10 +37,10 @@ def level_ahead(
 ) -> AbstractContextManager[None]:
     """Inside, the level of a large surface is being made, beside what tells how its charts are found.
 
-    Only where that is likely to be asked for, there is a core for it, and memory.
+    Only where there is a core for it, and memory, and one piece: of several some may need no level.
     """
     large = grown.LEVEL_FACES < len(surface.faces) <= MOST_AHEAD and options.max_charts is None
-    if not large or monitor.jobs < 2 or crumbs(surface).any():
+    if not large or monitor.jobs < 2 or surface.components[0] > 1:
         return nullcontext()
     return decimating(surface, grown.level_faces(surface))
 

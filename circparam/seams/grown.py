@@ -39,7 +39,7 @@ from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.starts import LOOPS, cost_of
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.seams.stretch import best_held, held_more_strictly
+from circparam.seams.stretch import best_held, held_level
 from circparam.solvers.newton import RelaxOptions
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
@@ -271,7 +271,7 @@ def _from_level(
     rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
     with monitor.holding(rest, least=DECIDING):
         tried = _levels(middle, inner, options, worker, monitor)
-        best, other = best_held(tried, inner, options, monitor)
+        best, other = best_held(tried, inner, options, worker, monitor)
     with monitor.stage("carry"):
         # another surface would have areas, normals and all else of its own
         blind = surface if surface.price is None else dataclasses.replace(surface, price=None)
@@ -280,7 +280,7 @@ def _from_level(
             return Decided(atlas, graph, LOCAL)
         # it may be never, and is late: what the surface has worked out is not kept for that
         bare = dataclasses.replace(surface, price=None)
-        second = partial(held_more_strictly, other, inner, options, monitor)
+        second = partial(held_level, other, inner, options, True, monitor)
         plain = partial(_next_best, bare, second, level, near, monitor)
         return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost_of(other))
 
@@ -301,13 +301,13 @@ def _levels(
 
 def _next_best(
     surface: Surface,
-    coarse: Callable[[], Atlas],
+    coarse: Callable[[], tuple[BoolArray, FloatArray]],
     level: Proxy,
     near: IntArray,
     monitor: Monitor,
 ) -> Decided:
     """As ``from_level``, with all that it takes made anew."""
-    held = coarse()
+    held = Atlas(level.surface, *coarse())
     with monitor.stage("carry"):
         graph = dual_graph(surface)
         return Decided(from_level(surface, graph, held, level, near), graph, LOCAL)
