@@ -200,7 +200,9 @@ def _decided(
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
     # workers that are opened for a small mesh come as its starts are about to end
-    proxy, alone = None, count <= ALONE
+    alone = count <= ALONE
+    prices = prices_beside(surface, options, monitor, now=not alone)
+    proxy = None
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
             target = target or proxy_faces(surface)
@@ -211,7 +213,8 @@ def _decided(
                 surface, bound, MARGIN, options.max_charts, worker, monitor, Starting(alone)
             )
             return Decided(atlas, graph)
-        prices = prices_beside(surface, proxy, options, monitor)
+        if prices is not None:
+            prices.proxy = proxy
         inner = 1 + (bound - 1) * (1 - SLACK)
         rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
         with monitor.holding(rest, least=DECIDING):
@@ -258,9 +261,7 @@ def _from_level(
     with monitor.stage("charts"):
         level = decimate(surface, level_faces(surface))
     middle = level.surface
-    prices = prices_beside(middle, None, options, monitor)
-    if prices is not None:
-        prices.begin()
+    prices = prices_beside(middle, options, monitor)
     with monitor.stage("charts"):
         near = nearest_coarse_face(surface, level)
         rough = UNEVEN * roughness(surface, middle, near)
