@@ -16,9 +16,7 @@ from circparam.seams.segmentation.weigh import Limits, share_over
 
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
-HARDLY_MORE = (
-    1.1  # times: what seams for the stretch may add to the cost of an atlas, and a half more
-)
+HARDLY_MORE = 1.1  # times: seams for the stretch add half of that to the cost of an atlas
 LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 
 
