@@ -48,16 +48,22 @@ class Collapse:
 
     def begin(self) -> None:
         """Start the process, where the mesh is large enough and there can be one."""
-        if len(self._asked[1]) <= APART_FACES or self._process is not None:
+        if len(self._asked[1]) <= APART_FACES or self._reader is not None:
             return
         command = [sys.executable, "-P", "-m", "circparam.geometry.collapse"]
         pipe = subprocess.PIPE
         with contextlib.suppress(OSError):
-            self._process = subprocess.Popen(
+            process = subprocess.Popen(
                 command, env=environment(), stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL
             )
-            self._reader = threading.Thread(target=self._talk, args=(self._process,), daemon=True)
-            self._reader.start()
+            reader = threading.Thread(target=self._talk, args=(process,), daemon=True)
+            try:
+                reader.start()
+            except RuntimeError:  # no thread to be had
+                process.kill()
+                process.communicate()
+            else:
+                self._process, self._reader = process, reader
 
     def result(self) -> tuple[SingleArray, IntArray]:
         """What the process has found; where there is none, or it has failed, the same found here."""
@@ -83,16 +89,20 @@ class Collapse:
             self._reader.join()
 
     def _talk(self, process: subprocess.Popen[bytes]) -> None:
+        """In a thread: hand the mesh over and take the answer; a process that cannot be talked to ends."""
         points, faces, target = self._asked
-        message = b"".join(
-            [
-                SIZES.pack(len(points), len(faces), target),
-                np.ascontiguousarray(points).tobytes(),
-                np.ascontiguousarray(faces).tobytes(),
-            ]
-        )
-        with contextlib.suppress(OSError, ValueError):
+        try:
+            message = b"".join(
+                [
+                    SIZES.pack(len(points), len(faces), target),
+                    np.ascontiguousarray(points).tobytes(),
+                    np.ascontiguousarray(faces).tobytes(),
+                ]
+            )
             self._answer = process.communicate(message)[0]
+        except (OSError, ValueError, MemoryError):
+            process.kill()
+            process.wait()
 
 
 def _here(
