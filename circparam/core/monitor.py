@@ -98,18 +98,13 @@ class Monitor:
             self.held = held
 
     @contextmanager
-    def alone(self, shown: str, beside: bool = True) -> Iterator[None]:
-        """Inside, no other process shares the work: those that are open do parts beside this one.
-
-        shown: the stage that a listener is told of, whatever stages the work has. beside: False where there
-        are no such parts, so that processes may share the work after all.
-        """
-        before = self.jobs, self._shown
-        self.jobs, self._shown = 1 if beside else self.jobs, shown
+    def shown_as(self, name: str) -> Iterator[None]:
+        """Inside, a listener is told of this stage, whatever stages the work has."""
+        before, self._shown = self._shown, name
         try:
             yield
         finally:
-            self.jobs, self._shown = before
+            self._shown = before
 
     def check(self, seconds: float = 0.0) -> None:
         """Raise OutOfTimeError where the deadline has passed with no valid result yet.

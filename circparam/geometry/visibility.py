@@ -31,6 +31,8 @@ from circparam.mesh.surface import Surface
 
 GOLDEN = (1 + 5**0.5) / 2
 SMALL = 0.7  # pixels: faces whose longest edge is below that leave their centre only
+WIDE = 3  # pixels: others reach no further than that from a corner
+SPARSE = 0.25  # places a pixel, below which faces that hide none of them are left out
 FRAME = 2  # empty pixels round the picture
 SPACING = 8.0  # pixels between the places at which a long edge is looked at
 MOST = 8  # of them on one edge
@@ -42,8 +44,8 @@ AT_ONCE = 16_000
 ALL = slice(None)
 PARTS = 2  # of the directions of a reported share, which two processes may look along
 
-# corners (3, 3, l) of faces, centres (3, s) of small ones
-Scene: TypeAlias = tuple[FloatArray, FloatArray]
+# corners (3, 3, k) of wide faces, corners (3, 3, l) of others, centres (3, s) of small ones
+Scene: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 # (pixels²,) largest and smallest height in every pixel
 Buffers: TypeAlias = tuple[FloatArray, FloatArray]
 
@@ -92,24 +94,32 @@ def seen_shares(
     vectors = np.ascontiguousarray(
         np.concatenate([(places.point - centre) / pixel, normal, *places.normal.swapaxes(0, 1)]).T
     )
+    sparse = len(seen) < SPARSE * pixels * pixels
     for axis in axes(count // 2)[turn]:
         frame = _frame(axis)
+        looks = _looks(vectors, places.sheet, frame, pixels)
+        parts = scene
+        if sparse:
+            near = _near([look.pixel for look in looks], pixels)
+            parts = [_beside(scene, near, frame, pixels)]
         buffers = np.full(pixels * pixels, -np.inf), np.full(pixels * pixels, np.inf)
-        for part in scene:
+        for part in parts:
             _fill(buffers, part, frame, pixels)
-        seen += _looked_up(vectors, places.sheet, frame, buffers)
+        for look, buffer in zip(looks, buffers, strict=True):
+            seen[look.place] += look.sign * look.height >= look.sign * buffer[look.pixel]
     result: FloatArray = seen / (2 * (count // 2))
     return result
 
 
 def _scene(triangles: FloatArray) -> Scene:
-    """((3, 3, l) coordinates, corners of faces that cover pixels; (3, s) centres of those that are too small),
-    in pixels."""
+    """((3, 3, k), (3, 3, l) coordinates, corners of faces that cover pixels, of those with an edge longer than
+    WIDE and of others; (3, s) centres of those that are too small), in pixels."""
     corners = np.ascontiguousarray(triangles.transpose(2, 1, 0))
     edge = corners - corners[:, [1, 2, 0]]
     x, y, z = edge * edge
-    small = (x + y + z).max(0) < SMALL**2
-    return corners[:, :, ~small], corners[:, :, small].mean(1)
+    longest = (x + y + z).max(0)
+    small, wide = longest < SMALL**2, longest > WIDE**2
+    return corners[:, :, wide], corners[:, :, ~small & ~wide], corners[:, :, small].mean(1)
 
 
 def _frame(axis: FloatArray) -> FloatArray:
@@ -121,24 +131,55 @@ def _frame(axis: FloatArray) -> FloatArray:
 
 
 def _turned(p: FloatArray, frame: FloatArray) -> FloatArray:
-    """(3, ...) coordinates in a frame, of p (3, ...): rows of coordinates take a third of the time that columns
-    do. By hand: threads of a BLAS cost more than they gain here, and round."""
-    out = np.empty_like(p)
+    """(3, ...) coordinates in a frame, or those along some of its rows, of p (3, ...).
+
+    Rows of coordinates take a third of the time that columns do. By hand: threads of a BLAS cost more than they
+    gain here, and round.
+    """
+    out = np.empty((len(frame), *p.shape[1:]))
     for row, (x, y, z) in zip(out, frame, strict=True):
         row[...] = p[0] * x + p[1] * y + p[2] * z
     return out
 
 
+def _beside(scene: list[Scene], near: BoolArray, frame: FloatArray, pixels: int) -> Scene:
+    """The faces that may cover a pixel that anybody looks at.
+
+    near: (pixels²,) bool, pixels up to WIDE from those. frame: of the look.
+    """
+    faces = [
+        f[:, :, np.flatnonzero(near[_pixel(_turned(f[:, 0], frame[:2]), pixels)])]
+        for _, f, _ in scene
+    ]
+    wide, centres = [w for w, _, _ in scene], [c for _, _, c in scene]
+    return np.concatenate(wide, 2), np.concatenate(faces, 2), np.concatenate(centres, 1)
+
+
 def _fill(buffers: Buffers, scene: Scene, frame: FloatArray, pixels: int) -> None:
     """Raise the largest and lower the smallest height of every pixel that these faces cover."""
-    faces, centres = scene
-    if faces.size:
-        _fill_faces(buffers, _turned(faces, frame), pixels)
+    wide, faces, centres = scene
+    for part in (wide, faces):
+        if part.size:
+            _fill_faces(buffers, _turned(part, frame), pixels)
     if centres.size:
         p = _turned(centres, frame)
         at = _pixel(p, pixels)
         np.maximum.at(buffers[0], at, p[2])
         np.minimum.at(buffers[1], at, p[2])
+
+
+def _near(looked_at: list[IntArray], pixels: int) -> BoolArray:
+    """(pixels²,) bool: pixels no more than WIDE columns and rows from some."""
+    near = np.zeros((pixels, pixels), bool)
+    for some in looked_at:
+        near.ravel()[some] = True
+    for _ in range(2):
+        grown = near.copy()
+        for step in range(1, WIDE + 1):
+            grown[step:] |= near[:-step]
+            grown[:-step] |= near[step:]
+        near = np.ascontiguousarray(grown.T)
+    return near.ravel()
 
 
 def _fill_faces(buffers: Buffers, p: FloatArray, pixels: int) -> None:
@@ -182,25 +223,33 @@ def _pixel(p: FloatArray, pixels: int) -> IntArray:
     return result
 
 
-def _looked_up(
-    vectors: FloatArray, sheet: BoolArray, frame: FloatArray, buffers: Buffers
-) -> IntArray:
-    """(k,) from how many of both directions of an axis each place is seen: 0, 1 or 2.
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """Where places are looked up along one direction, sign times the axis. place: (l,) those that face it;
+    pixel, height: (l,)."""
+
+    sign: float
+    place: IntArray
+    pixel: IntArray
+    height: FloatArray
+
+
+def _looks(vectors: FloatArray, sheet: BoolArray, frame: FloatArray, pixels: int) -> list[_Look]:
+    """Where places are looked up along both directions of an axis.
 
     vectors: (3, 4k) places in pixels, their normals, those of both faces there.
     """
     k = len(sheet)
-    pixels = int(np.sqrt(len(buffers[0])))
     turned = _turned(vectors, frame)
     at, out, facing = turned[:, :k], turned[:, k : 2 * k], turned[2, 2 * k :].reshape(2, k)
-    seen = np.zeros(k, np.int64)
-    for sign, buffer in zip((1.0, -1.0), buffers, strict=True):
+    looks = []
+    for sign in (1.0, -1.0):
         front = np.flatnonzero(sheet | (sign * facing[0] > 0) | (sign * facing[1] > 0))
         step = out[:, front]
         step *= np.where(sheet[front] & (sign * step[2] < 0), -1.0, 1.0)
         p = at[:, front] + step
-        seen[front] += sign * p[2] >= sign * buffer[_pixel(p, pixels)]
-    return seen
+        looks.append(_Look(sign, front, _pixel(p, pixels), p[2]))
+    return looks
 
 
 def edge_shares(

@@ -1,7 +1,9 @@
-"""The stretch of an atlas held; of a few large charts beside merging on, which seldom finds any to merge."""
+"""Work begun before it is known that it is wanted: the level of a large surface, and the stretch of an atlas
+held; of a few large charts beside merging on, which seldom finds any to merge."""
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +13,10 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Later
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
 from circparam.seams import grown
+from circparam.seams.multires.decimate import decimating
+from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits, share_over
 
@@ -23,6 +28,22 @@ NEARBY, NEAR_FACES = 0.05, 4.0
 LOCAL = 8  # iterations of a step there
 # faces of such charts, above which no seam is added: a slit takes as long as to carry them, a split more yet
 MOST_SLIT = 5_000_000
+MOST_AHEAD = (
+    2_000_000  # faces of a surface whose level is begun ahead: that takes 600 bytes a face more
+)
+
+
+def level_ahead(
+    surface: Surface, options: SeamOptions, monitor: Monitor
+) -> AbstractContextManager[None]:
+    """Inside, the level of a large surface is being made, beside what tells how its charts are found.
+
+    Only where there is a core for it, and memory, and one piece: of several some may need no level.
+    """
+    large = grown.LEVEL_FACES < len(surface.faces) <= MOST_AHEAD and options.max_charts is None
+    if not large or monitor.jobs < 2 or surface.components[0] > 1:
+        return nullcontext()
+    return decimating(surface, grown.level_faces(surface))
 
 
 class StretchAhead:

@@ -14,7 +14,7 @@ from circparam.core.workers import PARTED, Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams.ahead import StretchAhead
+from circparam.seams.ahead import StretchAhead, level_ahead
 from circparam.seams.constraints import constrain
 from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
@@ -73,7 +73,8 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     limits, slits, splits = stretch_limits(bound, options)
     stretch = StretchAhead(limits, slits and mirror is None, splits, monitor)
     if mirror is None:
-        atlas = bounded_atlas(opened, bound, options, monitor, notes, stretch.begin)
+        with level_ahead(opened, options, monitor):
+            atlas = bounded_atlas(opened, bound, options, monitor, notes, stretch.begin)
     else:
         atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
     with monitor.stage("stretch"):

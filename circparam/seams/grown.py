@@ -39,9 +39,8 @@ from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
 from circparam.seams.segmentation.starts import LOOPS, cost_of
-from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.unions import MergeOptions
-from circparam.seams.stretch import stretch_limits
+from circparam.seams.stretch import best_held, held_level
 from circparam.solvers.newton import RelaxOptions
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
@@ -57,13 +56,15 @@ DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
+MOST_AHEAD = (
+    2_000_000  # faces of a surface whose level is begun ahead: that takes 600 bytes a face more
+)
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
 LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
 SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too
 BROKEN = 0.5  # of what the next best level costs, above which that is tried on the mesh too
 MOST_LOST = 0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
 UNEVEN = 1.3  # times the mean roughness: half of the charts have more, and pieces of those more yet
-LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 LOCAL = RelaxOptions(tolerance=1e-4, max_iterations=3, local=8)  # from a level on
 
 
@@ -216,7 +217,9 @@ def _decided(
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
     # workers that are opened for a small mesh come as its starts are about to end
-    proxy, alone = None, count <= ALONE
+    alone = count <= ALONE
+    prices = prices_beside(surface, options, monitor, now=not alone)
+    proxy = None
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
             target = how.target or proxy_faces(surface)
@@ -226,7 +229,8 @@ def _decided(
             most, starting = options.max_charts, Starting(alone, check=how.check)
             atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
             return Decided(atlas, graph)
-        prices = prices_beside(surface, proxy, options, monitor)
+        if prices is not None:
+            prices.proxy = proxy
         inner = 1 + (bound - 1) * (1 - SLACK)
         with monitor.holding(TRANSFER_COST * monitor.seconds.get("repair", 0.0), DECIDING):
             most = options.max_charts
@@ -251,6 +255,11 @@ def _carried(
         return Decided(transfer_to_fine(surface, graph, coarse, proxy), graph)
 
 
+def level_faces(surface: Surface) -> int:
+    """How many faces the level of a large surface should have."""
+    return max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO)
+
+
 def _from_level(
     surface: Surface,
     graph: DualGraph,
@@ -264,42 +273,60 @@ def _from_level(
     What the next best of that surface promised, and a half more, is what they may come to.
     """
     with monitor.stage("charts"):
-        level = decimate(surface, max(LEAST_LEVEL, len(surface.faces) // LEVEL_RATIO))
-    middle = with_prices(level.surface, options, monitor)
+        level = decimate(surface, level_faces(surface))
+    middle = level.surface
+    prices = prices_beside(middle, options, monitor)
     with monitor.stage("charts"):
         near = nearest_coarse_face(surface, level)
         rough = UNEVEN * roughness(surface, middle, near)
         lost = min(rough, MOST_LOST * (bound - 1))
+    if prices is not None:
+        middle = dataclasses.replace(middle, price=prices.result())
     inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
     rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
     with monitor.holding(rest, least=DECIDING):
-        targets = [proxy_faces(middle)]
-        if len(middle.faces) <= LEVEL_FACES:
-            targets += [int(k * targets[0]) for k in OTHER_PROXIES]
-        several = len(targets) > 1
-        tasks = [(middle, inner, options, k, k == targets[0], several) for k in targets]
-        tried = [Atlas(middle, *t) for t in worker.map(_level_atlas, tasks, monitor) if t]
-    cost = [cost_of(a) for a in tried]
-    order = np.argsort(cost, kind="stable").tolist()
+        tried = _levels(middle, inner, options, worker, monitor)
+        best, other = best_held(tried, inner, options, worker, monitor)
     with monitor.stage("carry"):
         # another surface would have areas, normals and all else of its own
         blind = surface if surface.price is None else dataclasses.replace(surface, price=None)
-        atlas = from_level(blind, graph, tried[order[0]], level, near)
-        if len(order) == 1:
+        atlas = from_level(blind, graph, best, level, near)
+        if other is None:
             return Decided(atlas, graph, LOCAL)
         # it may be never, and is late: what the surface has worked out is not kept for that
         bare = dataclasses.replace(surface, price=None)
-        plain = partial(_next_best, bare, tried[order[1]], level, near)
-        return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost[order[1]])
+        plain = partial(_next_best, bare, other, inner, options, level, near)
+        return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost_of(other))
+
+
+def _levels(
+    middle: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
+) -> list[Atlas]:
+    """Atlases of a level, decided on proxies of several sizes where it is not too large itself."""
+    targets = [proxy_faces(middle)]
+    if len(middle.faces) <= LEVEL_FACES:
+        targets += [int(k * targets[0]) for k in OTHER_PROXIES]
+    tasks = [(middle, bound, options, k, k == targets[0]) for k in targets]
+    # the caller takes the first, and what others have done with theirs sooner shares the rest of it
+    turn = -1 if monitor.jobs > 1 else 1
+    found = worker.map(_level_atlas, tasks[::turn], monitor)[::turn]
+    return [Atlas(middle, *t) for t in found if t]
 
 
 def _next_best(
-    surface: Surface, coarse: Atlas, level: Proxy, near: IntArray, monitor: Monitor
+    surface: Surface,
+    coarse: Atlas,
+    bound: float,
+    options: SeamOptions,
+    level: Proxy,
+    near: IntArray,
+    monitor: Monitor,
 ) -> Decided:
-    """As ``from_level``, with all that it takes made anew."""
+    """As ``from_level``, with the stretch of the level held first, and all that it takes made anew."""
+    held = Atlas(level.surface, *held_level(coarse, bound, options, True, monitor))
     with monitor.stage("carry"):
         graph = dual_graph(surface)
-        return Decided(from_level(surface, graph, coarse, level, near), graph, LOCAL)
+        return Decided(from_level(surface, graph, held, level, near), graph, LOCAL)
 
 
 def _level_atlas(
@@ -308,28 +335,16 @@ def _level_atlas(
     options: SeamOptions,
     target: int,
     needed: bool,
-    beside: bool,
     monitor: Monitor,
 ) -> tuple[BoolArray, FloatArray] | None:
-    """(cut, corners) of a level, decided on a proxy of so many faces; None where there is no time for it.
-
-    beside: whether the processes that could share the work make another one meanwhile. Its stretch is held more
-    strictly by weights, since the surface it stands for is rougher.
-    """
+    """(cut, corners) of a level, decided on a proxy of so many faces; None where there is no time for it."""
     if monitor.expired and not needed:
         return None
-    with monitor.alone("level", beside):
+    with monitor.shown_as("level"):
         atlas = grown_atlas(surface, bound, options, monitor, [], target)
         if options.min_chart_faces == 1:
             with monitor.stage("charts"):
                 merge_on(atlas, bound, MARGIN, monitor)
-        limits, slits, splits = stretch_limits(bound, options)
-        if not monitor.expired:
-            with monitor.stage("stretch"):
-                most = 1 + (limits.most - 1) * LEVEL_STRETCH
-                strict = dataclasses.replace(limits, most=most, allowed=limits.allowed / 2)
-                hold_stretch(atlas, strict, monitor, slits=False)
-                hold_stretch(atlas, limits, monitor, slits, splits)
     return atlas.cut, atlas.corners
 
 

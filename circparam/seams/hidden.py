@@ -29,10 +29,14 @@ def asked_beside(surface: Surface, strength: float, monitor: Monitor) -> FloatAr
 
 
 class PricesBeside:
-    """Prices of the edges of a proxy, by what is seen of its surface: found by an idle process, if any."""
+    """Prices of the edges of a surface by what is seen of it: found by an idle process, if any.
 
-    def __init__(self, surface: Surface, strength: float, proxy: Proxy, monitor: Monitor) -> None:
-        self._surface, self._proxy, self._monitor = surface, proxy, monitor
+    proxy: those of its edges are asked for, where there is one.
+    """
+
+    def __init__(self, surface: Surface, strength: float, monitor: Monitor) -> None:
+        self._surface, self._monitor = surface, monitor
+        self.proxy: Proxy | None = None
         # what a surface keeps beside its fields need not be sent
         task = (replace(surface), strength)
         self._later = Later(monitor.jobs, asked_beside, task, monitor)
@@ -42,10 +46,12 @@ class PricesBeside:
         self._later.begin()
 
     def result(self) -> FloatArray | None:
-        """(e,) the prices of the edges of the proxy."""
+        """(e,) the prices of the edges, of the proxy where there is one."""
         with self._monitor.stage("visibility"):
             fine = replace(self._surface, price=self._later.result())
-            return priced(self._proxy.surface, fine, self._proxy.cell).price
+            if self.proxy is None:
+                return fine.price
+            return priced(self.proxy.surface, fine, self.proxy.cell).price
 
 
 def hiding_prices(surface: Surface, strength: float) -> FloatArray:
@@ -82,9 +88,12 @@ def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:
 
 
 def prices_beside(
-    surface: Surface, proxy: Proxy, options: SeamOptions, monitor: Monitor
+    surface: Surface, options: SeamOptions, monitor: Monitor, now: bool = True
 ) -> PricesBeside | None:
-    """Prices of a proxy where the surface has none yet: seams move on the proxy alone."""
+    """Prices of a surface that has none yet, to be found beside what needs none. now: they are begun."""
     if not _wanted(surface, options, monitor):
         return None
-    return PricesBeside(surface, options.hide_seams or 0.0, proxy, monitor)
+    prices = PricesBeside(surface, options.hide_seams or 0.0, monitor)
+    if now:
+        prices.begin()
+    return prices

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.geometry.distortion import face_stretch
+from circparam.mesh.atlas import Atlas
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.weigh import Limits
+from circparam.seams.segmentation.starts import cost_of
+from circparam.seams.segmentation.tail import hold_stretch
+from circparam.seams.segmentation.weigh import Limits, share_over
 
 STRETCH = 2.0  # that all but a thousandth of the surface keep to where nothing else is asked for
 STRICT = 1.05  # bound up to which seams are added for that
+HARDLY_MORE = 1.1  # times: seams for the stretch add half of that to the cost of an atlas
+LEVEL_STRETCH = 0.85  # of the stretch in excess of 1 that a level may have, which is smoother
 
 
 def stretch_asked(most: float | None, bound: float) -> bool:
@@ -22,3 +33,51 @@ def stretch_limits(bound: float, options: SeamOptions) -> tuple[Limits, bool, bo
     asked = stretch_asked(options.max_stretch, options.max_distortion)
     free = asked and options.max_charts is None and options.min_chart_faces == 1
     return Limits(bound, options.max_stretch or STRETCH), asked, free
+
+
+def held_level(
+    atlas: Atlas, bound: float, options: SeamOptions, weigh: bool, monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """(cut, corners) of the atlas of a level with its stretch held, by seams where weights are not enough.
+
+    weigh: by weights more strictly than asked first, since the surface that it stands for is rougher.
+    """
+    out = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
+    if not monitor.expired:
+        limits, slits, splits = stretch_limits(bound, options)
+        with monitor.shown_as("level"), monitor.stage("stretch"):
+            if weigh:
+                hold_stretch(out, _stricter(limits), monitor, slits=False)
+            hold_stretch(out, limits, monitor, slits, splits)
+    return out.cut, out.corners
+
+
+def _stricter(limits: Limits) -> Limits:
+    most = 1 + (limits.most - 1) * LEVEL_STRETCH
+    return replace(limits, most=most, allowed=limits.allowed / 2)
+
+
+def best_held(
+    tried: list[Atlas], bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
+) -> tuple[Atlas, Atlas | None]:
+    """The cheapest atlas of a level once its stretch is held, and the next best, not held, if there is one.
+
+    Mostly weights hold it, and only the cheapest one is gone through. Where that takes seams and another costs
+    hardly more, both are.
+    """
+    first, *others = sorted(tried, key=cost_of)
+    best = Atlas(first.surface, first.cut, first.corners)
+    tasks = [(best, bound, options, True)]
+    if others and cost_of(others[0]) <= HARDLY_MORE * cost_of(first) and not monitor.expired:
+        limits, slits, _ = stretch_limits(bound, options)
+        with monitor.shown_as("level"), monitor.stage("stretch"):
+            hold_stretch(best, _stricter(limits), monitor, slits=False)
+            cut_mesh, uv = best.open()
+            left = float(share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most).sum())
+        tasks = [(best, bound, options, False)]
+        if slits and left > limits.enough:
+            tasks.append((others[0], bound, options, True))
+    held = [Atlas(first.surface, *one) for one in worker.map(held_level, tasks, monitor)]
+    if len(held) > 1 and cost_of(held[1]) < cost_of(held[0]):
+        return held[1], first
+    return held[0], others[0] if others else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 
 import numpy as np
@@ -58,3 +59,37 @@ def test_what_no_process_answers_is_done_here(
     monkeypatch.setattr(sys, "executable", program)
     again = collapse.collapsed(points, faces, 500)
     assert all(np.array_equal(a, b) for a, b in zip(here, again, strict=True))
+
+
+def test_a_thread_that_cannot_be_had_or_has_no_memory_leaves_the_work_here(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    points, faces = ball()
+    here = collapse.collapsed(points, faces, 500)
+    monkeypatch.setattr(collapse, "APART_FACES", 1000)
+    started: list[subprocess.Popen[bytes]] = []
+    popen = subprocess.Popen
+
+    def noted(*given: object, **rest: object) -> subprocess.Popen[bytes]:
+        started.append(popen(*given, **rest))  # type: ignore[call-overload]
+        return started[-1]
+
+    def refuse(*_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    class Short:
+        @staticmethod
+        def pack(*_: object) -> bytes:
+            raise MemoryError
+
+    monkeypatch.setattr(subprocess, "Popen", noted)
+    for where, what in (
+        ("circparam.geometry.collapse.threading.Thread.start", refuse),
+        ("circparam.geometry.collapse.SIZES", Short),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(where, what)
+            again = collapse.collapsed(points, faces, 500)
+        assert all(np.array_equal(a, b) for a, b in zip(here, again, strict=True))
+    assert len(started) == 2
+    assert all(process.poll() is not None for process in started)

@@ -165,6 +165,20 @@ def test_shares_do_not_depend_on_how_many_faces_are_drawn_at_once(
         np.testing.assert_array_equal(shares(channel(2, 16), 24, 64)[1], whole)
 
 
+@pytest.mark.parametrize(("refine", "pixels"), [(2, 64), (16, 64), (16, 256), (16, 24)])
+def test_faces_that_hide_nothing_asked_for_may_be_left_out(
+    monkeypatch: pytest.MonkeyPatch, refine: int, pixels: int
+) -> None:
+    """Of a few edges the shares are what they are among those of all, to the last digit."""
+    surface = surface_of(*channel(2, refine))
+    _, whole = shares(channel(2, refine), 24, pixels)
+    monkeypatch.setattr(visibility, "SPARSE", 1e9)
+    for step in (1, 7, 101):
+        few = np.arange(len(whole)) % step == 0
+        found = edge_shares(surface, 24, pixels, few)
+        np.testing.assert_array_equal(found, whole[few])
+
+
 def test_the_visible_share_is_weighted_by_length() -> None:
     surface = surface_of(*inner_shell())
     inner = np.linalg.norm(ends(surface), axis=2).max(1) < 0.7

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -17,7 +20,7 @@ from circparam.core.arrays import (
     stable_order,
 )
 from circparam.core.graph import components, nearest, undirected
-from circparam.geometry.collapse import collapsed
+from circparam.geometry.collapse import Collapse
 from circparam.mesh.cut_mesh import rest_triangles_of
 from circparam.mesh.halfedge import run_opposite, shared_edges, sort_by_edge
 from circparam.mesh.surface import Surface
@@ -68,6 +71,52 @@ def pair_edges(points: FloatArray, faces: IntArray) -> tuple[Surface, IntArray]:
     return surface, np.sort(ends, axis=1)
 
 
+class _Large:
+    """The components of a surface that are collapsed, on their way to about ``target`` faces in all.
+
+    used: (k,) their vertices. centre, size: where they lie; what is collapsed lies about the origin.
+    """
+
+    def __init__(self, surface: Surface, large: BoolArray, target: int) -> None:
+        points, faces = surface.vertex_points, surface.corner_vertex
+        self.target = target
+        self.used = sorted_distinct(faces[large])
+        local = np.full(len(points), -1)
+        local[self.used] = np.arange(len(self.used))
+        self.centre = points[self.used].mean(0)
+        self.size = float(np.abs(points[self.used] - self.centre).max())
+        unit = (points[self.used] - self.centre) / self.size
+        number = len(sorted_distinct(surface.components[1][large]))
+        share = max(int(target * large.mean()), 4 * number)
+        simple = local[faces[large]].astype(np.int32)
+        self.collapse = Collapse(unit, simple, min(share, int(large.sum())))
+
+
+_ahead: WeakKeyDictionary[Surface, _Large] = WeakKeyDictionary()  # begun, and not asked for yet
+
+
+@contextmanager
+def decimating(surface: Surface, target: int) -> Iterator[None]:
+    """Inside, a process makes what ``decimate`` of this surface and target takes longest for, of large ones."""
+    large = _large(surface)
+    if large.any():
+        _ahead[surface] = _Large(surface, large, target)
+        _ahead[surface].collapse.begin()
+    try:
+        yield
+    finally:
+        left = _ahead.pop(surface, None)
+        if left is not None:
+            left.collapse.stop()
+
+
+def _large(surface: Surface) -> BoolArray:
+    """(m,) bool: faces of components that are collapsed."""
+    _, component = surface.components
+    result: BoolArray = (np.bincount(component) > SMALL_COMPONENT)[component]
+    return result
+
+
 def decimate(surface: Surface, target: int) -> Proxy:
     """A proxy of about ``target`` faces by quadric error (Garland and Heckbert 1997).
 
@@ -77,26 +126,25 @@ def decimate(surface: Surface, target: int) -> Proxy:
     points, faces = surface.vertex_points, surface.corner_vertex
     n = len(points)
     _, component = surface.components
-    large = np.bincount(component)[component] > SMALL_COMPONENT
+    large = _large(surface)
     root = np.arange(n)
     position = points.copy()
     if large.any():
-        used = sorted_distinct(faces[large])
-        local = np.full(n, -1)
-        local[used] = np.arange(len(used))
-        centre = points[used].mean(0)
-        size = float(np.abs(points[used] - centre).max())
-        unit = (points[used] - centre) / size
-        share = max(int(target * large.mean()), 4 * len(sorted_distinct(component[large])))
-        simple = local[faces[large]].astype(np.int32)
-        moved, into = collapsed(unit, simple, min(share, int(large.sum())))
+        begun = _ahead.get(surface)
+        if begun is None or begun.target != target:
+            begun = _Large(surface, large, target)
+        used = begun.used
+        moved, into = begun.collapse.result()
+        if begun is _ahead.get(surface):
+            del _ahead[surface]
         # each coarse vertex is named by the first fine vertex that went into it
         order = stable_order(into)
         first = used[order[first_of_runs(into[order])]]
         found = np.zeros(len(moved), bool)
         found[into] = True
         root[used] = first[(np.cumsum(found) - 1)[into]]
-        position[first] = moved[into[order[first_of_runs(into[order])]]] * size + centre
+        place = moved[into[order[first_of_runs(into[order])]]]
+        position[first] = place * begun.size + begun.centre
     coarse = root[faces]
     alive = (
         (coarse[:, 0] != coarse[:, 1])

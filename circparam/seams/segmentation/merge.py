@@ -67,8 +67,6 @@ class Merger:
         self.atlas = atlas
         self.worker = worker  # lays unions out
         self.options = options
-        # no union has to look for an order of elimination of its own
-        self.ranks = elimination_ranks(atlas.surface)
         self.fixed = fixed  # (e,) bool: seams that must stay
         self.tried = np.zeros(0, np.uint64)
         self.lower_bound = np.zeros(len(atlas.cut))  # (e,) see _charge
@@ -156,7 +154,7 @@ class Merger:
 
     def _looked_at(self, arcs: Arcs, glues: Glues, ask: IntArray) -> BoolArray:
         """(k,) bool: of those candidates, the ones that a first look leaves; the others have been tried."""
-        unions = side_by_side(self.atlas, arcs, glues, ask, self.ranks)
+        unions = side_by_side(self.atlas, arcs, glues, ask, elimination_ranks(self.atlas.surface))
         good, dear, crossed = first_look(unions, self.room)
         good &= ~not_disks(unions.cut_mesh)
         self.looked_at = np.union1d(self.looked_at, glues.key[ask[good]])
@@ -301,7 +299,9 @@ class Merger:
             cut_mesh, fid = c.surface.part_cut_mesh(cut, label >= 0, label)
             bad = not_disks(cut_mesh)
             if not bad.any():
-                eliminate_as(cut_mesh, self.ranks, c.surface.corner_vertex[fid])
+                # no union has to look for an order of elimination of its own
+                ranks = elimination_ranks(c.surface)
+                eliminate_as(cut_mesh, ranks, c.surface.corner_vertex[fid])
                 break
             self.tally["topology"] += int(bad.sum())
             chosen = chosen[~bad]
