@@ -15,6 +15,7 @@ from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams import grown
+from circparam.seams.finish import LEVEL_FACES
 from circparam.seams.multires.decimate import decimating
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.tail import hold_stretch
@@ -40,7 +41,7 @@ def level_ahead(
 
     Only where there is a core for it, and memory, and one piece: of several some may need no level.
     """
-    large = grown.LEVEL_FACES < len(surface.faces) <= MOST_AHEAD and options.max_charts is None
+    large = LEVEL_FACES < len(surface.faces) <= MOST_AHEAD and options.max_charts is None
     if not large or monitor.jobs < 2 or surface.components[0] > 1:
         return nullcontext()
     return decimating(surface, grown.level_faces(surface))
@@ -91,7 +92,7 @@ def hold_all(
     atlas: Atlas, limits: Limits, monitor: Monitor, slits: bool = True, splits: bool = True
 ) -> None:
     """As ``hold_stretch``; of large surfaces only the few charts with most of the tail are gone through."""
-    if len(atlas.surface.faces) <= grown.LEVEL_FACES:
+    if len(atlas.surface.faces) <= LEVEL_FACES:
         hold_stretch(atlas, limits, monitor, slits, splits)
         return
     cut_mesh, uv = atlas.open()

@@ -18,7 +18,8 @@ from circparam.seams.ahead import StretchAhead, level_ahead
 from circparam.seams.constraints import constrain
 from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
-from circparam.seams.grown import LEVEL_FACES, MARGIN, REGROUP_FACES, finish, grown_atlas
+from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
+from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import take_better, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness

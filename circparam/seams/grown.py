@@ -11,12 +11,12 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Later, Worker, in_parts
+from circparam.core.workers import PARTED, Later, Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
-from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.decided import Decided, beside
+from circparam.seams.finish import LEVEL_FACES, MARGIN, finish, plain_finished
 from circparam.seams.hidden import prices_beside, with_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
@@ -25,7 +25,6 @@ from circparam.seams.multires.transfer import from_level, transfer_to_fine
 from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import (
-    ANY_BOUND,
     Starting,
     better_in_all,
     decide,
@@ -34,27 +33,20 @@ from circparam.seams.segmentation.decide import (
     merged_on,
     nearly_flat_components,
 )
-from circparam.seams.segmentation.enforce import FINAL, below, breaks_up, enforce, relaxed_layouts
-from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks
-from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.enforce import breaks_up
+from circparam.seams.segmentation.grow import DualGraph, dual_graph
 from circparam.seams.segmentation.starts import LOOPS, cost_of
-from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.stretch import best_held, held_level
 from circparam.solvers.newton import RelaxOptions
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SHARED_FACES = 500  # from this size on starts are shared with other processes
-REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 ALONE = 20_000  # faces of a mesh up to which starts merge in one system
-REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
-MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
-LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 MOST_AHEAD = (
     2_000_000  # faces of a surface whose level is begun ahead: that takes 600 bytes a face more
@@ -128,63 +120,6 @@ def grown_atlas(
     for one, now in zip((plain, merged), done, strict=True):
         one.cut, one.corners, one.merged_on = now
     return merged if better_in_all(merged, plain) else plain
-
-
-def plain_finished(
-    make: Callable[[Monitor], Decided], bound: float, options: SeamOptions, monitor: Monitor
-) -> tuple[BoolArray, FloatArray]:
-    """(cut, corners) of what ``Decided.plain`` makes, finished."""
-    decided = make(monitor)
-    finish(decided, bound, options, Worker(monitor.jobs), monitor, [])
-    return decided.atlas.cut, decided.atlas.corners
-
-
-def finish(
-    decided: Decided,
-    bound: float,
-    options: SeamOptions,
-    worker: Worker,
-    monitor: Monitor,
-    notes: list[str],
-) -> None:
-    """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
-    atlas = decided.atlas
-    if decided.relaxing.local is not None:
-        # handles that only the mesh has, as those of noise: a loop each, where halves would go right across
-        genus = genus_of(atlas.cut_mesh())
-        if genus.any():
-            atlas.cut |= cut_handles(atlas.surface, atlas.cut, genus > 0, monitor)
-    make_disks(atlas, decided.graph)
-    with monitor.stage("enforce"):
-        count, chart = atlas.charts()
-        # where the number of charts counts more than the bound, only what overlaps is split
-        to_bound = bound if options.max_charts is None else ANY_BOUND
-        parts = in_parts(chart)
-        tasks = ((atlas.apart(faces), to_bound, decided.relaxing) for faces in parts)
-        for faces, moved in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
-            atlas.take(faces, *moved)
-        if atlas.charts()[0] > count:
-            regroup(atlas, bound, worker, monitor)
-    if options.min_chart_faces > 1:
-        with monitor.stage("charts"):
-            merging, least = MergeOptions(bound, margin=MARGIN / 2), options.min_chart_faces
-            notes += small_note(absorb(atlas, merging, least, monitor), least)
-
-
-def settle_part(
-    atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor
-) -> tuple[BoolArray, FloatArray]:
-    """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back."""
-    with monitor.stage("relax"):
-        layouts = relaxed_layouts(atlas, options, monitor)
-        steps = FINAL
-        if options.local is not None:  # what a level has decided need not be relaxed to the end
-            layouts = below(atlas, layouts, bound, monitor)
-            steps = dataclasses.replace(FINAL, bound=bound)
-    if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
-        return atlas.cut, atlas.corners
-    enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
-    return atlas.cut, atlas.corners
 
 
 class _How(NamedTuple):
@@ -346,20 +281,3 @@ def _level_atlas(
             with monitor.stage("charts"):
                 merge_on(atlas, bound, MARGIN, monitor)
     return atlas.cut, atlas.corners
-
-
-def regroup(atlas: Atlas, bound: float, worker: Worker, monitor: Monitor) -> None:
-    """Merge the pieces that enforcing left with their neighbours where that is good again."""
-    if len(atlas.surface.faces) > LEVEL_FACES:
-        # charts that are too large for any union need not be gone through
-        chart = atlas.charts()[1]
-        few = (np.bincount(chart) < REGROUP_FACES)[chart]
-        if few.mean() < 0.5:
-            part = atlas.part(few)
-            if few.any():
-                regroup(part, bound, worker, monitor)
-                atlas.put(few, part)
-            return
-    fixed = np.zeros(len(atlas.cut), bool)
-    options = MergeOptions(bound, margin=MARGIN / 2, rounds=REGROUPINGS, faces=REGROUP_FACES)
-    Merger(atlas, options, fixed, worker).run(monitor)

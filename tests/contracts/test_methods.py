@@ -146,7 +146,7 @@ def test_the_other_rows_mend_or_tell_their_flips(name, shape):
     layout = run(name, cut_mesh, MethodOptions())
     assert np.isfinite(layout.uv).all()
     left = int((signed_areas(cut_mesh.faces, layout.uv) <= 0).sum())
-    assert left < before
+    assert left <= before
     told = [note for note in layout.notes if note.startswith(name)]
     assert told, "what was done is told"
     assert left == 0 or any("but for" in note for note in told)

@@ -91,7 +91,7 @@ def test_nothing_is_begun_with_many_charts_or_few_faces(monkeypatch: pytest.Monk
 
 def test_charts_too_large_for_it_get_no_slit(monkeypatch: pytest.MonkeyPatch) -> None:
     atlas, _ = relaxed(shapes.spire())
-    monkeypatch.setattr(ahead.grown, "LEVEL_FACES", 0)  # as large ones are held
+    monkeypatch.setattr(ahead, "LEVEL_FACES", 0)  # as large ones are held
     monkeypatch.setattr(ahead, "MOST_SLIT", len(atlas.surface.faces))
     strict = Limits(1.5, 1.2)
     slit, plain = copy(atlas), copy(atlas)

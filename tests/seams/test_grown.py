@@ -15,7 +15,7 @@ from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams import SEAMS, grown
+from circparam.seams import SEAMS, ahead, finish, grown
 from circparam.seams import charts as module
 from circparam.seams.decided import Decided
 from circparam.seams.multires.transfer import from_level
@@ -34,7 +34,8 @@ BOUND = 1.05
 def small_levels(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Surfaces above 6000 faces go through a level of 4000; the sizes of all that were decided on one."""
     monkeypatch.setattr(module, "LEVEL_FACES", 6_000)
-    monkeypatch.setattr(grown, "LEVEL_FACES", 6_000)
+    for one in (grown, ahead, finish):
+        monkeypatch.setattr(one, "LEVEL_FACES", 6_000)
     monkeypatch.setattr(grown, "LEAST_LEVEL", 4_000)
     sizes: list[int] = []
     level_atlas = grown._level_atlas
@@ -84,7 +85,7 @@ def test_a_level_whose_charts_break_gives_way_to_the_next(
     surface = surface_of(*(shapes.join(shape, (sheet[0] + 3.0, sheet[1])) if flat else shape))
     carried: list[Atlas] = []
     levels: list[float] = []
-    finish, from_level = grown.finish, grown.from_level
+    finished, from_level = grown.finish, grown.from_level
 
     def brought(*given: object) -> Atlas:
         levels.append(grown.cost_of(given[2]))  # type: ignore[arg-type]
@@ -93,14 +94,15 @@ def test_a_level_whose_charts_break_gives_way_to_the_next(
     monkeypatch.setattr(grown, "from_level", brought)
 
     def noted(decided: Decided, *rest: object) -> None:
-        finish(decided, *rest)  # type: ignore[arg-type]
+        finished(decided, *rest)  # type: ignore[arg-type]
         if len(decided.atlas.surface.faces) > 6_000:
             carried.append(decided.atlas)
             if broken and len(carried) == 1:
                 inside = decided.atlas.surface.edges[:, 0] < 3 * len(shape[1])
                 decided.atlas.cut[inside] = True
 
-    monkeypatch.setattr(grown, "finish", noted)
+    for one in (grown, finish):
+        monkeypatch.setattr(one, "finish", noted)
     atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
     assert np.array_equal(atlas.cut, carried[-1].cut)
     assert len(carried) == len(levels) == (2 if broken else 1)
@@ -209,12 +211,12 @@ def test_handles_that_only_the_mesh_has_cost_a_loop_each(monkeypatch: pytest.Mon
     """The chart stays whole: halves, and halves of those, would be seams right across it."""
     surface = surface_of(*shapes.handles(2, 3))
     graph = dual_graph(surface)
-    monkeypatch.setattr(grown, "settle_part", lambda atlas, *_: (atlas.cut, atlas.corners))
+    monkeypatch.setattr(finish, "settle_part", lambda atlas, *_: (atlas.cut, atlas.corners))
     made = {}
-    for steps in (grown.LOCAL, grown.FINAL):
+    for steps in (grown.LOCAL, finish.FINAL):
         atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
         decided = Decided(atlas, graph, steps)
-        grown.finish(decided, 1e6, SeamOptions(), Worker(1), Monitor(), [])
+        finish.finish(decided, 1e6, SeamOptions(), Worker(1), Monitor(), [])
         assert not not_disks(atlas.cut_mesh()).any()
         made[steps.local is not None] = atlas
     assert made[True].charts()[0] == 1
@@ -236,14 +238,15 @@ def test_charts_not_merged_on_are_gone_back_to_where_merged_ones_are_split_on_th
         made.append(plain)
         return Decided(plain, decided.graph)
 
-    def finish(decided: Decided, *_: object) -> None:
+    def noted(decided: Decided, *_: object) -> None:
         finished.append(decided.atlas)
         if split and decided.atlas is merged:
             decided.atlas.cut = np.ones(len(surface.edges), bool)
 
     decided = Decided(merged, grown.dual_graph(surface), plain=again)
     monkeypatch.setattr(grown, "_decided", lambda *_: decided)
-    monkeypatch.setattr(grown, "finish", finish)
+    for one in (grown, finish):
+        monkeypatch.setattr(one, "finish", noted)
     monkeypatch.setattr(grown, "merge_on_once", lambda a, *_: (a.cut, a.corners, True))
     atlas = grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(), [])
     assert finished == ([merged, plain] if split else [merged])

@@ -16,7 +16,7 @@ from circparam.geometry.boundary import boundary_of
 from circparam.geometry.intersect import nearby
 from circparam.mesh.halfedge import shared_edges
 from circparam.mesh.mesh import UVMap
-from circparam.seams.grown import MARGIN
+from circparam.seams.finish import MARGIN
 from tests.support.formats_tools import corpus_files
 
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))

@@ -10,8 +10,7 @@ from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
-from circparam.seams.grown import FINAL
-from circparam.seams.segmentation.enforce import enforce
+from circparam.seams.segmentation.enforce import FINAL, enforce
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.overlap_cut import split_layers
