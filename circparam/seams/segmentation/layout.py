@@ -6,15 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circparam.core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    group_count,
-    group_max,
-    group_min,
-    group_sum,
-)
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_min, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
 from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
@@ -29,14 +21,11 @@ from circparam.solvers.poisson import from_jacobians
 from circparam.solvers.region import cut_out, grow
 from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
-from circparam.solvers.untangle import flipped, untangle
+from circparam.solvers.untangle import untangle
 
 UNTANGLE = 12
 HOT, HOT_RINGS = 3.0, 3  # energy of a face, and rings round it that are relaxed before the chart
 COOLING = RelaxOptions(tolerance=1e-3, max_iterations=25)
-# share of the faces of a chart, and number of them, that are flipped where it is embedded anew instead of being
-# untangled, which takes half a second for 100 of 500; larger charts are far from a circle
-TANGLED, FEW, SMALL = 0.1, 16, 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +159,7 @@ def lay_out_part(
         uv = uv.copy()
         uv[cut_mesh.faces[alone]] = cut_mesh.rest_triangles[alone]
     bad = ~np.isfinite(chart_energies(cut_mesh, uv))
-    wild = bad & (_wild(cut_mesh, uv) | _tangled(cut_mesh, uv))
+    wild = bad & _wild(cut_mesh, uv)
     bad &= ~wild
     if wild.any():
         uv = uv.copy()
@@ -205,14 +194,6 @@ def _cooled(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     out = uv.copy()
     out[source[~fixed]] = relax(part, uv[source], replace(COOLING, fixed=fixed)).uv[~fixed]
     return out
-
-
-def _tangled(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
-    """(n,) bool: so many faces of the chart, which is small, are flipped that nothing is left of its layout."""
-    faces = group_count(cut_mesh.chart, cut_mesh.n_charts)
-    flips = group_count(cut_mesh.chart[flipped(cut_mesh.faces, uv)], cut_mesh.n_charts)
-    result: BoolArray = (flips > np.maximum(TANGLED * faces, FEW)) & (faces <= SMALL)
-    return result
 
 
 def _wild(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:

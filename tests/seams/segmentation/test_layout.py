@@ -5,21 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
-from circparam.seams.segmentation import layout
 from circparam.seams.segmentation.layout import (
     ChartLayouts,
     chart_parts,
     judge,
     lay_out_again,
     lay_out_fresh,
-    lay_out_sound,
 )
 from circparam.seams.segmentation.shorten_seams import shorten_seams
 from circparam.solvers.newton import RelaxOptions
-from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import (
     as_it_lies,
@@ -202,31 +198,3 @@ def test_charts_whose_jacobians_are_of_no_use_are_embedded_anew(spoilt: list[boo
     laid = lay_out_again(atlas, before, FINE)
     assert laid.energy == pytest.approx([1.0, 1.0], abs=1e-3)
     assert not laid.overlapping.any()
-
-
-@pytest.mark.parametrize(("sheets", "folded"), [((20, 12), 0.3), ((40, 30), 0.3), ((20, 12), 0.04)])
-def test_what_hangs_over_in_a_tenth_of_a_small_chart_is_embedded_anew(
-    sheets: tuple[int, int], folded: float, monkeypatch
-) -> None:
-    """Two sheets, of which one is folded over along a line: a large one, or a narrow fold, is untangled."""
-    asked = []
-
-    def untangled(cut_mesh, uv, *_: object, **__: object):
-        asked.append(cut_mesh.n_charts)
-        return untangle(cut_mesh, uv)
-
-    untangle = layout.untangle
-    monkeypatch.setattr(layout, "untangle", untangled)
-    atlas = as_it_lies(uncut(*shapes.row_of(shapes.grid(*sheets), 2)))
-    cut_mesh = atlas.cut_mesh()
-    uv = atlas.gather(cut_mesh)
-    second = cut_mesh.vertex_chart == 1
-    line = uv[second, 0].max() - folded * np.ptp(uv[second, 0])
-    over = second & (uv[:, 0] > line)
-    bent = np.where(over[:, None], [2 * line, 0] + uv * [-1, 1], uv)
-    flips = ~(np.isfinite(chart_energies(cut_mesh, bent)))
-    assert flips.tolist() == [False, True]
-    found = lay_out_sound(cut_mesh, bent, FINE, Monitor())
-    assert chart_energies(cut_mesh, found) == pytest.approx([1, 1], abs=1e-6)
-    assert np.abs(found[~second] - uv[~second]).max() < 1e-9
-    assert asked == ([] if folded > 0.1 and len(cut_mesh.faces) // 2 <= layout.SMALL else [1])
