@@ -41,10 +41,6 @@ from circparam.pipeline.cut_plan import (
 )
 from circparam.pipeline.pieces import Carver, Cut, Ground, Halves, Knife
 
-TURNS = (
-    2  # parts of what is looked at on a level, at least; more of them know less of the best so far
-)
-
 
 @dataclass(frozen=True, eq=False)
 class Planner:
@@ -108,25 +104,23 @@ class Planner:
 
     def _ranked(self, plans: list[Plan], best: float) -> list[list[_Trial]]:
         """The chords of each plan that are tried, those that sketches rank first at the head."""
-        turns = []
-        for number, plan in enumerate(plans):
-            trials = self._trials(plan, best)
-            parts = -(-TURNS // len(plans))
-            turns += [(number, trials[k::parts]) for k in range(min(parts, len(trials)))]
-        share = self.budget.left / max(len(turns), 1)
-        tasks = [(self._look(plans[k], trials), share) for k, trials in turns]
+        # those of one plan in one go: in two turns, each with its own best so far, other cuts are found
+        # (tower_holes 0.65 to 0.58 of the page) in nine tenths of the time
+        trials_of = [self._trials(plan, best) for plan in plans]
+        share = self.budget.left / len(plans)
+        tasks = [(self._look(p, t), share) for p, t in zip(plans, trials_of, strict=True)]
         done = Worker(self.monitor.jobs).map(looked_at, tasks, self.monitor)
         ranked: list[list[tuple[float, float, _Trial]]] = [[] for _ in plans]
-        for (k, trials), (look, _), (sides, sketches, spent) in zip(
-            turns, tasks, done, strict=True
+        for queue, plan, trials, (look, _), (sides, sketches, spent) in zip(
+            ranked, plans, trials_of, tasks, done, strict=True
         ):
             self.budget.spend(spent)
             for halves, found in zip(look.halves, sketches, strict=True):
                 halves.found = found
             for trial, side in zip(trials, sides, strict=False):
                 if side is not None:
-                    value = value_of(side, plans[k].length + ZIGZAG * trial.length)
-                    ranked[k].append((-value, -trial.promise, trial))
+                    value = value_of(side, plan.length + ZIGZAG * trial.length)
+                    queue.append((-value, -trial.promise, trial))
         return [
             [t for *_, t in sorted(queue, key=lambda w: w[:2])][: self.effort(plan).tried]
             for queue, plan in zip(ranked, plans, strict=True)
