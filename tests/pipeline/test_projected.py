@@ -110,7 +110,7 @@ class Clock:
         "circparam.seams.grown.decide",
         "circparam.seams.grown.dual_graph",
         "circparam.seams.segmentation.starts.split_charts",
-        "circparam.seams.grown.relaxed_layouts",
+        "circparam.seams.finish.relaxed_layouts",
         "circparam.seams.ahead.hold_stretch",
         "circparam.pipeline.flatten.rules",
         "circparam.pipeline.stored_fit.place",
