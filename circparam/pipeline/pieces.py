@@ -174,12 +174,6 @@ class Carver:
         """Some charts as they are; those without an outline are left out, all where one is a sliver."""
         return self.knife.pieces(Opened(self.atlas, self.cut_mesh, self.uv), charts)
 
-    def size(self, piece: Piece) -> int:
-        """The faces of a piece."""
-        if piece.ground is not None:
-            return len(piece.ground.faces)
-        return int((self.cut_mesh.chart == piece.outline.chart).sum())
-
     def halves(self, piece: Piece, k: int) -> Halves:
         """Both parts of a piece that is cut straight along its chord k."""
         if k not in piece.halves:

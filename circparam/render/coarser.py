@@ -1,7 +1,7 @@
 """Fewer faces for a page: what a screen does not tell apart is drawn once.
 
 By clustering of vertices (Rossignac and Borrel 1993), in the layout: there charts lie apart, however thin the
-surface is. A million and a half faces would make a page of 13 MB that opens in four seconds.
+surface is. A million and a half faces would make a page of 13 MB that takes seconds to open.
 """
 
 from __future__ import annotations
@@ -10,7 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_count,
+    group_sum,
+)
 from circparam.core.graph import components
 from circparam.mesh.weld import first_duplicates
 from circparam.render.scene import Scene
@@ -69,7 +76,7 @@ def _representatives(scene: Scene, most: int) -> IntArray:
     middle /= group_count(label, count)[:, None]
     away = ((scene.uv - middle[label]) ** 2).sum(1)
     nearest = np.lexsort((away, label))
-    first = nearest[np.r_[True, label[nearest][1:] != label[nearest][:-1]]]
+    first: IntArray = nearest[first_of_runs(label[nearest])]
     return first[label]
 
 

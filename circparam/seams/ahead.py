@@ -29,9 +29,8 @@ NEARBY, NEAR_FACES = 0.05, 4.0
 LOCAL = 8  # iterations of a step there
 # faces of such charts, above which no seam is added: a slit takes as long as to carry them, a split more yet
 MOST_SLIT = 5_000_000
-MOST_AHEAD = (
-    2_000_000  # faces of a surface whose level is begun ahead: that takes 600 bytes a face more
-)
+# faces of a surface whose level is begun ahead: that takes 600 bytes a face more
+MOST_AHEAD = 2_000_000
 
 
 def level_ahead(

@@ -48,9 +48,6 @@ TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
 SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave for the fine mesh
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
-MOST_AHEAD = (
-    2_000_000  # faces of a surface whose level is begun ahead: that takes 600 bytes a face more
-)
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
 LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
 SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 
 from circparam.geometry import collapse
 from tests.support import shapes
+from tests.support.processes import noted_processes
 
 
 def ball() -> tuple[np.ndarray, np.ndarray]:
@@ -67,12 +67,7 @@ def test_a_thread_that_cannot_be_had_or_has_no_memory_leaves_the_work_here(
     points, faces = ball()
     here = collapse.collapsed(points, faces, 500)
     monkeypatch.setattr(collapse, "APART_FACES", 1000)
-    started: list[subprocess.Popen[bytes]] = []
-    popen = subprocess.Popen
-
-    def noted(*given: object, **rest: object) -> subprocess.Popen[bytes]:
-        started.append(popen(*given, **rest))  # type: ignore[call-overload]
-        return started[-1]
+    started = noted_processes(monkeypatch)
 
     def refuse(*_: object) -> None:
         raise RuntimeError("can't start new thread")
@@ -82,7 +77,6 @@ def test_a_thread_that_cannot_be_had_or_has_no_memory_leaves_the_work_here(
         def pack(*_: object) -> bytes:
             raise MemoryError
 
-    monkeypatch.setattr(subprocess, "Popen", noted)
     for where, what in (
         ("circparam.geometry.collapse.threading.Thread.start", refuse),
         ("circparam.geometry.collapse.SIZES", Short),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-
 import numpy as np
 import pytest
 
@@ -14,6 +12,7 @@ from circparam.seams.multires import decimate as module
 from circparam.seams.multires.decimate import decimate, decimating, pair_edges
 from tests.support import shapes
 from tests.support.atlases import surface_of
+from tests.support.processes import noted_processes
 
 
 def test_the_proxy_keeps_the_genus_and_maps_every_vertex() -> None:
@@ -138,14 +137,7 @@ def test_what_was_begun_ahead_is_the_same_and_is_not_done_twice(
 def test_what_nobody_asked_for_ends_with_its_process(monkeypatch: pytest.MonkeyPatch) -> None:
     surface = surface_of(*shapes.torus(60, 30))
     monkeypatch.setattr(collapse, "APART_FACES", 1000)
-    started: list[subprocess.Popen[bytes]] = []
-    popen = subprocess.Popen
-
-    def noted(*given: object, **rest: object) -> subprocess.Popen[bytes]:
-        started.append(popen(*given, **rest))  # type: ignore[call-overload]
-        return started[-1]
-
-    monkeypatch.setattr(subprocess, "Popen", noted)
+    started = noted_processes(monkeypatch)
     with decimating(surface, 600):
         other = decimate(surface, 400)
     assert 300 < len(other.surface.faces) < 450

@@ -1,0 +1,20 @@
+"""Processes that a test has started."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+
+def noted_processes(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
+    """A list to which every process is added that is started from now on."""
+    started: list[subprocess.Popen[bytes]] = []
+    popen = subprocess.Popen
+
+    def noted(*given: object, **rest: object) -> subprocess.Popen[bytes]:
+        started.append(popen(*given, **rest))  # type: ignore[call-overload]
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", noted)
+    return started
