@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge
-from circparam.core.graph import nearest
+from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge, stable_order
+from circparam.core.graph import components, nearest
 from circparam.geometry.distortion import best_chart_scales, chart_distortion
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
@@ -72,12 +72,31 @@ def cut_along(whole: Opened, chord: Chord, costs: FloatArray, limits: Limits) ->
         if path is None or np.array_equal(path, tried):
             continue
         tried = path
-        cut = atlas.cut.copy()
-        cut[path] = True
-        after = _kept(Atlas(atlas.surface, cut, atlas.corners, atlas.prices), path, chord, limits)
-        if after is not None:
-            return after
+        for way in _ways(whole.cut_mesh, atlas.surface.edges[path, 0], path):
+            cut = atlas.cut.copy()
+            cut[way] = True
+            after = _kept(
+                Atlas(atlas.surface, cut, atlas.corners, atlas.prices), way, chord, limits
+            )
+            if after is not None:
+                return after
     return None
+
+
+def _ways(cut_mesh: CutMesh, h: IntArray, path: IntArray) -> list[IntArray]:
+    """A path (edges, with a half-edge h of each), and where it touches the boundary on its way the parts
+    between: where charts are narrow all of it would tear off fragments."""
+    flat = cut_mesh.faces.ravel()
+    a, b = flat[h], flat[next_half_edge(h)]
+    rim = np.zeros(cut_mesh.n_vertices, bool)
+    rim[flat[cut_mesh.boundary]] = True
+    k = len(path)
+    at = np.concatenate([a, b])
+    inner = np.flatnonzero(~rim[at])  # edges that share such a vertex belong together
+    inner = inner[stable_order(at[inner])]
+    same = at[inner[1:]] == at[inner[:-1]]
+    count, part = components(k, inner[:-1][same] % k, inner[1:][same] % k)
+    return [path] if count == 1 else [path, *(path[part == c] for c in range(count))]
 
 
 def _path(whole: Opened, chord: Chord, costs: FloatArray, ends: float) -> IntArray | None:

@@ -5,7 +5,8 @@ and seams and boundaries of length L, in roots of the area, have L √s R texels
 and mip maps bleed. **A cut is worth it where texels grow by 0.4 of the percentage by which seams do, at
 least** (``RATE`` in ``cut_plan``), as sketches of the page see it. They see it in steps of a cell, 4 % of what
 is covered, and so late; what they rank highest is packed, beside the page without cuts where that may be as
-good, and the best is kept. The search has a budget of work (``WORK``), which is counted and not timed.
+good, and the best is kept. The search has a budget of work (``WORK``), which is counted and not timed. Of more
+charts than a sketch shows well arms are cut off as their boxes tell (``sprawl``), and that one page is packed.
 A mesh that needs no seam gets none, and all cuts together make the seams no longer than ``LIMIT`` allows.
 """
 
@@ -48,6 +49,7 @@ from circparam.pipeline.cut_search import Planner
 from circparam.pipeline.options import Options
 from circparam.pipeline.pieces import Carver, Knife
 from circparam.pipeline.place import chart_signs, sized
+from circparam.pipeline.sprawl import Trimmer
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits as StretchLimits
 from circparam.seams.segmentation.weigh import share_over
@@ -62,7 +64,14 @@ ENOUGH_OF_MANY, FEW, LARGE = 0.66, 12, 100_000
 NEARLY, SURE = 0.86, 0.12
 # what a plan may be worth less than the best one by its sketch, and be packed beside it
 CLOSE = 0.05
-CUTS = 8  # at most
+CUTS, ARMS = (
+    8,
+    64,
+)  # at most: of plans, and of arms where there are more charts than sketches show well
+DRAWN, DRAWN_OF = 9, 24  # charts that a sketch shows well, and of how many
+# what arms that are cut off must be worth, as boxes tell, for the page to be packed; and from where on it is
+# not packed without cuts as well
+WORTH, CERTAIN = 0.06, 0.3
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
 SPARED, LARGEST = 0.95e-3, 2
@@ -77,11 +86,9 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     cascade = fallback.settle(cascade, monitor)
     cut_mesh, uv = cascade.atlas.open()
     asked = options.cuts_asked
-    cuts = CUTS if asked is None else asked
-    if options.max_charts is not None:
-        cuts = min(cuts, options.max_charts - cut_mesh.n_charts)
+    most = np.inf if options.max_charts is None else options.max_charts - cut_mesh.n_charts
     no_seam = asked is None and cascade.atlas.seam_length <= 0
-    if cuts < 1 or no_seam or monitor.expired or not np.isfinite(uv).all():
+    if most < 1 or asked == 0 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
     carver = _carver(cascade, cut_mesh, uv, options)
@@ -91,11 +98,16 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     uncut = _Uncut(cascade, options, monitor)
     costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
     enough = ENOUGH_OF_MANY if costly else ENOUGH
-    if first is not None and not (asked is None and uncut.fills(first, enough)):
+    chosen = None
+    if first is None or len(first.pieces) > DRAWN or cut_mesh.n_charts > DRAWN_OF:
+        cuts = int(min(ARMS if asked is None else asked, most))
+        chosen = _trimmed(uncut, carver, cuts, enough)
+    elif asked is not None or not uncut.fills(first, enough):
+        cuts = int(min(CUTS if asked is None else asked, most))
         plans = _plans(first, carver, cuts, asked is None, budget, monitor)
         chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
-        if chosen is not None:
-            return chosen
+    if chosen is not None:
+        return chosen
     kept = replace(cascade, packing=uncut.packing)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
 
@@ -150,11 +162,40 @@ def _plans(
 
     limited: whether seams grow by no more than LIMIT.
     """
-    areas = carver.atlas.surface.areas
-    longest = first.length + LIMIT * carver.knife.seams if limited else np.inf
-    spared = SPARED * float(areas.sum()) + LARGEST * float(areas.max())
-    planner = Planner(carver, float(areas.sum()), longest, cuts, budget, monitor, spared)
+    area = float(carver.atlas.surface.areas.sum())
+    longer, spared = _room(carver, limited)
+    planner = Planner(carver, area, first.length + longer, cuts, budget, monitor, spared)
     return [first, *planner.best(first)]
+
+
+def _room(carver: Carver, limited: bool) -> tuple[float, float]:
+    """What all cuts may add: length of seams, area of faces that are stretched too much."""
+    areas = carver.atlas.surface.areas
+    longer = LIMIT * carver.knife.seams if limited else np.inf
+    return longer, SPARED * float(areas.sum()) + LARGEST * float(areas.max())
+
+
+def _trimmed(uncut: _Uncut, carver: Carver, cuts: int, enough: float) -> Cascade | None:
+    """The layout with arms cut off, packed; None where that is not worth its seams. enough: covered share of
+    the page without cuts from which on none is made, but for those that the user asked for."""
+    cascade, options, monitor = uncut.cascade, uncut.options, uncut.monitor
+    limited = options.cuts_asked is None
+    found = Trimmer(carver, *_room(carver, limited), cuts).run(monitor)
+    if found.value < WORTH:
+        return None
+    atlas = carver.joined(found.grounds)
+    if not stretch_kept(atlas, cascade.atlas, options, cascade.rules.bound, monitor):
+        return None
+    doubtful = found.value < CERTAIN
+    if doubtful:
+        uncut.begin()
+    after = replace(cascade, atlas=atlas)
+    packed = packing(after, options, monitor)
+    if doubtful and uncut.packing is not None:
+        full = limited and _share(uncut.packing) >= enough
+        if full or _value(uncut.packing, found.before) >= _value(packed, found.length):
+            return None
+    return replace(after, packing=packed).noted(_told(found.cuts, cascade.atlas, atlas))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +217,7 @@ class _Contest:
                 break
             if any(plan.like(other) for other, _ in tried):
                 continue
-            atlas = self.carver.joined(plan.pieces)
+            atlas = self.carver.joined(p.ground for p in plan.pieces if p.ground is not None)
             bound = self.cascade.rules.bound
             if stretch_kept(atlas, before, self.options, bound, self.monitor):
                 tried.append((plan, replace(self.cascade, atlas=atlas)))
@@ -198,15 +239,17 @@ class _Contest:
         ):
             return None
         plan, cascade = tried[best]
-        return replace(cascade, packing=packings[best]).noted(_told(plan, before, cascade))
+        return replace(cascade, packing=packings[best]).noted(
+            _told(plan.cuts, before, cascade.atlas)
+        )
 
 
-def _told(plan: Plan, before: Atlas, after: Cascade) -> str:
+def _told(cuts: int, before: Atlas, after: Atlas) -> str:
     """What was done, for the user."""
-    old, new = before.seam_length, after.atlas.seam_length
+    old, new = before.seam_length, after.seam_length
     longer = f"{new / old - 1:.1%} longer" if old > 0 else f"{new:.2f} roots of the area long"
     return (
-        f"{counted(plan.cuts, 'cut')} for a fuller page made the seams {longer} "
+        f"{counted(cuts, 'cut')} for a fuller page made the seams {longer} "
         "(--pack-splits 0 makes none)"
     )
 

@@ -3,7 +3,7 @@ once, so that a plan knows how long its seams are, and holds no cut that cannot 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeAlias
@@ -115,6 +115,18 @@ class Knife:
 
     def cut(self, ground: Ground, chord: Chord) -> Cut | None:
         """A chart cut along edges near a chord; None where that cannot be."""
+        found = self.divided(ground, chord)
+        if found is None:
+            return None
+        grounds, length, stretched = found
+        parts = [
+            p for part in grounds for p in self.pieces(part.opened, np.zeros(1, np.int64), part)
+        ]
+        return None if len(parts) < 2 else (parts, length, stretched)
+
+    def divided(self, ground: Ground, chord: Chord) -> tuple[list[Ground], float, float] | None:
+        """(both parts of a chart cut along edges near a chord, length of the seam between them, area that is
+        stretched too much besides); None where that cannot be."""
         opened = cut_along(ground.opened, chord, ground.costs, self.limits)
         if opened is None:
             return None
@@ -126,12 +138,8 @@ class Knife:
         if float(lengths[new & ground.flat].sum()) > through:
             return None
         stretched = self.stretched(opened)
-        parts: list[Piece] = []
-        for c in (0, 1):
-            part = ground.part(after, opened.cut_mesh.chart == c, float(stretched[c]))
-            parts += self.pieces(part.opened, np.zeros(1, np.int64), part)
-        if len(parts) < 2:
-            return None
+        label = opened.cut_mesh.chart
+        parts = [ground.part(after, label == c, float(stretched[c])) for c in (0, 1)]
         return parts, length, float(stretched.sum()) - ground.stretched
 
     def stretched(self, opened: Opened) -> FloatArray:
@@ -184,22 +192,22 @@ class Carver:
     def task(self, piece: Piece, k: int) -> tuple[Ground, Chord]:
         """What ``Knife.cut`` is asked for to cut a piece near its chord k."""
         start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
-        ground = piece.ground or self._ground(piece.outline.chart)
+        ground = piece.ground or self.ground(piece.outline.chart)
         return ground, Chord(start, end, float(piece.chords.least[k]))
 
-    def joined(self, pieces: Sequence[Piece]) -> Atlas:
-        """The whole atlas with the cuts that the pieces have."""
+    def joined(self, grounds: Iterable[Ground]) -> Atlas:
+        """The whole atlas with the cuts between parts of its charts."""
         surface = self.atlas.surface
         label = np.zeros(len(surface.faces), np.int64)
         after = Atlas(surface, self.atlas.cut, self.atlas.corners, self.atlas.prices)
-        for number, piece in enumerate(pieces):
-            if piece.ground is not None:
-                label[piece.ground.faces] = number + 1
-                after.corners[piece.ground.faces] = piece.ground.atlas.corners
+        for number, ground in enumerate(grounds):
+            label[ground.faces] = number + 1
+            after.corners[ground.faces] = ground.atlas.corners
         after.cut |= np.diff(label[surface.edges // 3], axis=1)[:, 0] != 0
         return after
 
-    def _ground(self, chart: int) -> Ground:
+    def ground(self, chart: int) -> Ground:
+        """The atlas of a chart that is to be cut."""
         if chart not in self.grounds:
             mine = self.cut_mesh.chart == chart
             surface = self.atlas.surface

@@ -7,8 +7,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from circparam._version import __version__
+from circparam.core.arrays import norms2
 from circparam.core.limits import mip_level
+from circparam.geometry.boundary import boundary_in
+from circparam.packing.options import PackOptions
 from circparam.pipeline import applies
+from circparam.pipeline.options import DEFAULT_RESOLUTION
 
 if TYPE_CHECKING:
     from circparam.pipeline.inspect import Inspection
@@ -71,13 +75,31 @@ def _room(result: Result) -> list[str]:
     if sized or lone or share is None or share >= ROOM:
         return []
     splits = result.work == "unwrap" and not isinstance(o.pack_splits, int)
-    if splits and applies.fills_page(o):
+    gaps = _gaps(result)
+    if gaps > share / 2:
+        less = " or a smaller --padding" if o.padding_texels > 1 else ""
+        cure = f"gaps take up to {100 * min(gaps, 1 - share):.0f} % of them: give a larger --resolution{less}"
+    elif splits and applies.fills_page(o):
         cure = "--pack-splits 10 cuts arms off where that makes room"
     elif o.rotate in ("90", "none"):
         cure = "--rotate free lets charts turn"
     else:
         cure = f"--effort {max(4 * (o.effort or 1), 1):g} searches longer"
     return [f"the pages are {100 * share:.0f} % full: {cure}"]
+
+
+def _gaps(result: Result) -> float:
+    """Share of the pages that lies within half a gap of charts: an upper bound, reached by convex ones.
+
+    A strip along the outline and a disk for each chart (J. Steiner 1840, "Über parallele Flächen").
+    """
+    found = result.verification
+    side = result.options.resolution or DEFAULT_RESOLUTION
+    half = PackOptions(resolution=side, padding=result.options.padding_texels).gap / 2 / side
+    outline = boundary_in(found.cut_mesh, found.uv)
+    strip = float(norms2(outline.end - outline.start).sum()) * half
+    disks = found.cut_mesh.n_charts * math.pi * half**2
+    return (strip + disks) / max(int(result.measures["pages"] or 1), 1)
 
 
 def summarise_check(found: Inspection) -> dict[str, Any]:

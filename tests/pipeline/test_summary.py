@@ -77,6 +77,29 @@ def test_half_empty_pages_are_a_warning_with_the_option_that_helps(tmp_path: Pat
         assert not any("full" in line for line in asked["warnings"])
 
 
+def test_gaps_that_take_up_the_page_want_more_texels() -> None:
+    """100 squares with 15 texels between them on a page of 256: each has more round it than it covers."""
+    points, faces = shapes.grid(2, 2)
+    many = np.concatenate([points + np.array([3.0 * k, 0, 0]) for k in range(100)])
+    squares = np.concatenate([faces + len(points) * k for k in range(100)])
+
+    def warned(**options: int) -> list[str]:
+        result = circparam.unwrap(
+            (many, squares), cut="none", effort=0.01, resolution=256, **options
+        )
+        return [line for line in circparam.summarise(result)["warnings"] if "full" in line]
+
+    (line,) = warned(padding=14)
+    gaps = int(line.split("gaps take up to ")[1].split(" %")[0])
+    # side s and gap g of 100 squares that just fit: s + g = 25.6, or a little less
+    side, gap = 25.6 - 15, 15
+    most = 100 * (4 * side * gap / 2 + np.pi * gap**2 / 4) / 256**2
+    assert gaps == pytest.approx(100 * most, abs=10)
+    assert "--resolution" in line
+    assert "--padding" in line
+    assert not warned(padding=1)
+
+
 def test_single_faces_are_not_asked_to_be_cut() -> None:
     """A triangle fills half of a page at most, whatever is asked for."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 0, 0], [6, 0, 0], [5, 1, 0]], float)

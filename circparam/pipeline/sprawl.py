@@ -1,0 +1,205 @@
+"""Arms cut off charts that sprawl, on pages of so many charts that sketches tell little of each.
+
+A frame, a comb or a letter L keeps most of its bounding box from others. So the page is taken for what charts
+cover and a share of what their least boxes hold besides (``KEPT``), or for the least square that holds the
+widest chart. A cut is made where what it saves of that is worth its seam (``RATE`` in ``cut_plan``), the most
+worthwhile first: no page is laid out for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, stable_order
+from circparam.core.monitor import Monitor
+from circparam.geometry.distortion import best_chart_scales
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.pipeline.chords import Chords, Outline, boxes, chords, outlines, turned
+from circparam.pipeline.cut_along import Chord, Opened
+from circparam.pipeline.cut_plan import RATE, ZIGZAG, boundary_length
+from circparam.pipeline.pieces import Carver, Ground
+
+# of what a chart leaves empty in its box: the share that is lost to others where charts are nested, and where
+# there are more of them, which are laid out by their boxes
+KEPT, KEPT_OF_MANY, MANY = 0.5, 1.0, 250
+FILLED = 0.85  # of a page, at most
+WASTE = 0.003  # of all boxes: what a chart must leave empty of its own to be looked at
+CORNERS = 300  # of an outline, along the side of the square that all charts cover
+# what a cut must save, its seam taken off: of the logarithm of the page, and by COUNT times that of charts
+SAVED, COUNT = 3e-3, 0.1
+TRIES = 4  # chords of a chart along which no cut could be made before it is left
+APART = 0.01  # of the same side: chords nearer to one that failed fail as well
+
+
+@dataclass(frozen=True, eq=False)
+class Trimmed:
+    """What cuts have come to. grounds: of the charts that were cut, a row for each part. cuts: how many.
+    value: logarithm of what they save of the page, as it is taken here, less what their seams cost. before,
+    length: of all boundaries, without and with them."""
+
+    grounds: list[Ground]
+    cuts: int
+    value: float
+    before: float
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A chart, or what cuts have left of it. places: (k, 2) uv of its corners. box: area of its least box;
+    square: side of its least square. ground: None where nothing was cut. failed: ends (4,) of chords along
+    which no cut could be made."""
+
+    outline: Outline
+    places: FloatArray
+    box: float
+    square: float
+    ground: Ground | None = None
+    failed: list[FloatArray] = field(default_factory=list)
+
+    @cached_property
+    def chords(self) -> Chords:
+        """The chords of its outline."""
+        return chords(self.outline)
+
+    @cached_property
+    def ends(self) -> FloatArray:
+        """(c, 4) both ends of each chord."""
+        p = self.outline.p
+        return np.hstack([p[self.chords.i], p[self.chords.j]])
+
+
+@dataclass(eq=False)
+class Trimmer:
+    """Cuts arms off the charts of an atlas. longer: length that all seams may have. spared: area of faces that
+    may be stretched too much. cuts: at most."""
+
+    carver: Carver
+    longer: float
+    spared: float
+    cuts: int
+    _arms: list[Arm] = field(init=False, default_factory=list)
+    _box: float = field(init=False)
+    _others: float = field(init=False)
+    _length: float = field(init=False)
+    _longest: float = field(init=False)
+    _charts: int = field(init=False)
+    _stretched: float = field(init=False, default=0.0)
+
+    def __post_init__(self) -> None:
+        cut_mesh, uv = self.carver.cut_mesh, _to_scale(self.carver.cut_mesh, self.carver.uv)
+        self._area = float(cut_mesh.chart_areas.sum())
+        self._charts = cut_mesh.n_charts
+        self._kept = KEPT_OF_MANY if cut_mesh.n_charts > MANY else KEPT
+        self._step = float(np.sqrt(self._area)) / CORNERS
+        box, square = _extents(cut_mesh, uv)
+        self._box, self._length = float(box.sum()), boundary_length(cut_mesh, uv)
+        self._longest = self._length + self.longer
+        wasteful = box - cut_mesh.chart_areas > WASTE * self._box
+        self._others = float(square[~wasteful].max(initial=0.0))
+        opened = Opened(self.carver.atlas, self.carver.cut_mesh, self.carver.uv)
+        self._arms = self._found(opened, np.flatnonzero(wasteful))
+
+    def run(self, monitor: Monitor) -> Trimmed:
+        """Make the cuts."""
+        first, before, made = self._page(self._box, self._widest()), self._length, 0
+        while made < self.cuts and not monitor.expired:
+            arm, k = self._best()
+            if arm is None:
+                break
+            made += self._cut(arm, k)
+        saved = np.log(first / self._page(self._box, self._widest()))
+        value = float(saved - RATE * np.log(self._length / before))
+        grounds = [arm.ground for arm in self._arms if arm.ground is not None]
+        return Trimmed(grounds, made, value, before, self._length)
+
+    def _page(self, box: FloatArray | float, square: FloatArray | float) -> FloatArray:
+        """Area of the page, for the sum of all boxes and the side of the widest square."""
+        wanted = self._area + self._kept * (np.asarray(box) - self._area)
+        return np.maximum(wanted / FILLED, np.square(square))
+
+    def _widest(self, without: Arm | None = None) -> float:
+        return max([a.square for a in self._arms if a is not without], default=self._others)
+
+    def _best(self) -> tuple[Arm | None, int]:
+        """The most worthwhile chord, and what it cuts; None where none is worth it."""
+        now = self._page(self._box, max(self._widest(), self._others))
+        chart = COUNT * np.log1p(1 / self._charts)
+        best: tuple[Arm | None, int] = (None, -1)
+        most = SAVED
+        for arm in self._arms:
+            found = arm.chords
+            if not len(found.length) or len(arm.failed) == TRIES:
+                continue
+            square = np.maximum(found.square, max(self._widest(arm), self._others))
+            longer = ZIGZAG * found.length
+            gain = np.log(now / self._page(self._box - arm.box + found.box, square))
+            gain -= RATE * np.log1p(longer / self._length) + chart
+            gain[self._length + longer > self._longest] = -np.inf
+            for ends in arm.failed:
+                away = np.abs(arm.ends - ends).max(1)
+                gain[away < APART * self._step * CORNERS] = -np.inf
+            k = int(gain.argmax())
+            if gain[k] > most:
+                best, most = (arm, k), float(gain[k])
+        return best
+
+    def _cut(self, arm: Arm, k: int) -> bool:
+        """Cut a chart near one of its chords; whether that could be done."""
+        found = arm.chords
+        ground = arm.ground or self.carver.ground(arm.outline.chart)
+        chord = Chord(
+            arm.places[int(found.i[k])], arm.places[int(found.j[k])], float(found.least[k])
+        )
+        done = self.carver.knife.divided(ground, chord)
+        parts = [] if done is None else [a for part in done[0] for a in self._of(part)]
+        if done is None or len(parts) != 2 or not self._room(done[1], done[2]):
+            arm.failed.append(arm.ends[k])
+            return False
+        self._charts += 1
+        self._length += done[1]
+        self._stretched += done[2]
+        self._box += sum(part.box for part in parts) - arm.box
+        self._arms = [a for a in self._arms if a is not arm] + parts
+        return True
+
+    def _room(self, length: float, stretched: float) -> bool:
+        longer, more = self._length + length, self._stretched + stretched
+        return longer <= self._longest and more <= self.spared
+
+    def _of(self, part: Ground) -> list[Arm]:
+        found = self._found(part.opened, np.zeros(1, np.int64))
+        return [
+            replace(arm, ground=part, outline=replace(arm.outline, chart=part.chart))
+            for arm in found
+        ]
+
+    def _found(self, opened: Opened, which: IntArray) -> list[Arm]:
+        """Some charts of an atlas; those without an outline are left out."""
+        shown = outlines(opened.cut_mesh, _to_scale(opened.cut_mesh, opened.uv), which, self._step)
+        arms = []
+        for outline in shown:
+            along = turned(outline.p)
+            low, high = along.min(0), along.max(0)
+            box, square = float(boxes(low, high)), float((high - low).max(-1).min())
+            arms.append(Arm(outline, opened.uv[outline.vertex], box, square))
+        return arms
+
+
+def _to_scale(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """A layout with every chart as large as it is in space."""
+    return uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
+
+
+def _extents(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n_charts,) area of the least box of each chart, and side of its least square."""
+    h = cut_mesh.boundary
+    own = cut_mesh.chart[h // 3]
+    order = stable_order(own)
+    along = turned(uv[cut_mesh.faces.ravel()[h[order]]])
+    start = np.searchsorted(own[order], np.arange(cut_mesh.n_charts))
+    low, high = np.minimum.reduceat(along, start), np.maximum.reduceat(along, start)
+    return boxes(low, high), (high - low).max(-1).min(-1)
