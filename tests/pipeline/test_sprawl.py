@@ -88,7 +88,9 @@ def test_of_many_charts_the_sum_of_boxes_counts() -> None:
     )
 
 
-@pytest.mark.parametrize(("longer", "count"), [(1.9 * WIDE, 1), (6.0 * WIDE, 4), (0.9 * WIDE, 0)])
+@pytest.mark.parametrize(
+    ("longer", "count"), [(1.9 * WIDE, 1), (6.0 * WIDE, 4), (1.2 * WIDE, 0), (0.9 * WIDE, 0)]
+)
 def test_seams_grow_by_no_more_than_they_may(longer: float, count: int) -> None:
     found = trimmed(letters(12), longer=longer)
     assert count <= found.cuts <= longer / WIDE
