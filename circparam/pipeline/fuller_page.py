@@ -64,14 +64,11 @@ ENOUGH_OF_MANY, FEW, LARGE = 0.66, 12, 100_000
 NEARLY, SURE = 0.86, 0.12
 # what a plan may be worth less than the best one by its sketch, and be packed beside it
 CLOSE = 0.05
-CUTS, ARMS = (
-    8,
-    64,
-)  # at most: of plans, and of arms where there are more charts than sketches show well
-DRAWN, DRAWN_OF = 9, 24  # charts that a sketch shows well, and of how many
+CUTS, ARMS = 8, 64  # at most: of plans, and arms of charts that are not sketched
+DRAWN = 9  # charts that a sketch shows well
 # what arms that are cut off must be worth, as boxes tell, for the page to be packed; and from where on it is
 # not packed without cuts as well
-WORTH, CERTAIN = 0.06, 0.3
+WORTH, CERTAIN = 0.16, 0.3
 # share of the area that may be stretched too much with all cuts, less than what is promised; and so many of
 # the largest faces besides in plans, whose charts may be relaxed with weights
 SPARED, LARGEST = 0.95e-3, 2
@@ -99,7 +96,7 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
     enough = ENOUGH_OF_MANY if costly else ENOUGH
     chosen = None
-    if first is None or len(first.pieces) > DRAWN or cut_mesh.n_charts > DRAWN_OF:
+    if first is None or len(first.pieces) > DRAWN:
         cuts = int(min(ARMS if asked is None else asked, most))
         chosen = _trimmed(uncut, carver, cuts, enough)
     elif asked is not None or not uncut.fills(first, enough):

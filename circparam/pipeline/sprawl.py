@@ -29,7 +29,7 @@ FILLED = 0.85  # of a page, at most
 WASTE = 0.003  # of all boxes: what a chart must leave empty of its own to be looked at
 CORNERS = 300  # of an outline, along the side of the square that all charts cover
 # what a cut must save, its seam taken off: of the logarithm of the page, and by COUNT times that of charts
-SAVED, COUNT = 3e-3, 0.1
+SAVED, COUNT = 4e-3, 0.1
 TRIES = 4  # chords of a chart along which no cut could be made before it is left
 APART = 0.01  # of the same side: chords nearer to one that failed fail as well
 
