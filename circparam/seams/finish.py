@@ -9,16 +9,25 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Worker, in_parts
+from circparam.core.workers import Later, Worker, in_parts
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
 from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.decided import Decided
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.decide import ANY_BOUND
-from circparam.seams.segmentation.enforce import FINAL, below, enforce, relaxed_layouts
+from circparam.seams.segmentation.enforce import (
+    FINAL,
+    Vain,
+    below,
+    enforce,
+    relaxed_layouts,
+)
 from circparam.seams.segmentation.grow import dual_graph, make_disks
+from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
+from circparam.seams.segmentation.starts import CHART_COST, cost_of
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
 
@@ -37,6 +46,40 @@ def plain_finished(
     return decided.atlas.cut, decided.atlas.corners
 
 
+def carried_over(
+    make: Callable[[Monitor], Decided], monitor: Monitor
+) -> tuple[BoolArray, FloatArray]:
+    """(cut, corners) of what ``Decided.plain`` makes, as it is."""
+    decided = make(monitor)
+    return decided.atlas.cut, decided.atlas.corners
+
+
+def as_it_is(decided: Decided, monitor: Monitor) -> Decided:
+    """What was made already, in place of ``Decided.plain``."""
+    return decided
+
+
+class NextBest:
+    """The atlas that charts give way to: asked for where those have to be cut, finished by then perhaps.
+
+    taken: whether the other was left for it.
+    """
+
+    def __init__(self, surface: Surface, finished: Later) -> None:
+        self._surface, self._finished = surface, finished
+        self.taken = False
+
+    @property
+    def atlas(self) -> Atlas:
+        """The finished atlas."""
+        return Atlas(self._surface, *self._finished.result())
+
+    def __call__(self, atlas: Atlas, bad: int) -> bool:
+        """Whether it costs no more than another atlas does once its bad charts are cut in two."""
+        self.taken = cost_of(self.atlas) <= cost_of(atlas) + CHART_COST * bad
+        return self.taken
+
+
 def finish(
     decided: Decided,
     bound: float,
@@ -44,8 +87,12 @@ def finish(
     worker: Worker,
     monitor: Monitor,
     notes: list[str],
+    vain: Vain | None = None,
 ) -> None:
-    """Relax charts on the surface itself, and split and merge again what is not as wanted there."""
+    """Relax charts on the surface itself, and split and merge again what is not as wanted there.
+
+    vain: as for ``enforce``; asked only where one process has all charts.
+    """
     atlas = decided.atlas
     if decided.relaxing.local is not None:
         # handles that only the mesh has, as those of noise: a loop each, where halves would go right across
@@ -58,7 +105,9 @@ def finish(
         # where the number of charts counts more than the bound, only what overlaps is split
         to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_parts(chart)
-        tasks = ((atlas.apart(faces), to_bound, decided.relaxing) for faces in parts)
+        steps = None if decided.relaxed else decided.relaxing
+        asked = vain if len(parts) == 1 else None
+        tasks = ((atlas.apart(faces), to_bound, steps, asked) for faces in parts)
         for faces, moved in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
             atlas.take(faces, *moved)
         if atlas.charts()[0] > count:
@@ -70,18 +119,28 @@ def finish(
 
 
 def settle_part(
-    atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor
+    atlas: Atlas,
+    bound: float,
+    options: RelaxOptions | None,
+    vain: Vain | None,
+    monitor: Monitor,
 ) -> tuple[BoolArray, FloatArray]:
-    """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back."""
+    """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back.
+
+    options: None where they are relaxed. vain: as for ``enforce``.
+    """
     with monitor.stage("relax"):
-        layouts = relaxed_layouts(atlas, options, monitor)
         steps = FINAL
-        if options.local is not None:  # what a level has decided need not be relaxed to the end
-            layouts = below(atlas, layouts, bound, monitor)
-            steps = dataclasses.replace(FINAL, bound=bound)
+        if options is None:
+            layouts = judge(*atlas.open())
+        else:
+            layouts = relaxed_layouts(atlas, options, monitor)
+            if options.local is not None:  # what a level has decided need not be relaxed to the end
+                layouts = below(atlas, layouts, bound, monitor)
+                steps = dataclasses.replace(FINAL, bound=bound)
     if not layouts.bad(bound).any():  # the dual graph of a large part takes longer than to see that
         return atlas.cut, atlas.corners
-    enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor)
+    enforce(atlas, dual_graph(atlas.surface), layouts, bound, steps, monitor, vain)
     return atlas.cut, atlas.corners
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +37,9 @@ UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after e
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 
+# (atlas, number of charts to cut): whether cutting them is not worth it
+Vain = Callable[[Atlas, int], bool]
+
 
 def enforce(
     atlas: Atlas,
@@ -44,17 +48,18 @@ def enforce(
     bound: float,
     options: RelaxOptions,
     monitor: Monitor,
+    vain: Vain | None = None,
 ) -> None:
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
     layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart that misses the bound by
     little is slit from its boundary to where it is distorted most; others are split in two. Single cells cannot
     be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
-    the faces, the work goes on with the others alone.
+    the faces, the work goes on with the others alone. vain: asked before they are cut whether to leave that.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
     slits = np.zeros(len(atlas.surface.faces), np.int64)
-    _rounds(atlas, graph, layouts, _Held(bound, options, 0, slits), monitor)
+    _rounds(atlas, graph, layouts, _Held(bound, options, 0, slits), monitor, vain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +74,14 @@ class _Held:
 
 
 def _rounds(
-    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, held: _Held, monitor: Monitor
+    atlas: Atlas,
+    graph: DualGraph,
+    layouts: ChartLayouts,
+    held: _Held,
+    monitor: Monitor,
+    vain: Vain | None = None,
 ) -> None:
-    """The rounds that are left. layouts: what the atlas has in its corners."""
+    """The rounds that are left. layouts: what the atlas has in its corners. vain: as for ``enforce``."""
     bound, slits = held.bound, held.slits
     whole, faces = atlas, np.ones(len(slits), bool)
     for turn in range(held.turn, ROUNDS):
@@ -81,6 +91,8 @@ def _rounds(
         layouts = unstick(atlas, layouts, bound, monitor, pushed)
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
+            break
+        if atlas is whole and vain is not None and vain(atlas, int(bad.sum())):
             break
         inside = bad[layouts.cut_mesh.chart]
         if inside.mean() < NARROW:
@@ -294,8 +306,8 @@ def _map_again(
 
 def breaks_up(
     atlas: Atlas, graph: DualGraph, bound: float, options: RelaxOptions, monitor: Monitor
-) -> bool:
-    """Whether several charts would have to be split, so that another atlas with more charts is the better one.
+) -> int:
+    """Number of charts that would have to be split: of several, another atlas is the better one.
 
     Splitting is most of what large surfaces cost, and charts that merged only on a proxy come out in more
     pieces than they had been: of a bunny one broke and it won, of a beast five of six did, and it lost. The
@@ -303,9 +315,10 @@ def breaks_up(
     """
     count, _ = atlas.charts()
     make_disks(atlas, graph)
-    if atlas.charts()[0] > count + 1:
-        return True
-    return int(relaxed_layouts(atlas, options, monitor).bad(bound).sum()) > 1
+    more = atlas.charts()[0] - count
+    if more > 1:
+        return more
+    return int(relaxed_layouts(atlas, options, monitor).bad(bound).sum())
 
 
 def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:

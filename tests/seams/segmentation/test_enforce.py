@@ -271,4 +271,5 @@ def test_a_second_atlas_breaks_up_where_more_than_one_chart_would_be_split(
     atlas = cut_between(ball, (middles(ball)[:, 2] > low).astype(np.int64))
     lay_out_fresh(atlas, None, GAPS)
     graph = grow.dual_graph(ball)
-    assert module.breaks_up(atlas, graph, bound, module.FINAL, Monitor()) == breaks
+    bad = module.breaks_up(atlas, graph, bound, module.FINAL, Monitor())
+    assert (bad > 1) == breaks
