@@ -34,6 +34,9 @@ from circparam.solvers.newton import RelaxOptions
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
+MOST_OF_IT = (
+    0.5  # of the faces in one part: the others do not keep the processes busy as long as that one
+)
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 
 
@@ -46,17 +49,24 @@ def plain_finished(
     return decided.atlas.cut, decided.atlas.corners
 
 
-def carried_over(
+def begun(
     make: Callable[[Monitor], Decided], monitor: Monitor
-) -> tuple[BoolArray, FloatArray]:
-    """(cut, corners) of what ``Decided.plain`` makes, as it is."""
+) -> tuple[BoolArray, FloatArray, int]:
+    """(cut, corners, number of relaxed parts) of what ``Decided.plain`` makes.
+
+    The first part is relaxed, as ``finish`` would, where it is most; of several all processes have some.
+    """
     decided = make(monitor)
-    return decided.atlas.cut, decided.atlas.corners
-
-
-def as_it_is(decided: Decided, monitor: Monitor) -> Decided:
-    """What was made already, in place of ``Decided.plain``."""
-    return decided
+    atlas = decided.atlas
+    make_disks(atlas, decided.graph)
+    faces = in_parts(atlas.charts()[1])[0]
+    if faces.mean() < MOST_OF_IT:
+        return atlas.cut, atlas.corners, 0
+    part = atlas.apart(faces)
+    with monitor.stage("relax"):
+        relaxed_layouts(part, decided.relaxing, monitor)
+    atlas.take(faces, part.cut, part.corners)
+    return atlas.cut, atlas.corners, 1
 
 
 class NextBest:
@@ -105,9 +115,9 @@ def finish(
         # where the number of charts counts more than the bound, only what overlaps is split
         to_bound = bound if options.max_charts is None else ANY_BOUND
         parts = in_parts(chart)
-        steps = None if decided.relaxed else decided.relaxing
+        steps = [None] * decided.relaxed + [decided.relaxing] * len(parts)
         asked = vain if len(parts) == 1 else None
-        tasks = ((atlas.apart(faces), to_bound, steps, asked) for faces in parts)
+        tasks = ((atlas.apart(f), to_bound, steps[k], asked) for k, f in enumerate(parts))
         for faces, moved in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
             atlas.take(faces, *moved)
         if atlas.charts()[0] > count:

@@ -20,8 +20,7 @@ from circparam.seams.finish import (
     LEVEL_FACES,
     MARGIN,
     NextBest,
-    as_it_is,
-    carried_over,
+    begun,
     finish,
     plain_finished,
 )
@@ -122,30 +121,28 @@ def _finished(
 
     One large chart keeps one process busy; what it may give way to is made by another meanwhile.
     """
-    merged, make, bad = decided.atlas, decided.plain, 0
+    merged, make = decided.atlas, decided.plain
     if make is None:
         finish(decided, bound, options, worker, monitor, notes)
         return merged
     whole, chart = merged.charts()
     count, one_part = len(chart), len(in_parts(chart)) == 1
+    ahead = None
     if SMALL_FACES < count <= LEVEL_FACES:
-        ahead = Later(monitor.jobs, carried_over, (make,), monitor)
+        ahead = Later(monitor.jobs, begun, (make,), monitor)
         if one_part:
             ahead.begin()
         with monitor.stage("enforce"):
             bad = breaks_up(merged, decided.graph, bound, decided.relaxing, monitor)
-        if bad and ahead.begun:
-            with monitor.stage("carry"):
-                own = Atlas(merged.surface, *ahead.result())
-            make = partial(as_it_is, decided._replace(atlas=own, plain=None))
+        if ahead.begun:
+            make = partial(_as_begun, decided, ahead)
         if bad > 1:
             decided = make(monitor)
             finish(decided, bound, options, worker, monitor, notes)
             return decided.atlas
-        decided = decided._replace(relaxed=True)
     other = Later(monitor.jobs, plain_finished, (make, bound, options), monitor)
     # of more faces in several parts, what splits merged charts has more use for the processes
-    if count < PARTED or (one_part and (bad or LEVEL_FACES < count <= MOST_BESIDE)):
+    if count < PARTED or (one_part and ahead is None and count <= MOST_BESIDE):
         other.begin()
     rest = NextBest(merged.surface, other)
     finish(decided, bound, options, worker, monitor, notes, rest if decided.most else None)
@@ -160,6 +157,14 @@ def _finished(
     for one, now in zip((plain, merged), done, strict=True):
         one.cut, one.corners, one.merged_on = now
     return merged if better_in_all(merged, plain) else plain
+
+
+def _as_begun(decided: Decided, ahead: Later, monitor: Monitor) -> Decided:
+    """The next best atlas, as another process has begun it."""
+    with monitor.stage("carry"):
+        cut, corners, relaxed = ahead.result()
+        atlas = Atlas(decided.atlas.surface, cut, corners)
+    return decided._replace(atlas=atlas, plain=None, relaxed=relaxed)
 
 
 class _How(NamedTuple):
