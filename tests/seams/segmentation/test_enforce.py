@@ -35,6 +35,26 @@ def test_enforcing_holds_the_bound_to_half_a_percent_of_its_excess(shape, share:
     assert judge(cut_mesh, atlas.gather(cut_mesh)).energy.max() <= bound
 
 
+@pytest.mark.parametrize("vain", [False, True])
+def test_what_is_vain_is_not_cut(vain: bool) -> None:
+    """Asked with the number of charts that are bad, before each round."""
+    atlas, energy = relaxed(shapes.hemisphere(8))
+    cut_mesh = atlas.cut_mesh()
+    laid = judge(cut_mesh, atlas.gather(cut_mesh))
+    asked: list[tuple[int, int]] = []
+
+    def told(now: Atlas, bad: int) -> bool:
+        asked.append((now.charts()[0], bad))
+        return vain
+
+    bound, graph = 1 + (energy - 1) * 0.5, grow.dual_graph(atlas.surface)
+    enforce(atlas, graph, laid, bound, module.FINAL, Monitor(), told)
+    assert asked[0] == (1, 1)
+    assert atlas.cut.any() is np.bool_(not vain)
+    after = atlas.cut_mesh()
+    assert judge(after, atlas.gather(after)).bad(bound).any() is np.bool_(vain)
+
+
 GAPS = RelaxOptions(tolerance=1e-6, max_iterations=40)
 
 
