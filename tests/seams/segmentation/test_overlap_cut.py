@@ -10,6 +10,7 @@ from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
+from circparam.seams.segmentation import enforce as module
 from circparam.seams.segmentation import overlap_cut
 from circparam.seams.segmentation.enforce import FINAL, enforce
 from circparam.seams.segmentation.grow import dual_graph
@@ -112,6 +113,44 @@ def test_of_a_large_chart_more_pairs_are_cut_in_a_round(
     left = judge(cut_mesh, atlas.gather(cut_mesh)).overlapping
     assert left.any() is np.bool_(not large)
     assert (cut_mesh.n_charts > 3) is large
+
+
+def test_faces_that_no_layer_lies_on_need_not_be_looked_at_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Round by round the same cuts as if all were, and in the end nothing is left that is doubled."""
+    monkeypatch.setattr(overlap_cut, "PAIRS", 1)
+    known, anew = chained_rings(3), chained_rings(3)
+    clear = np.zeros(len(known.surface.faces), bool)
+    for turn in range(6):
+        for atlas, told in ((known, clear), (anew, None)):
+            cut_mesh = atlas.cut_mesh()
+            laid = judge(cut_mesh, atlas.gather(cut_mesh))
+            graph, every = dual_graph(atlas.surface), laid.overlapping
+            split_layers(atlas, graph, laid, every, edge_costs(atlas), told)
+        assert np.array_equal(known.cut, anew.cut)
+        assert 0.8 < clear.mean() < 1 or turn
+    assert not judge(*known.open()).overlapping.any()
+
+
+def test_what_was_laid_out_anew_is_looked_at_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is not cut between its layers is halved, and its halves relaxed."""
+    told: list[np.ndarray] = []
+
+    def noted(atlas: Atlas, *given: object) -> np.ndarray:
+        *_, which, _, clear = given
+        assert isinstance(clear, np.ndarray)
+        told.append(clear.copy())
+        clear[:] = True
+        return np.zeros_like(which)
+
+    monkeypatch.setattr(module, "split_layers", noted)
+    atlas = winding_ring(16.0)
+    atlas.corners = atlas.corners * [1.0, 1.01]
+    laid = judge(*atlas.open())
+    enforce(atlas, dual_graph(atlas.surface), laid, 1.01, FINAL, Monitor())
+    assert len(told) > 1
+    assert not any(clear.any() for clear in told)
 
 
 def test_enforcing_leaves_no_overlap_and_no_chart_above_the_bound() -> None:
