@@ -15,6 +15,7 @@ import pickle
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -137,13 +138,36 @@ class Later:
         self._pool: Pool | None = None
         self._future: Future[bytes] | None = None
         self._found: tuple[Any] | None = None
+        self._packed: bytes | None = None  # while it waits for a process
+        self._lock = threading.Lock()
 
     def begin(self) -> None:
         """Give the task to a process that is idle; where none is, nothing happens."""
         pool = current() if self._jobs > 1 and self._pool is None else None
         if pool is None or not pool.claim():
             return
-        packed = pickle.dumps((self._function, self._task), 5)
+        self._send(pool, pickle.dumps((self._function, self._task), 5))
+
+    def begin_soon(self) -> None:
+        """As ``begin``; where no process is idle, the first that is gets it as it is now."""
+        pool = current() if self._jobs > 1 and self._pool is None else None
+        if pool is None:
+            return
+        self._packed = pickle.dumps((self._function, self._task), 5)
+        self._send_waiting(pool)
+
+    def _send_waiting(self, pool: Pool) -> None:
+        if not pool.claim(partial(self._send_waiting, pool)):
+            return
+        with self._lock:
+            packed, self._packed = self._packed, None
+            if packed is not None:
+                self._send(pool, packed)
+        if packed is None:  # asked for meanwhile
+            pool.release()
+
+    def _send(self, pool: Pool, packed: bytes) -> None:
+        """To a process that was claimed."""
         self._pool, self._future = pool, _submitted(pool, packed, self._monitor)
         if self._future is None:
             pool.release()
@@ -157,6 +181,8 @@ class Later:
 
     def result(self) -> Any:
         """What the function gives, found there or here; it is found once."""
+        with self._lock:
+            self._packed = None  # who still waits for a process waits no more
         if self._found is None:
             if self._pool is not None:
                 self._found = _answered(self._pool, self._future, self._monitor)

@@ -9,14 +9,14 @@ from circparam.core.graph import nearest, undirected
 from circparam.mesh.atlas import Atlas
 
 
-def space_gradients(atlas: Atlas) -> FloatArray:
-    """(m, 2, 3): gradients of u and v of the current layout as vectors in space."""
+def space_gradients(atlas: Atlas, faces: IntArray | slice = slice(None)) -> FloatArray:
+    """(m, 2, 3): gradients of u and v of the current layout as vectors in space. faces: some of them."""
     surface = atlas.surface
-    p = surface.points[surface.faces]
-    normal = surface.normals
+    p = surface.points[surface.faces[faces]]
+    normal = surface.normals[faces]
     opposite = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
-    hat = np.cross(normal[:, None], opposite) / (2 * surface.areas)[:, None, None]
-    d = atlas.corners - atlas.corners[:, :1]
+    hat = np.cross(normal[:, None], opposite) / (2 * surface.areas[faces])[:, None, None]
+    d = atlas.corners[faces] - atlas.corners[faces, :1]
     result: FloatArray = np.einsum("fkd,fkx->fdx", d, hat)
     return result
 
@@ -78,6 +78,18 @@ def nearest_known(atlas: Atlas, known: BoolArray) -> tuple[IntArray, BoolArray]:
         source[fill] = near[fill]
         have |= fill
     return source, have
+
+
+def targets_beside(atlas: Atlas, moved: BoolArray) -> FloatArray:
+    """(2, 2, m) as ``targets_from`` has them once some faces ((m,) bool) took the gradients of those next to
+    them (``spread``); of the others, which keep theirs, zero."""
+    surface, todo = atlas.surface, np.flatnonzero(moved)
+    source = nearest_known(atlas, ~moved)[0][todo]
+    normals = surface.normals
+    turned = turn_gradients(space_gradients(atlas, source), normals[source], normals[todo])
+    out = np.zeros((2, 2, len(moved)))
+    out[..., todo] = in_rest_axes(surface.points, surface.faces[todo], normals[todo], turned)
+    return out
 
 
 def spread(atlas: Atlas, gradients: FloatArray, known: BoolArray) -> tuple[FloatArray, BoolArray]:

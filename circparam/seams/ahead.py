@@ -63,7 +63,7 @@ class StretchAhead:
         if large and atlas.charts()[0] <= FEW:
             start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
             later = Later(self._monitor.jobs, held, (start, *self._how), self._monitor)
-            later.begin()
+            later.begin_soon()
             self._begun = start, later
 
     def hold(self, atlas: Atlas) -> None:

@@ -11,12 +11,19 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import PARTED, Later, Worker
+from circparam.core.workers import PARTED, Later, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.decided import Decided, beside
-from circparam.seams.finish import LEVEL_FACES, MARGIN, finish, plain_finished
+from circparam.seams.finish import (
+    LEVEL_FACES,
+    MARGIN,
+    NextBest,
+    begun,
+    finish,
+    plain_finished,
+)
 from circparam.seams.hidden import prices_beside, with_prices
 from circparam.seams.multires.decimate import Proxy, decimate, proxy_faces
 from circparam.seams.multires.holes import close_small_holes, complexity, without_fans
@@ -50,6 +57,9 @@ SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
 LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
+MOST_BESIDE = (
+    1_000_000  # faces, above which the next best level is not finished beside the best: for memory
+)
 SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too
 BROKEN = 0.5  # of what the next best level costs, above which that is tried on the mesh too
 MOST_LOST = 0.7  # of the bound's excess that is given up to roughness: beyond it charts are split
@@ -96,27 +106,65 @@ def grown_atlas(
             if len(surface.faces) > LEVEL_FACES:  # both would have all of it side by side
                 surface.forget()
             decided = beside(decided, bent, _decided(own, bound, options, worker, monitor, how))
-    if decided.plain is not None and SMALL_FACES < len(surface.faces) <= LEVEL_FACES:
-        with monitor.stage("enforce"):
-            broken = breaks_up(decided.atlas, decided.graph, bound, decided.relaxing, monitor)
-        if broken:
-            decided = decided.plain(monitor)
-    merged, whole = decided.atlas, decided.atlas.charts()[0]
-    other = Later(monitor.jobs, plain_finished, (decided.plain, bound, options), monitor)
-    if decided.plain is not None and len(surface.faces) < PARTED:
-        other.begin()  # of more faces, what splits merged charts has more use for the processes
-    finish(decided, bound, options, worker, monitor, notes)
-    # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
-    if decided.plain is None or merged.charts()[0] <= whole or cost_of(merged) <= decided.most:
+    return _finished(decided, bound, options, worker, monitor, notes)
+
+
+def _finished(
+    decided: Decided,
+    bound: float,
+    options: SeamOptions,
+    worker: Worker,
+    monitor: Monitor,
+    notes: list[str],
+) -> Atlas:
+    """The atlas as it is on the surface itself: as it was decided, or the next best where that breaks.
+
+    One large chart keeps one process busy; what it may give way to is made by another meanwhile.
+    """
+    merged, make = decided.atlas, decided.plain
+    if make is None:
+        finish(decided, bound, options, worker, monitor, notes)
         return merged
-    plain = Atlas(merged.surface, *other.result())
+    whole, chart = merged.charts()
+    count, one_part = len(chart), len(in_parts(chart)) == 1
+    ahead = None
+    if SMALL_FACES < count <= LEVEL_FACES:
+        ahead = Later(monitor.jobs, begun, (make,), monitor)
+        if one_part:
+            ahead.begin()
+        with monitor.stage("enforce"):
+            bad = breaks_up(merged, decided.graph, bound, decided.relaxing, monitor)
+        if ahead.begun:
+            make = partial(_as_begun, decided, ahead)
+        if bad > 1:
+            decided = make(monitor)
+            finish(decided, bound, options, worker, monitor, notes)
+            return decided.atlas
+    other = Later(monitor.jobs, plain_finished, (make, bound, options), monitor)
+    # of more faces in several parts, what splits merged charts has more use for the processes
+    if count < PARTED or (one_part and ahead is None and count <= MOST_BESIDE):
+        other.begin()
+    rest = NextBest(merged.surface, other)
+    finish(decided, bound, options, worker, monitor, notes, rest if decided.most else None)
+    # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
+    if not rest.taken and (merged.charts()[0] <= whole or cost_of(merged) <= decided.most):
+        return merged
+    plain = rest.atlas
     if decided.most:
-        return merged if cost_of(merged) <= cost_of(plain) else plain
+        return merged if cost_of(merged) <= cost_of(plain) and not rest.taken else plain
     with monitor.stage("charts"):
         done = worker.map(merge_on_once, [(a, bound, MARGIN / 2) for a in (plain, merged)], monitor)
     for one, now in zip((plain, merged), done, strict=True):
         one.cut, one.corners, one.merged_on = now
     return merged if better_in_all(merged, plain) else plain
+
+
+def _as_begun(decided: Decided, ahead: Later, monitor: Monitor) -> Decided:
+    """The next best atlas, as another process has begun it."""
+    with monitor.stage("carry"):
+        cut, corners, relaxed = ahead.result()
+        atlas = Atlas(decided.atlas.surface, cut, corners)
+    return decided._replace(atlas=atlas, plain=None, relaxed=relaxed)
 
 
 class _How(NamedTuple):

@@ -195,7 +195,8 @@ class Objective:
             groups = aggregates(self.cut_mesh, pattern, uv)[large]
             self._aggregates = np.unique(groups, return_inverse=True)[1].reshape(-1)
         precondition = TwoLevel(matrix, self._aggregates, uv[large])
-        step = conjugate_gradients(matrix, g.ravel(), precondition, CG_TOLERANCE, CG_LIMIT)
+        rows = precondition.matrix
+        step = conjugate_gradients(rows, g.ravel(), precondition, CG_TOLERANCE, CG_LIMIT)
         return step.reshape(-1, 2)
 
 

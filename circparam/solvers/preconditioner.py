@@ -106,6 +106,10 @@ def aggregates(cut_mesh: CutMesh, pattern: BlockPattern, uv: FloatArray) -> IntA
 
 def _diagonal_blocks(matrix: SparseMatrix) -> FloatArray:
     """(n, 2, 2) blocks on the diagonal."""
+    if isinstance(matrix, sps.bsr_matrix):
+        row = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
+        blocks: FloatArray = matrix.data[matrix.indices == row]
+        return blocks
     main, above, below = (matrix.diagonal(k) for k in (0, 1, -1))
     above, below = np.r_[above, 0.0][::2], np.r_[below, 0.0][::2]
     result: FloatArray = np.stack([main[::2], above, below, main[1::2]], 1).reshape(-1, 2, 2)
@@ -142,11 +146,19 @@ class TwoLevel:
         modes[size[agg] < 4, 1:] = 0.0  # too few vertices to tell the linear modes apart
         data = np.repeat(modes[:, None, :], 2, axis=1).ravel()
         column = 6 * agg[:, None, None] + np.array([[0, 1, 2], [3, 4, 5]])[None]
-        self.matrix = matrix
+        # products with vectors take a third less by rows than by blocks, those with the modes by blocks half
+        self.matrix = sps.csr_matrix(matrix)
         prolong = sps.csr_matrix(
             (data, column.ravel(), 3 * np.arange(2 * n + 1)), shape=(2 * n, 6 * na)
         )
-        coarse = (prolong.T @ (matrix.tocsr() @ prolong)).tocsc()
+        if isinstance(matrix, sps.bsr_matrix):
+            both = np.zeros((n, 2, 6))
+            both[:, 0, :3] = both[:, 1, 3:] = modes
+            blocks = sps.bsr_matrix((both, agg, np.arange(n + 1)), shape=(2 * n, 6 * na))
+            coarse = (blocks.T @ (matrix @ blocks)).tocsc()
+            coarse.eliminate_zeros()
+        else:
+            coarse = (prolong.T @ (self.matrix @ prolong)).tocsc()
         d = coarse.diagonal()
         coarse = coarse + sps.diags(np.where(d > 0, 1e-7 * d, 1.0))
         self.prolong, self.restrict = prolong, prolong.T.tocsr()

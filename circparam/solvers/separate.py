@@ -37,6 +37,9 @@ from circparam.solvers.region import cut_out
 ROUNDS = 6
 STEPS = 2  # Newton steps between two looks at the boundaries
 LOCAL = 0.05  # share of the root of a chart's area that moves round a spring at first; twice that each round
+# Faces of a chart, of which no more move. Of pushes that 40,000 to 270,000 faces of a chart would have had to
+# make room for none came to anything, and they were most of what pushing took.
+WIDE = 30_000
 REACH = 0.02  # share of the root of a chart's area: parts deeper in each other are not pushed apart
 FACING = -0.2  # cosine between outward normals below which two segments face each other
 WEIGHT = 1e-5  # of a spring at first; the energy of a chart is about 1
@@ -175,22 +178,31 @@ def push_apart(
         todo &= ~lost
         if not todo.any():
             break
-        u = _moved(work, u, springs, LOCAL * 2.0**turn * boundary.size)
+        u, wide = _moved(work, u, springs, LOCAL * 2.0**turn * boundary.size)
+        todo &= ~wide
         weight[todo] *= STIFFER
     # what is folded out of a hole, or wound twice, has no boundaries that meet
     fine &= ~self_overlapping(work, u)
     return u * scale, fine
 
 
-def _moved(cut_mesh: CutMesh, uv: FloatArray, springs: _Springs, reach: FloatArray) -> FloatArray:
-    """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring."""
+def _moved(
+    cut_mesh: CutMesh, uv: FloatArray, springs: _Springs, reach: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring.
+
+    And the charts ((n_charts,) bool) that stay as they are, since too many of their faces would have to move.
+    """
+    chart = cut_mesh.chart
     region = within(
-        (centres(uv, cut_mesh.faces), cut_mesh.chart), (uv[springs.vertex], springs.chart), reach
+        (centres(uv, cut_mesh.faces), chart), (uv[springs.vertex], springs.chart), reach
     )
+    wide = group_count(chart[region], cut_mesh.n_charts) > WIDE
+    region &= ~wide[chart]
     part, source, fixed = cut_out(cut_mesh, region, np.zeros(len(uv), bool))
     local = _in_part(springs, cut_mesh, part, source)
     if len(local.vertex) == 0:
-        return uv
+        return uv, wide
     objective = _SpringObjective(part, fixed if fixed.any() else None, local)
     at = Iterate(uv[source], *objective.energies(uv[source]))
     active = np.ones(part.n_charts, bool)
@@ -198,7 +210,7 @@ def _moved(cut_mesh: CutMesh, uv: FloatArray, springs: _Springs, reach: FloatArr
         at = newton_step(objective, at, active, proxy=False).to
     out = uv.copy()
     out[source[~fixed]] = at.uv[~fixed]
-    return out
+    return out, wide
 
 
 def _in_part(springs: _Springs, whole: CutMesh, part: CutMesh, source: IntArray) -> _Springs:

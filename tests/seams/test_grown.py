@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from circparam.core import workers
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.pool import current
-from circparam.core.workers import Worker
+from circparam.core.workers import Later, Worker
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
@@ -23,6 +24,7 @@ from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_o
 from circparam.seams.multires.transfer_seams import NEAR_RINGS, transfer_seams
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.grow import dual_graph
+from circparam.seams.segmentation.layout import judge
 from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import surface_of
@@ -261,8 +263,23 @@ def halved(surface: Surface, monitor: Monitor) -> Decided:
     return Decided(Atlas(surface, cut), grown.dual_graph(surface))
 
 
-def test_what_may_be_gone_back_to_is_finished_beside(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One chart of a sphere breaks up on the mesh; eight are what is finished meanwhile, to the same charts."""
+@pytest.mark.parametrize(
+    ("small", "bound", "asked"),
+    [
+        (True, BOUND, [False, True]),
+        (False, BOUND, [False, False, True]),  # finished here, from what was begun there
+        (False, 1.005, [True]),  # both halves break: what was begun is taken at once
+    ],
+)
+def test_what_may_be_gone_back_to_is_made_beside(
+    monkeypatch: pytest.MonkeyPatch, small: bool, bound: float, asked: list[bool]
+) -> None:
+    """One chart of a sphere breaks up on the mesh; eight are what is made meanwhile, to the same charts.
+
+    Of small meshes they are finished; of others carried over, while it is asked whether the one breaks.
+    """
+    if not small:
+        monkeypatch.setattr(grown, "SMALL_FACES", 100)
     surface = surface_of(*shapes.icosphere(3))
     begun: list[bool] = []
     result = workers.Later.result
@@ -284,9 +301,57 @@ def test_what_may_be_gone_back_to_is_finished_beside(monkeypatch: pytest.MonkeyP
     pool.ready.result()
     found = []
     for jobs in (1, 2):
-        found.append(grown.grown_atlas(surface, BOUND, SeamOptions(), Monitor(jobs=jobs), []))
+        found.append(grown.grown_atlas(surface, bound, SeamOptions(), Monitor(jobs=jobs), []))
     workers.stop()
-    assert begun == [False, True]
+    assert begun == asked
     assert np.array_equal(found[0].cut, found[1].cut)
     assert np.array_equal(found[0].corners, found[1].corners)
-    assert 1 < found[0].charts()[0] <= 8
+    assert 1 < found[0].charts()[0] <= 8 or bound < BOUND
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_what_is_begun_is_relaxed_where_one_part_is_most(
+    several: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As finishing it would: from there on it comes to the same."""
+    if several:
+        monkeypatch.setattr(workers, "PARTED", 100)
+        monkeypatch.setattr(workers, "PART_FACES", 100)
+    surface = surface_of(*shapes.icosphere(3))
+    make = partial(halved, surface)
+    cut, corners, relaxed = finish.begun(make, Monitor())
+    assert relaxed == (0 if several else 1)
+    graph = dual_graph(surface)
+    made = [Decided(Atlas(surface, cut, corners), graph, relaxed=relaxed), make(Monitor())]
+    if relaxed:
+        whole = Atlas(surface, cut.copy(), corners.copy())
+        settled = finish.settle_part(whole, BOUND, None, None, Monitor())
+        assert np.array_equal(settled[1], corners), "nothing is left to be relaxed"
+        assert chart_energies(*whole.open()).max() < 1.05
+    for decided in made:
+        finish.finish(decided, BOUND, SeamOptions(), Worker(1), Monitor(), [])
+    assert np.array_equal(made[0].atlas.cut, made[1].atlas.cut)
+    assert np.array_equal(made[0].atlas.corners, made[1].atlas.corners)
+
+
+@pytest.mark.parametrize("dear", [False, True])
+def test_a_level_that_has_to_be_split_is_left_for_one_that_costs_no_more(dear: bool) -> None:
+    """A whole sphere would be split: two halves cost less than that, a hundred pieces do not."""
+    surface = surface_of(*shapes.icosphere(3))
+    graph = dual_graph(surface)
+    half = (surface.points[surface.faces].mean(1)[:, 2] > 0).astype(np.int64)
+    if dear:
+        half = np.arange(len(surface.faces)) // 13
+    other = Atlas(surface, np.diff(half[surface.edges // 3], axis=1)[:, 0] != 0)
+    made = Later(1, given_back, (other.cut, other.corners), Monitor())
+    rest = finish.NextBest(surface, made)
+    merged = Atlas(surface, np.zeros(len(surface.edges), bool))
+    decided = Decided(merged, graph, plain=partial(halved, surface), most=100.0)
+    finish.finish(decided, 1.02, SeamOptions(), Worker(1), Monitor(), [], rest)
+    assert rest.taken is not dear
+    assert np.array_equal(rest.atlas.cut, other.cut)
+    assert judge(*merged.open()).bad(1.02).any() is np.bool_(not dear)
+
+
+def given_back(cut: BoolArray, corners: FloatArray, monitor: Monitor) -> object:
+    return cut, corners

@@ -99,6 +99,15 @@ def test_both_levels_are_of_use():
     assert error(two, 20) < 0.1 * error(two.jacobi, 20)
 
 
+def test_blocks_and_rows_lead_to_the_same_bits():
+    cut_mesh, uv = layout()
+    pattern, matrix = hessian(cut_mesh, uv)
+    groups, r = aggregates(cut_mesh, pattern, uv), np.random.default_rng(2).normal(size=2 * len(uv))
+    by_blocks, by_rows = TwoLevel(matrix, groups, uv), TwoLevel(matrix.tocsr(), groups, uv)
+    np.testing.assert_array_equal(by_blocks.inverse, by_rows.inverse)
+    np.testing.assert_array_equal(by_blocks(r), by_rows(r))
+
+
 def test_the_preconditioner_is_symmetric_and_positive():
     cut_mesh, uv = layout()
     pattern, matrix = hessian(cut_mesh, uv)

@@ -18,7 +18,7 @@ from circparam.core.arrays import (
 from circparam.core.graph import components
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import face_stretch
-from circparam.geometry.gradient_transfer import space_gradients, spread, targets_from
+from circparam.geometry.gradient_transfer import targets_beside
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
 from circparam.seams.segmentation.layout import ChartLayouts, judge
@@ -167,7 +167,6 @@ def _laid_again(atlas: Atlas, old_cut: BoolArray, chart: IntArray, limits: Limit
         return bad[cut_mesh.chart]
     which = np.zeros(cut_mesh.n_charts, bool)
     which[cut_mesh.chart[surface.edges[atlas.cut != old_cut] // 3].ravel()] = True
-    gradients, _ = spread(atlas, space_gradients(atlas), ~moved)
     sub, _, fid = cut_mesh.subset(which)
     stays = np.zeros(sub.n_vertices, bool)
     stays[sub.faces[~moved[fid]].ravel()] = True
@@ -175,9 +174,8 @@ def _laid_again(atlas: Atlas, old_cut: BoolArray, chart: IntArray, limits: Limit
     uv[sub.faces[~moved[fid]].ravel()] = atlas.corners[fid[~moved[fid]]].reshape(-1, 2)
     held = np.flatnonzero(stays)
     if len(held) < len(stays):
-        uv, _ = from_jacobians(
-            sub, targets_from(atlas, gradients)[:, :, fid], UNTANGLE, held=(held, uv[held])
-        )
+        targets = targets_beside(atlas, moved)[:, :, fid]
+        uv, _ = from_jacobians(sub, targets, UNTANGLE, held=(held, uv[held]))
     uv, energies = _eased(sub, uv, limits.bound, atlas)
     atlas.corners[fid] = uv[sub.faces]
     bad[which] = energies.bad(limits.bound)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,18 +10,15 @@ import numpy as np
 from circparam.core.arrays import (
     BoolArray,
     IntArray,
-    first_of_runs,
     group_count,
     sorted_distinct,
 )
-from circparam.core.graph import nearest, undirected
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker, in_parts
-from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph, dual_graph, make_disks, split_charts
 from circparam.seams.segmentation.layout import ChartLayouts, judge, lay_out_sound, pushed_apart
-from circparam.seams.segmentation.overlap_cut import split_layers
+from circparam.seams.segmentation.overlap_cut import split_layers, split_overlaps
 from circparam.seams.segmentation.shorten import edge_costs, propose
 from circparam.seams.segmentation.slits import SLIT_REACH, slit_charts
 from circparam.solvers.newton import RelaxOptions, relax
@@ -36,6 +34,9 @@ UNSTICK_FACES = 20_000  # larger charts are pushed apart once, not again after e
 NARROW = 0.5  # share of the faces below which bad charts are worked on alone
 GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
 
+# (atlas, number of charts to cut): whether cutting them is not worth it
+Vain = Callable[[Atlas, int], bool]
+
 
 def enforce(
     atlas: Atlas,
@@ -44,17 +45,18 @@ def enforce(
     bound: float,
     options: RelaxOptions,
     monitor: Monitor,
+    vain: Vain | None = None,
 ) -> None:
     """Cut the charts that are bad until none is: below the bound, without flips, not overlapping themselves.
 
     layouts: what ``atlas`` has; afterwards the layout is in its corners. A chart that misses the bound by
     little is slit from its boundary to where it is distorted most; others are split in two. Single cells cannot
     be split, so the work ends; what is left then is for the caller to judge. Where good charts hold most of
-    the faces, the work goes on with the others alone.
+    the faces, the work goes on with the others alone. vain: asked before they are cut whether to leave that.
     """
     atlas.scatter(layouts.cut_mesh, layouts.uv)
     slits = np.zeros(len(atlas.surface.faces), np.int64)
-    _rounds(atlas, graph, layouts, _Held(bound, options, 0, slits), monitor)
+    _rounds(atlas, graph, layouts, _Held(bound, options, 0, slits), monitor, vain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +71,17 @@ class _Held:
 
 
 def _rounds(
-    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, held: _Held, monitor: Monitor
+    atlas: Atlas,
+    graph: DualGraph,
+    layouts: ChartLayouts,
+    held: _Held,
+    monitor: Monitor,
+    vain: Vain | None = None,
 ) -> None:
-    """The rounds that are left. layouts: what the atlas has in its corners."""
+    """The rounds that are left. layouts: what the atlas has in its corners. vain: as for ``enforce``."""
     bound, slits = held.bound, held.slits
     whole, faces = atlas, np.ones(len(slits), bool)
+    clear, last = np.zeros(len(slits), bool), atlas.corners
     for turn in range(held.turn, ROUNDS):
         small = np.bincount(layouts.cut_mesh.chart) <= UNSTICK_FACES
         small &= np.bincount(layouts.cut_mesh.chart) >= LAYER_FACES
@@ -82,17 +90,23 @@ def _rounds(
         bad = layouts.bad(bound) & (_cells(graph, layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
             break
+        if atlas is whole and vain is not None and vain(atlas, int(bad.sum())):
+            break
         inside = bad[layouts.cut_mesh.chart]
         if inside.mean() < NARROW:
             whole.put(faces, atlas)
             faces[faces] = inside
             atlas, slits = whole.part(faces), slits[inside]
+            clear, last = clear[inside], last[inside]
             graph = dual_graph(atlas.surface, atlas.flat)
             cut_mesh = atlas.cut_mesh()
             layouts = judge(cut_mesh, atlas.gather(cut_mesh))
             bad, pushed = np.ones(cut_mesh.n_charts, bool), pushed[bad]
         before = atlas.cut.copy()
-        found = _Bad(graph, layouts, bad, pushed, bound)
+        moved = group_count(layouts.cut_mesh.chart[(atlas.corners != last).any((1, 2))], len(bad))
+        clear &= moved[layouts.cut_mesh.chart] == 0
+        last = atlas.corners.copy()
+        found = _Bad(graph, layouts, bad, pushed, bound, clear)
         cut, slits = _cut_open(atlas, found, slits, monitor)
         if np.array_equal(before, atlas.cut) and not cut.any():
             break
@@ -135,7 +149,8 @@ def hold_part(atlas: Atlas, held: _Held, monitor: Monitor) -> Atlas:
 class _Bad:
     """What a round found.
 
-    bad: (n,) bool, charts to cut. pushed: (n,) bool, charts that could not be separated by pushing.
+    bad: (n,) bool, charts to cut. pushed: (n,) bool, charts that could not be separated by pushing. clear: as
+    ``split_layers`` has it.
     """
 
     graph: DualGraph
@@ -143,6 +158,7 @@ class _Bad:
     bad: BoolArray
     pushed: BoolArray
     bound: float
+    clear: BoolArray
 
 
 def _cut_open(
@@ -164,7 +180,7 @@ def _cut_open(
     split = bad & ~slit
     cut = np.zeros(len(bad), bool)
     if split.any():
-        cut = _split(atlas, found.graph, layouts, split, found.pushed, found.bound, monitor)
+        cut = _split(atlas, found, split, monitor)
     make_disks(atlas, found.graph)
     return cut, slits
 
@@ -191,19 +207,12 @@ def _cells(graph: DualGraph, chart: IntArray) -> IntArray:
     return group_count(pairs // graph.n, int(chart.max()) + 1)
 
 
-def _split(
-    atlas: Atlas,
-    graph: DualGraph,
-    layouts: ChartLayouts,
-    which: BoolArray,
-    pushed: BoolArray,
-    bound: float,
-    monitor: Monitor,
-) -> BoolArray:
+def _split(atlas: Atlas, found: _Bad, which: BoolArray, monitor: Monitor) -> BoolArray:
     """Split charts in two, overlapping ones between the parts that overlap; then shorten the new seams.
 
     Returns (n,) bool: charts that were only cut, or pushed apart, so that their pieces may keep their layout.
     """
+    graph, layouts, pushed, bound = found.graph, found.layouts, found.pushed, found.bound
     before = atlas.cut.copy()
     chart = layouts.cut_mesh.chart
     apart = sound = np.zeros(len(which), bool)
@@ -211,14 +220,14 @@ def _split(
     if folded.any():
         large = folded & (np.bincount(chart) >= LAYER_FACES)
         if large.any():
-            sound = split_layers(atlas, graph, layouts, large, edge_costs(atlas))
+            sound = split_layers(atlas, graph, layouts, large, edge_costs(atlas), found.clear)
         left = large & ~sound & ~pushed
         if left.any():
             # what overlaps by less than a face is not worth a seam where it can be pushed apart
             sound |= left & ~unstick(atlas, layouts, bound, monitor, left).overlapping
         apart = sound.copy()
         if (folded & ~sound).any():
-            apart |= _split_overlaps(atlas, graph, layouts, folded & ~sound)
+            apart |= split_overlaps(atlas, graph, layouts, folded & ~sound)
     rest = which & ~apart
     crumbs = rest & (_cells(graph, chart) <= FRAGMENT)
     atlas.cut |= crumbs[chart[atlas.surface.edges[:, 0] // 3]] & (graph.tail != graph.head)
@@ -228,40 +237,6 @@ def _split(
     proposal = propose(atlas, 3, before)
     atlas.cut = proposal.cut(np.ones(proposal.n, bool))
     return sound
-
-
-def _split_overlaps(
-    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: BoolArray
-) -> BoolArray:
-    """Split charts half way between two faces that overlap; returns the charts that were split."""
-    pairs = crossings(layouts.uv, layouts.cut_mesh)
-    chart = layouts.cut_mesh.chart
-    pairs = pairs[which[chart[pairs[:, 0] // 3]]]
-    done = np.zeros(len(which), bool)
-    if len(pairs) == 0:
-        return done
-    of = chart[pairs[:, 0] // 3]
-    apart = np.linalg.norm(
-        atlas.surface.points[atlas.surface.faces[pairs[:, 0] // 3, 0]]
-        - atlas.surface.points[atlas.surface.faces[pairs[:, 1] // 3, 0]],
-        axis=1,
-    )
-    order = np.lexsort((np.arange(len(pairs)), -apart, of))
-    chosen = pairs[order[first_of_runs(of[order])]]
-    seeds = graph.cell[chosen // 3]
-    differ = seeds[:, 0] != seeds[:, 1]
-    chosen, seeds = chosen[differ], seeds[differ]
-    if len(seeds) == 0:
-        return done
-    done[chart[chosen[:, 0] // 3]] = True
-    use = ~atlas.cut & done[chart[atlas.surface.edges[:, 0] // 3]]
-    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
-    _, _, source = nearest(links, seeds.ravel())
-    first_side = np.zeros(graph.n, bool)
-    first_side[seeds[:, 0]] = True
-    side = first_side[np.where(source >= 0, source, 0)]
-    atlas.cut |= use & (side[graph.tail] != side[graph.head])
-    return done
 
 
 def _map_again(
@@ -294,8 +269,8 @@ def _map_again(
 
 def breaks_up(
     atlas: Atlas, graph: DualGraph, bound: float, options: RelaxOptions, monitor: Monitor
-) -> bool:
-    """Whether several charts would have to be split, so that another atlas with more charts is the better one.
+) -> int:
+    """Number of charts that would have to be split: of several, another atlas is the better one.
 
     Splitting is most of what large surfaces cost, and charts that merged only on a proxy come out in more
     pieces than they had been: of a bunny one broke and it won, of a beast five of six did, and it lost. The
@@ -303,9 +278,10 @@ def breaks_up(
     """
     count, _ = atlas.charts()
     make_disks(atlas, graph)
-    if atlas.charts()[0] > count + 1:
-        return True
-    return int(relaxed_layouts(atlas, options, monitor).bad(bound).sum()) > 1
+    more = atlas.charts()[0] - count
+    if more > 1:
+        return more
+    return int(relaxed_layouts(atlas, options, monitor).bad(bound).sum())
 
 
 def relaxed_layouts(atlas: Atlas, options: RelaxOptions, monitor: Monitor) -> ChartLayouts:

@@ -12,6 +12,7 @@ from circparam.core.arrays import (
     IntArray,
     cross2,
     first_of_runs,
+    group_count,
     group_max,
     group_sum,
     ranges,
@@ -27,25 +28,37 @@ from circparam.seams.segmentation.layout import ChartLayouts
 SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
 CHUNK = 2_000_000  # points x faces looked at together
 PAIRS = 4  # of doubled parts that are cut apart in a round, in each chart
+MANY, LARGE = (
+    12,
+    20_000,
+)  # pairs, and faces of a chart from which on they are so many: its rounds are dear
 NEAR = 4.0  # times the root of a part's area: how far from it its cut may run
 WALL = 2.0**26  # capacity of an edge that must not be cut
 CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
 
 
 def split_layers(
-    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: BoolArray, cost: FloatArray
+    atlas: Atlas,
+    graph: DualGraph,
+    layouts: ChartLayouts,
+    which: BoolArray,
+    cost: FloatArray,
+    clear: BoolArray | None = None,
 ) -> BoolArray:
     """Cut charts along the cheapest seam between their largest doubled part and what lies on it.
 
-    which: (n,) bool charts. cost: (e,) of every edge. Returns (n,) bool, the charts that were cut: the others
-    have no two parts that lie on each other without touching.
+    which: (n,) bool charts. cost: (e,) of every edge. clear: (m,) bool, faces known not to be doubled, which
+    they stay while their chart gets no face and none of its faces moves; what is found is added. Returns (n,)
+    bool, the charts that were cut: the others have no two parts that lie on each other without touching.
     """
     done = np.zeros(len(which), bool)
     chart = layouts.cut_mesh.chart
     edges = atlas.surface.edges
     inner = ~atlas.cut & which[chart[edges[:, 0] // 3]]
-    faces = np.flatnonzero(which[chart])
+    faces = np.flatnonzero(which[chart] if clear is None else which[chart] & ~clear)
     point, twice = _doubled(layouts, faces)
+    if clear is not None:
+        clear[faces[~twice]] = True
     pairs = _sides(graph, inner, layouts, faces[twice], point[twice])
     unseen = which.copy()
     unseen[chart[faces[twice]]] = False
@@ -65,6 +78,40 @@ def split_layers(
         new = inner & (side[graph.tail] != side[graph.head])
         atlas.cut |= new
         done[chart[edges[new, 0] // 3]] = True
+    return done
+
+
+def split_overlaps(
+    atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: BoolArray
+) -> BoolArray:
+    """Split charts half way between two faces that overlap; returns the charts that were split."""
+    pairs = crossings(layouts.uv, layouts.cut_mesh)
+    chart = layouts.cut_mesh.chart
+    pairs = pairs[which[chart[pairs[:, 0] // 3]]]
+    done = np.zeros(len(which), bool)
+    if len(pairs) == 0:
+        return done
+    of = chart[pairs[:, 0] // 3]
+    apart = np.linalg.norm(
+        atlas.surface.points[atlas.surface.faces[pairs[:, 0] // 3, 0]]
+        - atlas.surface.points[atlas.surface.faces[pairs[:, 1] // 3, 0]],
+        axis=1,
+    )
+    order = np.lexsort((np.arange(len(pairs)), -apart, of))
+    chosen = pairs[order[first_of_runs(of[order])]]
+    seeds = graph.cell[chosen // 3]
+    differ = seeds[:, 0] != seeds[:, 1]
+    chosen, seeds = chosen[differ], seeds[differ]
+    if len(seeds) == 0:
+        return done
+    done[chart[chosen[:, 0] // 3]] = True
+    use = ~atlas.cut & done[chart[atlas.surface.edges[:, 0] // 3]]
+    links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
+    _, _, source = nearest(links, seeds.ravel())
+    first_side = np.zeros(graph.n, bool)
+    first_side[seeds[:, 0]] = True
+    side = first_side[np.where(source >= 0, source, 0)]
+    atlas.cut |= use & (side[graph.tail] != side[graph.head])
     return done
 
 
@@ -139,7 +186,8 @@ def _sides(
     probe, cover = probe[distinct], cover[distinct]
     order = np.lexsort((-area[sheet[probe]], p.chart[faces[probe]]))
     probe, cover = probe[order], cover[order]
-    few = ranges(np.bincount(p.chart[faces[probe]])) < PAIRS
+    most = np.where(group_count(p.chart, p.n_charts) < LARGE, PAIRS, MANY)
+    few = ranges(np.bincount(p.chart[faces[probe]])) < most[p.chart[faces[probe]]]
     probe, cover = probe[few], cover[few]
     if len(probe) == 0:
         return []
