@@ -14,7 +14,7 @@ from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.packing.budget import Budget
-from circparam.packing.nest.sketch import Sketch, least_page
+from circparam.packing.nest.sketch import Sketch, Spectra, least_page
 from circparam.pipeline.chords import Chords
 from circparam.pipeline.cut_along import Chord
 from circparam.pipeline.cut_plan import (
@@ -233,14 +233,15 @@ def looked_at(
     """(side of the page with each chord, as far as the operations go: None where it is worth much less than the
     best so far; sketches of what they leave, operations that were spent)."""
     budget = Budget(operations, lambda: monitor.expired)
-    highest, sides = -np.inf, []
+    highest, sides, spectra = -np.inf, [], Spectra(look.sketches)
     for n, halves, length in zip(look.piece, look.halves, look.length, strict=True):
         if budget.over:
             break
         side = CELLS * float(np.exp(min(-(highest - NEAR + RATE * np.log(length)) / 2, 20.0)))
         below = min(int(np.ceil(side)), look.below)
         rest = look.sketches[:n] + look.sketches[n + 1 :]
-        page = least_page(rest + halves.sketches(look.knife), below, look.tries, budget)
+        sketches = rest + halves.sketches(look.knife)
+        page = least_page(sketches, below, look.tries, budget, spectra)
         sides.append(None if page is None else page.side)
         if page is not None:
             highest = max(highest, value_of(page.side, length))

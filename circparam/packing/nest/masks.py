@@ -12,8 +12,10 @@ from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
 from circparam.geometry.raster import row_crossings
 
-# Directions in which an outline is grown by half the gap.
-_GROW = np.array([[np.cos(t), np.sin(t)] for t in np.arange(8) * np.pi / 4])
+# Along either axis, how far an outline is grown in units of its radius, by steps −2..2; and the steps of the eight
+# directions. Of a radius below half a cell the diagonal ones find the cell in the middle too.
+_STEPS = np.array([0.0, np.sqrt(0.5), 1.0, -1.0, -np.sqrt(0.5)])
+_GROW = [(2, 0), (1, 1), (0, 2), (-1, 1), (-2, 0), (-1, -1), (0, -2), (1, -1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,13 @@ class Masks:
     def area(self) -> npt.NDArray[np.float32]:
         """(k,) number of cells of each mask."""
         return np.asarray(self.cells.sum((1, 2)), np.float32)
+
+    @cached_property
+    def within(self) -> IntArray:
+        """(k,) number of cells of each mask that lie within its size: one that was grown may have a few beyond."""
+        rows, columns = (np.arange(n) for n in self.cells.shape[1:])
+        inner = (rows < self.size[:, :1])[:, :, None] & (columns < self.size[:, 1:])[:, None]
+        return np.asarray((self.cells & inner).sum((1, 2)))
 
 
 def chart_masks(start: FloatArray, end: FloatArray, angle: FloatArray, grow: float) -> Masks:
@@ -80,9 +89,17 @@ def _touch(cells: BoolArray, a: FloatArray, b: FloatArray, grow: float) -> None:
     edge = np.repeat(np.arange(len(length)), count)
     t = ((ranges(count) + 0.5) / count[edge])[None, :, None]
     p = a[:, edge] * (1 - t) + b[:, edge] * t
-    which = np.arange(k)[:, None]
     radius = grow + 0.12
-    for offset in [np.zeros(2), *(_GROW * radius)]:
-        column = np.clip(np.floor(p[:, :, 0] + offset[0]).astype(np.int64), 0, width - 1)
-        row = np.clip(np.floor(p[:, :, 1] + offset[1]).astype(np.int64), 0, height - 1)
-        cells[which, row, column] = True
+    column = [_cell(p[:, :, 0] + radius * x, width) for x in _STEPS]
+    row = [_cell(p[:, :, 1] + radius * y, height) * width for y in _STEPS]
+    first = np.arange(k)[:, None] * (height * width)
+    flat = cells.reshape(-1)
+    for x, y in [*_GROW, (0, 0)] if radius >= 0.5 else _GROW:
+        flat[first + row[y] + column[x]] = True
+
+
+def _cell(p: FloatArray, count: int) -> IntArray:
+    """The cells of 0..count − 1 that coordinates lie in, or the nearest."""
+    np.floor(p, out=p)
+    np.clip(p, 0, count - 1, out=p)
+    return p.astype(np.int64)

@@ -201,24 +201,37 @@ def best_place(
     columns: IntArray,
     side: int,
 ) -> tuple[int, int, int] | None:
-    """Mask, row, column of the free place with the highest contact score; None where nothing is free."""
+    """Mask, row, column of the free place with the highest contact score; None where nothing is free.
+
+    Only places are looked at where some mask lies on the page.
+    """
     size = len(page)
-    hit = sf.irfft2(kernel * page, s=(size, size), workers=THREADS)[:, :side, :side]
-    free = hit < 0.5
-    fits = (np.arange(side)[None] <= side - rows[:, None])[:, :, None] & (
-        np.arange(side)[None] <= side - columns[:, None]
-    )[:, None, :]
-    free &= fits
+    tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
+    free = _at_places(kernel * page, tall, wide) < 0.5
+    free &= (np.arange(tall)[None] <= side - rows[:, None])[:, :, None]
+    free &= (np.arange(wide)[None] <= side - columns[:, None])[:, None, :]
     some = np.flatnonzero(free.any((1, 2)))
     if len(some) == 0:
         return None
-    score = sf.irfft2(kernel[some] * (page * blur), s=(size, size), workers=THREADS)[
-        :, :side, :side
-    ]
-    score = np.where(free[some], score / area[some, None, None], -1)
-    best = int(score.argmax())
-    k, rest = divmod(best, side * side)
-    return int(some[k]), rest // side, rest % side
+    all_free = len(some) == len(free)
+    if not all_free:
+        kernel, area, free = kernel[some], area[some], free[some]
+    score = _at_places(kernel * (page * blur), tall, wide)
+    score = np.where(free, score / area[:, None, None], -1)
+    k, rest = divmod(int(score.argmax()), tall * wide)
+    return int(some[k]), rest // wide, rest % wide
+
+
+def _at_places(product: Spectrum, tall: int, wide: int) -> npt.NDArray[np.float32]:
+    """(k, tall, wide) the first rows and columns of what products of spectra (k, n, n // 2 + 1) stand for.
+
+    As ``irfft2`` gives them, to the last bit: it transforms the rows that are not asked for as well.
+    """
+    size = product.shape[1]
+    half = sf.ifft(product, axis=1, norm="forward", overwrite_x=True, workers=THREADS)[:, :tall]
+    whole = sf.irfft(half, n=size, axis=2, norm="forward", workers=THREADS)[:, :, :wide]
+    found: npt.NDArray[np.float32] = whole * np.float32(1 / size**2)
+    return found
 
 
 def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Placement:

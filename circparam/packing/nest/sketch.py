@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer, sf
+from circparam.packing.nest.search import SIGMAS, Spectrum, best_place, blur_transfer, sf
 
 SEED = 9
 # even angles at which an outline is tried: none of its tips moves by more than TIP cells between
@@ -26,6 +27,7 @@ FULLEST = 0.78  # share of its cells that no page of a few outlines fills: none 
 SHUFFLED = 0.3  # spread of the logarithm of the sizes by which later tries change the order
 # tries in which all masks take part, by size and by reach; later ones take half of them
 FIRST_TRIES = 2
+EVEN = 1e-5  # of its cells: what masks in corners that touch as much may seem to differ by
 LARGEST = 4  # outlines that are tried at all their angles; smaller ones at every other one
 
 
@@ -96,32 +98,50 @@ class _Board:
     side: int
 
 
-def _board(sketches: Sequence[Sketch], side: int) -> _Board:
-    """The board for pages of up to ``side`` cells."""
-    size = int(sf.next_fast_len(side, real=True))
-    spectra = []
-    for s in sketches:
-        block = np.zeros((len(s.masks.cells), size, size), np.float32)
-        h, w = (min(k, size) for k in s.masks.cells.shape[1:])
-        block[:, :h, :w] = s.masks.cells[:, :h, :w]
-        spectra.append(np.conj(sf.rfft2(block)))
-    return _Board(sketches, spectra, size)
+class Spectra:
+    """Spectra of sketches that take part in several pages, each made once for every grid."""
+
+    def __init__(self, kept: Sequence[Sketch] = ()) -> None:
+        self._kept = {id(s): s for s in kept}
+        self._known: dict[tuple[int, int], Spectrum] = {}
+
+    def board(self, sketches: Sequence[Sketch], side: int) -> _Board:
+        """The board for pages of up to ``side`` cells."""
+        size = int(sf.next_fast_len(side, real=True))
+        return _Board(sketches, [self._of(s, size) for s in sketches], size)
+
+    def _of(self, sketch: Sketch, size: int) -> Spectrum:
+        key = id(sketch), size
+        if key in self._known:
+            return self._known[key]
+        cells = sketch.masks.cells
+        block = np.zeros((len(cells), size, size), np.float32)
+        h, w = (min(k, size) for k in cells.shape[1:])
+        block[:, :h, :w] = cells[:, :h, :w]
+        spectrum: Spectrum = np.conj(sf.rfft2(block))
+        if key[0] in self._kept:
+            self._known[key] = spectrum
+        return spectrum
 
 
 def least_page(
-    sketches: Sequence[Sketch], below: int, tries: int, budget: Budget
+    sketches: Sequence[Sketch],
+    below: int,
+    tries: int,
+    budget: Budget,
+    spectra: Spectra | None = None,
 ) -> SketchedPage | None:
     """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
 
     tries: orders that are tried without success before the search ends; it goes on with every success.
-    budget: of cells that are transformed.
+    budget: of cells that are transformed. spectra: of sketches that take part in other pages too.
     """
     least = max((s.least for s in sketches), default=1)
     least = max(least, int(np.sqrt(sum(s.area for s in sketches) / FULLEST)))
     side = below - 1
     if side < least:
         return None
-    board = _board(sketches, side)
+    board = (spectra or Spectra()).board(sketches, side)
     rng = np.random.default_rng(SEED)
     found: SketchedPage | None = None
     failures = tried = 0
@@ -180,14 +200,15 @@ def _laid_out(
         if len(pick) == 0:
             return None
         budget.spend(len(pick) * float(size) ** 2)
-        page = sf.rfft2(grid)
-        spot: tuple[int, int, int] | None
         if turn == 0:
-            spot = _corner(sf.irfft2(page * blur, s=(size, size)), masks, pick, side)
+            spot = _corner(_empty(size, side, sigma), masks, pick, side)
         else:
-            spot = _touching(page, blur, board.spectra[c], masks, pick, side)
-        if spot is None:
-            return None
+            rows, columns = masks.size[pick].T
+            spectra, area = board.spectra[c][pick], masks.area[pick]
+            found = best_place(sf.rfft2(grid), spectra, blur, area, rows, columns, side)
+            if found is None:
+                return None
+            spot = int(pick[found[0]]), found[1], found[2]
         k, y, x = spot
         at[:, c] = spot
         h, w = masks.size[k]
@@ -195,35 +216,47 @@ def _laid_out(
     return SketchedPage(side, *at)
 
 
-def _corner(blurred: FloatArray, masks: Masks, pick: IntArray, side: int) -> tuple[int, int, int]:
-    """The mask that touches most in a corner of an empty page, and its row and column there."""
+@lru_cache(maxsize=128)
+def _empty(size: int, side: int, sigma: float) -> tuple[FloatArray, FloatArray]:
+    """An empty page of ``side`` cells, blurred; and (side,) how much of what is beyond is seen along one axis."""
+    page = np.ones((size, size), np.float32)
+    page[:side, :side] = 0
+    blur = blur_transfer(size, sigma)
+    along = sf.irfft(sf.rfft(1.0 - page[0]) * blur[0], n=size)[:side]
+    return sf.irfft2(sf.rfft2(page) * blur, s=(size, size)), along
+
+
+def _corner(
+    empty: tuple[FloatArray, FloatArray], masks: Masks, pick: IntArray, side: int
+) -> tuple[int, int, int]:
+    """The mask that touches most in a corner of an empty page, and its row and column there.
+
+    A blurred page is the product of what it is along both axes, the same from either end: that tells what
+    touches most but for quarter turns, which differ in the last bits.
+    """
+    blurred, along = empty
+    size = masks.size[pick]
+    high, wide = size.max(0).tolist()
+    cells = masks.cells[pick, :high, :wide].astype(np.float64)
+    down, right = (_from_ends(along, n) for n in size.T)
+    inside = ((down @ cells)[:, :, None] * right[:, None]).sum(-1).reshape(-1, 4)
+    # where a chart is grown, a cell may lie beyond the size of its mask
+    own = masks.within[pick]
+    told = (own[:, None] - inside) / masks.area[pick, None]
     best, spot = -1.0, (int(pick[0]), 0, 0)
-    for k in pick.tolist():
-        h, w = masks.size[k].tolist()
-        cells = masks.cells[k, :h, :w]
-        for y, x in ((0, 0), (0, side - w), (side - h, 0), (side - h, side - w)):
-            score = float(blurred[y : y + h, x : x + w][cells].sum()) / float(masks.area[k])
-            if score > best:
-                best, spot = score, (k, y, x)
+    for n, corner in np.argwhere(told >= told.max() - EVEN).tolist():
+        k, (h, w) = int(pick[n]), size[n].tolist()
+        y, x = (side - h) * (corner // 2), (side - w) * (corner % 2)
+        touched = blurred[y : y + h, x : x + w][masks.cells[k, :h, :w]]
+        score = float(touched.sum()) / float(masks.area[k])
+        if score > best:
+            best, spot = score, (k, y, x)
     return spot
 
 
-def _touching(
-    page: Spectrum, blur: FloatArray, spectra: Spectrum, masks: Masks, pick: IntArray, side: int
-) -> tuple[int, int, int] | None:
-    """The free place where most of a mask lies near others or the border; None where nothing is free."""
-    size = len(page)
-    kernel = spectra[pick]
-    hit = sf.irfft2(kernel * page, s=(size, size))[:, :side, :side]
-    free: BoolArray = hit < 0.5
-    # what begins too far right or down would come round the grid
-    at = np.arange(side)
-    free &= (at[None] <= side - masks.size[pick, 0][:, None])[:, :, None]
-    free &= (at[None] <= side - masks.size[pick, 1][:, None])[:, None, :]
-    some = np.flatnonzero(free.any((1, 2)))
-    if len(some) == 0:
-        return None
-    score = sf.irfft2(kernel[some] * (page * blur), s=(size, size))[:, :side, :side]
-    score = np.where(free[some], score / masks.area[pick[some]][:, None, None], -1)
-    k, rest = divmod(int(score.argmax()), side * side)
-    return int(pick[some[k]]), rest // side, rest % side
+def _from_ends(along: FloatArray, count: IntArray) -> FloatArray:
+    """(k, 2, most) the first ``count`` (k,) numbers, forwards and backwards; 0 beyond."""
+    n = np.arange(count.max())
+    back = count[:, None] - 1 - n
+    ends = np.stack(np.broadcast_arrays(along[n], along[back]), 1)
+    return np.where(back[:, None] < 0, 0, ends)
