@@ -14,7 +14,7 @@ from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.packing.budget import Budget
-from circparam.packing.nest.sketch import Sketch, Spectra, least_page
+from circparam.packing.nest.sketch import Sketch, least_page
 from circparam.pipeline.chords import Chords
 from circparam.pipeline.cut_along import Chord
 from circparam.pipeline.cut_plan import (
@@ -233,7 +233,8 @@ def looked_at(
     """(side of the page with each chord, as far as the operations go: None where it is worth much less than the
     best so far; sketches of what they leave, operations that were spent)."""
     budget = Budget(operations, lambda: monitor.expired)
-    highest, sides, spectra = -np.inf, [], Spectra(look.sketches)
+    highest, sides, known = -np.inf, [], look.knife.easel.known
+    known.keep(look.sketches)
     for n, halves, length in zip(look.piece, look.halves, look.length, strict=True):
         if budget.over:
             break
@@ -241,7 +242,7 @@ def looked_at(
         below = min(int(np.ceil(side)), look.below)
         rest = look.sketches[:n] + look.sketches[n + 1 :]
         sketches = rest + halves.sketches(look.knife)
-        page = least_page(sketches, below, look.tries, budget, spectra)
+        page = least_page(sketches, below, look.tries, budget, known)
         sides.append(None if page is None else page.side)
         if page is not None:
             highest = max(highest, value_of(page.side, length))
@@ -279,7 +280,7 @@ def made_cut(
     sides = None
     if cut is not None and cut[1] <= making.room[0] and cut[2] <= making.room[1]:
         sketches = making.rest + [p.sketch for p in cut[0]]
-        sides = page_sides(sketches, knife.easel.cell, making.below, making.tries, budget)
+        sides = page_sides(sketches, knife.easel, making.below, making.tries, budget)
     return cut, sides, operations - budget.left
 
 

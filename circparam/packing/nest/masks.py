@@ -37,6 +37,11 @@ class Masks:
         return np.asarray(self.cells.sum((1, 2)), np.float32)
 
     @cached_property
+    def longest(self) -> int:
+        """Rows or columns of the longest mask."""
+        return int(self.size.max())
+
+    @cached_property
     def within(self) -> IntArray:
         """(k,) number of cells of each mask that lie within its size: one that was grown may have a few beyond."""
         rows, columns = (np.arange(n) for n in self.cells.shape[1:])

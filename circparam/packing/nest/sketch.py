@@ -7,7 +7,7 @@ covers in the end is a tenth more, since packing goes on from such a layout.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -57,12 +57,63 @@ class SketchedPage:
     column: IntArray
 
 
+@dataclass(eq=False)
+class _Step:
+    """A chart on a page, after those before it. spot: mask, row and column; None where it finds no place.
+
+    sketch: kept, so that no other one gets its number. after: what followed, by sketch and masks to choose from.
+    """
+
+    sketch: Sketch | None = None
+    spot: tuple[int, int, int] | None = None
+    after: dict[tuple[int, bytes], _Step] = field(default_factory=dict)
+
+
+class Known:
+    """What pages of the same charts have in common: many begin as others did, and go on as those went.
+
+    Nothing but time depends on it; in another process it is empty.
+    """
+
+    def __init__(self, kept: Sequence[Sketch] = ()) -> None:
+        self._kept = {id(s): s for s in kept}
+        self._spectra: dict[tuple[int, int], Spectrum] = {}
+        self._pages: dict[tuple[int, int, float], _Step] = {}
+
+    def __reduce__(self) -> tuple[type[Known], tuple[()]]:
+        return Known, ()
+
+    def keep(self, sketches: Sequence[Sketch]) -> None:
+        """Keep the spectra of some sketches: those that take part in many pages."""
+        self._kept.update((id(s), s) for s in sketches)
+
+    def first(self, size: int, side: int, sigma: float) -> _Step:
+        """The empty page of ``side`` cells."""
+        return self._pages.setdefault((size, side, sigma), _Step())
+
+    def spectrum(self, sketch: Sketch, size: int) -> Spectrum:
+        """(k, size, size // 2 + 1) that of its masks on a grid of ``size`` cells a side."""
+        key = id(sketch), size
+        if key in self._spectra:
+            return self._spectra[key]
+        cells = sketch.masks.cells
+        block = np.zeros((len(cells), size, size), np.float32)
+        h, w = (min(k, size) for k in cells.shape[1:])
+        block[:, :h, :w] = cells[:, :h, :w]
+        spectrum: Spectrum = np.conj(sf.rfft2(block))
+        if key[0] in self._kept:
+            self._spectra[key] = spectrum
+        return spectrum
+
+
 @dataclass(frozen=True, eq=False)
 class Easel:
-    """What all sketches have in common. cell: its side in uv units. grow: cells that outlines are grown by."""
+    """What all sketches have in common. cell: its side in uv units. grow: cells that outlines are grown by. known:
+    of the pages that were sketched."""
 
     cell: float
     grow: float
+    known: Known = field(default_factory=Known)
 
     def sketch(self, start: FloatArray, end: FloatArray) -> Sketch:
         """An outline of edges from start to end (e, 2) in uv units."""
@@ -91,37 +142,18 @@ def _angles(points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Board:
-    """Sketches on a grid of ``side`` squared cells; spectra: (k, side, side // 2 + 1), those of their masks."""
+    """Sketches on a grid of ``side`` squared cells, with what is known of them; spectra: as far as they are used."""
 
     sketches: Sequence[Sketch]
-    spectra: list[Spectrum]
+    known: Known
     side: int
+    spectra: dict[int, Spectrum] = field(default_factory=dict)
 
-
-class Spectra:
-    """Spectra of sketches that take part in several pages, each made once for every grid."""
-
-    def __init__(self, kept: Sequence[Sketch] = ()) -> None:
-        self._kept = {id(s): s for s in kept}
-        self._known: dict[tuple[int, int], Spectrum] = {}
-
-    def board(self, sketches: Sequence[Sketch], side: int) -> _Board:
-        """The board for pages of up to ``side`` cells."""
-        size = int(sf.next_fast_len(side, real=True))
-        return _Board(sketches, [self._of(s, size) for s in sketches], size)
-
-    def _of(self, sketch: Sketch, size: int) -> Spectrum:
-        key = id(sketch), size
-        if key in self._known:
-            return self._known[key]
-        cells = sketch.masks.cells
-        block = np.zeros((len(cells), size, size), np.float32)
-        h, w = (min(k, size) for k in cells.shape[1:])
-        block[:, :h, :w] = cells[:, :h, :w]
-        spectrum: Spectrum = np.conj(sf.rfft2(block))
-        if key[0] in self._kept:
-            self._known[key] = spectrum
-        return spectrum
+    def spectrum(self, c: int) -> Spectrum:
+        """Those of the masks of sketch c."""
+        if c not in self.spectra:
+            self.spectra[c] = self.known.spectrum(self.sketches[c], self.side)
+        return self.spectra[c]
 
 
 def least_page(
@@ -129,19 +161,19 @@ def least_page(
     below: int,
     tries: int,
     budget: Budget,
-    spectra: Spectra | None = None,
+    known: Known | None = None,
 ) -> SketchedPage | None:
     """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
 
     tries: orders that are tried without success before the search ends; it goes on with every success.
-    budget: of cells that are transformed. spectra: of sketches that take part in other pages too.
+    budget: of cells that are transformed. known: of other pages.
     """
     least = max((s.least for s in sketches), default=1)
     least = max(least, int(np.sqrt(sum(s.area for s in sketches) / FULLEST)))
     side = below - 1
     if side < least:
         return None
-    board = (spectra or Spectra()).board(sketches, side)
+    board = _Board(sketches, known or Known(), int(sf.next_fast_len(side, real=True)))
     rng = np.random.default_rng(SEED)
     found: SketchedPage | None = None
     failures = tried = 0
@@ -193,27 +225,42 @@ def _laid_out(
     at = np.zeros((3, len(order)), np.int64)
     grid = np.ones((size, size), np.float32)
     grid[:side, :side] = 0
-    blur = blur_transfer(size, sigma)
+    step = board.known.first(size, side, sigma)
     for turn, c in enumerate(order.tolist()):
-        masks = board.sketches[c].masks
-        pick = choice[c][masks.size[choice[c]].max(1) <= side]
+        sketch, pick = board.sketches[c], choice[c]
+        masks = sketch.masks
+        if masks.longest > side:
+            pick = pick[masks.size[pick].max(1) <= side]
         if len(pick) == 0:
             return None
         budget.spend(len(pick) * float(size) ** 2)
-        if turn == 0:
-            spot = _corner(_empty(size, side, sigma), masks, pick, side)
-        else:
-            rows, columns = masks.size[pick].T
-            spectra, area = board.spectra[c][pick], masks.area[pick]
-            found = best_place(sf.rfft2(grid), spectra, blur, area, rows, columns, side)
-            if found is None:
-                return None
-            spot = int(pick[found[0]]), found[1], found[2]
-        k, y, x = spot
-        at[:, c] = spot
+        key = id(sketch), pick.tobytes()
+        if key not in step.after:
+            if turn == 0:
+                spot = _corner(_empty(size, side, sigma), masks, pick, side)
+            else:
+                spot = _touching(sf.rfft2(grid), board.spectrum(c), masks, pick, (side, sigma))
+            step.after[key] = _Step(sketch, spot)
+        step = step.after[key]
+        if step.spot is None:
+            return None
+        at[:, c] = k, y, x = step.spot
         h, w = masks.size[k]
         grid[y : y + h, x : x + w][masks.cells[k, :h, :w]] = 1
     return SketchedPage(side, *at)
+
+
+def _touching(
+    page: Spectrum, spectra: Spectrum, masks: Masks, pick: IntArray, shown: tuple[int, float]
+) -> tuple[int, int, int] | None:
+    """The free place where most of a mask lies near others or the border; None where nothing is free.
+
+    shown: side of the page and blur.
+    """
+    (side, sigma), (rows, columns) = shown, masks.size[pick].T
+    blur = blur_transfer(len(page), sigma)
+    found = best_place(page, spectra[pick], blur, masks.area[pick], rows, columns, side)
+    return None if found is None else (int(pick[found[0]]), found[1], found[2])
 
 
 @lru_cache(maxsize=128)
