@@ -121,7 +121,10 @@ def page_sides(
     if page is None:
         return None
     budget.spend(LOCKING)
-    layout = locked(sketches, page, easel.cell, LOCKED, lambda: budget.late)
+    key = easel.known.page_key(sketches, page)
+    if key not in easel.known.locked:
+        easel.known.locked[key] = locked(sketches, page, easel.cell, LOCKED, lambda: budget.late)
+    layout = easel.known.locked[key]
     inner = LOCKED.resolution - 2 * LOCKED.border + LOCKED.gap
     return inner / (layout.scale * easel.cell), layout, page.side
 

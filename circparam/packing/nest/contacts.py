@@ -43,13 +43,11 @@ def sample_outlines(shapes: Shapes, step: float) -> Outlines:
     t = (ranges(count) / count[edge])[:, None]
     points = start[edge] * (1 - t) + end[edge] * t
     chart = shapes.owner[shapes.start][edge]
-    x, y = np.floor(points.T / (THINNED * step))
-    order = np.lexsort((x, y, chart))
-    new = np.ones(len(order), bool)
-    new[1:] = False
-    for key in (x[order], y[order], chart[order]):
-        new[1:] |= key[1:] != key[:-1]
-    first = np.sort(order[new])
+    x, y = (np.floor(axis / (THINNED * step)).astype(np.int64) for axis in points.T)
+    x, y = x - x.min(initial=0), y - y.min(initial=0)
+    key = (chart * (int(y.max(initial=0)) + 1) + y) * (int(x.max(initial=0)) + 1) + x
+    order = np.argsort(key, kind="stable")
+    first = np.sort(order[first_of_runs(key[order])])
     return Outlines(points[first], start[edge[first]], end[edge[first]], chart[first], step)
 
 
@@ -96,8 +94,9 @@ def find_contacts(
     pairs = tree.query_pairs(reach, output_type="ndarray")
     # a < b in every pair, and samples are sorted by chart: i < j
     chart = outlines.chart[some]
-    pairs = pairs[chart[pairs[:, 0]] != chart[pairs[:, 1]]]
-    a, b = some[pairs[:, 0]], some[pairs[:, 1]]
+    one, other = pairs[:, 0], pairs[:, 1]
+    apart = np.flatnonzero(chart[one] != chart[other])
+    a, b = some[one[apart]], some[other[apart]]
     crossing = _cross(placement, outlines, world, a, b)
     kept = _nearest_of_squares(outlines.chart, world, a, b, side)
     a, b = a[kept], b[kept]
@@ -151,8 +150,10 @@ def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
     x, y = (np.floor((axis - axis.min()) / side).astype(np.int64) for axis in axes)
     first = np.full((int(y.max()) + 1, int(x.max()) + 1), int(chart[-1]) + 1)
     last = np.full(first.shape, -1)
-    np.minimum.at(first, (y, x), chart)
-    np.maximum.at(last, (y, x), chart)
+    at = y * first.shape[1] + x
+    last.ravel()[at] = chart  # the last of several that are set in one place stays
+    backwards = np.arange(len(at) - 1, -1, -1)
+    first.ravel()[at[backwards]] = chart[backwards]
     several = _round_it(first, np.minimum) != _round_it(last, np.maximum)
     return np.flatnonzero(several[y, x])
 

@@ -210,11 +210,10 @@ def best_place(
     free = _at_places(kernel * page, tall, wide) < 0.5
     free &= (np.arange(tall)[None] <= side - rows[:, None])[:, :, None]
     free &= (np.arange(wide)[None] <= side - columns[:, None])[:, None, :]
-    some = np.flatnonzero(free.any((1, 2)))
+    some = np.flatnonzero(free.reshape(len(free), -1).any(1))
     if len(some) == 0:
         return None
-    all_free = len(some) == len(free)
-    if not all_free:
+    if len(some) < len(free):
         kernel, area, free = kernel[some], area[some], free[some]
     score = _at_places(kernel * (page * blur), tall, wide)
     score = np.where(free, score / area[:, None, None], -1)

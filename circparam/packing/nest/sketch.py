@@ -16,6 +16,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
 from circparam.packing.nest.search import SIGMAS, Spectrum, best_place, blur_transfer, sf
+from circparam.packing.placement import Placement
 
 SEED = 9
 # even angles at which an outline is tried: none of its tips moves by more than TIP cells between
@@ -72,13 +73,16 @@ class _Step:
 class Known:
     """What pages of the same charts have in common: many begin as others did, and go on as those went.
 
-    Nothing but time depends on it; in another process it is empty.
+    sketches: by the outlines that they show: several chords may lead to the same cut. locked: layouts grown until
+    they lock, by what ``page_key`` says of the page. Nothing but time depends on it; in another process it is empty.
     """
 
     def __init__(self, kept: Sequence[Sketch] = ()) -> None:
         self._kept = {id(s): s for s in kept}
         self._spectra: dict[tuple[int, int], Spectrum] = {}
         self._pages: dict[tuple[int, int, float], _Step] = {}
+        self.sketches: dict[tuple[bytes, bytes], Sketch] = {}
+        self.locked: dict[tuple[bytes, ...], Placement] = {}
 
     def __reduce__(self) -> tuple[type[Known], tuple[()]]:
         return Known, ()
@@ -90,6 +94,11 @@ class Known:
     def first(self, size: int, side: int, sigma: float) -> _Step:
         """The empty page of ``side`` cells."""
         return self._pages.setdefault((size, side, sigma), _Step())
+
+    def page_key(self, sketches: Sequence[Sketch], page: SketchedPage) -> tuple[bytes, ...]:
+        """What tells a page of sketches that stay from all others."""
+        numbers = np.array([id(s) for s in sketches])
+        return tuple(a.tobytes() for a in (numbers, page.mask, page.row, page.column, np.array(page.side)))
 
     def spectrum(self, sketch: Sketch, size: int) -> Spectrum:
         """(k, size, size // 2 + 1) that of its masks on a grid of ``size`` cells a side."""
@@ -117,6 +126,12 @@ class Easel:
 
     def sketch(self, start: FloatArray, end: FloatArray) -> Sketch:
         """An outline of edges from start to end (e, 2) in uv units."""
+        key = start.tobytes(), end.tobytes()
+        if key not in self.known.sketches:
+            self.known.sketches[key] = self._drawn(start, end)
+        return self.known.sketches[key]
+
+    def _drawn(self, start: FloatArray, end: FloatArray) -> Sketch:
         middle = (start.min(0) + start.max(0)) / 2
         angles = _angles(start[:: max(len(start) // 100, 1)] / self.cell)
         start, end = start - middle, end - middle
