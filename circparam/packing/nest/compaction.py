@@ -77,14 +77,12 @@ def _program(
     inside = bound < reach
     blocks = [(columns[inside], values[inside], bound[inside])]
     blocks += _border_rows(growth, placement, reach)
-    row = np.repeat(
-        np.arange(sum(len(c) for c, _, _ in blocks)),
-        np.concatenate([np.full(len(c), c.shape[1]) for c, _, _ in blocks]),
-    )
+    entries = np.concatenate([np.full(len(c), c.shape[1]) for c, _, _ in blocks])
     column = np.concatenate([c.ravel() for c, _, _ in blocks])
     value = np.concatenate([v.ravel() for _, v, _ in blocks])
     bounds = np.concatenate([b for _, _, b in blocks])
-    return sps.csr_matrix((value, (row, column)), shape=(len(bounds), 3 * n + 1)), bounds
+    begin = np.r_[0, np.cumsum(entries)]
+    return sps.csr_matrix((value, column, begin), shape=(len(bounds), 3 * n + 1)), bounds
 
 
 def _border_rows(
