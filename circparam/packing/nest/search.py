@@ -276,9 +276,11 @@ def search(
     span = 2 * np.log(np.maximum(shapes.radius, 1e-300))
     climb = _Climb(board, shapes, options.pages, budget)
     most = int(board.side if terms.largest is None else min(board.side, terms.largest))
+    # no page is smaller than the one that holds the longest chart alone
+    least = max(int(m.size[a].max(1).min()) for m, a in zip(board.masks, allowed, strict=True))
     tried = 0
     failures = 0
-    while failures < 400:
+    while failures < 400 and (climb.results[0].side if climb.results else most + 1) > least:
         key = area if tried % 2 == 0 else span
         sigma = SIGMAS[tried % len(SIGMAS)]
         share = 0.5
