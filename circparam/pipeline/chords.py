@@ -136,7 +136,9 @@ def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
     total = float(outline.fans.sum())
     cumulative = np.r_[0.0, np.cumsum(outline.fans)]
     first = cumulative[pick[j]] - cumulative[pick[i]] + cross2(q[j], q[i]) / 2
-    ahead, back = extents(p, pick, np.r_[i, j], np.r_[j - i, k - j + i]).reshape(2, 2, -1).swapaxes(0, 1)
+    ahead, back = (
+        extents(p, pick, np.r_[i, j], np.r_[j - i, k - j + i]).reshape(2, 2, -1).swapaxes(0, 1)
+    )
     return Chords(
         outline,
         pick[i],
@@ -181,7 +183,7 @@ def extents(p: FloatArray, pick: IntArray, first: IntArray, pieces: IntArray) ->
     """(2, c) least box (area) and least square (side) of the boundary from anchor ``first`` (c,) over so many
     ``pieces`` (c,), 1 at least: all that lie between two anchors.
 
-    What twice as many pieces reach is told from two halves; any number of them is two such stretches that overlap.
+    What twice as many pieces reach is told from two halves; any number is two such stretches that overlap.
     """
     k = len(pick)
     along = turned(p)

@@ -12,8 +12,8 @@ from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
 from circparam.geometry.raster import row_crossings
 
-# Along either axis, how far an outline is grown in units of its radius, by steps −2..2; and the steps of the eight
-# directions. Of a radius below half a cell the diagonal ones find the cell in the middle too.
+# Along either axis, how far an outline is grown in units of its radius, by steps −2..2; and the steps of the
+# eight directions. Of a radius below half a cell the diagonal ones find the cell in the middle too.
 _STEPS = np.array([0.0, np.sqrt(0.5), 1.0, -1.0, -np.sqrt(0.5)])
 _GROW = [(2, 0), (1, 1), (0, 2), (-1, 1), (-2, 0), (-1, -1), (0, -2), (1, -1)]
 
@@ -43,7 +43,7 @@ class Masks:
 
     @cached_property
     def within(self) -> IntArray:
-        """(k,) number of cells of each mask that lie within its size: one that was grown may have a few beyond."""
+        """(k,) number of cells of each mask within its size: one that was grown may have a few beyond."""
         rows, columns = (np.arange(n) for n in self.cells.shape[1:])
         inner = (rows < self.size[:, :1])[:, :, None] & (columns < self.size[:, 1:])[:, None]
         return np.asarray((self.cells & inner).sum((1, 2)))

@@ -8,30 +8,20 @@ their spectra are made once; a larger scale of the charts is a smaller page on t
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.imports import OnDemand
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
+from circparam.packing.nest.places import Spectrum, best_place, blur_transfer, sf
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement
 
-# brings scipy.special along, and a chart alone on its page needs neither
-sf = OnDemand("scipy.fft")
-
 # A chart of which a tip moves by less than this between two angles is tried at no more of them (cells).
 _TIP = 3.0
-
-Spectrum = npt.NDArray[np.complex64]
-
-# Threads of the transforms: a second one costs 70 µs a call, about what those of one chart take.
-THREADS = 1
 
 # The grid of the transforms is this much larger than the page at the density that is hoped for.
 SLACK = 1.25
@@ -126,14 +116,6 @@ def board_of(masks: list[Masks], cell: float, side: int) -> Board:
     return Board(masks, spectra, cell, side)
 
 
-@lru_cache(maxsize=64)
-def blur_transfer(side: int, sigma: float) -> FloatArray:
-    """Transfer function of a Gaussian of ``sigma`` cells on the FFT grid, (side, side // 2 + 1)."""
-    f0, f1 = sf.fftfreq(side)[:, None], sf.rfftfreq(side)[None]
-    gauss: FloatArray = np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
-    return gauss
-
-
 def lay_out(
     board: Board,
     order: IntArray,
@@ -190,47 +172,6 @@ def _attempt(
         grid[tile, y : y + h, x : x + w][cells] = 1
         spectra[tile] = sf.rfft2(grid[tile])
     return GridLayout(side, mask, row, column, page)
-
-
-def best_place(
-    page: Spectrum,
-    kernel: Spectrum,
-    blur: FloatArray,
-    area: FloatArray,
-    rows: IntArray,
-    columns: IntArray,
-    side: int,
-) -> tuple[int, int, int] | None:
-    """Mask, row, column of the free place with the highest contact score; None where nothing is free.
-
-    Only places are looked at where some mask lies on the page.
-    """
-    size = len(page)
-    tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
-    free = _at_places(kernel * page, tall, wide) < 0.5
-    free &= (np.arange(tall)[None] <= side - rows[:, None])[:, :, None]
-    free &= (np.arange(wide)[None] <= side - columns[:, None])[:, None, :]
-    some = np.flatnonzero(free.reshape(len(free), -1).any(1))
-    if len(some) == 0:
-        return None
-    if len(some) < len(free):
-        kernel, area, free = kernel[some], area[some], free[some]
-    score = _at_places(kernel * (page * blur), tall, wide)
-    score = np.where(free, score / area[:, None, None], -1)
-    k, rest = divmod(int(score.argmax()), tall * wide)
-    return int(some[k]), rest // wide, rest % wide
-
-
-def _at_places(product: Spectrum, tall: int, wide: int) -> npt.NDArray[np.float32]:
-    """(k, tall, wide) the first rows and columns of what products of spectra (k, n, n // 2 + 1) stand for.
-
-    As ``irfft2`` gives them, to the last bit: it transforms the rows that are not asked for as well.
-    """
-    size = product.shape[1]
-    half = sf.ifft(product, axis=1, norm="forward", overwrite_x=True, workers=THREADS)[:, :tall]
-    whole = sf.irfft(half, n=size, axis=2, norm="forward", workers=THREADS)[:, :, :wide]
-    found: npt.NDArray[np.float32] = whole * np.float32(1 / size**2)
-    return found
 
 
 def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Placement:

@@ -15,7 +15,8 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.search import SIGMAS, Spectrum, best_place, blur_transfer, sf
+from circparam.packing.nest.places import Single, Spectrum, best_place, blur_transfer, sf
+from circparam.packing.nest.search import SIGMAS
 from circparam.packing.placement import Placement
 
 SEED = 9
@@ -62,7 +63,8 @@ class SketchedPage:
 class _Step:
     """A chart on a page, after those before it. spot: mask, row and column; None where it finds no place.
 
-    sketch: kept, so that no other one gets its number. after: what followed, by sketch and masks to choose from.
+    sketch: kept, so that no other one gets its number. after: what followed, by sketch and masks to choose
+    from.
     """
 
     sketch: Sketch | None = None
@@ -73,8 +75,9 @@ class _Step:
 class Known:
     """What pages of the same charts have in common: many begin as others did, and go on as those went.
 
-    sketches: by the outlines that they show: several chords may lead to the same cut. locked: layouts grown until
-    they lock, by what ``page_key`` says of the page. Nothing but time depends on it; in another process it is empty.
+    sketches: by the outlines that they show: several chords may lead to the same cut. locked: layouts grown
+    until they lock, by what ``page_key`` says of the page. Nothing but time depends on it; in another process
+    it is empty.
     """
 
     def __init__(self, kept: Sequence[Sketch] = ()) -> None:
@@ -98,7 +101,9 @@ class Known:
     def page_key(self, sketches: Sequence[Sketch], page: SketchedPage) -> tuple[bytes, ...]:
         """What tells a page of sketches that stay from all others."""
         numbers = np.array([id(s) for s in sketches])
-        return tuple(a.tobytes() for a in (numbers, page.mask, page.row, page.column, np.array(page.side)))
+        return tuple(
+            a.tobytes() for a in (numbers, page.mask, page.row, page.column, np.array(page.side))
+        )
 
     def spectrum(self, sketch: Sketch, size: int) -> Spectrum:
         """(k, size, size // 2 + 1) that of its masks on a grid of ``size`` cells a side."""
@@ -117,8 +122,8 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Easel:
-    """What all sketches have in common. cell: its side in uv units. grow: cells that outlines are grown by. known:
-    of the pages that were sketched."""
+    """What all sketches have in common. cell: its side in uv units. grow: cells that outlines are grown by.
+    known: of the pages that were sketched."""
 
     cell: float
     grow: float
@@ -157,7 +162,7 @@ def _angles(points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Board:
-    """Sketches on a grid of ``side`` squared cells, with what is known of them; spectra: as far as they are used."""
+    """Sketches on a grid of ``side`` squared cells, with what is known of them; spectra: those in use."""
 
     sketches: Sequence[Sketch]
     known: Known
@@ -251,6 +256,7 @@ def _laid_out(
         budget.spend(len(pick) * float(size) ** 2)
         key = id(sketch), pick.tobytes()
         if key not in step.after:
+            spot: tuple[int, int, int] | None
             if turn == 0:
                 spot = _corner(_empty(size, side, sigma), masks, pick, side)
             else:
@@ -280,7 +286,7 @@ def _touching(
 
 @lru_cache(maxsize=128)
 def _empty(size: int, side: int, sigma: float) -> tuple[FloatArray, FloatArray]:
-    """An empty page of ``side`` cells, blurred; and (side,) how much of what is beyond is seen along one axis."""
+    """An empty page of ``side`` cells, blurred; and (side,) how empty it is then along one axis."""
     page = np.ones((size, size), np.float32)
     page[:side, :side] = 0
     blur = blur_transfer(size, sigma)
@@ -299,7 +305,7 @@ def _corner(
     blurred, along = empty
     size = masks.size[pick]
     high, wide = size.max(0).tolist()
-    cells = masks.cells[pick, :high, :wide].astype(np.float64)
+    cells = masks.cells[pick, :high, :wide].astype(np.float32)
     down, right = (_from_ends(along, n) for n in size.T)
     inside = ((down @ cells)[:, :, None] * right[:, None]).sum(-1).reshape(-1, 4)
     # where a chart is grown, a cell may lie beyond the size of its mask
@@ -316,9 +322,12 @@ def _corner(
     return spot
 
 
-def _from_ends(along: FloatArray, count: IntArray) -> FloatArray:
+def _from_ends(along: FloatArray, count: IntArray) -> Single:
     """(k, 2, most) the first ``count`` (k,) numbers, forwards and backwards; 0 beyond."""
     n = np.arange(count.max())
     back = count[:, None] - 1 - n
-    ends = np.stack(np.broadcast_arrays(along[n], along[back]), 1)
-    return np.where(back[:, None] < 0, 0, ends)
+    inside = back >= 0
+    ends = np.empty((len(count), 2, len(n)), np.float32)
+    ends[:, 0] = along[n] * inside
+    ends[:, 1] = along[back] * inside
+    return ends

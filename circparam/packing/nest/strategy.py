@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,13 +33,15 @@ ALONG = 4  # angles at which a straight chart lies along the axes
 
 
 def nested(
-    task: PackTask, skyline: Placement | None = None, shelf: Placement | None = None
+    task: PackTask,
+    skyline: Callable[[], Placement | None] = lambda: None,
+    shelf: Placement | None = None,
 ) -> Placement | None:
     """The best placement by nesting; None where the search found none.
 
-    skyline: charts on a skyline, compacted instead of the layout found, or beside it, where there are few
-    charts. shelf: rows of boxes, compacted too where that leads nowhere: for charts like boxes they can be the
-    best start. A long first step may push a thin tip through a neighbour, which no later step undoes; the
+    skyline: tells of charts on a skyline, compacted instead of the layout found, or beside it, where there are
+    few charts. shelf: rows of boxes, compacted too where that leads nowhere: for charts like boxes they can be
+    the best start. A long first step may push a thin tip through a neighbour, which no later step undoes; the
     check on the raster (``task.sound``) tells, and then the next layout is taken.
     """
     shapes, options = task.shapes, task.options
@@ -55,7 +58,7 @@ def nested(
             return going_on
     layouts, straight = _found(task)
     if shapes.n <= SCHEDULE.compacted_up_to:
-        compacted = _compacted(task, layouts, (skyline, shelf), _growth(task, straight))
+        compacted = _compacted(task, layouts, (skyline(), shelf), _growth(task, straight))
         if compacted is not None:
             return compacted
     return layouts[0] if layouts else None
@@ -110,7 +113,7 @@ def _going_on(task: PackTask) -> Placement | None:
 
 
 def _most(shapes: Shapes, options: PackOptions) -> float:
-    """The scale at which the longest chart alone fills its page, at the angle where it fits the smallest square."""
+    """The scale at which the longest chart alone fills its page."""
     box = shapes.boxes(least_square_angles(shapes, options.rotate))
     return (options.resolution - 2 * options.border) / float((box[:, 2:] - box[:, :2]).max())
 
@@ -118,9 +121,7 @@ def _most(shapes: Shapes, options: PackOptions) -> float:
 def _growth(task: PackTask, straight: Straight | None) -> Growth:
     """What all layouts that are compacted have in common, the budget among it."""
     rows = SCHEDULE.rows * min(1.0, max(4 * task.options.effort, 0.25))
-    return Growth(
-        task.shapes, task.options, Budget(rows, lambda: task.monitor.expired), straight
-    )
+    return Growth(task.shapes, task.options, Budget(rows, lambda: task.monitor.expired), straight)
 
 
 def _grown(task: PackTask, growth: Growth, start: Placement) -> Placement:

@@ -81,7 +81,7 @@ def test_rows_of_boxes_are_a_start_too():
     rows = shelf_placement(shapes, options)
     task = PackTask(shapes, options, Monitor(), {}, lambda p: finish(shapes, p, options)[1] is None)
     assert nested(task) is None
-    for start in ({"shelf": rows}, {"skyline": rows}):
+    for start in ({"shelf": rows}, {"skyline": lambda: rows}):
         found = nested(task, **start)
         assert found.scale == pytest.approx(rows.scale, rel=0.01)
 
