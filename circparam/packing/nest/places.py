@@ -19,6 +19,9 @@ Single = npt.NDArray[np.float32]
 # Threads of the transforms: a second one costs 70 µs a call, about what those of one chart take.
 THREADS = 1
 
+# What contacts that are told beside cells in use are off by at most, as a share of what such a cell counts as
+NOISE = 2e-6
+
 
 @lru_cache(maxsize=64)
 def blur_transfer(side: int, sigma: float) -> FloatArray:
@@ -39,21 +42,30 @@ def best_place(
 ) -> tuple[int, int, int] | None:
     """Mask, row, column of the free place with the highest contact score; None where nothing is free.
 
-    Only places are looked at where some mask lies on the page.
+    Only places are looked at where some mask lies on the page. One transform tells which are free, and nearly
+    how much they touch; where several may be the best, their masks are looked at again.
     """
     tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
-    free = _at_places(kernel * page, tall, wide) < 0.5
+    used = 2 * np.float32(
+        area.max()
+    )  # what a cell in use counts as: more than all that a mask may touch
+    told = _at_places(kernel * (page * (blur + used)), tall, wide)
+    free = told < 0.75 * used
     free &= (np.arange(tall)[None] <= side - rows[:, None])[:, :, None]
     free &= (np.arange(wide)[None] <= side - columns[:, None])[:, None, :]
-    some = np.flatnonzero(free.reshape(len(free), -1).any(1))
-    if len(some) == 0:
+    score = np.where(free, told / area[:, None, None], -1).ravel()
+    highest = float(score.max())
+    if highest < 0:
         return None
-    if len(some) < len(free):
-        kernel, area, free = kernel[some], area[some], free[some]
-    score = _at_places(kernel * (page * blur), tall, wide)
-    score = np.where(free, score / area[:, None, None], -1)
-    k, rest = divmod(int(score.argmax()), tall * wide)
-    return int(some[k]), rest // wide, rest % wide
+    near = np.flatnonzero(score >= highest - NOISE * used)
+    if len(near) > 1:
+        some = np.unique(near // (tall * wide))
+        score = _at_places(kernel[some] * (page * blur), tall, wide)
+        score = np.where(free[some], score / area[some, None, None], -1)
+        k, rest = divmod(int(score.argmax()), tall * wide)
+        return int(some[k]), rest // wide, rest % wide
+    k, rest = divmod(int(near[0]), tall * wide)
+    return k, rest // wide, rest % wide
 
 
 def _at_places(product: Spectrum, tall: int, wide: int) -> Single:
