@@ -140,10 +140,10 @@ def test_what_is_known_of_other_pages_changes_nothing() -> None:
     stay = [EASEL.sketch(*blob(rng)) for _ in range(5)]
     known = Known()
     known.keep(stay)
-    for _ in range(6):
-        some = [*stay, EASEL.sketch(*blob(rng))]
+    for k in range(12):
+        some = [*stay, *(EASEL.sketch(*blob(rng)) for _ in range(k % 3))]
         shared, alone = Budget(1e12, never), Budget(1e12, never)
-        a, b = least_page(some, 90, 3, shared, known), least_page(some, 90, 3, alone)
+        a, b = least_page(some, 60 + k, 8, shared, known), least_page(some, 60 + k, 8, alone)
         assert a is not None
         assert b is not None
         assert a.side == b.side
