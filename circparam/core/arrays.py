@@ -122,6 +122,12 @@ def dot(a: FloatArray, b: FloatArray) -> float:
     return float((a * b).sum())
 
 
+def dot2(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Scalar products of plane vectors, over the last axis: several times as fast as a sum over it."""
+    result: FloatArray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
+    return result
+
+
 def cross2(a: FloatArray, b: FloatArray) -> FloatArray:
     """z component of the cross product of plane vectors, over the last axis."""
     result: FloatArray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -226,10 +226,15 @@ def shared_texels(page: LabelGrid, start: FloatArray, end: FloatArray, owner: In
     p = np.floor(start[edge] * (1 - t) + end[edge] * t).astype(np.int64)
     size = len(page)
     texel = np.clip(p[:, 1], 0, size - 1) * size + np.clip(p[:, 0], 0, size - 1)
+    who, own = page.ravel()[texel], owner[edge].astype(np.int32)
+    last = np.empty(size * size, np.int32)
+    last[texel] = own  # one of those that run through it
+    if not ((last[texel] != own) | ((who >= 0) & (who != own))).any():
+        return 0
     low = np.full(size * size, np.iinfo(np.int32).max, np.int32)
     high = np.full(size * size, -1, np.int32)
-    np.minimum.at(low, texel, owner[edge].astype(np.int32))
-    np.maximum.at(high, texel, owner[edge].astype(np.int32))
+    np.minimum.at(low, texel, own)
+    np.maximum.at(high, texel, own)
     touched = np.flatnonzero(high >= 0)
     who = page.ravel()[touched]
     foreign = (who >= 0) & (who != low[touched])
@@ -261,28 +266,31 @@ def smallest_gap(grid: LabelGrid, search: int) -> tuple[float, tuple[int, int] |
     grid: (h, w), −1 where empty. (infinity, None) where there is none within the search. Nearest texels of two
     labels lie where a label ends, so only those look round.
     """
-    middle = grid[1:-1, 1:-1]
-    inner = np.zeros(grid.shape, bool)
-    inner[1:-1, 1:-1] = (
-        (middle == grid[:-2, 1:-1])
-        & (middle == grid[2:, 1:-1])
-        & (middle == grid[1:-1, :-2])
-        & (middle == grid[1:-1, 2:])
-    )
-    y, x = np.nonzero((grid >= 0) & ~inner)
-    own = grid[y, x]
+    wide = grid.shape[1]
+    flat = grid.ravel()
+    # as beside it and below it, so as before it and above it; no texel of the border has four neighbours
+    beside, below = flat[1:] == flat[:-1], flat[wide:] == flat[:-wide]
+    inner = np.zeros(len(flat), bool)
+    inner[wide:-wide] = below[wide:] & below[:-wide]
+    inner[1:-1] &= beside[1:] & beside[:-1]
+    inner.reshape(grid.shape)[:, [0, -1]] = False
+    at = np.flatnonzero((flat >= 0) & ~inner)
+    own = flat[at]
+    y, x = np.divmod(at, wide)
     if search > NEAR:
         return _gap_by_trees(np.stack([y, x], 1), own, search)
-    wide = np.pad(grid, search, constant_values=-1)
-    at = (y + search) * wide.shape[1] + x + search
-    flat = wide.ravel()
+    if len(at) and 2 * min(y[0], x.min(), len(grid) - 1 - y[-1], wide - 1 - x.max()) < search:
+        # else what looks beyond a border comes to the empty texels along another
+        grid = np.pad(grid, search, constant_values=-1)
+        wide, flat = grid.shape[1], grid.ravel()
+        at = (y + search) * wide + x + search
     dy, dx = np.mgrid[0 : search + 1, -search : search + 1].reshape(2, -1)
     square = dy * dy + dx * dx
     half = ((dy > 0) | (dx > 0)) & (square <= search * search)  # the other half looks back
     order = np.lexsort((dx[half], dy[half], square[half]))
-    step = (dy * wide.shape[1] + dx)[half][order]
+    step = (dy * wide + dx)[half][order]
     for offset, distance in zip(step.tolist(), square[half][order].tolist(), strict=True):
-        other = flat[at + offset]
+        other = flat[np.minimum(at + offset, len(flat) - 1)]
         hit = (other >= 0) & (other != own)
         if hit.any():
             k = int(hit.argmax())

@@ -50,7 +50,7 @@ def faults(placed: PlacedCharts, options: PackOptions) -> tuple[str | None, Floa
     share = np.zeros(options.pages)
     for tile in range(options.pages):
         grid, clashes = placed.raster(tile, options.resolution)
-        share[tile] = (grid >= 0).mean()
+        share[tile] = np.count_nonzero(grid >= 0) / grid.size
         edges = placed.page[placed.edge_owner] == tile
         start, end = _single(placed.start[edges]), _single(placed.end[edges])
         if start.size and (start.min() < 0 or start.max() > 1):

@@ -88,18 +88,21 @@ def painted(runs: Runs, side: int) -> tuple[LabelGrid, int]:
     head = np.flatnonzero(new)
     right = (reach - group * side)[np.r_[head[1:] - 1, len(order) - 1]] if len(order) else right
     owner, row, left = owner[head], row[head], left[head]
-    # what begins and ends at each texel, summed along the rows; an empty column takes the last ends
-    wide = side + 1
-    begin, stop = row * wide + left, row * wide + right + 1
-    size = side * wide
-    label = _steps(begin, stop, owner + 1, size).reshape(side, wide)[:, :-1]
-    layers = _steps(begin, stop, np.ones_like(owner), size).reshape(side, wide)[:, :-1]
-    return np.ascontiguousarray(label - 1), int(np.count_nonzero(layers > 1))
+    # what begins and ends at each texel, summed row by row: where a row is full the next begins with its end
+    begin, stop = row * side + left, row * side + right + 1
+    label = _steps(begin, stop, owner + 1, side, -1)
+    first_come = np.argsort(begin, kind="stable")
+    clashes = 0
+    if (begin[first_come][1:] < np.maximum.accumulate(stop[first_come])[:-1]).any():
+        layers = _steps(begin, stop, np.ones_like(owner), side, 0)
+        clashes = int(np.count_nonzero(layers > 1))
+    return label, clashes
 
 
-def _steps(begin: IntArray, stop: IntArray, value: IntArray, size: int) -> LabelGrid:
-    """Sum of the values of all stretches begin..stop−1 at each of ``size`` places."""
-    steps = np.zeros(size, np.int32)
+def _steps(begin: IntArray, stop: IntArray, value: IntArray, side: int, base: int) -> LabelGrid:
+    """(side, side) sum of the values of all stretches begin..stop−1 at each place, and ``base``."""
+    steps = np.zeros(side * side + 1, np.int32)
+    steps[0] = base
     np.add.at(steps, begin, value.astype(np.int32))
     np.subtract.at(steps, stop, value.astype(np.int32))
-    return np.cumsum(steps, dtype=np.int32)
+    return np.cumsum(steps, dtype=np.int32, out=steps)[:-1].reshape(side, side)

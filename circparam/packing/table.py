@@ -49,6 +49,12 @@ def _shelf(task: PackTask) -> Placement | None:
 
 
 def _skyline(task: PackTask) -> Placement | None:
+    if task.start is not None and _few_enough_to_nest(task.shapes, task.options):
+        return None  # nesting goes on from there, and asks for it where that leads nowhere
+    return _on_skyline(task)
+
+
+def _on_skyline(task: PackTask) -> Placement | None:
     if task.shapes.n > SKYLINE_UP_TO and hopeless(task.shapes, task.options):
         return None
     return skyline_placement(task.shapes, task.options, task.monitor)
@@ -63,7 +69,11 @@ def _nest(task: PackTask) -> Placement | None:
         nested,  # linear programs and FFT take 0.15 s to import
     )
 
-    return nested(task, skyline=task.found.get("skyline"), shelf=task.found.get("shelf"))
+    def skyline() -> Placement | None:
+        wanted = task.start is not None and _many_enough_for_skyline(task.shapes, task.options)
+        return _on_skyline(task) if wanted else task.found.get("skyline")
+
+    return nested(task, skyline, shelf=task.found.get("shelf"))
 
 
 PACKERS: Table[Packer] = Table(

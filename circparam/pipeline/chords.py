@@ -136,17 +136,17 @@ def chords(outline: Outline, anchors: int = ANCHORS) -> Chords:
     total = float(outline.fans.sum())
     cumulative = np.r_[0.0, np.cumsum(outline.fans)]
     first = cumulative[pick[j]] - cumulative[pick[i]] + cross2(q[j], q[i]) / 2
-    box, square = extents(p, pick)
-    over = j - i - 1
-    back = k - (j - i) - 1
+    ahead, back = (
+        extents(p, pick, np.r_[i, j], np.r_[j - i, k - j + i]).reshape(2, 2, -1).swapaxes(0, 1)
+    )
     return Chords(
         outline,
         pick[i],
         pick[j],
         gap[i, j],
         np.minimum(first, total - first),
-        box[i, over] + box[j, back],
-        np.maximum(square[i, over], square[j, back]),
+        ahead[0] + back[0],
+        np.maximum(ahead[1], back[1]),
     )
 
 
@@ -179,22 +179,29 @@ def boxes(low: FloatArray, high: FloatArray) -> FloatArray:
     return result
 
 
-def extents(p: FloatArray, pick: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Of the boundary from anchor i over l + 1 pieces, at [i, l]: its least box (area), least square (side)."""
+def extents(p: FloatArray, pick: IntArray, first: IntArray, pieces: IntArray) -> FloatArray:
+    """(2, c) least box (area) and least square (side) of the boundary from anchor ``first`` (c,) over so many
+    ``pieces`` (c,), 1 at least: all that lie between two anchors.
+
+    What twice as many pieces reach is told from two halves; any number is two such stretches that overlap.
+    """
     k = len(pick)
     along = turned(p)
     count = np.diff(np.r_[pick, pick[0] + len(p)]) + 1
     index = (np.repeat(pick, count) + ranges(count)) % len(p)
     start = np.cumsum(count) - count
-    high, low = np.maximum.reduceat(along[index], start), np.minimum.reduceat(along[index], start)
-    box, square = np.zeros((k, k)), np.zeros((k, k))
-    top, bottom = high.copy(), low.copy()
-    for length in range(k):
-        box[:, length] = boxes(bottom, top)
-        square[:, length] = (top - bottom).max(-1).min(-1)
-        following = (np.arange(k) + length + 1) % k
-        top, bottom = np.maximum(top, high[following]), np.minimum(bottom, low[following])
-    return box, square
+    # both ways at once: the lowest are the highest of what is upside down
+    reach = np.maximum.reduceat(np.concatenate([along, -along], -1)[index], start)
+    known = [reach]
+    for length in (2**n for n in range(int(pieces.max(initial=1)).bit_length() - 1)):
+        reach = np.maximum(reach, np.roll(reach, -length, 0))
+        known.append(reach)
+    level = np.frexp(pieces)[1] - 1  # of the largest power of two that is no more
+    table = np.stack(known)
+    last = (first + pieces - 2**level) % k
+    top = np.maximum(table[level, first], table[level, last])
+    size = top[..., :2] + top[..., 2:]
+    return np.stack([size.prod(-1).min(-1), size.max(-1).min(-1)])
 
 
 def _holds(polygon: FloatArray, point: FloatArray) -> bool:

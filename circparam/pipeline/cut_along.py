@@ -19,7 +19,10 @@ BAND = 0.2  # of a chord's length: how far from it the way along edges may run
 EDGES = 4.0  # and so many edges besides
 ENDS = (0.35, 0.1, 0.0)  # of a chord's length: how far from its ends the way may begin and end
 ALIKE = 1.6  # ratio of the areas that the chord and the way cut off
-STEPS = 6  # of relaxing a part above the bound: what a cut makes room for shows in the first ones
+# Of relaxing a part above the bound: what a cut makes room for shows in the first ones. By the first step parts
+# that came below it were seen to end at 0.93 of the excess allowed at most, four fifths of the others above it
+# (150 parts of 11 meshes): those are given up then.
+STEPS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +198,7 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened 
         return Opened(atlas, cut_mesh, uv)
     part, vertices, faces = cut_mesh.subset(high)
     scale = best_chart_scales(part, uv[vertices])[part.vertex_chart][:, None]
-    options = RelaxOptions(max_iterations=STEPS, give_up=limits.bound)
+    options = RelaxOptions(max_iterations=STEPS, give_up=limits.bound, early=True)
     better = relax(part, uv[vertices] * scale, options).uv
     sound = np.isfinite(better).all() and (signs(better, part.faces) > 0).all()
     if not sound or (chart_distortion(part, better) > limits.bound).any():

@@ -114,16 +114,19 @@ def effort_of(pieces: int, carver: Carver) -> Effort:
 
 
 def page_sides(
-    sketches: list[Sketch], cell: float, below: int, tries: int, budget: Budget
+    sketches: list[Sketch], easel: Easel, below: int, tries: int, budget: Budget
 ) -> Sides | None:
     """The page of some pieces whose outlines lock; None where none is below so many cells."""
-    page = least_page(sketches, below, tries, budget)
+    page = least_page(sketches, below, tries, budget, easel.known)
     if page is None:
         return None
     budget.spend(LOCKING)
-    layout = locked(sketches, page, cell, LOCKED, lambda: budget.late)
+    key = easel.known.page_key(sketches, page)
+    if key not in easel.known.locked:
+        easel.known.locked[key] = locked(sketches, page, easel.cell, LOCKED, lambda: budget.late)
+    layout = easel.known.locked[key]
     inner = LOCKED.resolution - 2 * LOCKED.border + LOCKED.gap
-    return inner / (layout.scale * cell), layout, page.side
+    return inner / (layout.scale * easel.cell), layout, page.side
 
 
 def value_of(side: float, length: float) -> float:
@@ -148,10 +151,10 @@ def first_plan(carver: Carver, budget: Budget, told: float) -> Plan | None:
         return None
     pieces = carver.pieces(large)
     widest = max((p.sketch.least for p in pieces), default=0)
-    tries, cell = effort_of(len(pieces), carver).more, carver.easel.cell
+    tries = effort_of(len(pieces), carver).more
     sketches = [p.sketch for p in pieces]
     below = max(2 * CELLS, widest + 2)
-    sides = page_sides(sketches, cell, below, tries, budget) if pieces else None
+    sides = page_sides(sketches, carver.easel, below, tries, budget) if pieces else None
     if sides is None:
         return None
     cut_mesh = carver.cut_mesh

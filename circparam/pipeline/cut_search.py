@@ -233,14 +233,16 @@ def looked_at(
     """(side of the page with each chord, as far as the operations go: None where it is worth much less than the
     best so far; sketches of what they leave, operations that were spent)."""
     budget = Budget(operations, lambda: monitor.expired)
-    highest, sides = -np.inf, []
+    highest, sides, known = -np.inf, [], look.knife.easel.known
+    known.keep(look.sketches)
     for n, halves, length in zip(look.piece, look.halves, look.length, strict=True):
         if budget.over:
             break
         side = CELLS * float(np.exp(min(-(highest - NEAR + RATE * np.log(length)) / 2, 20.0)))
         below = min(int(np.ceil(side)), look.below)
         rest = look.sketches[:n] + look.sketches[n + 1 :]
-        page = least_page(rest + halves.sketches(look.knife), below, look.tries, budget)
+        sketches = rest + halves.sketches(look.knife)
+        page = least_page(sketches, below, look.tries, budget, known)
         sides.append(None if page is None else page.side)
         if page is not None:
             highest = max(highest, value_of(page.side, length))
@@ -278,7 +280,7 @@ def made_cut(
     sides = None
     if cut is not None and cut[1] <= making.room[0] and cut[2] <= making.room[1]:
         sketches = making.rest + [p.sketch for p in cut[0]]
-        sides = page_sides(sketches, knife.easel.cell, making.below, making.tries, budget)
+        sides = page_sides(sketches, knife.easel, making.below, making.tries, budget)
     return cut, sides, operations - budget.left
 
 

@@ -35,7 +35,8 @@ class RelaxOptions:
 
     tolerance: a chart has converged when the decrease that Newton's model predicts is below this share of its
     energy. max_iterations: bound on the steps. bound: charts whose energy falls to it stop there (None: none
-    do). give_up: charts that Newton's model sees staying above this energy stop (None: none do).
+    do). give_up: charts that Newton's model sees staying above this energy stop (None: none do), from the
+    second step on; early: from the first one on.
     fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy. weight: (m,)
     positive factor of the area of each face in the energy (None: 1); energies are those with the weights then.
     local: the start is right but for what is near; steps are so many iterations that pass changes on from
@@ -46,6 +47,7 @@ class RelaxOptions:
     max_iterations: int = 200
     bound: float | None = None
     give_up: float | None = None
+    early: bool = False
     fixed: BoolArray | None = None
     blend: float = 0.0
     weight: FloatArray | None = None
@@ -190,7 +192,7 @@ class _Relaxation:
         if not proxy:
             stop("converged", step.predicted <= options.tolerance * energy)
         stop("no descent", step.length <= 0)
-        if options.give_up is not None and not first:
+        if options.give_up is not None and (options.early or not first):
             stop("gave up", (step.length > 0.5) & (self.floor[self.charts] > options.give_up))
         if options.bound is not None:
             stop("bound", energy <= options.bound)

@@ -188,6 +188,12 @@ def test_a_chart_is_given_up_only_where_its_floor_lies_above() -> None:
     hopeless = relax(cut_mesh, uv, RelaxOptions(give_up=float(1 + 0.5 * (least - 1))))
     assert hopeless.stopped[1] == "gave up"
     assert 1 < hopeless.iterations[1] < full.iterations[1]
+    begun = relax(cut_mesh, uv, RelaxOptions(max_iterations=3)).uv
+    for early in (False, True):
+        asked = RelaxOptions(tolerance=1e-10, give_up=float(1 + 0.5 * (least - 1)), early=early)
+        again = relax(cut_mesh, begun, asked)
+        assert again.stopped[1] == "gave up"
+        assert again.iterations[1] == (1 if early else 2)
     kept = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-10, give_up=float(1.01 * least)))
     assert kept.stopped[1] == "converged"
     assert (full.floor[:2] <= full.energy[:2] * (1 + 1e-12)).all()

@@ -9,15 +9,8 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.search import (
-    SIGMAS,
-    Board,
-    Spectrum,
-    best_place,
-    blur_transfer,
-    board_of,
-    sf,
-)
+from circparam.packing.nest.places import Spectrum, best_place, blur_transfer, sf
+from circparam.packing.nest.search import SIGMAS, Board, board_of
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray, dot2
 from circparam.packing.nest.contacts import Contacts, to_world
 from circparam.packing.nest.growth import REACH, SLACK, Growth
 from circparam.packing.options import strip_gap
@@ -54,7 +54,7 @@ def _program(
     """Rows A z <= b, b < reach, with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
     n, options = growth.shapes.n, growth.options
     d = found.p - found.q
-    distance = np.sqrt((d * d).sum(1))
+    distance = np.sqrt(dot2(d, d))
     normal = d / np.maximum(distance, 1e-12)[:, None]
     rp, rq = found.p - placement.offset[found.i], found.q - placement.offset[found.j]
     width = options.gap if strict else strip_gap(options.padding, normal)
@@ -69,7 +69,7 @@ def _program(
             normal[:, 1],
             _cross(normal, rp),
             -_cross(normal, rq),
-            -(normal * (rp - rq)).sum(1),
+            -dot2(normal, rp - rq),
         ],
         1,
     )
@@ -77,14 +77,12 @@ def _program(
     inside = bound < reach
     blocks = [(columns[inside], values[inside], bound[inside])]
     blocks += _border_rows(growth, placement, reach)
-    row = np.repeat(
-        np.arange(sum(len(c) for c, _, _ in blocks)),
-        np.concatenate([np.full(len(c), c.shape[1]) for c, _, _ in blocks]),
-    )
+    entries = np.concatenate([np.full(len(c), c.shape[1]) for c, _, _ in blocks])
     column = np.concatenate([c.ravel() for c, _, _ in blocks])
     value = np.concatenate([v.ravel() for _, v, _ in blocks])
     bounds = np.concatenate([b for _, _, b in blocks])
-    return sps.csr_matrix((value, (row, column)), shape=(len(bounds), 3 * n + 1)), bounds
+    begin = np.r_[0, np.cumsum(entries)]
+    return sps.csr_matrix((value, column, begin), shape=(len(bounds), 3 * n + 1)), bounds
 
 
 def _border_rows(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, first_of_runs, ranges
+from circparam.core.arrays import FloatArray, IntArray, cross2, dot2, first_of_runs, ranges
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 
@@ -36,17 +36,18 @@ class Outlines:
 def sample_outlines(shapes: Shapes, step: float) -> Outlines:
     """Samples at most ``step`` apart on every edge, edge starts among them; short edges are thinned."""
     start, end = shapes.points[shapes.start], shapes.points[shapes.end]
-    length = np.sqrt(((end - start) ** 2).sum(1))
+    d = end - start
+    length = np.sqrt(dot2(d, d))
     count = np.maximum(np.ceil(length / step), 1).astype(np.int64)
     edge = np.repeat(np.arange(len(start)), count)
     t = (ranges(count) / count[edge])[:, None]
     points = start[edge] * (1 - t) + end[edge] * t
     chart = shapes.owner[shapes.start][edge]
-    order = np.lexsort((*np.floor(points.T / (THINNED * step)), chart))
-    cell = np.floor(points[order] / (THINNED * step))
-    new = np.ones(len(order), bool)
-    new[1:] = (cell[1:] != cell[:-1]).any(1) | (chart[order[1:]] != chart[order[:-1]])
-    first = np.sort(order[new])
+    x, y = (np.floor(axis / (THINNED * step)).astype(np.int64) for axis in points.T)
+    x, y = x - x.min(initial=0), y - y.min(initial=0)
+    key = (chart * (int(y.max(initial=0)) + 1) + y) * (int(x.max(initial=0)) + 1) + x
+    order = np.argsort(key, kind="stable")
+    first = np.sort(order[first_of_runs(key[order])])
     return Outlines(points[first], start[edge[first]], end[edge[first]], chart[first], step)
 
 
@@ -93,18 +94,26 @@ def find_contacts(
     pairs = tree.query_pairs(reach, output_type="ndarray")
     # a < b in every pair, and samples are sorted by chart: i < j
     chart = outlines.chart[some]
-    pairs = pairs[chart[pairs[:, 0]] != chart[pairs[:, 1]]]
-    a, b = some[pairs[:, 0]], some[pairs[:, 1]]
+    one, other = pairs[:, 0], pairs[:, 1]
+    apart = np.flatnonzero(chart[one] != chart[other])
+    a, b = some[one[apart]], some[other[apart]]
     crossing = _cross(placement, outlines, world, a, b)
     kept = _nearest_of_squares(outlines.chart, world, a, b, side)
     a, b = a[kept], b[kept]
     i, j = outlines.chart[a], outlines.chart[b]
     on_j = _on_edge(placement, outlines, b, world[a])
     on_i = _on_edge(placement, outlines, a, world[b])
-    closer = ((world[a] - on_j) ** 2).sum(1) <= ((on_i - world[b]) ** 2).sum(1)
-    p = np.where(closer[:, None], world[a], on_i)
-    q = np.where(closer[:, None], on_j, world[b])
+    at_i, at_j = world[a], world[b]
+    closer = _squared(at_i, on_j) <= _squared(on_i, at_j)
+    p = np.where(closer[:, None], at_i, on_i)
+    q = np.where(closer[:, None], on_j, at_j)
     return Contacts(i, j, p, q, crossing)
+
+
+def _squared(p: FloatArray, q: FloatArray) -> FloatArray:
+    """(k,) squared distances of points (k, 2)."""
+    d = p - q
+    return dot2(d, d)
 
 
 def _cross(
@@ -112,7 +121,7 @@ def _cross(
 ) -> bool:
     """Whether edges on which samples a and b (k,) lie cross: where two edges do, samples of both are near."""
     reach = outlines.step * placement.scale
-    near = np.flatnonzero(((world[a] - world[b]) ** 2).sum(1) <= reach**2)
+    near = np.flatnonzero(_squared(world[a], world[b]) <= reach**2)
     ends = []
     for sample in (a[near], b[near]):
         chart = outlines.chart[sample]
@@ -136,13 +145,15 @@ def _near_others(points: FloatArray, chart: IntArray, reach: float) -> IntArray:
     Points fall into squares of at least the reach; those stay in whose square or the eight round it there is
     another chart. It spares the tree most points of large charts.
     """
-    low = points.min(0)
-    side = max(reach, float(np.ptp(points, axis=0).max()) / FILTER_CELLS)
-    x, y = np.floor((points - low) / side).astype(np.int64).T
+    axes = points[:, 0], points[:, 1]
+    side = max(reach, *(float(np.ptp(axis)) / FILTER_CELLS for axis in axes))
+    x, y = (np.floor((axis - axis.min()) / side).astype(np.int64) for axis in axes)
     first = np.full((int(y.max()) + 1, int(x.max()) + 1), int(chart[-1]) + 1)
     last = np.full(first.shape, -1)
-    np.minimum.at(first, (y, x), chart)
-    np.maximum.at(last, (y, x), chart)
+    at = y * first.shape[1] + x
+    last.ravel()[at] = chart  # the last of several that are set in one place stays
+    backwards = np.arange(len(at) - 1, -1, -1)
+    first.ravel()[at[backwards]] = chart[backwards]
     several = _round_it(first, np.minimum) != _round_it(last, np.maximum)
     return np.flatnonzero(several[y, x])
 
@@ -163,7 +174,7 @@ def _nearest_of_squares(
     """Which pairs of samples are the nearest of their two charts in their square, the first of equals."""
     if side <= 0 or len(a) == 0:
         return np.arange(len(a))
-    distance = ((world[a] - world[b]) ** 2).sum(1)
+    distance = _squared(world[a], world[b])
     x, y = np.floor((world[a] + world[b]) / (2 * side)).astype(np.int64).T
     x, y = x - x.min(), y - y.min()
     n = int(chart[-1]) + 1
@@ -182,7 +193,7 @@ def _on_edge(
     chart = outlines.chart[sample]
     a = to_world(placement, chart, outlines.start[sample])
     d = to_world(placement, chart, outlines.end[sample]) - a
-    t = ((point - a) * d).sum(1) / np.maximum((d * d).sum(1), 1e-300)
+    t = dot2(point - a, d) / np.maximum(dot2(d, d), 1e-300)
     return np.asarray(a + np.clip(t, 0.0, 1.0)[:, None] * d)
 
 
@@ -190,4 +201,4 @@ def least_distance(found: Contacts) -> float:
     """Smallest distance among contacts; infinity where there are none."""
     if len(found.i) == 0:
         return float("inf")
-    return float(np.sqrt(((found.p - found.q) ** 2).sum(1).min()))
+    return float(np.sqrt(_squared(found.p, found.q).min()))

@@ -12,8 +12,10 @@ from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
 from circparam.geometry.raster import row_crossings
 
-# Directions in which an outline is grown by half the gap.
-_GROW = np.array([[np.cos(t), np.sin(t)] for t in np.arange(8) * np.pi / 4])
+# Along either axis, how far an outline is grown in units of its radius, by steps −2..2; and the steps of the
+# eight directions. Of a radius below half a cell the diagonal ones find the cell in the middle too.
+_STEPS = np.array([0.0, np.sqrt(0.5), 1.0, -1.0, -np.sqrt(0.5)])
+_GROW = [(2, 0), (1, 1), (0, 2), (-1, 1), (-2, 0), (-1, -1), (0, -2), (1, -1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,18 @@ class Masks:
         """(k,) number of cells of each mask."""
         return np.asarray(self.cells.sum((1, 2)), np.float32)
 
+    @cached_property
+    def longest(self) -> int:
+        """Rows or columns of the longest mask."""
+        return int(self.size.max())
+
+    @cached_property
+    def within(self) -> IntArray:
+        """(k,) number of cells of each mask within its size: one that was grown may have a few beyond."""
+        rows, columns = (np.arange(n) for n in self.cells.shape[1:])
+        inner = (rows < self.size[:, :1])[:, :, None] & (columns < self.size[:, 1:])[:, None]
+        return np.asarray((self.cells & inner).sum((1, 2)))
+
 
 def chart_masks(start: FloatArray, end: FloatArray, angle: FloatArray, grow: float) -> Masks:
     """Cells touched by a chart grown by ``grow``: outline edges (e, 2) in cells, angles (k,).
@@ -43,27 +57,27 @@ def chart_masks(start: FloatArray, end: FloatArray, angle: FloatArray, grow: flo
     clock.tick()  # masks of a hundred charts take half a second
     c, s = np.cos(angle), np.sin(angle)
     a, b = _at_angles(start, c, s), _at_angles(end, c, s)
-    low = np.floor(a.min(1) - grow - 0.01)
-    high = np.ceil(a.max(1) + grow + 0.01)
+    low = np.stack([np.floor(x.min(1) - grow - 0.01) for x in a], 1)
+    high = np.stack([np.ceil(x.max(1) + grow + 0.01) for x in a], 1)
     size = np.maximum(high - low, 1).astype(np.int64)
     width, height = int(size[:, 0].max()), int(size[:, 1].max())
-    a, b = a - low[:, None], b - low[:, None]
+    a, b = a - low.T[:, :, None], b - low.T[:, :, None]
     cells = _fill(a, b, height, width)
     _touch(cells, a, b, grow)
     return Masks(cells, size[:, ::-1], low, angle)
 
 
 def _at_angles(p: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
-    """(k, e, 2) points (e, 2) at each of k angles."""
+    """(2, k, e) x and y of points (e, 2) at each of k angles."""
     c, s = cosine[:, None], sine[:, None]
-    return np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]], 2)
+    return np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1]])
 
 
 def _fill(a: FloatArray, b: FloatArray, height: int, width: int) -> BoolArray:
-    """Cells whose centre has a winding number other than 0: edges (k, e, 2)."""
-    k = len(a)
-    which = np.repeat(np.arange(k), a.shape[1])
-    a, b = a.reshape(-1, 2), b.reshape(-1, 2)
+    """Cells whose centre has a winding number other than 0: edges (2, k, e)."""
+    k = a.shape[1]
+    which = np.repeat(np.arange(k), a.shape[2])
+    a, b = a.reshape(2, -1).T, b.reshape(2, -1).T
     edge, row, x = row_crossings(a, b, height)
     column = np.clip(np.ceil(x - 0.5).astype(np.int64), 0, width)
     sign = np.where(b[edge, 1] > a[edge, 1], 1, -1)
@@ -73,16 +87,25 @@ def _fill(a: FloatArray, b: FloatArray, height: int, width: int) -> BoolArray:
 
 
 def _touch(cells: BoolArray, a: FloatArray, b: FloatArray, grow: float) -> None:
-    """Set the cells that the outline, grown, runs through."""
+    """Set the cells that the outline, grown, runs through: edges (2, k, e)."""
     k, height, width = cells.shape
-    length = np.sqrt(((b[0] - a[0]) ** 2).sum(1))
+    d = b[:, 0] - a[:, 0]
+    length = np.sqrt(d[0] ** 2 + d[1] ** 2)
     count = np.ceil(length / 0.5).astype(np.int64) + 1
     edge = np.repeat(np.arange(len(length)), count)
-    t = ((ranges(count) + 0.5) / count[edge])[None, :, None]
-    p = a[:, edge] * (1 - t) + b[:, edge] * t
-    which = np.arange(k)[:, None]
+    t = (ranges(count) + 0.5) / count[edge]
+    px, py = (p[:, edge] * (1 - t) + q[:, edge] * t for p, q in zip(a, b, strict=True))
     radius = grow + 0.12
-    for offset in [np.zeros(2), *(_GROW * radius)]:
-        column = np.clip(np.floor(p[:, :, 0] + offset[0]).astype(np.int64), 0, width - 1)
-        row = np.clip(np.floor(p[:, :, 1] + offset[1]).astype(np.int64), 0, height - 1)
-        cells[which, row, column] = True
+    column = [_cell(px + radius * x, width) for x in _STEPS]
+    row = [_cell(py + radius * y, height) * width for y in _STEPS]
+    first = np.arange(k)[:, None] * (height * width)
+    flat = cells.reshape(-1)
+    for x, y in [*_GROW, (0, 0)] if radius >= 0.5 else _GROW:
+        flat[first + row[y] + column[x]] = True
+
+
+def _cell(p: FloatArray, count: int) -> IntArray:
+    """The cells of 0..count − 1 that coordinates lie in, or the nearest; the coordinates are lost."""
+    np.floor(p, out=p)
+    np.clip(p, 0, count - 1, out=p)
+    return p.astype(np.int64)

@@ -22,6 +22,8 @@ class Schedule:
         until a first one does.
     compacted_up_to: charts up to which the linear programs are solved in a second or so.
     kept: layouts of very few charts that are compacted; one of more.
+    full: share of the scale at which the longest chart fills the page alone, from which on nothing else is
+        searched.
     rough_steps, fine_steps, many_fine_steps: linear programs for each candidate, then for the best, of few and
         of many charts. fine_trust: the first trust region of the latter, in texels of a page of 2048; small, as
         the rough ones leave little to move.
@@ -58,6 +60,7 @@ class Schedule:
     kept: int = 2
     smaller: float = 0.97
     beaten: float = 0.94
+    full: float = 0.9995
     rough_steps: int = 5
     fine_steps: int = 12
     many_fine_steps: int = 7

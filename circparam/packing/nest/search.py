@@ -8,30 +8,20 @@ their spectra are made once; a larger scale of the charts is a smaller page on t
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from circparam.core import clock
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.core.imports import OnDemand
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
+from circparam.packing.nest.places import Spectrum, best_place, blur_transfer, sf
 from circparam.packing.options import PackOptions
 from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement
 
-# brings scipy.special along, and a chart alone on its page needs neither
-sf = OnDemand("scipy.fft")
-
 # A chart of which a tip moves by less than this between two angles is tried at no more of them (cells).
 _TIP = 3.0
-
-Spectrum = npt.NDArray[np.complex64]
-
-# Threads of the transforms: a second one costs 70 µs a call, about what those of one chart take.
-THREADS = 1
 
 # The grid of the transforms is this much larger than the page at the density that is hoped for.
 SLACK = 1.25
@@ -126,14 +116,6 @@ def board_of(masks: list[Masks], cell: float, side: int) -> Board:
     return Board(masks, spectra, cell, side)
 
 
-@lru_cache(maxsize=64)
-def blur_transfer(side: int, sigma: float) -> FloatArray:
-    """Transfer function of a Gaussian of ``sigma`` cells on the FFT grid, (side, side // 2 + 1)."""
-    f0, f1 = sf.fftfreq(side)[:, None], sf.rfftfreq(side)[None]
-    gauss: FloatArray = np.exp(-2 * (np.pi * sigma) ** 2 * (f0 * f0 + f1 * f1)).astype(np.float32)
-    return gauss
-
-
 def lay_out(
     board: Board,
     order: IntArray,
@@ -192,35 +174,6 @@ def _attempt(
     return GridLayout(side, mask, row, column, page)
 
 
-def best_place(
-    page: Spectrum,
-    kernel: Spectrum,
-    blur: FloatArray,
-    area: FloatArray,
-    rows: IntArray,
-    columns: IntArray,
-    side: int,
-) -> tuple[int, int, int] | None:
-    """Mask, row, column of the free place with the highest contact score; None where nothing is free."""
-    size = len(page)
-    hit = sf.irfft2(kernel * page, s=(size, size), workers=THREADS)[:, :side, :side]
-    free = hit < 0.5
-    fits = (np.arange(side)[None] <= side - rows[:, None])[:, :, None] & (
-        np.arange(side)[None] <= side - columns[:, None]
-    )[:, None, :]
-    free &= fits
-    some = np.flatnonzero(free.any((1, 2)))
-    if len(some) == 0:
-        return None
-    score = sf.irfft2(kernel[some] * (page * blur), s=(size, size), workers=THREADS)[
-        :, :side, :side
-    ]
-    score = np.where(free[some], score / area[some, None, None], -1)
-    best = int(score.argmax())
-    k, rest = divmod(best, side * side)
-    return int(some[k]), rest // side, rest % side
-
-
 def to_placement(board: Board, found: GridLayout, options: PackOptions) -> Placement:
     """A layout on the grid in texels: the page's free side is what lies between the borders."""
     n = len(board.masks)
@@ -264,9 +217,11 @@ def search(
     span = 2 * np.log(np.maximum(shapes.radius, 1e-300))
     climb = _Climb(board, shapes, options.pages, budget)
     most = int(board.side if terms.largest is None else min(board.side, terms.largest))
+    # no page is smaller than the one that holds the longest chart alone
+    least = max(int(m.size[a].max(1).min()) for m, a in zip(board.masks, allowed, strict=True))
     tried = 0
     failures = 0
-    while failures < 400:
+    while failures < 400 and (climb.results[0].side if climb.results else most + 1) > least:
         key = area if tried % 2 == 0 else span
         sigma = SIGMAS[tried % len(SIGMAS)]
         share = 0.5

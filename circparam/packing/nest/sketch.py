@@ -7,14 +7,17 @@ covers in the end is a tenth more, since packing goes on from such a layout.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import Masks, chart_masks
-from circparam.packing.nest.search import SIGMAS, Spectrum, blur_transfer, sf
+from circparam.packing.nest.places import Single, Spectrum, best_place, blur_transfer, sf
+from circparam.packing.nest.search import SIGMAS
+from circparam.packing.placement import Placement
 
 SEED = 9
 # even angles at which an outline is tried: none of its tips moves by more than TIP cells between
@@ -26,6 +29,7 @@ FULLEST = 0.78  # share of its cells that no page of a few outlines fills: none 
 SHUFFLED = 0.3  # spread of the logarithm of the sizes by which later tries change the order
 # tries in which all masks take part, by size and by reach; later ones take half of them
 FIRST_TRIES = 2
+EVEN = 1e-5  # of its cells: what masks in corners that touch as much may seem to differ by
 LARGEST = 4  # outlines that are tried at all their angles; smaller ones at every other one
 
 
@@ -55,15 +59,84 @@ class SketchedPage:
     column: IntArray
 
 
+@dataclass(eq=False)
+class _Step:
+    """A chart on a page, after those before it. spot: mask, row and column; None where it finds no place.
+
+    sketch: kept, so that no other one gets its number. after: what followed, by sketch and masks to choose
+    from.
+    """
+
+    sketch: Sketch | None = None
+    spot: tuple[int, int, int] | None = None
+    after: dict[tuple[int, bytes], _Step] = field(default_factory=dict)
+
+
+class Known:
+    """What pages of the same charts have in common: many begin as others did, and go on as those went.
+
+    sketches: by the outlines that they show: several chords may lead to the same cut. locked: layouts grown
+    until they lock, by what ``page_key`` says of the page. Nothing but time depends on it; in another process
+    it is empty.
+    """
+
+    def __init__(self, kept: Sequence[Sketch] = ()) -> None:
+        self._kept = {id(s): s for s in kept}
+        self._spectra: dict[tuple[int, int], Spectrum] = {}
+        self._pages: dict[tuple[int, int, float], _Step] = {}
+        self.sketches: dict[tuple[bytes, bytes], Sketch] = {}
+        self.locked: dict[tuple[bytes, ...], Placement] = {}
+
+    def __reduce__(self) -> tuple[type[Known], tuple[()]]:
+        return Known, ()
+
+    def keep(self, sketches: Sequence[Sketch]) -> None:
+        """Keep the spectra of some sketches: those that take part in many pages."""
+        self._kept.update((id(s), s) for s in sketches)
+
+    def first(self, size: int, side: int, sigma: float) -> _Step:
+        """The empty page of ``side`` cells."""
+        return self._pages.setdefault((size, side, sigma), _Step())
+
+    def page_key(self, sketches: Sequence[Sketch], page: SketchedPage) -> tuple[bytes, ...]:
+        """What tells a page of sketches that stay from all others."""
+        numbers = np.array([id(s) for s in sketches])
+        return tuple(
+            a.tobytes() for a in (numbers, page.mask, page.row, page.column, np.array(page.side))
+        )
+
+    def spectrum(self, sketch: Sketch, size: int) -> Spectrum:
+        """(k, size, size // 2 + 1) that of its masks on a grid of ``size`` cells a side."""
+        key = id(sketch), size
+        if key in self._spectra:
+            return self._spectra[key]
+        cells = sketch.masks.cells
+        block = np.zeros((len(cells), size, size), np.float32)
+        h, w = (min(k, size) for k in cells.shape[1:])
+        block[:, :h, :w] = cells[:, :h, :w]
+        spectrum: Spectrum = np.conj(sf.rfft2(block))
+        if key[0] in self._kept:
+            self._spectra[key] = spectrum
+        return spectrum
+
+
 @dataclass(frozen=True, eq=False)
 class Easel:
-    """What all sketches have in common. cell: its side in uv units. grow: cells that outlines are grown by."""
+    """What all sketches have in common. cell: its side in uv units. grow: cells that outlines are grown by.
+    known: of the pages that were sketched."""
 
     cell: float
     grow: float
+    known: Known = field(default_factory=Known)
 
     def sketch(self, start: FloatArray, end: FloatArray) -> Sketch:
         """An outline of edges from start to end (e, 2) in uv units."""
+        key = start.tobytes(), end.tobytes()
+        if key not in self.known.sketches:
+            self.known.sketches[key] = self._drawn(start, end)
+        return self.known.sketches[key]
+
+    def _drawn(self, start: FloatArray, end: FloatArray) -> Sketch:
         middle = (start.min(0) + start.max(0)) / 2
         angles = _angles(start[:: max(len(start) // 100, 1)] / self.cell)
         start, end = start - middle, end - middle
@@ -89,39 +162,38 @@ def _angles(points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Board:
-    """Sketches on a grid of ``side`` squared cells; spectra: (k, side, side // 2 + 1), those of their masks."""
+    """Sketches on a grid of ``side`` squared cells, with what is known of them; spectra: those in use."""
 
     sketches: Sequence[Sketch]
-    spectra: list[Spectrum]
+    known: Known
     side: int
+    spectra: dict[int, Spectrum] = field(default_factory=dict)
 
-
-def _board(sketches: Sequence[Sketch], side: int) -> _Board:
-    """The board for pages of up to ``side`` cells."""
-    size = int(sf.next_fast_len(side, real=True))
-    spectra = []
-    for s in sketches:
-        block = np.zeros((len(s.masks.cells), size, size), np.float32)
-        h, w = (min(k, size) for k in s.masks.cells.shape[1:])
-        block[:, :h, :w] = s.masks.cells[:, :h, :w]
-        spectra.append(np.conj(sf.rfft2(block)))
-    return _Board(sketches, spectra, size)
+    def spectrum(self, c: int) -> Spectrum:
+        """Those of the masks of sketch c."""
+        if c not in self.spectra:
+            self.spectra[c] = self.known.spectrum(self.sketches[c], self.side)
+        return self.spectra[c]
 
 
 def least_page(
-    sketches: Sequence[Sketch], below: int, tries: int, budget: Budget
+    sketches: Sequence[Sketch],
+    below: int,
+    tries: int,
+    budget: Budget,
+    known: Known | None = None,
 ) -> SketchedPage | None:
     """The smallest page found that holds all sketches; None where none is under ``below`` cells wide.
 
     tries: orders that are tried without success before the search ends; it goes on with every success.
-    budget: of cells that are transformed.
+    budget: of cells that are transformed. known: of other pages.
     """
     least = max((s.least for s in sketches), default=1)
     least = max(least, int(np.sqrt(sum(s.area for s in sketches) / FULLEST)))
     side = below - 1
     if side < least:
         return None
-    board = _board(sketches, side)
+    board = _Board(sketches, known or Known(), int(sf.next_fast_len(side, real=True)))
     rng = np.random.default_rng(SEED)
     found: SketchedPage | None = None
     failures = tried = 0
@@ -173,57 +245,89 @@ def _laid_out(
     at = np.zeros((3, len(order)), np.int64)
     grid = np.ones((size, size), np.float32)
     grid[:side, :side] = 0
-    blur = blur_transfer(size, sigma)
+    step = board.known.first(size, side, sigma)
     for turn, c in enumerate(order.tolist()):
-        masks = board.sketches[c].masks
-        pick = choice[c][masks.size[choice[c]].max(1) <= side]
+        sketch, pick = board.sketches[c], choice[c]
+        masks = sketch.masks
+        if masks.longest > side:
+            pick = pick[masks.size[pick].max(1) <= side]
         if len(pick) == 0:
             return None
         budget.spend(len(pick) * float(size) ** 2)
-        page = sf.rfft2(grid)
-        spot: tuple[int, int, int] | None
-        if turn == 0:
-            spot = _corner(sf.irfft2(page * blur, s=(size, size)), masks, pick, side)
-        else:
-            spot = _touching(page, blur, board.spectra[c], masks, pick, side)
-        if spot is None:
+        key = id(sketch), pick.tobytes()
+        if key not in step.after:
+            spot: tuple[int, int, int] | None
+            if turn == 0:
+                spot = _corner(_empty(size, side, sigma), masks, pick, side)
+            else:
+                spot = _touching(sf.rfft2(grid), board.spectrum(c), masks, pick, (side, sigma))
+            step.after[key] = _Step(sketch, spot)
+        step = step.after[key]
+        if step.spot is None:
             return None
-        k, y, x = spot
-        at[:, c] = spot
+        at[:, c] = k, y, x = step.spot
         h, w = masks.size[k]
         grid[y : y + h, x : x + w][masks.cells[k, :h, :w]] = 1
     return SketchedPage(side, *at)
 
 
-def _corner(blurred: FloatArray, masks: Masks, pick: IntArray, side: int) -> tuple[int, int, int]:
-    """The mask that touches most in a corner of an empty page, and its row and column there."""
+def _touching(
+    page: Spectrum, spectra: Spectrum, masks: Masks, pick: IntArray, shown: tuple[int, float]
+) -> tuple[int, int, int] | None:
+    """The free place where most of a mask lies near others or the border; None where nothing is free.
+
+    shown: side of the page and blur.
+    """
+    (side, sigma), (rows, columns) = shown, masks.size[pick].T
+    blur = blur_transfer(len(page), sigma)
+    found = best_place(page, spectra[pick], blur, masks.area[pick], rows, columns, side)
+    return None if found is None else (int(pick[found[0]]), found[1], found[2])
+
+
+@lru_cache(maxsize=128)
+def _empty(size: int, side: int, sigma: float) -> tuple[FloatArray, FloatArray]:
+    """An empty page of ``side`` cells, blurred; and (side,) how empty it is then along one axis."""
+    page = np.ones((size, size), np.float32)
+    page[:side, :side] = 0
+    blur = blur_transfer(size, sigma)
+    along = sf.irfft(sf.rfft(1.0 - page[0]) * blur[0], n=size)[:side]
+    return sf.irfft2(sf.rfft2(page) * blur, s=(size, size)), along
+
+
+def _corner(
+    empty: tuple[FloatArray, FloatArray], masks: Masks, pick: IntArray, side: int
+) -> tuple[int, int, int]:
+    """The mask that touches most in a corner of an empty page, and its row and column there.
+
+    A blurred page is the product of what it is along both axes, the same from either end: that tells what
+    touches most but for quarter turns, which differ in the last bits.
+    """
+    blurred, along = empty
+    size = masks.size[pick]
+    high, wide = size.max(0).tolist()
+    cells = masks.cells[pick, :high, :wide].astype(np.float32)
+    down, right = (_from_ends(along, n) for n in size.T)
+    inside = ((down @ cells)[:, :, None] * right[:, None]).sum(-1).reshape(-1, 4)
+    # where a chart is grown, a cell may lie beyond the size of its mask
+    own = masks.within[pick]
+    told = (own[:, None] - inside) / masks.area[pick, None]
     best, spot = -1.0, (int(pick[0]), 0, 0)
-    for k in pick.tolist():
-        h, w = masks.size[k].tolist()
-        cells = masks.cells[k, :h, :w]
-        for y, x in ((0, 0), (0, side - w), (side - h, 0), (side - h, side - w)):
-            score = float(blurred[y : y + h, x : x + w][cells].sum()) / float(masks.area[k])
-            if score > best:
-                best, spot = score, (k, y, x)
+    for n, corner in np.argwhere(told >= told.max() - EVEN).tolist():
+        k, (h, w) = int(pick[n]), size[n].tolist()
+        y, x = (side - h) * (corner // 2), (side - w) * (corner % 2)
+        touched = blurred[y : y + h, x : x + w][masks.cells[k, :h, :w]]
+        score = float(touched.sum()) / float(masks.area[k])
+        if score > best:
+            best, spot = score, (k, y, x)
     return spot
 
 
-def _touching(
-    page: Spectrum, blur: FloatArray, spectra: Spectrum, masks: Masks, pick: IntArray, side: int
-) -> tuple[int, int, int] | None:
-    """The free place where most of a mask lies near others or the border; None where nothing is free."""
-    size = len(page)
-    kernel = spectra[pick]
-    hit = sf.irfft2(kernel * page, s=(size, size))[:, :side, :side]
-    free: BoolArray = hit < 0.5
-    # what begins too far right or down would come round the grid
-    at = np.arange(side)
-    free &= (at[None] <= side - masks.size[pick, 0][:, None])[:, :, None]
-    free &= (at[None] <= side - masks.size[pick, 1][:, None])[:, None, :]
-    some = np.flatnonzero(free.any((1, 2)))
-    if len(some) == 0:
-        return None
-    score = sf.irfft2(kernel[some] * (page * blur), s=(size, size))[:, :side, :side]
-    score = np.where(free[some], score / masks.area[pick[some]][:, None, None], -1)
-    k, rest = divmod(int(score.argmax()), side * side)
-    return int(pick[some[k]]), rest // side, rest % side
+def _from_ends(along: FloatArray, count: IntArray) -> Single:
+    """(k, 2, most) the first ``count`` (k,) numbers, forwards and backwards; 0 beyond."""
+    n = np.arange(count.max())
+    back = count[:, None] - 1 - n
+    inside = back >= 0
+    ends = np.empty((len(count), 2, len(n)), np.float32)
+    ends[:, 0] = along[n] * inside
+    ends[:, 1] = along[back] * inside
+    return ends

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,13 +33,15 @@ ALONG = 4  # angles at which a straight chart lies along the axes
 
 
 def nested(
-    task: PackTask, skyline: Placement | None = None, shelf: Placement | None = None
+    task: PackTask,
+    skyline: Callable[[], Placement | None] = lambda: None,
+    shelf: Placement | None = None,
 ) -> Placement | None:
     """The best placement by nesting; None where the search found none.
 
-    skyline: charts on a skyline, compacted instead of the layout found, or beside it, where there are few
-    charts. shelf: rows of boxes, compacted too where that leads nowhere: for charts like boxes they can be the
-    best start. A long first step may push a thin tip through a neighbour, which no later step undoes; the
+    skyline: tells of charts on a skyline, compacted instead of the layout found, or beside it, where there are
+    few charts. shelf: rows of boxes, compacted too where that leads nowhere: for charts like boxes they can be
+    the best start. A long first step may push a thin tip through a neighbour, which no later step undoes; the
     check on the raster (``task.sound``) tells, and then the next layout is taken.
     """
     shapes, options = task.shapes, task.options
@@ -55,7 +58,7 @@ def nested(
             return going_on
     layouts, straight = _found(task)
     if shapes.n <= SCHEDULE.compacted_up_to:
-        compacted = _compacted(task, layouts, (skyline, shelf), straight)
+        compacted = _compacted(task, layouts, (skyline(), shelf), _growth(task, straight))
         if compacted is not None:
             return compacted
     return layouts[0] if layouts else None
@@ -100,9 +103,32 @@ def _going_on(task: PackTask) -> Placement | None:
     side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / task.options.pages))
     if start is None or straight_charts(shapes, SCHEDULE.askew * side).counts.any():
         return None
-    boards = _Boards(shapes, task.options, None)
-    better = _searched(task, boards, beat=start.scale * SCHEDULE.beaten, patience=SCHEDULE.patience)
-    return _compacted(task, better, (None, None), None)
+    growth = _growth(task, None)
+    grown = _grown(task, growth, start) if shapes.n <= SCHEDULE.few else None
+    better: list[Placement] = []
+    if grown is None or grown.scale < SCHEDULE.full * _most(shapes, task.options):
+        boards, beat = _Boards(shapes, task.options, None), start.scale * SCHEDULE.beaten
+        better = _searched(task, boards, beat=beat, patience=SCHEDULE.patience)
+    return _compacted(task, better, (None, None), growth, grown)
+
+
+def _most(shapes: Shapes, options: PackOptions) -> float:
+    """The scale at which the longest chart alone fills its page."""
+    box = shapes.boxes(least_square_angles(shapes, options.rotate))
+    return (options.resolution - 2 * options.border) / float((box[:, 2:] - box[:, :2]).max())
+
+
+def _growth(task: PackTask, straight: Straight | None) -> Growth:
+    """What all layouts that are compacted have in common, the budget among it."""
+    rows = SCHEDULE.rows * min(1.0, max(4 * task.options.effort, 0.25))
+    return Growth(task.shapes, task.options, Budget(rows, lambda: task.monitor.expired), straight)
+
+
+def _grown(task: PackTask, growth: Growth, start: Placement) -> Placement:
+    """The layout that is known already, grown: a little smaller at first, as its gaps may be narrow."""
+    smaller = replace(start, scale=start.scale * SCHEDULE.smaller)
+    steps = _steps(SCHEDULE.rough_steps, min(1.0, 4 * task.options.effort))
+    return roughly(growth, smaller, steps, 0.0)
 
 
 def _found(task: PackTask) -> tuple[list[Placement], Straight | None]:
@@ -171,24 +197,27 @@ def _compacted(
     task: PackTask,
     layouts: list[Placement],
     plain: tuple[Placement | None, Placement | None],
-    straight: Straight | None,
+    growth: Growth,
+    grown: Placement | None = None,
 ) -> Placement | None:
-    """The best layout grown until it locks; None where none passes the check. plain: skyline and shelf."""
-    skyline, shelf = plain
+    """The best layout grown until it locks; None where none passes the check.
+
+    plain: skyline and shelf. grown: what ``_grown`` has made of the layout that is known already; its budget is
+    that of the others.
+    """
+    (skyline, shelf), budget = plain, growth.budget
     shapes, options = task.shapes, task.options
     few = shapes.n <= SCHEDULE.few
     part = min(1.0, 4 * options.effort)
-    budget = Budget(SCHEDULE.rows * max(part, 0.25), lambda: task.monitor.expired)
-    growth = Growth(shapes, options, budget, straight)
     starts = layouts[: SCHEDULE.kept if shapes.n <= SCHEDULE.very_few else 1]
-    if task.start is not None:
-        # a little smaller, as its gaps may be narrow; in place of the second layout
-        smaller = replace(task.start, scale=task.start.scale * SCHEDULE.smaller)
-        starts = [smaller, *starts[:1]]
+    if task.start is not None:  # in place of the second layout
+        starts = starts[:1]
+        if grown is None:
+            starts.insert(0, replace(task.start, scale=task.start.scale * SCHEDULE.smaller))
     starts += [skyline] if skyline is not None else []
     if not few:
         starts = sorted(starts, key=lambda p: -p.scale)[:1]
-    rough: list[Placement] = []
+    rough = [] if grown is None else [grown]
     for start in [*starts, *([shelf] if shelf is not None else [])]:
         if budget.late or (rough and budget.left < SCHEDULE.rows / 3):
             continue
