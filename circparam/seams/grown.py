@@ -42,7 +42,6 @@ from circparam.solvers.newton import RelaxOptions
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SHARED_FACES = 500  # from this size on starts are shared with other processes
-ALONE = 20_000  # faces of a mesh up to which starts merge in one system
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
@@ -148,17 +147,14 @@ def _decided(
     twice &= options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
-    # workers that are opened for a small mesh come as its starts are about to end
-    alone = count <= ALONE
-    prices = prices_beside(surface, options, monitor, now=not alone)
+    prices = prices_beside(surface, options, monitor)
     proxy = None
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
             target = how.target or proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            surface = with_prices(surface, options, monitor)
-            most, starting = options.max_charts, Starting(alone, check=how.check)
+            most, starting = options.max_charts, Starting(prices, how.check)
             atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
             return Decided(atlas, graph)
         if prices is not None:
@@ -166,7 +162,7 @@ def _decided(
         inner = 1 + (bound - 1) * (1 - SLACK)
         with monitor.holding(TRANSFER_COST * monitor.seconds.get("repair", 0.0), DECIDING):
             most = options.max_charts
-            starting = Starting(alone, prices, how.check)
+            starting = Starting(prices, how.check)
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
             other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]

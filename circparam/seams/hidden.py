@@ -88,12 +88,11 @@ def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:
 
 
 def prices_beside(
-    surface: Surface, options: SeamOptions, monitor: Monitor, now: bool = True
+    surface: Surface, options: SeamOptions, monitor: Monitor
 ) -> PricesBeside | None:
-    """Prices of a surface that has none yet, to be found beside what needs none. now: they are begun."""
+    """Prices of a surface that has none yet, begun beside what needs none."""
     if not _wanted(surface, options, monitor):
         return None
     prices = PricesBeside(surface, options.hide_seams or 0.0, monitor)
-    if now:
-        prices.begin()
+    prices.begin()
     return prices

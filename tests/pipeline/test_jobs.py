@@ -88,7 +88,6 @@ def unwrapped(source: tuple[np.ndarray, np.ndarray], folder: Path, n: int) -> by
 def test_the_same_bytes_with_1_2_and_3_jobs(
     tmp_path: Path, sent: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(grown, "ALONE", 0)
     monkeypatch.setattr(starts, "TOGETHER", 0)
     outs = []
     for n in (1, 2, 3):

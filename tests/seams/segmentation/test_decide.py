@@ -40,7 +40,7 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     monkeypatch.setattr(starts, "TOGETHER", 0)
     monkeypatch.setattr(starts, "grow_and_merge", started)
     monkeypatch.setattr(starts, "shortened_and_merged", shortened)
-    atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), together=False)
+    atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
     assert len(cost) == 4
     assert len(set(cost.values())) > 1
     assert len(gone_on) == most
