@@ -20,7 +20,7 @@ from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
 from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
 from circparam.seams.grown import grown_atlas
-from circparam.seams.hard.charts import take_better, with_seams
+from circparam.seams.hard.charts import take_better, unrolls_whole, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.rival import Outdone, Rival
@@ -216,7 +216,8 @@ def _first_atlas(
     doubtful &= doubtful.sum() <= DOUBTS
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
-    if (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES:
+    dear = (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES
+    if dear and not unrolls_whole(surface.part(hard | doubtful)):
         surface = with_prices(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = ~hard

@@ -88,7 +88,8 @@ def grown_atlas(
     if bent.all():
         decided = _decided(surface, bound, options, worker, monitor, _How(target, check=check))
     else:
-        atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
+        if bent.any():  # what is nearly flat needs no seam that could be hidden
+            atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
         if bent.any():
             own, how = surface.part(bent), _How(target, on=False)
