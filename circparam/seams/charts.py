@@ -23,7 +23,7 @@ from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import take_better, unrolls_whole, with_seams
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
-from circparam.seams.hard.rival import Outdone, Rival
+from circparam.seams.hard.rival import Rival
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
@@ -206,6 +206,17 @@ def free_atlas(
     return atlas
 
 
+def _not_plain(rest: BoolArray, doubtful: BoolArray, other: Atlas | None) -> BoolArray:
+    """Of the faces ``rest`` those of components that need seams on the hard way, or never went it.
+
+    other: the atlas of the doubtful faces on the hard way, None where there was no time for it. All (m,) bool.
+    """
+    out = rest.copy()
+    if other is not None:
+        out[doubtful] &= with_seams(other)
+    return out
+
+
 def _first_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
@@ -223,31 +234,24 @@ def _first_atlas(
     rest = ~hard
     # what needs no seam needs no second way either: a disk may need none; of what is none both are made at once
     cut_mesh, unit = atlas.cut_mesh(), float(np.sqrt(surface.areas[doubtful].sum()))
-    ways, rival = {"hard": hard, "doubtful": doubtful}, None
-    same = doubtful.any() and not (rest & ~doubtful).any()
+    ways = {"hard": hard, "doubtful": doubtful}
+    same, left = doubtful.any() and not (rest & ~doubtful).any(), None
     if not (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any():
         ways["grown"] = rest
-        rival = partial(Rival.of, unit=unit, chart_cost=CHART_COST) if same else None
-    made = made_ways(surface, ways, bound, options, monitor, notes, rival)
-    parts, plain = [], np.zeros(len(surface.faces), bool)
-    other, outdone = made.get("doubtful"), "grown" in ways and "grown" not in made
-    if other is not None:
-        plain[doubtful] = ~with_seams(other)
+    else:
+        left = partial(_not_plain, rest, doubtful)
+    rival = partial(Rival.of, unit=unit, chart_cost=CHART_COST) if same else None
+    made = made_ways(surface, ways, bound, options, monitor, notes, rival, left)
+    other, parts = made.get("doubtful"), []
+    rest = _not_plain(rest, doubtful, other)
+    outdone = rest.any() and "grown" not in made
     if "hard" in made:
         atlas.put(hard, made["hard"])
         parts.append((hard, made["hard"].prices))
     if "grown" in made:
         atlas.put(rest, made["grown"])
-    elif "grown" not in ways and (rest := rest & ~plain).any():
-        check = None
-        if same and other is not None:
-            check = Rival.of(other.part(rest[doubtful]), unit, CHART_COST).face
-        try:
-            own = surface.part(rest)
-            atlas.put(rest, grown_atlas(own, bound, options, monitor, notes, check=check))
-        except Outdone:
-            outdone = True
     if other is not None:
+        plain = doubtful & ~rest
         atlas.put(doubtful if outdone else plain, other if outdone else other.part(plain[doubtful]))
         taken = doubtful if outdone else plain | take_better(atlas, doubtful, other, CHART_COST)
         parts.append((taken, other.part(taken[doubtful]).prices))

@@ -61,9 +61,7 @@ class PricesBeside:
             return priced(self.proxy.surface, fine, self.proxy.cell).price
 
 
-def hiding_prices(
-    surface: Surface, strength: float, monitor: Monitor | None = None
-) -> FloatArray:
+def hiding_prices(surface: Surface, strength: float, monitor: Monitor | None = None) -> FloatArray:
     """(e,) price of every edge, in its lengths: (share / TYPICAL) to the power POWER · strength.
 
     share: of all directions from which the edge is seen, and no less than LEAST · TYPICAL. strength: from 0,
@@ -100,9 +98,7 @@ def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:
     return bool(options.hide_seams) and surface.price is None and not short
 
 
-def prices_beside(
-    surface: Surface, options: SeamOptions, monitor: Monitor
-) -> PricesBeside | None:
+def prices_beside(surface: Surface, options: SeamOptions, monitor: Monitor) -> PricesBeside | None:
     """Prices of a surface that has none yet, begun beside what needs none."""
     if not _wanted(surface, options, monitor):
         return None

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Later, Worker
@@ -28,30 +30,48 @@ def made_ways(
     monitor: Monitor,
     notes: list[str],
     rival: Callable[[Atlas], Rival] | None = None,
+    left: Callable[[Atlas | None], BoolArray] | None = None,
 ) -> dict[str, Atlas]:
-    """The atlas of some faces for each way, by its name; all but the largest made by processes that are idle.
+    """The atlas of some faces for each way, by its name; all but one made by processes that are idle.
 
     ways: (m,) bool, the faces of each: "grown", or else hard; what is empty, or left out for want of time, is
     missing in the result. notes: get what is said of them. rival: made of "doubtful", what "grown" has to
-    beat to be gone on with: else that is missing too.
+    beat to be gone on with: else that is missing too. left: (m,) bool, the faces that are "grown" once
+    "doubtful" is there (None: there is no time for it); made next, beside what is hard.
     """
     parts = {name: surface.part(faces) for name, faces in ways.items() if faces.any()}
     later: dict[str, Later] = {}
 
+    # of the doubtful faces those that are grown as well
+    asked = np.ones(int(ways["doubtful"].sum()), bool)
+
     def check(merged: list[Atlas]) -> None:
         way = later["doubtful"].result()
         if way is not None and rival is not None:
-            rival(Atlas(parts["doubtful"], *way[:-1])).face(merged)
+            rival(Atlas(parts["doubtful"], *way[:-1]).part(asked)).face(merged)
 
-    for name, part in parts.items():
+    def put_off(name: str) -> None:
         facing = check if name == "grown" and rival is not None else None
-        later[name] = Later(monitor.jobs, one_way, (name, part, bound, options, facing), monitor)
+        task = (name, parts[name], bound, options, facing)
+        later[name] = Later(monitor.jobs, one_way, task, monitor)
+
+    for name in parts:
+        put_off(name)
     order = sorted(parts, key=lambda name: len(parts[name].faces))
-    for name in reversed(order[:-1]):
-        if len(parts[name].faces) <= SENT and (name != "grown" or rival is None):
+    here = order[-1] if left is None else "doubtful"
+    for name in reversed(order):
+        small = len(parts[name].faces) <= SENT
+        if name != here and small and (name != "grown" or rival is None):
             later[name].begin()
+    if left is not None:
+        way = later[here].result()
+        faces = left(None if way is None else Atlas(parts[here], *way[:-1]))
+        asked = faces[ways[here]]
+        if faces.any():
+            parts["grown"] = surface.part(faces)
+            put_off("grown")
     found = {}
-    for name in sorted(parts, key=lambda name: later[name].begun):
+    for name in sorted(parts, key=lambda name: (later[name].begun, name == "hard")):
         with contextlib.suppress(Outdone):
             way = later[name].result()
             if way is not None:

@@ -55,7 +55,8 @@ def best_of_starts(
     """Grow, merge and shorten charts: the best of a few starts where that is cheap.
 
     Starts that are clearly behind when they have merged are not gone on with. begin: called with the starts
-    when they have merged and what is left keeps one process busy, hardly more; it may raise what ends the search.
+    when they have merged and what is left keeps one process busy, hardly more; it may raise what ends the
+    search.
     """
     begin = begin or _nothing
     seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
