@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import time
 
@@ -39,6 +40,12 @@ def start_for(options: Options, faces: int) -> None:
     """Start workers for a mesh of so many faces, where that is worth it and they are not there already."""
     if options.cut == "charts" and faces >= FACES:
         _start(options)
+
+
+def load_for(options: Options) -> None:
+    """Import what makes charts, so that it counts to no stage."""
+    if options.cut == "charts":
+        importlib.import_module(MODULES[0])
 
 
 def _start(options: Options) -> None:

@@ -20,7 +20,7 @@ from circparam.core.pool import current
 from circparam.errors import OptionError
 from circparam.pipeline import jobs
 from circparam.pipeline.options import Options
-from circparam.seams import charts, grown
+from circparam.seams import charts
 from circparam.seams.hard.regions import DOUBTFUL
 from circparam.seams.segmentation import starts
 from tests.support import shapes
