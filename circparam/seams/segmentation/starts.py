@@ -160,10 +160,7 @@ def merged_together(
         mine = slice(k * e, (k + 1) * e)
         one = Atlas(surface, merger.atlas.cut[mine], merger.atlas.corners[k * m : (k + 1) * m])
         of_one = Merger(one, options, np.zeros(e, bool))
-        of_one.lower_bound, of_one.overlapped = (
-            merger.lower_bound[mine],
-            merger.overlapped[:, mine].copy(),
-        )
+        of_one.lower_bound, of_one.failed = merger.lower_bound[mine], merger.failed.part(mine)
         starts.append(Start(of_one, crowd))
     return starts
 
