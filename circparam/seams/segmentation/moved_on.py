@@ -9,9 +9,11 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     cross2,
+    edge_keys,
     group_count,
     group_sum,
     next_half_edge,
+    sorted_distinct,
 )
 from circparam.geometry.segment_grid import Candidates
 from circparam.mesh.atlas import Atlas
@@ -44,12 +46,15 @@ def crossings_as_they_are(
     start, end = flat[h], flat[next_half_edge(h)]
     for x in (start, end):
         x[right] = _moved(x[right], turn, mine, theirs, union[right])
-    out = np.zeros(k, np.int64)
+    met = [np.zeros(0, np.int64)]
     for i, j in Candidates(start, end, union, np.zeros(len(h))):
         ok = right[i] != right[j]
         i, j = i[ok], j[ok]
-        out += group_count(union[i[_cross(start, end, i, j)]], k)
-    return out
+        ok = _cross(start, end, i, j)
+        met.append(edge_keys(i[ok], j[ok], len(h)))
+    # two segments may meet in several cells of the grid
+    pairs = sorted_distinct(np.concatenate(met))
+    return group_count(union[pairs % len(h)], k)
 
 
 def _fit(
