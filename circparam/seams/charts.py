@@ -20,7 +20,7 @@ from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
 from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
 from circparam.seams.grown import grown_atlas
-from circparam.seams.hard.charts import take_better, unrolls_whole, with_seams
+from circparam.seams.hard.charts import take_better, unrolls_whole
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.rival import Rival
@@ -39,7 +39,7 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.stretch import STRETCH, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
-from circparam.seams.ways import made_ways
+from circparam.seams.ways import LEFT, left_by, made_ways
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried
 DOUBTS = 10_000
@@ -206,17 +206,6 @@ def free_atlas(
     return atlas
 
 
-def _not_plain(rest: BoolArray, doubtful: BoolArray, other: Atlas | None) -> BoolArray:
-    """Of the faces ``rest`` those of components that need seams on the hard way, or never went it.
-
-    other: the atlas of the doubtful faces on the hard way, None where there was no time for it. All (m,) bool.
-    """
-    out = rest.copy()
-    if other is not None:
-        out[doubtful] &= with_seams(other)
-    return out
-
-
 def _first_atlas(
     surface: Surface, bound: float, options: SeamOptions, monitor: Monitor, notes: list[str]
 ) -> Atlas:
@@ -235,15 +224,13 @@ def _first_atlas(
     # what needs no seam needs no second way either: a disk may need none; of what is none both are made at once
     cut_mesh, unit = atlas.cut_mesh(), float(np.sqrt(surface.areas[doubtful].sum()))
     ways = {"hard": hard, "doubtful": doubtful}
-    same, left = doubtful.any() and not (rest & ~doubtful).any(), None
-    if not (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any():
-        ways["grown"] = rest
-    else:
-        left = partial(_not_plain, rest, doubtful)
+    same = doubtful.any() and not (rest & ~doubtful).any()
+    disks = (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any()
+    ways[LEFT if disks else "grown"] = rest
     rival = partial(Rival.of, unit=unit, chart_cost=CHART_COST) if same else None
-    made = made_ways(surface, ways, bound, options, monitor, notes, rival, left)
+    made = made_ways(surface, ways, bound, options, monitor, notes, rival)
     other, parts = made.get("doubtful"), []
-    rest = _not_plain(rest, doubtful, other)
+    rest = left_by(other, doubtful, rest)
     outdone = rest.any() and "grown" not in made
     if "hard" in made:
         atlas.put(hard, made["hard"])

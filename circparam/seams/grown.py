@@ -67,8 +67,7 @@ def grown_atlas(
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
 
-    Components that need no seam are told on the surface itself: a proxy is never quite as flat. check: as in
-    ``Starting``; what it raises comes out here.
+    Components that need no seam are told on the surface itself. check: see ``Starting``; its errors come out.
     """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
     if options.max_charts is None and options.min_chart_faces == 1:
@@ -88,10 +87,10 @@ def grown_atlas(
     if bent.all():
         decided = _decided(surface, bound, options, worker, monitor, _How(target, check=check))
     else:
-        if bent.any():  # what is nearly flat needs no seam that could be hidden
+        if some := bent.any():  # what is nearly flat needs no seam that could be hidden
             atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
-        if bent.any():
+        if some:
             own, how = surface.part(bent), _How(target, on=False)
             if len(surface.faces) > LEVEL_FACES:  # both would have all of it side by side
                 surface.forget()

@@ -13,11 +13,12 @@ from circparam.core.workers import PARTED, Later, Worker
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.grown import grown_atlas
-from circparam.seams.hard.charts import hard_atlas
+from circparam.seams.hard.charts import hard_atlas, with_seams
 from circparam.seams.hard.rival import Outdone, Rival
 from circparam.seams.options import SeamOptions
 
 ORDER = ("hard", "doubtful", "grown")  # of what is said of them
+LEFT = "left"
 SPARE = ("doubtful",)  # ways that are left out where time is up
 SENT = 50_000  # faces: of more, each way has work enough in parts for all processes
 
@@ -30,16 +31,15 @@ def made_ways(
     monitor: Monitor,
     notes: list[str],
     rival: Callable[[Atlas], Rival] | None = None,
-    left: Callable[[Atlas | None], BoolArray] | None = None,
 ) -> dict[str, Atlas]:
     """The atlas of some faces for each way, by its name; all but one made by processes that are idle.
 
     ways: (m,) bool, the faces of each: "grown", or else hard; what is empty, or left out for want of time, is
-    missing in the result. notes: get what is said of them. rival: made of "doubtful", what "grown" has to
-    beat to be gone on with: else that is missing too. left: (m,) bool, the faces that are "grown" once
-    "doubtful" is there (None: there is no time for it); made next, beside what is hard.
+    missing in the result. In place of "grown" may stand LEFT, of which that is what "doubtful" leaves
+    (``left_by``): it is known and made next, beside what is hard. notes: get what is said of them. rival: made
+    of "doubtful", what "grown" has to beat to be gone on with: else that is missing too.
     """
-    parts = {name: surface.part(faces) for name, faces in ways.items() if faces.any()}
+    parts = {n: surface.part(faces) for n, faces in ways.items() if faces.any() and n != LEFT}
     later: dict[str, Later] = {}
 
     # of the doubtful faces those that are grown as well
@@ -58,14 +58,15 @@ def made_ways(
     for name in parts:
         put_off(name)
     order = sorted(parts, key=lambda name: len(parts[name].faces))
-    here = order[-1] if left is None else "doubtful"
+    here = "doubtful" if LEFT in ways else order[-1]
     for name in reversed(order):
         small = len(parts[name].faces) <= SENT
         if name != here and small and (name != "grown" or rival is None):
             later[name].begin()
-    if left is not None:
+    if LEFT in ways:
         way = later[here].result()
-        faces = left(None if way is None else Atlas(parts[here], *way[:-1]))
+        other = None if way is None else Atlas(parts[here], *way[:-1])
+        faces = left_by(other, ways[here], ways[LEFT])
         asked = faces[ways[here]]
         if faces.any():
             parts["grown"] = surface.part(faces)
@@ -79,6 +80,17 @@ def made_ways(
     for name in ORDER:
         notes += found[name][-1] if name in found else []
     return {name: Atlas(parts[name], *way[:-1]) for name, way in found.items()}
+
+
+def left_by(other: Atlas | None, doubtful: BoolArray, rest: BoolArray) -> BoolArray:
+    """Of the faces ``rest`` those of components that need seams on the hard way, or never went it.
+
+    other: the atlas of the doubtful faces on the hard way, None where there was no time for it. All (m,) bool.
+    """
+    out = rest.copy()
+    if other is not None:
+        out[doubtful] &= with_seams(other)
+    return out
 
 
 def one_way(

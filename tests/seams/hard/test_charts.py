@@ -17,7 +17,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, ways
 from circparam.seams import charts as module
-from circparam.seams.hard.charts import take_better, uncoiled, unrolls_whole, with_seams
+from circparam.seams.hard.charts import take_better, uncoiled, unrolls_whole
 from circparam.seams.hard.flats import with_hard_prices
 from circparam.seams.hard.regions import (
     DOUBTFUL,
@@ -325,22 +325,8 @@ def test_what_the_hard_way_leaves_is_grown_beside_what_is_hard(
     hard, doubtful = component == 0, component > 0
     notes: list[str] = []
 
-    def left(other: Atlas | None) -> np.ndarray:
-        assert other is not None
-        out = doubtful.copy()
-        out[doubtful] = with_seams(other)
-        return out
-
-    found = ways.made_ways(
-        surface,
-        {"hard": hard, "doubtful": doubtful},
-        1.05,
-        SeamOptions(),
-        Monitor(),
-        notes,
-        None,
-        left,
-    )
+    asked = {"hard": hard, "doubtful": doubtful, ways.LEFT: doubtful}
+    found = ways.made_ways(surface, asked, 1.05, SeamOptions(), Monitor(), notes)
     assert order == [("doubtful", doubtful.sum()), ("grown", 12), ("hard", hard.sum())]
     assert begun == ["hard"]
     assert notes == ["hard", "doubtful", "grown"]
