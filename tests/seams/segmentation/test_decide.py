@@ -168,3 +168,21 @@ def test_one_piece_is_left_alone() -> None:
     surface = surface_of(*bumped_ring(0.3))
     whole = Atlas(surface, np.zeros(len(surface.edges), bool))
     assert module.merged_on(whole, 1.05, Monitor()) is whole
+
+
+@pytest.mark.parametrize(("level", "pieces", "shared"), [(2, 1, True), (3, 1, False), (3, 2, True)])
+def test_starts_merge_alone_on_surfaces_in_one_piece_that_are_not_tiny(
+    level: int, pieces: int, shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surface = surface_of(*shapes.row_of(shapes.icosphere(level), pieces))
+    called: list[str] = []
+    for name in ("merged_together", "start_once"):
+
+        def noted(*task: object, way: str = name, done: object = getattr(starts, name)) -> object:
+            called.append(way)
+            assert callable(done)
+            return done(*task)
+
+        monkeypatch.setattr(starts, name, noted)
+    starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    assert set(called) == ({"merged_together"} if shared else {"start_once"})
