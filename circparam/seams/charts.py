@@ -20,10 +20,10 @@ from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
 from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
 from circparam.seams.grown import grown_atlas
-from circparam.seams.hard.charts import take_better, with_seams
+from circparam.seams.hard.charts import take_better, unrolls_whole
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
-from circparam.seams.hard.rival import Outdone, Rival
+from circparam.seams.hard.rival import Rival
 from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
@@ -39,7 +39,7 @@ from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.stretch import STRETCH, stretch_limits
 from circparam.seams.symmetry import Mirror, about_image_of, both_sides, find_mirror, image_of
-from circparam.seams.ways import made_ways
+from circparam.seams.ways import LEFT, left_by, made_ways
 
 # faces of components that may be hard surfaces or not, up to which both ways are tried
 DOUBTS = 10_000
@@ -216,37 +216,29 @@ def _first_atlas(
     doubtful &= doubtful.sum() <= DOUBTS
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
-    if (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES:
+    dear = (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES
+    if dear and not unrolls_whole(surface.part(hard | doubtful)):
         surface = with_prices(surface, options, monitor)
     atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
     rest = ~hard
     # what needs no seam needs no second way either: a disk may need none; of what is none both are made at once
     cut_mesh, unit = atlas.cut_mesh(), float(np.sqrt(surface.areas[doubtful].sum()))
-    ways, rival = {"hard": hard, "doubtful": doubtful}, None
+    ways = {"hard": hard, "doubtful": doubtful}
     same = doubtful.any() and not (rest & ~doubtful).any()
-    if not (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any():
-        ways["grown"] = rest
-        rival = partial(Rival.of, unit=unit, chart_cost=CHART_COST) if same else None
+    disks = (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any()
+    ways[LEFT if disks else "grown"] = rest
+    rival = partial(Rival.of, unit=unit, chart_cost=CHART_COST) if same else None
     made = made_ways(surface, ways, bound, options, monitor, notes, rival)
-    parts, plain = [], np.zeros(len(surface.faces), bool)
-    other, outdone = made.get("doubtful"), "grown" in ways and "grown" not in made
-    if other is not None:
-        plain[doubtful] = ~with_seams(other)
+    other, parts = made.get("doubtful"), []
+    rest = left_by(other, doubtful, rest)
+    outdone = rest.any() and "grown" not in made
     if "hard" in made:
         atlas.put(hard, made["hard"])
         parts.append((hard, made["hard"].prices))
     if "grown" in made:
         atlas.put(rest, made["grown"])
-    elif "grown" not in ways and (rest := rest & ~plain).any():
-        check = None
-        if same and other is not None:
-            check = Rival.of(other.part(rest[doubtful]), unit, CHART_COST).face
-        try:
-            own = surface.part(rest)
-            atlas.put(rest, grown_atlas(own, bound, options, monitor, notes, check=check))
-        except Outdone:
-            outdone = True
     if other is not None:
+        plain = doubtful & ~rest
         atlas.put(doubtful if outdone else plain, other if outdone else other.part(plain[doubtful]))
         taken = doubtful if outdone else plain | take_better(atlas, doubtful, other, CHART_COST)
         parts.append((taken, other.part(taken[doubtful]).prices))

@@ -49,7 +49,6 @@ from circparam.solvers.newton import RelaxOptions
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SHARED_FACES = 500  # from this size on starts are shared with other processes
-ALONE = 20_000  # faces of a mesh up to which starts merge in one system
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
 TRANSFER_COST = 30.0  # seconds after the proxy over those of the repair: 22 to 38 from 40k faces on
 DECIDING = 0.4  # of the time that is left, at least, for charts on the proxy
@@ -78,8 +77,7 @@ def grown_atlas(
 ) -> Atlas:
     """Decide the seams of a surface on a coarse proxy (of ``target`` faces) and lay its charts out.
 
-    Components that need no seam are told on the surface itself: a proxy is never quite as flat. check: as in
-    ``Starting``; what it raises comes out here.
+    Components that need no seam are told on the surface itself. check: see ``Starting``; its errors come out.
     """
     worker = Worker(monitor.jobs if len(surface.faces) > SHARED_FACES else 1)
     if options.max_charts is None and options.min_chart_faces == 1:
@@ -99,9 +97,10 @@ def grown_atlas(
     if bent.all():
         decided = _decided(surface, bound, options, worker, monitor, _How(target, check=check))
     else:
-        atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
+        if some := bent.any():  # what is nearly flat needs no seam that could be hidden
+            atlas.surface = surface = with_prices(surface, options, monitor, LEVEL_FACES)
         decided = Decided(atlas, dual_graph(surface))
-        if bent.any():
+        if some:
             own, how = surface.part(bent), _How(target, on=False)
             if len(surface.faces) > LEVEL_FACES:  # both would have all of it side by side
                 surface.forget()
@@ -196,17 +195,14 @@ def _decided(
     twice &= options.max_charts is None and options.min_chart_faces == 1
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
-    # workers that are opened for a small mesh come as its starts are about to end
-    alone = count <= ALONE
-    prices = prices_beside(surface, options, monitor, now=not alone)
+    prices = prices_beside(surface, options, monitor)
     proxy = None
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
             target = how.target or proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            surface = with_prices(surface, options, monitor)
-            most, starting = options.max_charts, Starting(alone, check=how.check)
+            most, starting = options.max_charts, Starting(prices, how.check)
             atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
             return Decided(atlas, graph)
         if prices is not None:
@@ -214,7 +210,7 @@ def _decided(
         inner = 1 + (bound - 1) * (1 - SLACK)
         with monitor.holding(TRANSFER_COST * monitor.seconds.get("repair", 0.0), DECIDING):
             most = options.max_charts
-            starting = Starting(alone, prices, how.check)
+            starting = Starting(prices, how.check)
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
             other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]

@@ -8,8 +8,8 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
-from circparam.core.workers import Later
-from circparam.geometry.visibility import edge_shares
+from circparam.core.workers import Later, Worker
+from circparam.geometry.visibility import PARTS, edge_shares
 from circparam.mesh.surface import Surface
 from circparam.seams.multires.decimate import Proxy, priced
 from circparam.seams.options import SeamOptions
@@ -26,6 +26,13 @@ POWER = 4.0  # of the share in the price, at full strength
 def asked_beside(surface: Surface, strength: float, monitor: Monitor) -> FloatArray:
     """As ``hiding_prices``, for a process that has nothing else to do. monitor: not asked, it is soon done."""
     return hiding_prices(surface, strength)
+
+
+def shares_of_part(
+    surface: Surface, count: int, part: int, parts: int, monitor: Monitor
+) -> FloatArray:
+    """(e,) what one of so many parts of the directions has in the share of each edge. monitor: not asked."""
+    return edge_shares(surface, count, PIXELS, turn=slice(part, None, parts))
 
 
 class PricesBeside:
@@ -54,15 +61,19 @@ class PricesBeside:
             return priced(self.proxy.surface, fine, self.proxy.cell).price
 
 
-def hiding_prices(surface: Surface, strength: float) -> FloatArray:
+def hiding_prices(surface: Surface, strength: float, monitor: Monitor | None = None) -> FloatArray:
     """(e,) price of every edge, in its lengths: (share / TYPICAL) to the power POWER · strength.
 
     share: of all directions from which the edge is seen, and no less than LEAST · TYPICAL. strength: from 0,
     where all edges are alike, to 1. An edge on a convex place costs its length; one down a groove that half as
-    many directions see costs a quarter of it at a strength of ½.
+    many directions see costs a quarter of it at a strength of ½. monitor: its processes look along half of
+    the directions each (None: this one along all).
     """
     count = DIRECTIONS if len(surface.faces) <= LARGE else FEWER
-    share = edge_shares(surface, count, PIXELS)
+    parts = 1 if monitor is None else PARTS
+    tasks = [(surface, count, part, parts) for part in range(parts)]
+    worker = Worker(1 if monitor is None else monitor.jobs)
+    share = sum(worker.map(shares_of_part, tasks, monitor or Monitor()))
     price: FloatArray = np.maximum(share / TYPICAL, LEAST) ** (POWER * strength)
     return price
 
@@ -78,7 +89,7 @@ def with_prices(
     if large or not options.hide_seams or not _wanted(surface, options, monitor):
         return surface
     with monitor.stage("visibility"):
-        return replace(surface, price=hiding_prices(surface, options.hide_seams))
+        return replace(surface, price=hiding_prices(surface, options.hide_seams, monitor))
 
 
 def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:
@@ -87,13 +98,10 @@ def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:
     return bool(options.hide_seams) and surface.price is None and not short
 
 
-def prices_beside(
-    surface: Surface, options: SeamOptions, monitor: Monitor, now: bool = True
-) -> PricesBeside | None:
-    """Prices of a surface that has none yet, to be found beside what needs none. now: they are begun."""
+def prices_beside(surface: Surface, options: SeamOptions, monitor: Monitor) -> PricesBeside | None:
+    """Prices of a surface that has none yet, begun beside what needs none."""
     if not _wanted(surface, options, monitor):
         return None
     prices = PricesBeside(surface, options.hide_seams or 0.0, monitor)
-    if now:
-        prices.begin()
+    prices.begin()
     return prices

@@ -5,17 +5,20 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Later, Worker
 from circparam.mesh.atlas import Atlas, SeamPrices
 from circparam.mesh.surface import Surface
 from circparam.seams.grown import grown_atlas
-from circparam.seams.hard.charts import hard_atlas
+from circparam.seams.hard.charts import hard_atlas, with_seams
 from circparam.seams.hard.rival import Outdone, Rival
 from circparam.seams.options import SeamOptions
 
 ORDER = ("hard", "doubtful", "grown")  # of what is said of them
+LEFT = "left"
 SPARE = ("doubtful",)  # ways that are left out where time is up
 SENT = 50_000  # faces: of more, each way has work enough in parts for all processes
 
@@ -29,29 +32,47 @@ def made_ways(
     notes: list[str],
     rival: Callable[[Atlas], Rival] | None = None,
 ) -> dict[str, Atlas]:
-    """The atlas of some faces for each way, by its name; all but the largest made by processes that are idle.
+    """The atlas of some faces for each way, by its name; all but one made by processes that are idle.
 
     ways: (m,) bool, the faces of each: "grown", or else hard; what is empty, or left out for want of time, is
-    missing in the result. notes: get what is said of them. rival: made of "doubtful", what "grown" has to
-    beat to be gone on with: else that is missing too.
+    missing in the result. In place of "grown" may stand LEFT, of which that is what "doubtful" leaves
+    (``left_by``): it is known and made next, beside what is hard. notes: get what is said of them. rival: made
+    of "doubtful", what "grown" has to beat to be gone on with: else that is missing too.
     """
-    parts = {name: surface.part(faces) for name, faces in ways.items() if faces.any()}
+    parts = {n: surface.part(faces) for n, faces in ways.items() if faces.any() and n != LEFT}
     later: dict[str, Later] = {}
+
+    # of the doubtful faces those that are grown as well
+    asked = np.ones(int(ways["doubtful"].sum()), bool)
 
     def check(merged: list[Atlas]) -> None:
         way = later["doubtful"].result()
         if way is not None and rival is not None:
-            rival(Atlas(parts["doubtful"], *way[:-1])).face(merged)
+            rival(Atlas(parts["doubtful"], *way[:-1]).part(asked)).face(merged)
 
-    for name, part in parts.items():
+    def put_off(name: str) -> None:
         facing = check if name == "grown" and rival is not None else None
-        later[name] = Later(monitor.jobs, one_way, (name, part, bound, options, facing), monitor)
+        task = (name, parts[name], bound, options, facing)
+        later[name] = Later(monitor.jobs, one_way, task, monitor)
+
+    for name in parts:
+        put_off(name)
     order = sorted(parts, key=lambda name: len(parts[name].faces))
-    for name in reversed(order[:-1]):
-        if len(parts[name].faces) <= SENT and (name != "grown" or rival is None):
+    here = "doubtful" if LEFT in ways else order[-1]
+    for name in reversed(order):
+        small = len(parts[name].faces) <= SENT
+        if name != here and small and (name != "grown" or rival is None):
             later[name].begin()
+    if LEFT in ways:
+        way = later[here].result()
+        other = None if way is None else Atlas(parts[here], *way[:-1])
+        faces = left_by(other, ways[here], ways[LEFT])
+        asked = faces[ways[here]]
+        if faces.any():
+            parts["grown"] = surface.part(faces)
+            put_off("grown")
     found = {}
-    for name in sorted(parts, key=lambda name: later[name].begun):
+    for name in sorted(parts, key=lambda name: (later[name].begun, name == "hard")):
         with contextlib.suppress(Outdone):
             way = later[name].result()
             if way is not None:
@@ -59,6 +80,17 @@ def made_ways(
     for name in ORDER:
         notes += found[name][-1] if name in found else []
     return {name: Atlas(parts[name], *way[:-1]) for name, way in found.items()}
+
+
+def left_by(other: Atlas | None, doubtful: BoolArray, rest: BoolArray) -> BoolArray:
+    """Of the faces ``rest`` those of components that need seams on the hard way, or never went it.
+
+    other: the atlas of the doubtful faces on the hard way, None where there was no time for it. All (m,) bool.
+    """
+    out = rest.copy()
+    if other is not None:
+        out[doubtful] &= with_seams(other)
+    return out
 
 
 def one_way(

@@ -6,13 +6,21 @@ import numpy as np
 import pytest
 
 from circparam.core.monitor import Monitor
-from circparam.geometry.visibility import visible_share
+from circparam.geometry.visibility import edge_shares, visible_share
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams import grown
 from circparam.seams import hidden as hidden_module
 from circparam.seams.charts import charts
-from circparam.seams.hidden import LEAST, POWER, hiding_prices
+from circparam.seams.hidden import (
+    DIRECTIONS,
+    LEAST,
+    PIXELS,
+    POWER,
+    hiding_prices,
+    shares_of_part,
+)
 from circparam.seams.options import HIDDEN, SeamOptions
 from tests.support import shapes
 from tests.support.atlases import energies, surface_of
@@ -42,6 +50,17 @@ def test_prices_are_one_at_no_strength_and_fall_with_the_share_that_sees_an_edge
     deep = np.linalg.norm(middle, axis=1) < 0.75
     high = np.linalg.norm(middle, axis=1) > 0.98
     assert np.median(half[deep]) < 0.6 * np.median(half[high])
+
+
+def test_processes_look_along_some_of_the_directions_each() -> None:
+    surface = grooved(3)
+    whole = edge_shares(surface, DIRECTIONS, PIXELS)
+    parts = [shares_of_part(surface, DIRECTIONS, k, 4, Monitor()) for k in range(4)]
+    assert sum(parts) == pytest.approx(whole, abs=1e-12)
+    assert all((part < 0.5 * whole.max()).all() for part in parts)
+    shared = hiding_prices(surface, 0.5, Monitor(jobs=2))
+    assert np.array_equal(shared, hiding_prices(surface, 0.5, Monitor()))
+    assert shared == pytest.approx(hiding_prices(surface, 0.5))
 
 
 def test_parts_keep_the_prices_of_their_edges_and_so_do_surfaces_that_are_cut_open() -> None:
@@ -87,3 +106,15 @@ def test_without_strength_no_visibility_is_asked_for(monkeypatch: pytest.MonkeyP
     assert decided(surface, 0.0).charts()[0] >= 1
     with pytest.raises(AssertionError, match="without strength"):
         decided(surface, 0.5)
+
+
+def test_what_is_nearly_flat_gets_no_prices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is told on the mesh itself, where that is large, and no seam is looked for."""
+
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(grown, "DIRECT_FACES", 100)
+    monkeypatch.setattr(hidden_module, "hiding_prices", never)
+    found = charts(surface_of(*shapes.bumped_disk(300, height=0.1)), SeamOptions(), Monitor())
+    assert not found.cut.any()

@@ -6,14 +6,15 @@ import dataclasses
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray
+from circparam.core.arrays import BoolArray, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
+from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
-from circparam.seams.hard.regions import seam_prices
+from circparam.seams.hard.regions import CURVED, SHARP, curvature, seam_prices, turns
 from circparam.seams.hard.rival import component_costs
 from circparam.seams.hard.unroll import layers, slits, straight, unroll
 from circparam.seams.options import SeamOptions
@@ -96,6 +97,20 @@ def with_seams(atlas: Atlas) -> BoolArray:
     beside = np.zeros(len(atlas.surface.faces), bool)
     beside[atlas.surface.edges[atlas.cut, 0] // 3] = True
     return atlas.surface.whole_components(beside)
+
+
+def unrolls_whole(surface: Surface) -> bool:
+    """Whether a surface has no sharp edge, and all components are disks, holes allowed, that unroll: no seam
+    has to be looked for, nor what one would cost."""
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
+    cut_mesh = atlas.cut_mesh()
+    if not_disks(cut_mesh).any():
+        return False
+    defect, rim = curvature(cut_mesh)
+    inside = np.abs(np.where(rim, 0.0, defect))
+    if (group_sum(inside, cut_mesh.vertex_chart, cut_mesh.n_charts) > CURVED).any():
+        return False
+    return not (turns(surface)[0] >= SHARP).any() and not slits(atlas).any()
 
 
 def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float) -> BoolArray:

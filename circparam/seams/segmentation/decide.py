@@ -39,16 +39,15 @@ ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may n
 
 
 class Starting(NamedTuple):
-    """How starts are made. together: see ``best_of_starts``. prices: of the edges of the surface, found beside
-    them where it has none yet. check: told the starts when they have merged, where they are of all the surface;
-    it may raise what ends the search."""
+    """What goes beside starts. prices: of the edges of the surface, found meanwhile where it has none yet.
+    check: told the starts when they have merged, where they are of all the surface; it may raise what ends the
+    search."""
 
-    together: bool = True
     prices: PricesBeside | None = None
     check: Callable[[list[Atlas]], None] | None = None
 
 
-TOGETHER = Starting()
+ALONE = Starting()
 
 
 def decide(
@@ -58,7 +57,7 @@ def decide(
     max_charts: int | None,
     worker: Worker,
     monitor: Monitor,
-    starting: Starting = TOGETHER,
+    starting: Starting = ALONE,
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole."""
     prices = starting.prices
@@ -69,7 +68,7 @@ def decide(
         # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
         plain = replace(part, price=None)
         begin = partial(_begin, starting, bool(rest.all()))
-        best = best_of_starts(plain, bound, margin, worker, monitor, starting.together, begin)
+        best = best_of_starts(plain, bound, margin, worker, monitor, begin)
         if prices is not None:
             part = replace(surface, price=prices.result()).part(rest)
         if part.price is not None:

@@ -63,14 +63,14 @@ class Glues:
         alone = chosen < n
         place, arc = np.flatnonzero(alone), chosen[alone]
         if not alone.all():
-            of, several = _members(self.pair, chosen[~alone] - n)
+            of, several = members(self.pair, chosen[~alone] - n)
             place = np.concatenate([place, np.flatnonzero(~alone)[of]])
             arc = np.concatenate([arc, several])
-        of, entry = _members(arcs.arc, arc)
+        of, entry = members(arcs.arc, arc)
         return arcs.edge[entry], place[of]
 
 
-def _members(groups: IntArray, asked: IntArray) -> tuple[IntArray, IntArray]:
+def members(groups: IntArray, asked: IntArray) -> tuple[IntArray, IntArray]:
     """(place in ``asked``, member) of all members of each group that is asked for; groups: (n,) labels."""
     order = stable_order(groups)
     most = max(int(groups.max(initial=-1)), int(asked.max(initial=-1)))  # groups may be empty
@@ -133,14 +133,14 @@ def side_by_side(
     surface = atlas.surface
     n, chart = atlas.charts()
     side = np.stack([glues.left[chosen], glues.right[chosen]], 1).ravel()
-    of_side, fid = _members(chart, side)
+    of_side, fid = members(chart, side)
     size = group_count(chart, n)
     rank = np.empty(len(chart), np.int64)  # of a face in its chart
     rank[stable_order(chart)] = ranges(size)
     base = np.cumsum(size[side]) - size[side]
     # a half-edge of the surface in one side of a union
     inner = surface.edges[~atlas.cut]
-    at, entry = _members(chart[inner[:, 0] // 3], side)
+    at, entry = members(chart[inner[:, 0] // 3], side)
     e = inner[entry]
     edges = 3 * (base[at, None] + rank[e // 3]) + e % 3
     edge, union = glues.edges(arcs, chosen)

@@ -17,7 +17,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, ways
 from circparam.seams import charts as module
-from circparam.seams.hard.charts import take_better, uncoiled
+from circparam.seams.hard.charts import take_better, uncoiled, unrolls_whole
 from circparam.seams.hard.flats import with_hard_prices
 from circparam.seams.hard.regions import (
     DOUBTFUL,
@@ -30,6 +30,7 @@ from circparam.seams.hard.regions import (
 from circparam.seams.hard.unroll import layers, straight, unroll
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.layout import judge
+from circparam.solvers.objective import chart_energies
 from tests.support import shapes
 from tests.support.atlases import coil, energies, surface_of
 from tests.support.machined import MACHINED
@@ -253,3 +254,80 @@ def test_workers_change_nothing() -> None:
         out.append(atlas.corners)
     workers.stop()
     assert np.array_equal(*out)
+
+
+@pytest.mark.parametrize(
+    ("shape", "whole"),
+    [
+        (shapes.planar_holes(3), True),
+        (shapes.annulus(), True),
+        (shapes.half_cylinder(), True),
+        (shapes.row_of(shapes.half_cylinder(), 2), True),
+        (shapes.cylinder(), False),  # it must be slit
+        (shapes.cone(), False),  # so must its tip
+        (shapes.hemisphere(), False),
+        (shapes.cube(), False),
+        (shapes.half_cylinder(around=4), False),  # sharp edges, which a seam may follow
+        (shapes.join(shapes.grid(), shapes.cylinder()), False),
+    ],
+)
+def test_what_unrolls_whole_needs_no_seam(shape: shapes.Shape, whole: bool) -> None:
+    """And where nothing does, nobody looks from where a seam would be seen."""
+    surface = surface_of(*shape)
+    assert unrolls_whole(surface) == whole
+    if whole:
+        cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+        assert chart_energies(cut_mesh, unroll(cut_mesh)) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", [HARD, DOUBTFUL])
+def test_no_prices_are_looked_for_where_nothing_needs_a_seam(
+    kind: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def seen(surface: Surface, *_: object) -> np.ndarray:
+        asked.append(len(surface.faces))
+        return np.ones(len(surface.edges))
+
+    monkeypatch.setattr(module, "hardness", lambda s: np.full(len(s.faces), kind))
+    monkeypatch.setattr("circparam.seams.hidden.hiding_prices", seen)
+    found = module.charts(surface_of(*shapes.half_cylinder()), SeamOptions(), Monitor())
+    assert not found.cut.any()
+    assert not asked
+    module.charts(surface_of(*shapes.cylinder()), SeamOptions(), Monitor())
+    assert asked
+
+
+def test_what_the_hard_way_leaves_is_grown_beside_what_is_hard(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Doubtful parts come first, since the rest depends on them alone; what is sure to be hard comes last, or
+    is made by a process meanwhile."""
+    order: list[tuple[str, int]] = []
+    begun: list[str] = []
+
+    class Noted(workers.Later):
+        def begin(self) -> None:
+            begun.append(self._task[0])
+
+    def made(name: str, surface: Surface, *_: object):
+        order.append((name, len(surface.faces)))
+        cut = np.zeros(len(surface.edges), bool)
+        cut[0] = name == "doubtful"  # of its two components the first, a cube
+        return cut, np.zeros((len(surface.faces), 3, 2)), None, [name]
+
+    monkeypatch.setattr(ways, "one_way", made)
+    monkeypatch.setattr(ways, "Later", Noted)
+    parts = [shapes.cube(2), shapes.cube(1), shapes.grid(3, 3)]
+    surface = surface_of(*shapes.join(*[(p + 9.0 * k, f) for k, (p, f) in enumerate(parts)]))
+    component = surface.components[1]
+    hard, doubtful = component == 0, component > 0
+    notes: list[str] = []
+
+    asked = {"hard": hard, "doubtful": doubtful, ways.LEFT: doubtful}
+    found = ways.made_ways(surface, asked, 1.05, SeamOptions(), Monitor(), notes)
+    assert order == [("doubtful", doubtful.sum()), ("grown", 12), ("hard", hard.sum())]
+    assert begun == ["hard"]
+    assert notes == ["hard", "doubtful", "grown"]
+    assert len(found["grown"].surface.faces) == 12

@@ -40,7 +40,7 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     monkeypatch.setattr(starts, "TOGETHER", 0)
     monkeypatch.setattr(starts, "grow_and_merge", started)
     monkeypatch.setattr(starts, "shortened_and_merged", shortened)
-    atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), together=False)
+    atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
     assert len(cost) == 4
     assert len(set(cost.values())) > 1
     assert len(gone_on) == most
@@ -90,7 +90,7 @@ def test_starts_that_merge_together_come_to_what_each_comes_to_alone() -> None:
         np.testing.assert_array_equal(one.merger.atlas.cut, alone.atlas.cut)
         np.testing.assert_allclose(one.merger.atlas.corners, alone.atlas.corners, atol=1e-6)
         np.testing.assert_allclose(one.merger.lower_bound, alone.lower_bound, atol=1e-6)
-        np.testing.assert_array_equal(one.merger.overlapped, alone.overlapped)
+        np.testing.assert_array_equal(one.merger.failed.overlapped, alone.failed.overlapped)
         cuts.append(alone.atlas.cut.sum())
     assert len(set(cuts)) > 1
 
@@ -168,3 +168,21 @@ def test_one_piece_is_left_alone() -> None:
     surface = surface_of(*bumped_ring(0.3))
     whole = Atlas(surface, np.zeros(len(surface.edges), bool))
     assert module.merged_on(whole, 1.05, Monitor()) is whole
+
+
+@pytest.mark.parametrize(("level", "pieces", "shared"), [(2, 1, True), (3, 1, False), (3, 2, True)])
+def test_starts_merge_alone_on_surfaces_in_one_piece_that_are_not_tiny(
+    level: int, pieces: int, shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surface = surface_of(*shapes.row_of(shapes.icosphere(level), pieces))
+    called: list[str] = []
+    for name in ("merged_together", "start_once"):
+
+        def noted(*task: object, way: str = name, done: object = getattr(starts, name)) -> object:
+            called.append(way)
+            assert callable(done)
+            return done(*task)
+
+        monkeypatch.setattr(starts, name, noted)
+    starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    assert set(called) == ({"merged_together"} if shared else {"start_once"})
