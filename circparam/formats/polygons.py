@@ -77,6 +77,9 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
         return Polygons(
             corners, start, np.arange(len(corners)).reshape(-1, 3), np.arange(len(size))
         )
+    finite = np.isfinite(points)
+    if not finite.all():  # the mesh is refused later, with the place; here any number will do
+        points = np.where(finite, points, 0.0)
     count = np.maximum(size - 2, 0)
     at = np.cumsum(count) - count
     triangles = np.empty((int(count.sum()), 3), np.int64)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import time
 
@@ -18,8 +17,8 @@ MODULES = (
 )
 # from this size on there is work enough for a process: its start costs this one 0.04 s, and it comes 0.3 s
 # later, when 600 faces are half done; planning cuts takes as long for few faces as for many
-FACES = 600
-BYTES = 30_000  # of a file: some 700 faces as text, more in binary
+FACES = 700
+BYTES = 40_000  # of a file: some 1000 faces as text, more in binary
 
 
 def monitor_of(options: Options, listener: Listener | None, since: float | None = None) -> Monitor:
@@ -40,12 +39,6 @@ def start_for(options: Options, faces: int) -> None:
     """Start workers for a mesh of so many faces, where that is worth it and they are not there already."""
     if options.cut == "charts" and faces >= FACES:
         _start(options)
-
-
-def load_for(options: Options) -> None:
-    """Import what makes charts, so that it counts to no stage."""
-    if options.cut == "charts":
-        importlib.import_module(MODULES[0])
 
 
 def _start(options: Options) -> None:

@@ -31,7 +31,7 @@ from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, prepare
-from circparam.pipeline.jobs import load_for, monitor_of, start_for
+from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
@@ -103,7 +103,6 @@ def _unwrapped(
     job = prepare(document, output, options, monitor)
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
-    load_for(options)
     with monitor.holding(PACK_COST * pace + KEPT), monitor.stage("seams"):
         seams = checkpoint.seams_of(job, monitor, find_seams)
         with monitor.stage("flatten"):

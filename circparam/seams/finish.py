@@ -34,9 +34,8 @@ from circparam.solvers.newton import RelaxOptions
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 MARGIN = 0.004  # share of the root of its area that parts of one chart keep apart
-MOST_OF_IT = (
-    0.5  # of the faces in one part: the others do not keep the processes busy as long as that one
-)
+# of the faces in one part: the others do not keep the processes busy as long as that one
+MOST_OF_IT = 0.5
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
 
 

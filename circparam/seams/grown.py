@@ -56,9 +56,8 @@ SLACK = 0.01  # share of the bound's excess over 1 that seams on the proxy leave
 LEAST_LEVEL, LEVEL_RATIO = 60_000, 12  # faces of a level, and at most so many times fewer
 OTHER_PROXIES = (2.25,)  # times the faces of the proxy of a level: charts decided on those compete
 LEVEL_SLACK = 0.08  # as SLACK, for the mesh after a level: splitting large charts gives less back
-MOST_BESIDE = (
-    1_000_000  # faces, above which the next best level is not finished beside the best: for memory
-)
+# faces, above which the next best level is not finished beside the best: for memory
+MOST_BESIDE = 1_000_000
 SMALL_FACES = 25_000  # up to which charts merged on the proxy are always tried on the mesh too
 BROKEN = 0.5  # of what the next best level costs, above which that is tried on the mesh too
 MOST_LOST = 0.7  # of the bound's excess that is given up to roughness: beyond it charts are split

@@ -218,3 +218,15 @@ def test_triangles_of_a_polygon_agree_at_its_corners() -> None:
             quad(uv, [[0, 1, 2], wrong])
     with pytest.raises(NoResultError, match="two uv"):  # none is not the uv 0, 0
         quad(uv, [[0, 1, 2], [-1, 2, 3]])
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("sides", [4, 7])
+def test_corners_that_are_nowhere_make_triangles_without_a_word(value: float, sides: int) -> None:
+    """The mesh is refused later, with the vertex; warnings are errors here."""
+    turn = 2 * np.pi * np.arange(2 * sides) / sides
+    p = np.stack([np.cos(turn), np.sin(turn), np.arange(2 * sides) // sides], 1).astype(float)
+    p[0, 2] = value
+    polys = triangulate(p, np.arange(2 * sides), np.array([0, sides, 2 * sides]))
+    assert polys.triangles.shape == (2 * (sides - 2), 3)
+    assert sorted(set(polys.triangles.ravel().tolist())) == list(range(2 * sides))

@@ -28,10 +28,8 @@ from circparam.seams.segmentation.layout import ChartLayouts
 SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
 CHUNK = 2_000_000  # points x faces looked at together
 PAIRS = 4  # of doubled parts that are cut apart in a round, in each chart
-MANY, LARGE = (
-    12,
-    20_000,
-)  # pairs, and faces of a chart from which on they are so many: its rounds are dear
+# pairs, and faces of a chart from which on they are so many: its rounds are dear
+MANY, LARGE = 12, 20_000
 NEAR = 4.0  # times the root of a part's area: how far from it its cut may run
 WALL = 2.0**26  # capacity of an edge that must not be cut
 CAPACITY = 10_000  # of an edge of mean length; flows are whole numbers
