@@ -30,9 +30,9 @@ from circparam.solvers.newton import RelaxOptions
 CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
-# faces up to which starts merge in one system: a tenth less work there, and no process is started for so few.
+# faces up to which starts merge in one system: less work there, which is done when another process is ready.
 # On surfaces in several pieces they do too: alone they end with other last digits, two pages a tenth less full
-TOGETHER = 500
+TOGETHER = 1500
 CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 # share by which a start costs more when it has merged, from which it is given up: of 15 meshes none of them won
 BEHIND = 0.1
