@@ -170,7 +170,7 @@ def test_one_piece_is_left_alone() -> None:
     assert module.merged_on(whole, 1.05, Monitor()) is whole
 
 
-@pytest.mark.parametrize(("level", "pieces", "shared"), [(2, 1, True), (3, 1, False), (3, 2, True)])
+@pytest.mark.parametrize(("level", "pieces", "shared"), [(2, 1, True), (4, 1, False), (3, 2, True)])
 def test_starts_merge_alone_on_surfaces_in_one_piece_that_are_not_tiny(
     level: int, pieces: int, shared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
