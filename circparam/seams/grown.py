@@ -195,13 +195,13 @@ def _decided(
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
     prices = prices_beside(surface, options, monitor)
-    proxy = None
+    proxy, of_level = None, how.target is not None
     with monitor.stage("charts"):
         if count > DIRECT_FACES:
             target = how.target or proxy_faces(surface)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            most, starting = options.max_charts, Starting(prices, how.check)
+            most, starting = options.max_charts, Starting(prices, how.check, of_level)
             atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
             return Decided(atlas, graph)
         if prices is not None:
@@ -209,7 +209,7 @@ def _decided(
         inner = 1 + (bound - 1) * (1 - SLACK)
         with monitor.holding(TRANSFER_COST * monitor.seconds.get("repair", 0.0), DECIDING):
             most = options.max_charts
-            starting = Starting(prices, how.check)
+            starting = Starting(prices, how.check, of_level)
             coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
             other = merged_on(coarse, inner, monitor) if twice else coarse
             fewer = other.charts()[0] < coarse.charts()[0]

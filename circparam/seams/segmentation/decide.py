@@ -41,10 +41,11 @@ ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may n
 class Starting(NamedTuple):
     """What goes beside starts. prices: of the edges of the surface, found meanwhile where it has none yet.
     check: told the starts when they have merged, where they are of all the surface; it may raise what ends the
-    search."""
+    search. alone: as ``best_of_starts`` has it."""
 
     prices: PricesBeside | None = None
     check: Callable[[list[Atlas]], None] | None = None
+    alone: bool = False
 
 
 ALONE = Starting()
@@ -68,7 +69,7 @@ def decide(
         # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
         plain = replace(part, price=None)
         begin = partial(_begin, starting, bool(rest.all()))
-        best = best_of_starts(plain, bound, margin, worker, monitor, begin)
+        best = best_of_starts(plain, bound, margin, worker, monitor, begin, starting.alone)
         if prices is not None:
             part = replace(surface, price=prices.result()).part(rest)
         if part.price is not None:

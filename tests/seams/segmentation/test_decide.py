@@ -170,9 +170,12 @@ def test_one_piece_is_left_alone() -> None:
     assert module.merged_on(whole, 1.05, Monitor()) is whole
 
 
-@pytest.mark.parametrize(("level", "pieces", "shared"), [(2, 1, True), (4, 1, False), (3, 2, True)])
+@pytest.mark.parametrize(
+    ("level", "pieces", "alone", "shared"),
+    [(2, 1, True, True), (4, 1, False, False), (3, 2, False, True), (3, 2, True, False)],
+)
 def test_starts_merge_alone_on_surfaces_in_one_piece_that_are_not_tiny(
-    level: int, pieces: int, shared: bool, monkeypatch: pytest.MonkeyPatch
+    level: int, pieces: int, alone: bool, shared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     surface = surface_of(*shapes.row_of(shapes.icosphere(level), pieces))
     called: list[str] = []
@@ -184,5 +187,5 @@ def test_starts_merge_alone_on_surfaces_in_one_piece_that_are_not_tiny(
             return done(*task)
 
         monkeypatch.setattr(starts, name, noted)
-    starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), None, alone)
     assert set(called) == ({"merged_together"} if shared else {"start_once"})
