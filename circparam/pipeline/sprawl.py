@@ -122,11 +122,12 @@ class Trimmer:
         return np.maximum(wanted / FILLED, np.square(square))
 
     def _widest(self, without: Arm | None = None) -> float:
-        return max([a.square for a in self._arms if a is not without], default=self._others)
+        """Side of the widest least square of all charts."""
+        return max([self._others, *(a.square for a in self._arms if a is not without)])
 
     def _best(self) -> tuple[Arm | None, int]:
         """The most worthwhile chord, and what it cuts; None where none is worth it."""
-        now = self._page(self._box, max(self._widest(), self._others))
+        now = self._page(self._box, self._widest())
         chart = COUNT * np.log1p(1 / self._charts)
         best: tuple[Arm | None, int] = (None, -1)
         most = SAVED
@@ -134,7 +135,7 @@ class Trimmer:
             found = arm.chords
             if not len(found.length) or len(arm.failed) == TRIES:
                 continue
-            square = np.maximum(found.square, max(self._widest(arm), self._others))
+            square = np.maximum(found.square, self._widest(arm))
             longer = ZIGZAG * found.length
             gain = np.log(now / self._page(self._box - arm.box + found.box, square))
             gain -= RATE * np.log1p(longer / self._length) + chart
