@@ -22,7 +22,7 @@ from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.registry import unknown_name
 from circparam.errors import NoResultError, OptionError, OutOfTimeError
-from circparam.geometry.distortion import best_chart_scales
+from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
@@ -176,7 +176,7 @@ def _placed(
 ) -> tuple[Placed, int | None]:
     """uv packed on a coarse page, and the resolution to read it at; side by side and None where packing
     refuses: charts that overlap themselves may be more than it can take."""
-    uv = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
+    uv = at_best_scales(cut_mesh, uv)
     padding = options.padding_texels if options.padding else 1
     coarse = replace(options, resolution=options.resolution or RASTER, padding=padding)
     try:

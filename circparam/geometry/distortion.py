@@ -238,6 +238,12 @@ def best_chart_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     return _best_scales(square, inverse)
 
 
+def at_best_scales(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """A layout (nv, 2) with every chart at the size at which its symmetric Dirichlet energy is smallest."""
+    result: FloatArray = uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
+    return result
+
+
 def _best_scales(square: FloatArray, inverse: FloatArray) -> FloatArray:
     ok = square > 0
     return np.where(ok, (inverse / np.where(ok, square, 1.0)) ** 0.25, 1.0)

@@ -8,6 +8,7 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    cross2,
     group_sum,
     norms2,
     ranges,
@@ -234,6 +235,13 @@ def _all_pairs(
     i = first[k][pair] + at // count[m][pair]
     j = first[m][pair] + at % count[m][pair]
     return member[i], member[j]
+
+
+def properly_cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
+    """(n,) bool: segments ab and cd cross, no end of one on the other: by plain signs, not exact ones."""
+    first = cross2(b - a, c - a) * cross2(b - a, d - a) < 0
+    result: BoolArray = first & (cross2(d - c, a - c) * cross2(d - c, b - c) < 0)
+    return result
 
 
 def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:

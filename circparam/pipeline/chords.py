@@ -173,10 +173,9 @@ def turned(points: FloatArray) -> FloatArray:
     return np.stack([x, y], -1)
 
 
-def boxes(low: FloatArray, high: FloatArray) -> FloatArray:
-    """(...) area of the least bounding box, from the extents (..., ANGLES, 2)."""
-    result: FloatArray = (high - low).prod(-1).min(-1)
-    return result
+def least_frames(size: FloatArray) -> FloatArray:
+    """(2, ...) area of the least bounding box and side of the least square, of sizes (..., ANGLES, 2)."""
+    return np.stack([size.prod(-1).min(-1), size.max(-1).min(-1)])
 
 
 def extents(p: FloatArray, pick: IntArray, first: IntArray, pieces: IntArray) -> FloatArray:
@@ -200,8 +199,7 @@ def extents(p: FloatArray, pick: IntArray, first: IntArray, pieces: IntArray) ->
     table = np.stack(known)
     last = (first + pieces - 2**level) % k
     top = np.maximum(table[level, first], table[level, last])
-    size = top[..., :2] + top[..., 2:]
-    return np.stack([size.prod(-1).min(-1), size.max(-1).min(-1)])
+    return least_frames(top[..., :2] + top[..., 2:])
 
 
 def _holds(polygon: FloatArray, point: FloatArray) -> bool:

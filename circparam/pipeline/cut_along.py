@@ -9,7 +9,7 @@ import scipy.sparse as sps
 
 from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge, stable_order
 from circparam.core.graph import components, nearest
-from circparam.geometry.distortion import best_chart_scales, chart_distortion
+from circparam.geometry.distortion import at_best_scales, chart_distortion
 from circparam.geometry.overlap import overlaps, signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh, not_disks
@@ -197,9 +197,8 @@ def _kept(atlas: Atlas, path: IntArray, chord: Chord, limits: Limits) -> Opened 
     if not high.any():
         return Opened(atlas, cut_mesh, uv)
     part, vertices, faces = cut_mesh.subset(high)
-    scale = best_chart_scales(part, uv[vertices])[part.vertex_chart][:, None]
     options = RelaxOptions(max_iterations=STEPS, give_up=limits.bound, early=True)
-    better = relax(part, uv[vertices] * scale, options).uv
+    better = relax(part, at_best_scales(part, uv[vertices]), options).uv
     sound = np.isfinite(better).all() and (signs(better, part.faces) > 0).all()
     if not sound or (chart_distortion(part, better) > limits.bound).any():
         return None

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from circparam.core.arrays import FloatArray, next_half_edge
-from circparam.geometry.distortion import best_chart_scales
+from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.packing.budget import Budget
 from circparam.packing.nest.lock import locked
@@ -158,8 +158,7 @@ def first_plan(carver: Carver, budget: Budget, told: float) -> Plan | None:
     if sides is None:
         return None
     cut_mesh = carver.cut_mesh
-    uv = carver.uv * best_chart_scales(cut_mesh, carver.uv)[cut_mesh.vertex_chart][:, None]
-    return Plan(pieces, boundary_length(cut_mesh, uv), *sides)
+    return Plan(pieces, boundary_length(cut_mesh, at_best_scales(cut_mesh, carver.uv)), *sides)
 
 
 def boundary_length(cut_mesh: CutMesh, uv: FloatArray) -> float:

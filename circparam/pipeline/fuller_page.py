@@ -188,6 +188,8 @@ def _trimmed(uncut: _Uncut, carver: Carver, cuts: int, enough: float) -> Cascade
         uncut.begin()
     after = replace(cascade, atlas=atlas)
     packed = packing(after, options, monitor)
+    if packed is None:
+        return None
     if doubtful and uncut.packing is not None:
         full = limited and _share(uncut.packing) >= enough
         if full or _value(uncut.packing, found.before) >= _value(packed, found.length):

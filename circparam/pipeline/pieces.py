@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.geometry.distortion import best_chart_scales, face_stretch
+from circparam.geometry.distortion import at_best_scales, face_stretch
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
@@ -60,22 +60,28 @@ class Ground:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class Part:
     """A chart, or what cuts have left of it. outline: scaled to the size of the surface. places: (k, 2) uv of
-    its corners in the atlas. ground: None where nothing was cut. known, halves: what cuts along its chords came
-    to, and what straight ones leave, since plans share pieces."""
+    its corners in the atlas. ground: None where nothing was cut."""
 
     outline: Outline
-    sketch: Sketch
     places: FloatArray
-    ground: Ground | None = None
-    known: dict[int, Cut | None] = field(default_factory=dict)
-    halves: dict[int, Halves] = field(default_factory=dict)
+    ground: Ground | None
 
     @cached_property
     def chords(self) -> Chords:
         """The chords of its outline."""
         return chords(self.outline)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece(Part):
+    """A part with its sketch. known, halves: what cuts along its chords came to, and what straight ones leave,
+    since plans share pieces."""
+
+    sketch: Sketch
+    known: dict[int, Cut | None] = field(default_factory=dict)
+    halves: dict[int, Halves] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
@@ -153,13 +159,12 @@ class Knife:
     def pieces(self, opened: Opened, charts: IntArray, ground: Ground | None = None) -> list[Piece]:
         """Some charts as they are; those without an outline are left out, all where one is a sliver."""
         cut_mesh, uv = opened.cut_mesh, opened.uv
-        scale = best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
-        shown = outlines(cut_mesh, uv * scale, charts, STEP * self.easel.cell)
+        shown = outlines(cut_mesh, at_best_scales(cut_mesh, uv), charts, STEP * self.easel.cell)
         if any(np.ptp(o.p, axis=0).max() > LONGEST * self.easel.cell for o in shown):
             return []
         if ground is not None:
             shown = [replace(o, chart=ground.chart) for o in shown]
-        return [Piece(o, self.sketch(o), uv[o.vertex], ground) for o in shown]
+        return [Piece(o, uv[o.vertex], ground, self.sketch(o)) for o in shown]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,11 +194,11 @@ class Carver:
             piece.halves[k] = Halves(split(piece.outline, i, j))
         return piece.halves[k]
 
-    def task(self, piece: Piece, k: int) -> tuple[Ground, Chord]:
-        """What ``Knife.cut`` is asked for to cut a piece near its chord k."""
-        start, end = (piece.places[int(at[k])] for at in (piece.chords.i, piece.chords.j))
-        ground = piece.ground or self.ground(piece.outline.chart)
-        return ground, Chord(start, end, float(piece.chords.least[k]))
+    def task(self, part: Part, k: int) -> tuple[Ground, Chord]:
+        """What ``Knife.cut`` is asked for to cut a part near its chord k."""
+        start, end = (part.places[int(at[k])] for at in (part.chords.i, part.chords.j))
+        ground = part.ground or self._ground(part.outline.chart)
+        return ground, Chord(start, end, float(part.chords.least[k]))
 
     def joined(self, grounds: Iterable[Ground]) -> Atlas:
         """The whole atlas with the cuts between parts of its charts."""
@@ -206,8 +211,7 @@ class Carver:
         after.cut |= np.diff(label[surface.edges // 3], axis=1)[:, 0] != 0
         return after
 
-    def ground(self, chart: int) -> Ground:
-        """The atlas of a chart that is to be cut."""
+    def _ground(self, chart: int) -> Ground:
         if chart not in self.grounds:
             mine = self.cut_mesh.chart == chart
             surface = self.atlas.surface

@@ -15,12 +15,12 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, stable_order
 from circparam.core.monitor import Monitor
-from circparam.geometry.distortion import best_chart_scales
+from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.pipeline.chords import Chords, Outline, boxes, chords, outlines, turned
-from circparam.pipeline.cut_along import Chord, Opened
+from circparam.pipeline.chords import least_frames, outlines, turned
+from circparam.pipeline.cut_along import Opened
 from circparam.pipeline.cut_plan import RATE, ZIGZAG, boundary_length
-from circparam.pipeline.pieces import Carver, Ground
+from circparam.pipeline.pieces import Carver, Ground, Part
 
 # of what a chart leaves empty in its box: the share that is lost to others where charts are nested, and where
 # there are more of them, which are laid out by their boxes
@@ -48,22 +48,13 @@ class Trimmed:
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
-    """A chart, or what cuts have left of it. places: (k, 2) uv of its corners. box: area of its least box;
-    square: side of its least square. ground: None where nothing was cut. failed: ends (4,) of chords along
+class Arm(Part):
+    """A part with the area of its least box and the side of its least square. failed: ends (4,) of chords along
     which no cut could be made."""
 
-    outline: Outline
-    places: FloatArray
     box: float
     square: float
-    ground: Ground | None = None
     failed: list[FloatArray] = field(default_factory=list)
-
-    @cached_property
-    def chords(self) -> Chords:
-        """The chords of its outline."""
-        return chords(self.outline)
 
     @cached_property
     def ends(self) -> FloatArray:
@@ -72,41 +63,29 @@ class Arm:
         return np.hstack([p[self.chords.i], p[self.chords.j]])
 
 
-@dataclass(eq=False)
 class Trimmer:
     """Cuts arms off the charts of an atlas. longer: length that all seams may have. spared: area of faces that
     may be stretched too much. cuts: at most."""
 
-    carver: Carver
-    longer: float
-    spared: float
-    cuts: int
-    _arms: list[Arm] = field(init=False, default_factory=list)
-    _box: float = field(init=False)
-    _others: float = field(init=False)
-    _length: float = field(init=False)
-    _longest: float = field(init=False)
-    _charts: int = field(init=False)
-    _stretched: float = field(init=False, default=0.0)
-
-    def __post_init__(self) -> None:
-        cut_mesh, uv = self.carver.cut_mesh, _to_scale(self.carver.cut_mesh, self.carver.uv)
+    def __init__(self, carver: Carver, longer: float, spared: float, cuts: int) -> None:
+        cut_mesh, uv = carver.cut_mesh, at_best_scales(carver.cut_mesh, carver.uv)
+        self._carver, self._spared, self._cuts = carver, spared, cuts
         self._area = float(cut_mesh.chart_areas.sum())
         self._charts = cut_mesh.n_charts
         self._kept = KEPT_OF_MANY if cut_mesh.n_charts > MANY else KEPT
         self._step = float(np.sqrt(self._area)) / CORNERS
         box, square = _extents(cut_mesh, uv)
         self._box, self._length = float(box.sum()), boundary_length(cut_mesh, uv)
-        self._longest = self._length + self.longer
+        self._longest, self._stretched = self._length + longer, 0.0
         wasteful = box - cut_mesh.chart_areas > WASTE * self._box
         self._others = float(square[~wasteful].max(initial=0.0))
-        opened = Opened(self.carver.atlas, self.carver.cut_mesh, self.carver.uv)
+        opened = Opened(carver.atlas, cut_mesh, carver.uv)
         self._arms = self._found(opened, np.flatnonzero(wasteful))
 
     def run(self, monitor: Monitor) -> Trimmed:
         """Make the cuts."""
         first, before, made = self._page(self._box, self._widest()), self._length, 0
-        while made < self.cuts and not monitor.expired:
+        while made < self._cuts and not monitor.expired:
             arm, k = self._best()
             if arm is None:
                 break
@@ -150,13 +129,9 @@ class Trimmer:
 
     def _cut(self, arm: Arm, k: int) -> bool:
         """Cut a chart near one of its chords; whether that could be done."""
-        found = arm.chords
-        ground = arm.ground or self.carver.ground(arm.outline.chart)
-        chord = Chord(
-            arm.places[int(found.i[k])], arm.places[int(found.j[k])], float(found.least[k])
-        )
-        done = self.carver.knife.divided(ground, chord)
-        parts = [] if done is None else [a for part in done[0] for a in self._of(part)]
+        done = self._carver.knife.divided(*self._carver.task(arm, k))
+        only = np.zeros(1, np.int64)
+        parts = [] if done is None else [a for g in done[0] for a in self._found(g.opened, only, g)]
         if done is None or len(parts) != 2 or not self._room(done[1], done[2]):
             arm.failed.append(arm.ends[k])
             return False
@@ -169,30 +144,17 @@ class Trimmer:
 
     def _room(self, length: float, stretched: float) -> bool:
         longer, more = self._length + length, self._stretched + stretched
-        return longer <= self._longest and more <= self.spared
+        return longer <= self._longest and more <= self._spared
 
-    def _of(self, part: Ground) -> list[Arm]:
-        found = self._found(part.opened, np.zeros(1, np.int64))
-        return [
-            replace(arm, ground=part, outline=replace(arm.outline, chart=part.chart))
-            for arm in found
-        ]
-
-    def _found(self, opened: Opened, which: IntArray) -> list[Arm]:
-        """Some charts of an atlas; those without an outline are left out."""
-        shown = outlines(opened.cut_mesh, _to_scale(opened.cut_mesh, opened.uv), which, self._step)
+    def _found(self, opened: Opened, which: IntArray, ground: Ground | None = None) -> list[Arm]:
+        """Some charts of an atlas, that of a ground if there is one; those without an outline are left out."""
+        cut_mesh, uv = opened.cut_mesh, opened.uv
         arms = []
-        for outline in shown:
-            along = turned(outline.p)
-            low, high = along.min(0), along.max(0)
-            box, square = float(boxes(low, high)), float((high - low).max(-1).min())
-            arms.append(Arm(outline, opened.uv[outline.vertex], box, square))
+        for shown in outlines(cut_mesh, at_best_scales(cut_mesh, uv), which, self._step):
+            outline = shown if ground is None else replace(shown, chart=ground.chart)
+            box, square = least_frames(np.ptp(turned(outline.p), axis=0)).tolist()
+            arms.append(Arm(outline, uv[outline.vertex], ground, box, square))
         return arms
-
-
-def _to_scale(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
-    """A layout with every chart as large as it is in space."""
-    return uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None]
 
 
 def _extents(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -203,4 +165,5 @@ def _extents(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]
     along = turned(uv[cut_mesh.faces.ravel()[h[order]]])
     start = np.searchsorted(own[order], np.arange(cut_mesh.n_charts))
     low, high = np.minimum.reduceat(along, start), np.maximum.reduceat(along, start)
-    return boxes(low, high), (high - low).max(-1).min(-1)
+    box, square = least_frames(high - low)
+    return box, square

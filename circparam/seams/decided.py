@@ -25,9 +25,8 @@ class Decided(NamedTuple):
     relaxing: RelaxOptions = FINAL
     plain: Callable[[Monitor], Decided] | None = None  # as it was before charts were merged on
     most: float = 0.0  # seams and charts up to which one from a level stays, if more break
-    relaxed: int = (
-        0  # parts (``in_parts``), the largest first, whose layout is relaxed on the surface itself
-    )
+    # parts (``in_parts``), the largest first, whose layout is relaxed on the surface itself
+    relaxed: int = 0
 
 
 def beside(flat: Decided, bent: BoolArray, part: Decided) -> Decided:

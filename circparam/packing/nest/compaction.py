@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import FloatArray, IntArray, dot2
+from circparam.core.arrays import FloatArray, IntArray, dot2, norms2
 from circparam.packing.nest.contacts import Contacts, to_world
 from circparam.packing.nest.growth import REACH, SLACK, Growth
 from circparam.packing.options import strip_gap
@@ -54,7 +54,7 @@ def _program(
     """Rows A z <= b, b < reach, with z = (moves x, moves y, turns, growth): 3n + 1 unknowns."""
     n, options = growth.shapes.n, growth.options
     d = found.p - found.q
-    distance = np.sqrt(dot2(d, d))
+    distance = norms2(d)
     normal = d / np.maximum(distance, 1e-12)[:, None]
     rp, rq = found.p - placement.offset[found.i], found.q - placement.offset[found.j]
     width = options.gap if strict else strip_gap(options.padding, normal)

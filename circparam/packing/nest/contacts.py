@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, cross2, dot2, first_of_runs, ranges
+from circparam.core.arrays import FloatArray, IntArray, dot2, first_of_runs, norms2, ranges
+from circparam.geometry.intersect import properly_cross
 from circparam.packing.outlines import Shapes
 from circparam.packing.placement import Placement
 
@@ -36,8 +37,7 @@ class Outlines:
 def sample_outlines(shapes: Shapes, step: float) -> Outlines:
     """Samples at most ``step`` apart on every edge, edge starts among them; short edges are thinned."""
     start, end = shapes.points[shapes.start], shapes.points[shapes.end]
-    d = end - start
-    length = np.sqrt(dot2(d, d))
+    length = norms2(end - start)
     count = np.maximum(np.ceil(length / step), 1).astype(np.int64)
     edge = np.repeat(np.arange(len(start)), count)
     t = (ranges(count) / count[edge])[:, None]
@@ -126,9 +126,7 @@ def _cross(
     for sample in (a[near], b[near]):
         chart = outlines.chart[sample]
         ends += [to_world(placement, chart, x[sample]) for x in (outlines.start, outlines.end)]
-    p, q, r, s = ends
-    sides = [cross2(q - p, r - p), cross2(q - p, s - p), cross2(s - r, p - r), cross2(s - r, q - r)]
-    return bool(((sides[0] * sides[1] < 0) & (sides[2] * sides[3] < 0)).any())
+    return bool(properly_cross(*ends).any())
 
 
 def _pages_apart(

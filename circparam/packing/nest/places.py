@@ -46,9 +46,8 @@ def best_place(
     how much they touch; where several may be the best, their masks are looked at again.
     """
     tall, wide = side + 1 - int(rows.min()), side + 1 - int(columns.min())
-    used = 2 * np.float32(
-        area.max()
-    )  # what a cell in use counts as: more than all that a mask may touch
+    # what a cell in use counts as: more than all that a mask may touch
+    used = 2 * np.float32(area.max())
     told = _at_places(kernel * (page * (blur + used)), tall, wide)
     free = told < 0.75 * used
     free &= (np.arange(tall)[None] <= side - rows[:, None])[:, :, None]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import (
-    BoolArray,
     FloatArray,
     IntArray,
     cross2,
@@ -15,6 +14,7 @@ from circparam.core.arrays import (
     next_half_edge,
     sorted_distinct,
 )
+from circparam.geometry.intersect import properly_cross
 from circparam.geometry.segment_grid import Candidates
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.glues import Glues, members
@@ -50,7 +50,7 @@ def crossings_as_they_are(
     for i, j in Candidates(start, end, union, np.zeros(len(h))):
         ok = right[i] != right[j]
         i, j = i[ok], j[ok]
-        ok = _cross(start, end, i, j)
+        ok = properly_cross(start[i], end[i], start[j], end[j])
         met.append(edge_keys(i[ok], j[ok], len(h)))
     # two segments may meet in several cells of the grid
     pairs = sorted_distinct(np.concatenate(met))
@@ -78,14 +78,3 @@ def _moved(
     """Places (b, 2) of the right charts of some candidates, where they come to lie beside the left ones."""
     d, (c, s) = x - theirs[union], turn[union].T
     return np.stack([c * d[:, 0] - s * d[:, 1], s * d[:, 0] + c * d[:, 1]], 1) + mine[union]
-
-
-def _cross(start: FloatArray, end: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
-    """(b,) bool: segments i and j cross, and no end of one lies on the other."""
-
-    def side(a: IntArray, x: FloatArray) -> FloatArray:
-        return cross2(end[a] - start[a], x - start[a])
-
-    first = side(i, start[j]) * side(i, end[j]) < 0
-    result: BoolArray = first & (side(j, start[i]) * side(j, end[i]) < 0)
-    return result

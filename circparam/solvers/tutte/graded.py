@@ -14,7 +14,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, sorted_distinct
 from circparam.core.graph import distances, undirected
 from circparam.core.monitor import Monitor
-from circparam.geometry.distortion import best_chart_scales, measure
+from circparam.geometry.distortion import at_best_scales, measure
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.tutte.embed import TutteReport, tutte_embedding
 from circparam.solvers.tutte.outer import TutteOptions
@@ -78,13 +78,12 @@ def embed_start(
         notes.append(
             f"{weights}: {int(crushed.sum())} charts start from weights graded towards the boundary"
         )
-    return uv * best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart][:, None], notes
+    return at_best_scales(cut_mesh, uv), notes
 
 
 def _energies(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(n_charts,) symmetric Dirichlet energy / 4 of each chart at its own best scale."""
-    scale = best_chart_scales(cut_mesh, uv)[cut_mesh.vertex_chart]
-    return measure(cut_mesh, uv * scale[:, None]).charts["sd"]
+    return measure(cut_mesh, at_best_scales(cut_mesh, uv)).charts["sd"]
 
 
 def _graded(
