@@ -28,7 +28,8 @@ class WriteOptions:
     that is there. ply_uv: 'vertex' or 'face'; None takes 'face' only where a seam would split a vertex.
     copy_assets: copy the materials and textures that the output refers to beside it; None does so but never
     over another file. Buffers go along whatever it says: nothing could read the output without them. uv_double:
-    store uv as doubles where the format can (PLY); others write what they always do.
+    store uv as doubles where the format can (PLY); others write what they always do. set_flag: the option that
+    chose the set, for messages.
     """
 
     uv_set: int | None = None
@@ -36,6 +37,7 @@ class WriteOptions:
     ply_uv: str | None = None
     copy_assets: bool | None = None
     uv_double: bool = False
+    set_flag: str = "--uv-set"
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,13 @@ class Document:
             )
         return uvmap
 
+    def check_target(self, options: WriteOptions, format: str) -> bool:
+        """Whether the document writes ``format`` itself; asked before the work.
+
+        Raises OptionError where ``rewrite`` would.
+        """
+        return False
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
@@ -201,8 +210,8 @@ class Replaced:
     warnings: list[str] = field(default_factory=list)
 
 
-def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool) -> Replaced:
-    """The uv set to write, a note where one is replaced, and a warning where a texture uses that one.
+def free_set(document: Document, options: WriteOptions, *, only_first: bool) -> int:
+    """The number of the uv set to write.
 
     Raises OptionError where the format has one set only, or the set exists and may not be replaced.
     """
@@ -211,14 +220,25 @@ def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool)
         raise OptionError(f"uv set {number}: sets are numbered from 0")
     if only_first and number:
         raise OptionError(
-            f"uv set {number}: {document.format.upper()} holds one uv set; leave --uv-set out"
+            f"uv set {number}: {document.format.upper()} holds one uv set; leave {options.set_flag} out, "
+            "or unwrap a .glb or .gltf, which hold several"
         )
-    if number not in document.uv_sets:
-        return Replaced(number)
-    if options.uv_set is not None and not options.overwrite_uv:
+    there = number in document.uv_sets
+    if there and options.uv_set is not None and not options.overwrite_uv:
         raise OptionError(
             f"{document.source.name}: uv set {number} exists; replace it with --overwrite-uv"
         )
+    return number
+
+
+def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool) -> Replaced:
+    """The uv set to write, a note where one is replaced, and a warning where a texture uses that one.
+
+    Raises OptionError as ``free_set``.
+    """
+    number = free_set(document, options, only_first=only_first)
+    if number not in document.uv_sets:
+        return Replaced(number)
     text = f"uv set {number} of the file was replaced"
     if number not in document.textured_sets():
         return Replaced(number, [text])
@@ -231,7 +251,8 @@ def check_new_set(options: WriteOptions, format: str) -> None:
     """Raise OptionError for a uv set that a new file does not have."""
     if options.uv_set:
         raise OptionError(
-            f"uv set {options.uv_set}: a new {format.upper()} file gets one uv set; leave it out"
+            f"uv set {options.uv_set}: a new {format.upper()} file gets one uv set; leave {options.set_flag} "
+            "out"
         )
 
 

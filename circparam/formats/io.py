@@ -16,7 +16,13 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.files import write_files
 from circparam.errors import InputError, OptionError
 from circparam.formats.assets import check_needed, find_assets, unresolved
-from circparam.formats.document import Document, Encoded, WriteOptions, check_layout
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    WriteOptions,
+    check_layout,
+    check_new_set,
+)
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, writable
@@ -66,6 +72,18 @@ _FOREIGN = {
     ".bin": "this is a buffer of a glTF: give the .gltf that names it",
     ".zip": "this is an archive: unpack it, and give the mesh inside",
 }
+
+
+def output_format(path: str | os.PathLike[str]) -> str:
+    """The format of an output by the suffix of its name. Raises OptionError for one that holds no uv."""
+    suffix = Path(path).suffix.lower()
+    rows = {row.name: row.function for row in FORMATS}
+    for name in writable():
+        if suffix in rows[name].suffixes:
+            return name
+    *most, last = [s for name in writable() for s in rows[name].suffixes[:1]]
+    what = f"{suffix[1:].upper()} holds no uv here" if suffix else "no suffix tells the format"
+    raise OptionError(f"{os.fspath(path)}: {what}; end the name in {', '.join(most)} or {last}")
 
 
 def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
@@ -257,6 +275,18 @@ def write(
     files = write_files(contents, overwrite, inside=target.resolve().parent)[::-1]
     told = [*encoded.warnings, *assets.warnings]
     return Written(target, files, encoded.notes, encoded.vertex_map, encoded.face_map, told)
+
+
+def check_target(document: Document, format: str, options: WriteOptions) -> None:
+    """Refuse an output that has no place for the uv asked for, before the work for them.
+
+    Raises OptionError.
+    """
+    if document.check_target(options, format):
+        return
+    if FORMATS[format].function.export is None:
+        raise _no_place(format)
+    check_new_set(options, format)
 
 
 def check_place(

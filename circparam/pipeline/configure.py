@@ -12,8 +12,8 @@ import numpy as np
 from circparam.core.arrays import IntArray, relabel
 from circparam.core.limits import mip_level
 from circparam.errors import InputError, OptionError
-from circparam.formats.document import Document
-from circparam.formats.io import format_of, read
+from circparam.formats.document import Document, WriteOptions
+from circparam.formats.io import output_format, read
 from circparam.formats.memory import from_arrays, from_trimesh
 from circparam.formats.table import DEFAULT_OUTPUT, takes_unshare
 from circparam.mesh.mesh import Mesh
@@ -52,8 +52,20 @@ def target_format(
     if options.format is not None:
         return options.format
     if output is not None and os.fspath(output) != "-":
-        return format_of(output)
+        return output_format(output)
     return DEFAULT_OUTPUT[document.format]
+
+
+def write_options(o: Options, uv_double: bool = False) -> WriteOptions:
+    """How uv go into the file."""
+    return WriteOptions(
+        uv_set=o.target_set,
+        overwrite_uv=bool(o.overwrite_uv),
+        ply_uv=o.ply_uv,
+        copy_assets=o.copy_assets,
+        uv_double=uv_double,
+        set_flag="--uv-set" if o.uv_set is not None else "--lightmap",
+    )
 
 
 def seam_options(
@@ -71,7 +83,6 @@ def seam_options(
         given["sharp"] = o.sharp * np.pi / 180
     groups = document.mesh.groups
     several = groups is not None and len(np.unique(groups)) > 1
-    check_scene(document, o)
     if o.cut_materials and not several:
         raise OptionError("--cut-materials has no effect: the file has one material; leave it out")
     if several and o.cut_materials is not False and o.cut != "none":

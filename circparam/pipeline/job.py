@@ -8,13 +8,20 @@ from dataclasses import dataclass
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.formats.document import Document
-from circparam.formats.io import check_place, rounding, stored
+from circparam.formats.io import check_place, check_target, rounding, stored
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, RepairReport, repair
 from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
-from circparam.pipeline.configure import check_density, pack_options, target_format, tiles_of
+from circparam.pipeline.configure import (
+    check_density,
+    check_scene,
+    pack_options,
+    target_format,
+    tiles_of,
+    write_options,
+)
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
 from circparam.pipeline.options import Options
 
@@ -63,8 +70,11 @@ def prepare(
     Raises InputError for a mesh without usable faces, OptionError where an option does not fit the file.
     """
     target = target_format(document, output, options)
-    if output is not None and os.fspath(output) != "-":
-        check_place(output, document, target, options.overwrite)
+    check_scene(document, options)
+    if output is not None:
+        check_target(document, target, write_options(options))
+        if os.fspath(output) != "-":
+            check_place(output, document, target, options.overwrite)
     with monitor.stage("repair"):
         surface, report = repair(document.mesh, RepairOptions(options.weld or 0.0, options.repair))
         floaters = None

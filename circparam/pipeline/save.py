@@ -12,10 +12,10 @@ import numpy as np
 from circparam.core.arrays import IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
-from circparam.formats.document import WriteOptions
 from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_bytes, write_seams
 from circparam.mesh.mesh import UVMap
+from circparam.pipeline.configure import write_options
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.verify import corners_of
 
@@ -28,13 +28,6 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
     """
     monitor = monitor or Monitor()
     o = result.options
-    writing = WriteOptions(
-        uv_set=o.target_set,
-        overwrite_uv=bool(o.overwrite_uv),
-        ply_uv=o.ply_uv,
-        copy_assets=o.copy_assets,
-        uv_double=result.uv_double,
-    )
     piped = os.fspath(output) == "-"
     with monitor.stage("write"):
         written = write(
@@ -42,7 +35,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
             result.document,
             UVMap(result.uv, result.uv_faces),
             format=result.format if piped else o.format,
-            options=writing,
+            options=write_options(o, result.uv_double),
             overwrite=o.overwrite,
         )
     result = replace(

@@ -141,6 +141,8 @@ def repack(
     uv_set is the set that is read and replaced. Raises InputError where a face has no uv.
     """
     options = from_keywords({**keywords, "cut": "none"})
+    if options.uv_set is not None:
+        options = replace(options, overwrite_uv=True)
     monitor = monitor_of(options, listener)
     with monitor.stage("read"):
         document = open_source(source, options)

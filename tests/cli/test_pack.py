@@ -13,6 +13,8 @@ from circparam.formats.io import read
 from tests.cli.test_check import with_uv
 from tests.cli.test_unwrap import QUICK, obj, one_line_error
 from tests.support import shapes
+from tests.support.formats_tools import grid
+from tests.support.gltf_files import small
 
 
 def pack(*args: object) -> Result:
@@ -55,6 +57,24 @@ def test_default_output_and_overwrite(tmp_path: Path) -> None:
     assert pack(mesh, "-q").exit_code == 0
     assert (tmp_path / "m_uv.obj").exists()
     one_line_error(pack(mesh, "-q"), 2, "m_uv.obj", "--overwrite")
+
+
+def test_a_further_uv_set_is_packed_in_its_place(tmp_path: Path) -> None:
+    scene = small()
+    attributes = scene.tree["meshes"][0]["primitives"][0]["attributes"]
+    uv = scene.accessor((0.5 * grid(3)[0][:, :2]).astype("f4"))
+    attributes |= {"TEXCOORD_0": uv, "TEXCOORD_1": uv}
+    mesh, out = tmp_path / "m.glb", tmp_path / "o.glb"
+    mesh.write_bytes(scene.glb())
+    result = pack(mesh, "--uv-set", "1", "-o", out)
+    assert result.exit_code == 0, result.stderr
+    before, after = read(mesh).uv(0), read(out)
+    kept, packed = after.uv(0), after.uv(1)
+    assert before is not None
+    assert kept is not None
+    assert packed is not None
+    np.testing.assert_array_equal(kept.uv[kept.uv_faces], before.uv[before.uv_faces])
+    assert not np.array_equal(packed.uv[packed.uv_faces], before.uv[before.uv_faces])
 
 
 def test_no_uv(tmp_path: Path) -> None:

@@ -106,10 +106,11 @@ def test_options_that_do_not_fit_the_file() -> None:
     for keywords, word in (
         ({"cut_materials": True}, "one material"),
         ({"keep_uv_seams": True}, "no uv to start from"),
-        ({"unshare": True}, "share no meshes"),
     ):
         with pytest.raises(errors.OptionError, match=word):
             seams_of(shapes.grid(3, 3), **keywords)
+    with pytest.raises(errors.OptionError, match="share no meshes"):
+        check_scene(from_arrays(*shapes.grid(3, 3)), Options(unshare=True))
 
 
 def test_materials_are_cut_unless_told_otherwise() -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
 from circparam import errors
 from circparam.core.monitor import Monitor
 from circparam.errors import OutOfTimeError
+from circparam.formats.io import read, read_data
 from circparam.formats.memory import from_arrays
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import Options
 from tests.support import shapes
+from tests.support.gltf_files import full_mesh
 
 
 def test_faces_set_aside_get_uv_and_numbers_are_those_of_the_format() -> None:
@@ -31,6 +36,41 @@ def test_faces_set_aside_get_uv_and_numbers_are_those_of_the_format() -> None:
         stored = job.stored(cut_mesh, uv)
         assert np.array_equal(stored.uv, uv) == exact
         np.testing.assert_allclose(stored.uv[stored.uv_faces], uv[whole.uv_faces], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("output", "keywords", "word"),
+    [
+        ("x.stl", {}, "STL holds no uv.* .obj, .ply, .gltf or .glb$"),
+        ("x.fbx", {}, "FBX holds no uv.* .obj, .ply, .gltf or .glb$"),
+        ("x", {}, "no suffix"),
+        ("-", {"format": "stl"}, "no place for uv"),
+        ("x.obj", {"lightmap": True}, "a new OBJ file gets one uv set; leave --lightmap out"),
+        ("x.obj", {"uv_set": 2}, "leave --uv-set out"),
+        ("x.glb", {"lightmap": True}, "uv set 1 exists; replace it with --overwrite-uv"),
+        ("x.glb", {"unshare": False, "uv_set": 1}, "uv set 1 exists"),
+    ],
+)
+def test_an_output_without_a_place_for_uv_is_refused_before_the_work(
+    tmp_path: Path, output: str, keywords: dict[str, Any], word: str
+) -> None:
+    scene = full_mesh()
+    attributes = scene.tree["meshes"][0]["primitives"][0]["attributes"]
+    attributes["TEXCOORD_1"] = attributes["TEXCOORD_0"]
+    document = read_data(scene.glb(), format="glb")
+    assert document.uv_sets == (0, 1)
+    monitor = Monitor()
+    target = output if output == "-" else tmp_path / output
+    with pytest.raises(errors.OptionError, match=word):
+        prepare(document, target, Options(**keywords), monitor)
+    assert not monitor.seconds
+
+
+def test_a_lightmap_of_an_obj_is_refused_by_the_option_that_was_given(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    document = read(tmp_path / "m.obj")
+    with pytest.raises(errors.OptionError, match="OBJ holds one uv set; leave --lightmap out"):
+        prepare(document, tmp_path / "o.obj", Options(lightmap=True), Monitor())
 
 
 def test_a_deadline_and_refused_repairs_end_it_at_once() -> None:

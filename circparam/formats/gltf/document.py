@@ -8,7 +8,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
-from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set
+from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
 from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import write_uv
 from circparam.formats.gltf.model import Json, Pool, Primitive
@@ -112,11 +112,18 @@ class GltfDocument(Document):
         with sound_tree(self.source, "a material"):
             return materials.textures(self.tree, self.primitives)
 
+    def check_target(self, options: WriteOptions, format: str) -> bool:
+        """glTF and GLB are written by the document itself."""
+        if format not in ("gltf", "glb"):
+            return False
+        free_set(self, options, only_first=False)
+        return True
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
         """The same tree with TEXCOORD_n of every triangle primitive."""
-        if format not in ("gltf", "glb"):
+        if not self.check_target(options, format):
             return None
         replaced = check_uv_set(self, options, only_first=False)
         with sound_tree(self.source):

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
-from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set
+from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
 from circparam.formats.materials import Textures
 from circparam.formats.obj import materials
 from circparam.formats.obj.editing import compact, element_edits, with_uv
@@ -66,11 +66,18 @@ class ObjDocument(Document):
         """The diffuse images and colours of the material files that ``mtllib`` names."""
         return materials.textures(self.scan, self.polys.owner, self.source.folder)
 
+    def check_target(self, options: WriteOptions, format: str) -> bool:
+        """OBJ is written by the document itself."""
+        if format != "obj":
+            return False
+        free_set(self, options, only_first=True)
+        return True
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
         """The same file with new vt lines and vt fields."""
-        if format != "obj":
+        if not self.check_target(options, format):
             return None
         replaced = check_uv_set(self, options, only_first=True)
         notes = list(replaced.notes)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import OptionError
-from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set
+from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
 from circparam.formats.materials import Textures
 from circparam.formats.ply import editing, materials
 from circparam.formats.ply.model import FACE_UV, INDICES, UV_NAMES, FaceLists, vertex_uv
@@ -79,11 +79,22 @@ class PlyDocument(Document):
         """The image that a TextureFile comment names."""
         return materials.textures(self.layout, len(self.mesh.faces), self.source.folder)
 
+    def check_target(self, options: WriteOptions, format: str) -> bool:
+        """PLY is written by the document itself."""
+        if format != "ply":
+            return False
+        free_set(self, options, only_first=True)
+        if editing.check_place(options.ply_uv) == "face" and len(self.lists.strips):
+            raise OptionError(
+                f"{self.source.name}: tristrips have no place for uv of faces; use --ply-uv vertex"
+            )
+        return True
+
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
         """The same file with uv in its vertices or faces."""
-        if format != "ply":
+        if not self.check_target(options, format):
             return None
         replaced = check_uv_set(self, options, only_first=True)
         notes = list(replaced.notes)
@@ -97,10 +108,6 @@ class PlyDocument(Document):
         mode = editing.check_place(options.ply_uv) or (
             "face" if split.added and not has_strips else "vertex"
         )
-        if mode == "face" and has_strips:
-            raise OptionError(
-                f"{self.source.name}: tristrips have no place for uv of faces; use --ply-uv vertex"
-            )
         m = len(self.mesh.faces)
         if mode == "face":
             if options.ply_uv is None:
