@@ -14,7 +14,8 @@ Examples:
   circparam check mesh.obj
   circparam check mesh.glb --uv --json
   circparam check mesh.obj --require disk && circparam unwrap mesh.obj --cut none
-  circparam check mesh.glb --uv --fail-if 'flips>0,overlap>0'
+  circparam check mesh.glb --uv --fail-if 'degraded,distortion>1.05'
+  circparam check mesh.stl --fail-if 'genus>0,nonmanifold_edges>0'
   circparam check *.obj --uv
 """
 
@@ -43,15 +44,18 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     duplicate or wound inconsistently; with --uv flips, overlaps, mirrored charts, distortion, seams, packing.
     Several files are told in one line each.
     """
-    from circparam.pipeline.gates import parse_gates
+    from circparam.pipeline.gates import JUDGED, TOPOLOGY, parse_gates
 
     judge_uv = given["uv"] or given["uv_set"] is not None
-    for name in ("resolution", "padding", "fail_if"):
+    for name in ("resolution", "padding"):
         if given[name] is not None and not judge_uv:
             raise OptionError(f"--{name.replace('_', '-')} has no effect without --uv")
     if len(meshes) > 1 and given["format"] is not None and "-" not in meshes:
         raise OptionError("--format has no effect here: it tells the format of '-' (stdin)")
-    gates = parse_gates(given["fail_if"])
+    gates = parse_gates(given["fail_if"], (*TOPOLOGY, *JUDGED))
+    of_uv = sorted(gates.names() & {*JUDGED, "status"})
+    if of_uv and not judge_uv:
+        raise OptionError(f"--fail-if {of_uv[0]} judges uv: give --uv")
     keywords = {k: given[k] for k in ("weld", "resolution", "padding") if given[k] is not None}
     if judge_uv:
         keywords["uv_set"] = given["uv_set"] or 0
@@ -91,6 +95,6 @@ def _check(
             click.echo(f"{mesh}: {check_line(report)}")
     if given["require"] == "disk":
         require_disks(found)
-    missed = gates.missed(report["uv"] or {})
+    missed = gates.missed({**report, **(report["uv"] or {})})
     if missed:
         raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")

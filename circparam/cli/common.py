@@ -255,7 +255,7 @@ gates = option(
     CHECKS,
     "--fail-if",
     metavar="GATES",
-    help="Exit 6 where a condition holds, for example 'flips>0,overlap>0,distortion>1.05'.",
+    help="Exit 6 where a condition on a figure or the status holds, such as 'degraded,distortion>1.05'.",
 )
 
 

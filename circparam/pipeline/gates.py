@@ -1,4 +1,4 @@
-"""Gates of --fail-if: conditions on the figures of a report."""
+"""Gates of --fail-if: conditions on the figures and the status of a report."""
 
 from __future__ import annotations
 
@@ -11,15 +11,28 @@ from typing import Any
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
 
-GATE_NAMES = (
-    *("faces", "charts", "flips", "overlap", "mirrored", "missing", "distortion"),
-    *("distortion_max_chart", "stretch_l2", "stretch_linf", "angle", "area", "seam_length", "pack"),
-    "packed",
-    "seam_visible",
-    *("stretch_p95", "stretch_p99", "stretch_p999", "share_over_2"),
-    *("gap_texels", "border_texels", "pages", "seconds"),
+STATUSES = ("ok", "repaired", "degraded")
+# figures of a layout, as unwrap, pack and check --uv report them
+LAYOUT = (
+    *("charts", "flips", "overlap", "mirrored", "missing", "distortion", "distortion_max_chart"),
+    *("stretch_l2", "stretch_linf", "stretch_p95", "stretch_p99", "stretch_p999", "share_over_2"),
+    *("angle", "area", "seam_length", "seam_visible", "pack", "packed", "pages"),
+    *("gap_texels", "border_texels"),
 )
-_COMPARE: dict[str, Callable[[float, float], bool]] = {
+# what unwrap and pack report besides
+RUN = (
+    *("vertices", "faces", "dropped_components", "dropped_faces", "padding", "mip_level"),
+    "seconds",
+)
+# what check reports of the mesh, and of its uv besides
+TOPOLOGY = (
+    *("vertices", "vertices_in_file", "unreferenced_vertices", "edges", "faces", "components"),
+    *("euler", "genus", "boundaries", "borders", "nonmanifold_edges", "nonmanifold_vertices"),
+    *("inconsistent_edges", "degenerate_faces", "duplicate_faces", "disk"),
+)
+JUDGED = (*LAYOUT, "outside", "valid")
+
+_COMPARE: dict[str, Callable[[Any, Any], bool]] = {
     ">=": operator.ge,
     "<=": operator.le,
     "==": operator.eq,
@@ -32,14 +45,14 @@ _GATE = re.compile(r"\s*([a-z_0-9]+)\s*(>=|<=|==|!=|>|<)\s*(\S+)\s*$")
 
 @dataclass(frozen=True)
 class Gate:
-    """One condition under which a run counts as failed."""
+    """One condition under which a run counts as failed: on a figure, or on the status (a word)."""
 
     name: str
     sign: str
-    value: float
+    value: float | str
 
     def __str__(self) -> str:
-        return f"{self.name}{self.sign}{self.value:g}"
+        return f"{self.name}{self.sign}{_shown(self.value)}"
 
 
 @dataclass(frozen=True)
@@ -49,36 +62,57 @@ class Gates:
     gates: tuple[Gate, ...] = field(default_factory=tuple)
 
     def missed(self, report: dict[str, Any]) -> list[str]:
-        """The conditions that hold for the numbers of a report, one line each."""
+        """The conditions that hold for a report, one line each."""
         out = []
         for gate in self.gates:
             value = report.get(gate.name)
             if value is None:
                 out.append(f"{gate}: it was not measured here")
-            elif _COMPARE[gate.sign](float(value), gate.value):
-                out.append(f"{gate}: it is {value:g}")
+            elif _COMPARE[gate.sign](value, gate.value):
+                out.append(f"{gate}: it is {_shown(value)}")
         return out
 
+    def names(self) -> set[str]:
+        """What the conditions are on."""
+        return {gate.name for gate in self.gates}
 
-def parse_gates(text: str | None) -> Gates:
-    """``'flips>0,distortion>1.05'`` as gates; raises OptionError for an unknown name or a bad number."""
+
+def parse_gates(text: str | None, names: tuple[str, ...] = (*LAYOUT, *RUN)) -> Gates:
+    """``'flips>0,distortion>1.05,degraded'`` as gates; ``degraded`` is short for ``status==degraded``.
+
+    names: of the figures that there will be. Raises OptionError for an unknown name or a bad value.
+    """
     if text is None:
         return Gates()
-    out = []
-    for part in text.split(","):
-        match = _GATE.match(part)
-        if match is None:
+    return Gates(tuple(_gate(part.strip(), names) for part in text.split(",")))
+
+
+def _gate(part: str, names: tuple[str, ...]) -> Gate:
+    """One condition. Raises OptionError."""
+    if part in STATUSES:
+        return Gate("status", "==", part)
+    match = _GATE.match(part)
+    if match is None:
+        raise OptionError(
+            f"--fail-if {part!r} is no condition: write NAME>NUMBER, for example 'flips>0', or 'degraded'"
+        )
+    name, sign, value = match.groups()
+    if name == "status":
+        if sign not in ("==", "!=") or value not in STATUSES:
             raise OptionError(
-                f"--fail-if {part.strip()!r} is no condition: write NAME>NUMBER, for example 'flips>0'"
+                f"--fail-if {part!r}: compare the status by == or != with {', '.join(STATUSES)}"
             )
-        name, sign, number = match.groups()
-        if name not in GATE_NAMES:
-            raise OptionError(unknown_name("name in --fail-if", name, list(GATE_NAMES)))
-        try:
-            value = float(number)
-        except ValueError:
-            raise OptionError(f"--fail-if {part.strip()!r}: {number!r} is no number") from None
-        if value != value:
-            raise OptionError(f"--fail-if {part.strip()!r}: nothing can be compared with NaN")
-        out.append(Gate(name, sign, value))
-    return Gates(tuple(out))
+        return Gate(name, sign, value)
+    if name not in names:
+        raise OptionError(unknown_name("name in --fail-if", name, [*names, "status"]))
+    try:
+        number = float(value)
+    except ValueError:
+        raise OptionError(f"--fail-if {part!r}: {value!r} is no number") from None
+    if number != number:
+        raise OptionError(f"--fail-if {part!r}: nothing can be compared with NaN")
+    return Gate(name, sign, number)
+
+
+def _shown(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{float(value):g}"

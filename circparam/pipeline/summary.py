@@ -108,6 +108,7 @@ def summarise_check(found: Inspection) -> dict[str, Any]:
     if found.uv is not None:
         uv = _numbers(found.uv.numbers())
         uv |= {"outside": len(found.uv.outside), "valid": found.uv.valid, "faults": found.faults}
+        uv["status"] = "degraded" if found.faults else "ok"
     return {
         "schema": SCHEMA.format("check"),
         "version": __version__,

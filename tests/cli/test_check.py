@@ -94,6 +94,20 @@ def test_uv_of_a_file(tmp_path: Path) -> None:
     one_line_error(check(path, "--uv", "--fail-if", "flips>0", "-q"), 6, "flips>0")
 
 
+def test_gates_on_the_mesh_need_no_uv_and_those_on_uv_do(tmp_path: Path) -> None:
+    torus = obj(tmp_path / "torus.obj", shapes.torus(6, 5))
+    assert check(torus, "--fail-if", "nonmanifold_edges>0,genus>1", "-q").exit_code == 0
+    one_line_error(check(torus, "--fail-if", "genus>0", "-q"), 6, "genus>0: it is 1")
+    for gate in ("degraded", "flips>0", "outside>0"):
+        one_line_error(check(torus, "--fail-if", gate, "-q"), 2, "--uv")
+    p, f = shapes.grid(4, 4)
+    bad = with_uv(tmp_path / "bad.obj", p[:, :2] * [-1, 1] + [1, 0], (p, f))
+    good = with_uv(tmp_path / "good.obj", p[:, :2], (p, f))
+    for gate in ("degraded", "status!=ok"):
+        one_line_error(check(bad, "--uv", "--fail-if", gate, "-q"), 6, "it is degraded")
+        assert check(good, "--uv", "--padding", "0", "--fail-if", gate, "-q").exit_code == 0
+
+
 def test_uv_that_leave_the_unit_square(tmp_path: Path) -> None:
     p, f = shapes.grid(4, 4)
     got = report(with_uv(tmp_path / "m.obj", p[:, :2] * 3 - 1, (p, f)), "--uv")["uv"]

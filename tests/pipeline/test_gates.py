@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from circparam import samples
 from circparam.errors import OptionError
-from circparam.pipeline.gates import parse_gates
+from circparam.pipeline.gates import LAYOUT, RUN, TOPOLOGY, parse_gates
+from circparam.pipeline.inspect import inspect
+from circparam.pipeline.summary import summarise, summarise_check
+from circparam.pipeline.unwrap import unwrap
 
 
 def test_gates_compare() -> None:
@@ -14,6 +18,25 @@ def test_gates_compare() -> None:
     assert gates.missed(report) == ["distortion>=1.05: it is 1.05"]
     assert parse_gates(None).missed(report) == []
     assert parse_gates("pack<0.5").missed({"pack": None}) == ["pack<0.5: it was not measured here"]
+
+
+def test_the_status_is_a_gate_by_its_name_alone() -> None:
+    ok, bad = {"status": "ok"}, {"status": "degraded"}
+    for text in ("degraded", "status==degraded", "status!=ok", "flips>0, degraded"):
+        gates = parse_gates(text)
+        assert gates.missed({**ok, "flips": 0}) == []
+        assert len(gates.missed({**bad, "flips": 0})) == 1
+    assert parse_gates("degraded").missed(bad) == ["status==degraded: it is degraded"]
+
+
+def test_every_figure_of_the_reports_is_a_gate() -> None:
+    mesh = samples.path("knot")
+    document = unwrap(mesh, cut="disk", method="lscm", effort=0.01).document
+    found = summarise(unwrap(document, cut="disk", method="lscm", effort=0.01))
+    judged = summarise_check(inspect(document, weld=0.0))
+    for report, names in ((found, (*LAYOUT, *RUN)), (judged, TOPOLOGY)):
+        figures = {k for k, v in report.items() if isinstance(v, (int, float))}
+        assert figures <= {*names}
 
 
 @pytest.mark.parametrize(
@@ -26,6 +49,10 @@ def test_gates_compare() -> None:
         ("flips>many", "no number"),
         ("flips>nan", "NaN"),
         ("flips=0", "NAME>NUMBER"),
+        ("status>ok", "by == or !="),
+        ("status==bad", "ok, repaired, degraded"),
+        ("degradd", "NAME>NUMBER"),
+        ("genus>0", "unknown name"),  # unwrap does not report it
     ],
 )
 def test_bad_gates(text: str, word: str) -> None:
