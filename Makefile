@@ -15,7 +15,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps fuzz mutants figures docs dist clean
+.PHONY: help venv dev node demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -31,6 +31,16 @@ $(VENV)/.dev: $(VENV)/.installed
 	$(RUN) -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
+# Tests that need npm packages skip without them: no npm and no network are no failure.
+NODE_FOLDER := tests/browser
+$(NODE_FOLDER)/node_modules/.installed: $(NODE_FOLDER)/package.json
+	@if ! command -v npm > /dev/null; then echo "npm is not installed: tests of three.js, the glTF validator and the pages are skipped"; \
+	elif npm install --prefix $(NODE_FOLDER) --no-save --no-package-lock --no-audit --no-fund --loglevel=error --prefer-offline --fetch-retries=0 --fetch-timeout=60000; \
+	then touch $@; \
+	else echo "npm packages were not installed: tests of three.js, the glTF validator and the pages are skipped"; fi
+
+node: $(NODE_FOLDER)/node_modules/.installed ## npm packages that some tests need, where npm is installed
+
 venv: $(VENV)/.installed ## a virtual environment with circparam in it
 
 dev: $(VENV)/.dev ## the same with everything that tests, lint and bench need
@@ -45,7 +55,7 @@ demo: $(VENV)/.installed ## unwrap a sample mesh and say where the result is
 	@echo "How it looks:        $(CURDIR)/demo-output/creature_uv.png"
 	@echo "Try your own:        $(VENV)/bin/circparam unwrap MESH"
 
-test: $(VENV)/.dev ## all tests
+test: $(VENV)/.dev node ## all tests
 	$(RUN) -m pytest -n $(WORKERS) --dist worksteal
 
 test-corpus: $(VENV)/.dev ## the tests on real meshes alone (CIRCPARAM_CORPUS names their folder)
@@ -115,5 +125,6 @@ dist: $(VENV)/.dev ## wheel and sdist in dist/; the wheel is tried in an environ
 
 clean: ## remove what make has made
 	rm -rf $(VENV) demo-output test-artefacts build dist *.egg-info
+	rm -rf $(NODE_FOLDER)/node_modules
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

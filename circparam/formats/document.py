@@ -162,6 +162,10 @@ class Document:
         """Files beside this one that the output in ``format`` can't be read without, as relative names."""
         return []
 
+    def flaws(self) -> list[str]:
+        """What common loaders refuse in the file although its format allows it."""
+        return []
+
     def texture_layout(self, textures: Textures) -> UVMap:
         """The uv that the textures refer to. Raises InputError where the file lacks that set."""
         uvmap = self.uv(textures.uv_set)

@@ -12,6 +12,7 @@ import numpy as np
 from circparam.core.arrays import IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
+from circparam.formats.document import Document
 from circparam.formats.io import Written, read, write
 from circparam.formats.sidecars import write_bytes, write_seams
 from circparam.mesh.mesh import UVMap
@@ -57,6 +58,7 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
     o = result.options
     with monitor.stage("verify"):
         again = read(result.path or "", format=o.format)
+        check_loadable(again)
         layout = again.uv(o.target_set or 0)
         uvmap = None if layout is None else in_input_order(layout, written.face_map, result)
         if uvmap is None:
@@ -79,6 +81,12 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
         reasons=said.reasons,
         warnings=[*result.document.warnings, *said.warnings, *written.warnings],
     )
+
+
+def check_loadable(document: Document) -> None:
+    """Raise NoResultError where common loaders refuse the file that was read."""
+    if flaws := document.flaws():
+        raise NoResultError(f"{document.source.name}: common loaders refuse the file: {flaws[0]}")
 
 
 def _same_corners(a: UVMap, b: UVMap) -> bool:

@@ -1,7 +1,7 @@
 """The pages in headless chromium: no errors, no network, a picture that answers to mouse, touch and keys.
 
-Needs chromium and node (``apt install chromium nodejs npm``) and playwright-core (``npm install`` in this
-folder); skipped where one is missing. Screenshots stay under test-artefacts/.
+Needs chromium and node (``apt install chromium nodejs npm``) and playwright-core (``make node``); skipped where
+one is missing. Screenshots stay under test-artefacts/.
 """
 
 from __future__ import annotations
@@ -25,23 +25,17 @@ from circparam.render.html import page as page_text
 from circparam.render.picture import save_preview
 from circparam.render.scene import make_scene
 from circparam.render.side_by_side import MethodLayout, SideBySide
+from tests.support.node import NODE, modules
 
 HERE = Path(__file__).parent
 ARTEFACTS = HERE.parents[1] / "test-artefacts"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-NODE = shutil.which("node")
-
-
-def modules() -> Path | None:
-    """The folder that holds playwright-core: NODE_PATH, or node_modules of this folder or above."""
-    places = [Path(p) for p in os.environ.get("NODE_PATH", "").split(os.pathsep) if p]
-    places += [p / "node_modules" for p in (HERE, *HERE.parents)]
-    return next((p for p in places if (p / "playwright-core").is_dir()), None)
+PLAYWRIGHT = modules("playwright-core")
 
 
 missing = [
     name
-    for name, found in (("chromium", CHROMIUM), ("node", NODE), ("playwright-core", modules()))
+    for name, found in (("chromium", CHROMIUM), ("node", NODE), ("playwright-core", PLAYWRIGHT))
     if found is None
 ]
 pytestmark = pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
@@ -85,7 +79,7 @@ def drive(
     done = subprocess.run(
         [NODE, str(HERE / "drive.cjs"), CHROMIUM, page.as_uri(), str(folder), str(width), str(height),
          "yes" if touch else "no", scheme, json.dumps(steps)],
-        capture_output=True, text=True, check=False, env={**os.environ, "NODE_PATH": str(modules())},
+        capture_output=True, text=True, check=False, env={**os.environ, "NODE_PATH": str(PLAYWRIGHT)},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

@@ -100,6 +100,7 @@ def test_what_the_file_holds_is_verified_where_it_differs(
     class Turned:
         def __init__(self, path, **options):
             self.document = honest(path, **options)
+            self.flaws = self.document.flaws
 
         def uv(self, uv_set: int):
             uvmap = self.document.uv(uv_set)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import shutil
-import subprocess
 from pathlib import Path
 
-import pytest
+from tests.support.node import run_node
 
 VALIDATE = """
 const v = require('gltf-validator'), fs = require('fs'), path = require('path');
@@ -26,15 +24,4 @@ def validate(*paths: Path) -> list[set[str]]:
 
     But for uv that no texture uses: those are what a mesh is unwrapped for.
     """
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("node is not installed")
-    run = subprocess.run(
-        [node, "-e", VALIDATE, *map(str, paths)], capture_output=True, text=True, check=False
-    )
-    if "Cannot find module" in run.stderr:
-        pytest.skip(
-            "npm package gltf-validator is not found: set NODE_PATH to where it is installed"
-        )
-    assert run.returncode == 0, run.stderr
-    return [set(json.loads(line)) for line in run.stdout.splitlines()]
+    return [set(json.loads(line)) for line in run_node("gltf-validator", VALIDATE, *paths)]

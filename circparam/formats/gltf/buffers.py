@@ -13,6 +13,7 @@ import numpy as np
 from circparam.formats.gltf.images import embed_images
 from circparam.formats.gltf.model import ARRAY_BUFFER, Json
 from circparam.formats.gltf.reading import Tree
+from circparam.formats.gltf.rows import short_views
 from circparam.formats.gltf.unused import (
     Span,
     Unused,
@@ -20,6 +21,7 @@ from circparam.formats.gltf.unused import (
     drop_buffers,
     drop_unused,
     extensions_hold_data,
+    view_span,
 )
 from circparam.formats.tokens import ByteArray
 
@@ -55,7 +57,7 @@ class Packing:
 
     def finish(self, format: str, stem: str) -> tuple[bytes, dict[str, bytes], list[str]]:
         """(file, further files, relative names it refers to)."""
-        unused = self._drop()
+        unused = self._fill_rows(self._drop())
         extra: dict[str, bytes] = {}
         body = self.tree.bin
         self.json.setdefault("buffers", [])
@@ -95,6 +97,20 @@ class Packing:
             return Unused([], [])
         old = (len(self.tree.json.get(kind, [])) for kind in ("accessors", "bufferViews"))
         return drop_unused(self.json, self.touched, *old)
+
+    def _fill_rows(self, unused: Unused) -> Unused:
+        """Lay out anew the views that end inside their last row, which loaders refuse, with all of it."""
+        spans, moved = list(unused.spans), set()
+        for k, size in short_views(self.json).items():
+            view = self.json["bufferViews"][k]
+            span = view_span(view)
+            body = self.tree.buffer(span.buffer)[span.start : span.end]
+            view["byteLength"] = size
+            self.data.append((view, body.ljust(size, b"\0")))
+            moved.add(id(view))
+            if not self.careful:
+                spans.append(span)
+        return Unused(spans, [v for v in unused.shared if id(v) not in moved])
 
     def _fresh(self) -> list[Json]:
         """The views that have no bytes yet."""

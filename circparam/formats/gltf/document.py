@@ -13,6 +13,7 @@ from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import write_uv
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, Tree, sound_tree
+from circparam.formats.gltf.rows import short_views
 from circparam.formats.gltf.scene import (
     Again,
     mesh_matrices,
@@ -143,6 +144,14 @@ class GltfDocument(Document):
         """The uv sets that textures of the materials refer to, those of extensions too."""
         with sound_tree(self.source, "a material"):
             return materials.texture_sets(self.tree.json.get("materials", []))
+
+    def flaws(self) -> list[str]:
+        """Views that end inside their last row: three.js and assimp refuse such a file."""
+        views = self.tree.json.get("bufferViews", [])
+        return [
+            f"bufferView {k} ends {size - views[k]['byteLength']} bytes before its last row does"
+            for k, size in short_views(self.tree.json).items()
+        ]
 
     def needs(self, format: str) -> list[str]:
         """The buffers that lie beside the file; a GLB holds its own."""

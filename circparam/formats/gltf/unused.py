@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from circparam.formats.gltf.model import Json
-from circparam.formats.gltf.reading import element_size
+from circparam.formats.gltf.rows import row_span
 
 _DATA_KEYS = {"accessor", "accessors", "bufferView", "buffer", "attributes", "indices", "POSITION"}
 Slots: TypeAlias = Iterator[tuple[Any, Any]]
@@ -70,7 +70,7 @@ def drop_unused(tree: Json, touched: set[int], accessors: int, views: int) -> Un
     others = set(range(len(old))) - set(free)
     alive = _views_of(old, others) | {i.get("bufferView") for i in tree.get("images", [])}
     dead = sorted(mine - alive)
-    spans = [_view_span(all_views[k]) for k in dead]
+    spans = [view_span(all_views[k]) for k in dead]
     spans += [s for k in free for s in accessor_spans(tree, old[k])]
     shared = [all_views[k] for k in sorted(mine & alive)]
     _compact(old, free, accessors, lambda: accessor_slots(tree))
@@ -91,15 +91,12 @@ def drop_buffers(tree: Json, before: Json, fresh: Iterable[Json]) -> None:
 
 
 def accessor_spans(tree: Json, accessor: Json) -> list[Span]:
-    """The bytes of an accessor, its sparse parts by whole views; padding to a whole word counts in."""
+    """The bytes of an accessor by whole rows, its sparse parts by whole views; padding to a word counts in."""
     views = tree.get("bufferViews", [])
-    out = [_view_span(views[x["bufferView"]]) for x in _parts(accessor) if x is not accessor]
+    out = [view_span(views[x["bufferView"]]) for x in _parts(accessor) if x is not accessor]
     if "bufferView" in accessor:
-        view = _view_span(views[accessor["bufferView"]])
-        size = element_size(accessor)
-        stride = views[accessor["bufferView"]].get("byteStride", 0) or size
-        start = view.start + accessor.get("byteOffset", 0)
-        end = start + max(int(accessor["count"]) - 1, 0) * stride + size
+        view = view_span(views[accessor["bufferView"]])
+        start, end = (view.start + x for x in row_span(views[accessor["bufferView"]], accessor))
         out.append(Span(view.buffer, start, min(end + -end % 4, view.end)))
     return out
 
@@ -114,7 +111,7 @@ def cut(tree: Json, body: bytes, unused: Unused, fresh: Iterable[Json]) -> bytes
     old = [v for v in views if id(v) not in new and v["buffer"] == 0]
     images = {i["bufferView"] for i in tree.get("images", []) if "bufferView" in i}
     live = [
-        _view_span(v)
+        view_span(v)
         for k, v in enumerate(views)
         if id(v) not in new and (k in images or id(v) not in shared)
     ]
@@ -168,7 +165,8 @@ def _views_of(accessors: list[Json], numbers: Iterable[int]) -> set[int]:
     return {x["bufferView"] for k in numbers for x in _parts(accessors[k])}
 
 
-def _view_span(view: Json) -> Span:
+def view_span(view: Json) -> Span:
+    """The bytes of a view."""
     start = int(view.get("byteOffset", 0))
     return Span(int(view["buffer"]), start, start + int(view["byteLength"]))
 
