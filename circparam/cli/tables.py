@@ -152,7 +152,7 @@ def check_table(report: dict[str, Any]) -> Table:
         )
     if len(parts) > LISTED:
         row("", f"and {len(parts) - LISTED} components more")
-    row("uv sets", ", ".join(map(str, report["uv_sets"])) or "none")
+    row("uv sets", _uv_sets(report["uv_sets"]))
     if report["uv"] is not None:
         _uv_rows(row, report["uv"])
     return table
@@ -165,6 +165,16 @@ _DEFECTS = {
     "degenerate_faces": "degenerate face",
     "duplicate_faces": "duplicate face",
 }
+
+
+def _uv_sets(numbers: list[int]) -> str:
+    """How many uv sets there are and their numbers, so that number 0 is not taken for none."""
+    return f"{len(numbers)} ({_numbers_of(numbers)})" if numbers else "none"
+
+
+def _numbers_of(numbers: list[int]) -> str:
+    """``number 0``, ``numbers 0, 2``."""
+    return f"{plural(len(numbers), 'number')} {', '.join(map(str, numbers))}"
 
 
 def map_table(report: dict[str, Any]) -> Table:
@@ -201,7 +211,8 @@ def check_line(report: dict[str, Any]) -> str:
         words.append(counted(uv["overlap"], "overlap"))
         words.append(f"distortion {_number(uv['distortion'])}, seam {_number(uv['seam_length'])}")
     elif report["uv_sets"]:
-        words.append(f"uv sets {', '.join(map(str, report['uv_sets']))}")
+        count = len(report["uv_sets"])
+        words.append(f"{counted(count, 'uv set')} ({_numbers_of(report['uv_sets'])})")
     return ", ".join(words)
 
 

@@ -68,7 +68,7 @@ class UnwrapCommand(common.SectionedCommand):
         "--export-seams",
         type=common.FILE,
         metavar="FILE",
-        help="Write the seams as vertex pairs.",
+        help="Write the seams as vertex pairs, counted from 0.",
     ),
     common.library_options("packing"),
     common.library_options("writing"),

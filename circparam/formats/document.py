@@ -25,7 +25,7 @@ class WriteOptions:
     """How uv goes into the file.
 
     uv_set: the set to write; None replaces the first one. overwrite_uv: allow ``uv_set`` to replace a set
-    that is there. ply_uv: 'vertex' or 'face'; None takes 'face' only where a seam would split a vertex.
+    that is there. ply_uv: 'vertex', which None means too, or 'face'.
     copy_assets: copy the materials and textures that the output refers to beside it; None does so but never
     over another file. Buffers go along whatever it says: nothing could read the output without them. uv_double:
     store uv as doubles where the format can (PLY); others write what they always do. set_flag: the option that

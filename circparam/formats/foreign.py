@@ -87,8 +87,14 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
     except InputError:
         raise
     except Exception as error:  # trimesh raises whatever its parsers meet
-        said = " ".join(str(error).split())[:120] or type(error).__name__
-        raise source.error(f"trimesh can't read it as {kind.upper()} ({said})") from None
+        raise source.error(f"trimesh can't read it as {kind.upper()}{_said(error)}") from None
+
+
+def _said(error: Exception) -> str:
+    """What a parser says in brackets; nothing where a file of its own is missing, whose name helps nobody."""
+    if isinstance(error, OSError):
+        return ": it is damaged, or holds no shape"
+    return f" ({' '.join(str(error).split())[:120] or type(error).__name__})"
 
 
 def _document(scene: Any, source: Source, kind: str) -> ForeignDocument:

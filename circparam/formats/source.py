@@ -88,5 +88,16 @@ def _inside(folder: Path, name: str) -> Path | None:
     name = name.replace("\\", "/")  # as Windows exporters write
     if "\0" in name or ".." in name.split("/"):
         return None
-    path = (folder / name).resolve()
+    try:
+        path = (folder / _on_disk(name)).resolve()
+    except UnicodeEncodeError:  # half a character, which no file name has
+        return None
     return path if path.is_relative_to(folder.resolve()) else None
+
+
+def _on_disk(name: str) -> str:
+    """A name out of a file, which is UTF-8, as the file system calls it; they differ in locales of ASCII."""
+    encoding = sys.getfilesystemencoding()
+    if encoding == "utf-8" or name.isascii():
+        return name
+    return name.encode("utf-8", "surrogateescape").decode(encoding, "surrogateescape")

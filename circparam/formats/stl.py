@@ -1,4 +1,4 @@
-"""STL: no place for uv. Binary files are one array, text is read through trimesh."""
+"""STL: no place for uv, and no shared vertices. Binary files are one array, text is read through trimesh."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circparam.core.arrays import doubles
+from circparam.core.arrays import FloatArray, IntArray, doubles
+from circparam.core.words import counted
 from circparam.formats.memory import PlainDocument
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh
@@ -20,55 +21,76 @@ FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute"
 
 
 def read_stl(data: bytes, source: Source) -> PlainDocument:
-    """Read STL: three vertices for every face, none merged, in the order of the file.
+    """Read STL: faces in the order of the file, corners at exactly the same position as one vertex.
 
-    Raises InputError where the file has no faces, or cannot be read as STL.
+    Vertices are numbered by their first corner. Raises InputError where the file has no faces, or cannot be
+    read as STL.
     """
-    facets = _binary(data)
-    if facets is None:
+    if _is_text(data):
         return _through_trimesh(data, source)
-    if len(facets) == 0:
-        raise source.error("it has no faces: there is nothing to unwrap")
-    points = doubles(facets["corners"].reshape(-1, 3))
-    return PlainDocument(source, "stl", Mesh(points, np.arange(len(points)).reshape(-1, 3)))
+    facets = _facets(data, source)
+    corners = doubles(facets["corners"].reshape(-1, 3))
+    behind = len(data) - HEADER - facets.nbytes
+    warnings = (f"{counted(behind, 'byte')} behind the last facet were left out",) if behind else ()
+    return PlainDocument(source, "stl", _welded(corners), warnings=warnings)
 
 
-def _binary(data: bytes) -> npt.NDArray[np.void] | None:
-    """(m,) facets of a binary file that is as long as it says; None for text, and for what is cut short."""
+def _is_text(data: bytes) -> bool:
+    """Whether the file is text; binary files may begin with 'solid' too, but hold zeros."""
+    return data.lstrip()[:5].lower() == b"solid" and b"\0" not in data
+
+
+def _facets(data: bytes, source: Source) -> npt.NDArray[np.void]:
+    """(m,) facets of a binary file. Raises InputError where it holds more or fewer than its header promises."""
     if len(data) < HEADER:
-        return None
-    count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
-    if len(data) != HEADER + count * FACET.itemsize:
-        return None
-    return np.frombuffer(data, FACET, count, HEADER)
-
-
-def _why_empty(data: bytes) -> str:
-    """What is wrong with a file in which no facet was found."""
-    if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
-        begun, ended = (
-            len(re.findall(word, data, re.I)) for word in (rb"\bfacet\s+normal", rb"\bendfacet\b")
+        raise source.error(
+            f"its {counted(len(data), 'byte')} are shorter than the header of an STL: it is cut short"
         )
-        if begun != ended:
-            return f"{begun} facets begin and {ended} end: it is cut short"
-    elif len(data) >= HEADER:
-        count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
-        there = (len(data) - HEADER) // FACET.itemsize
-        return (
+    count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
+    there = (len(data) - HEADER) // FACET.itemsize
+    if there < count:
+        raise source.error(
             f"its header promises {count} facets, its length is that of {there}: it is cut short, or whatever "
             "wrote it did not fill in the number; export it again"
         )
+    if there > count:
+        raise source.error(
+            f"its header promises {count} facets, its length is that of {there}: whatever wrote it did not "
+            "fill in the number; export it again"
+        )
+    if count == 0:
+        raise source.error("it has no faces: there is nothing to unwrap")
+    return np.frombuffer(data, FACET, count, HEADER)
+
+
+def _welded(corners: FloatArray, groups: IntArray | None = None) -> Mesh:
+    """The mesh of corners (3 m, 3), those at one position as one vertex, and of labels (m,)."""
+    loose = Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+    kept, vertex = np.unique(loose.weld, return_inverse=True)
+    return Mesh(corners[kept], vertex.reshape(-1, 3), groups=groups)
+
+
+def _why_empty(data: bytes) -> str:
+    """What is wrong with a text in which no facet was found."""
+    begun, ended = (
+        len(re.findall(word, data, re.I)) for word in (rb"\bfacet\s+normal", rb"\bendfacet\b")
+    )
+    if begun != ended:
+        return f"{begun} facets begin and {ended} end: it is cut short"
     return "it has no faces: there is nothing to unwrap"
 
 
 def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
-    """Text, one solid or several, which takes 0.3 s to import what reads it; and whatever else it takes."""
+    """Text, one solid or several; what reads it takes 0.3 s to import."""
     import trimesh
 
     # what it cannot read it tells its log, tracebacks and all; here that is one line
     logging.getLogger("trimesh").addHandler(logging.NullHandler())
+    text = data.decode(
+        "utf-8", "replace"
+    ).encode()  # trimesh guesses other encodings by a further package
     try:
-        loaded = trimesh.load(io.BytesIO(data), file_type="stl", process=False)
+        loaded = trimesh.load(io.BytesIO(text), file_type="stl", process=False)
     except Exception as error:  # trimesh raises whatever its parser meets
         raise source.error(f"it can't be read as STL ({error or type(error).__name__})") from None
     meshes: list[Any] = (
@@ -77,12 +99,8 @@ def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
     meshes = [m for m in meshes if len(getattr(m, "faces", ()))]
     if not meshes:
         raise source.error(_why_empty(data))
-    first = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    points = np.concatenate([np.asarray(m.vertices, np.float64) for m in meshes])
-    faces = np.concatenate(
-        [np.asarray(m.faces, np.int64) + k for m, k in zip(meshes, first, strict=False)]
+    corners = np.concatenate(
+        [np.asarray(m.vertices, np.float64)[m.faces].reshape(-1, 3) for m in meshes]
     )
     groups = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes])
-    return PlainDocument(
-        source, "stl", Mesh(points, faces, groups=groups if len(meshes) > 1 else None)
-    )
+    return PlainDocument(source, "stl", _welded(corners, groups if len(meshes) > 1 else None))

@@ -130,7 +130,9 @@ def _vertex_pairs(pairs: Any, n: int) -> IntArray:
     out = np.asarray(pairs, np.int64).reshape(-1, 2)
     if len(out) and (out.min() < 0 or out.max() >= n):
         bad = int(out[(out < 0) | (out >= n)][0])
-        raise OptionError(f"a seam names vertex {bad}: vertices are numbered 0 to {n - 1}")
+        raise OptionError(
+            f"a seam names vertex {bad}: vertices are numbered 0 to {n - 1} (in l lines of an OBJ 1 to {n})"
+        )
     return out
 
 

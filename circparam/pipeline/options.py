@@ -93,7 +93,8 @@ class Options:
         "flattening", "Lift negative weights, so that nothing can flip.", applies=applies.accepted
     )
     pins: FloatArray | None = option(
-        "flattening", "Fixed points: vertex u v a line.", flag="--pin", metavar="FILE", applies=applies.accepted
+        "flattening", "Fixed points: vertex (from 0) u v a line.", flag="--pin", metavar="FILE",
+        applies=applies.accepted,
     )
     tolerance: float | None = option(
         "flattening", "Stop below this relative decrease.", metavar="T",
@@ -147,10 +148,11 @@ class Options:
         "seams", "Start from the charts of the file's own uv.", applies=applies.with_charts
     )
     seams: Any = option(
-        "seams", "Edges to cut: vertex pairs, or OBJ l.", metavar="FILE", applies=applies.with_seams
+        "seams", "Edges to cut: vertex pairs counted from 0, or OBJ l (from 1).", metavar="FILE",
+        applies=applies.with_seams,
     )
     no_seams: Any = option(
-        "seams", "Edges that may not be cut.", metavar="FILE", applies=applies.with_seams
+        "seams", "Edges that may not be cut, given in the same way.", metavar="FILE", applies=applies.with_seams
     )
     cut_materials: bool | None = option(
         "seams", "Cut between materials.", flag="--cut-materials/--no-cut-materials",
@@ -218,7 +220,7 @@ class Options:
         "writing", "Replace the set that --uv-set names.", applies=applies.with_target
     )
     ply_uv: str | None = option(
-        "writing", "Where a PLY holds its uv.", choices=("vertex", "face")
+        "writing", "Where a PLY holds its uv.", shown="vertex", choices=("vertex", "face")
     )
     copy_assets: bool | None = option(
         "writing", "Copy materials and textures beside the output.",

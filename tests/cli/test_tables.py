@@ -9,7 +9,15 @@ from typing import Any
 
 import pytest
 
-from circparam.cli.tables import LISTED, check_table, columns, console, facts, unwrap_table
+from circparam.cli.tables import (
+    LISTED,
+    check_line,
+    check_table,
+    columns,
+    console,
+    facts,
+    unwrap_table,
+)
 
 
 def text(table: Any) -> str:
@@ -81,7 +89,11 @@ def test_a_check_names_defects_that_are_there_and_no_others() -> None:
     assert "degenerate faces" in got
     assert "duplicate faces" not in got
     assert "boundaries of length 1, 2, 3, 4, ..." in " ".join(got.split())
-    assert "0, 2" in got
+    assert "2 (numbers 0, 2)" in got
+    one = check_report(1) | {"uv_sets": [0]}
+    assert "1 (number 0)" in text(check_table(one))  # a 0 alone looked like none
+    assert check_line(one).endswith("1 uv set (number 0)")
+    assert "none" in text(check_table(one | {"uv_sets": []}))
 
 
 @pytest.mark.parametrize("more", [0, 1])

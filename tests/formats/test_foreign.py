@@ -313,3 +313,11 @@ def test_every_command_that_reads_takes_the_reader(tmp_path: Path) -> None:
     done = run(*compared, "--reader", "trimesh")
     assert done.exit_code == 0, done.stderr
     assert (tmp_path / "r.html").stat().st_size > 1000
+
+
+def test_a_bad_step_names_no_file_of_the_reader() -> None:
+    """What went wrong was told by the path of a file in a temporary folder."""
+    pytest.importorskip("cascadio")
+    empty = b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"
+    with pytest.raises(InputError, match="as STEP: it is damaged, or holds no shape"):
+        read_data(empty)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -32,6 +35,27 @@ def test_names_inside_the_folder(tmp_path: Path, name: str) -> None:
 )
 def test_names_that_lead_elsewhere(tmp_path: Path, name: str) -> None:
     assert safe_path(tmp_path, name) is None
+
+
+def test_half_a_character_names_no_file(tmp_path: Path) -> None:
+    assert safe_path(tmp_path, "a\ud800.png") is None
+
+
+def test_names_of_a_file_are_found_in_a_locale_of_ascii(tmp_path: Path) -> None:
+    """A non-ASCII mtllib was an internal error: what the file says in UTF-8, the file system calls by bytes."""
+    (tmp_path / "m.obj").write_text(
+        "mtllib \u00e9.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n", "utf-8"
+    )
+    (tmp_path / "\u00e9.mtl").write_text("newmtl a\nmap_Kd \u00fc.png\n", "utf-8")
+    (tmp_path / "\u00fc.png").write_bytes(b"image")
+    code = (
+        "import sys; from circparam.formats.io import read; found = read(sys.argv[1]).textures(); "
+        "assert found.images == (b'image',), found.notes"
+    )
+    locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    words = [sys.executable, "-c", code, str(tmp_path / "m.obj")]
+    done = subprocess.run(words, env=os.environ | locale, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import sys
 
 import numpy as np
 import pytest
+import trimesh
 
 from circparam.errors import InputError
 from circparam.formats.io import read_data
-from circparam.formats.source import Source
-from circparam.formats.stl import _through_trimesh
 from tests.support.formats_tools import (
     grid,
 )
@@ -24,11 +24,13 @@ def stl() -> tuple[bytes, np.ndarray]:
     return b"solid not ascii".ljust(80) + np.uint32(len(faces)).tobytes() + rows.tobytes(), corner
 
 
-def test_stl_keeps_three_points_a_face_in_order() -> None:
+def test_corners_at_one_position_are_one_vertex() -> None:
+    """STL has no shared vertices: 18 faces of a grid of 16 points came as 54 vertices."""
     data, corner = stl()
     mesh = read_data(data).mesh
     np.testing.assert_array_equal(mesh.points[mesh.faces], corner)
-    assert len(mesh.points) == 3 * len(mesh.faces)
+    assert len(mesh.points) == 16
+    assert mesh.faces[0].tolist() == [0, 1, 2]  # by their first corner
     text = (
         "solid x\n"
         + "".join(
@@ -64,11 +66,10 @@ def test_scenes_of_several_solids_are_groups() -> None:
 def test_binary_files_are_read_as_trimesh_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same points and faces, and nothing is imported for them."""
     data, _ = stl()
-    theirs = _through_trimesh(data, Source("memory")).mesh
+    theirs = trimesh.load(io.BytesIO(data), file_type="stl", process=False)
     monkeypatch.setitem(sys.modules, "trimesh", None)  # an import of it fails
     mine = read_data(data).mesh
-    np.testing.assert_array_equal(mine.points, theirs.points)
-    np.testing.assert_array_equal(mine.faces, theirs.faces)
+    np.testing.assert_array_equal(mine.points[mine.faces], theirs.vertices[theirs.faces])
     assert mine.points.dtype == np.float64
 
 
@@ -83,9 +84,33 @@ def test_what_is_wrong_with_an_stl_without_facets_is_told() -> None:
     for bad, says in (
         (more, f"promises 1000 facets, its length is that of {n}: it is cut short"),
         (none, f"promises 0 facets, its length is that of {n}"),
-        (data[:-7], f"promises {n} facets, its length is that of {n - 1}"),
+        (data[:-7], f"promises {n} facets, its length is that of {n - 1}: it is cut short"),
+        (bytes(60), "its 60 bytes are shorter than the header of an STL: it is cut short"),
+        (b"solid " + data[6:-7], "it is cut short"),
+        (data + data[-50:], "promises 18 facets, its length is that of 19: whatever wrote it"),
         (text, "3 facets begin and 2 end: it is cut short"),
         (b"solid x\nendsolid x\n", "no faces"),
     ):
         with pytest.raises(InputError, match=says):
             read_data(bad, format="stl")
+
+
+def test_bytes_behind_the_last_facet_are_left_out_and_told() -> None:
+    """They were said to be cut short, with as many facets as promised."""
+    data, corner = stl()
+    document = read_data(data + b"made by a scanner", format="stl")
+    np.testing.assert_array_equal(document.mesh.points[document.mesh.faces], corner)
+    assert document.warnings == ("17 bytes behind the last facet were left out",)
+    assert read_data(data).warnings == ()
+
+
+def test_a_text_in_another_encoding_needs_no_further_package(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """trimesh asks charset_normalizer, which not everybody has."""
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    text = b"solid Caf\xe9\n" + facet + b"endsolid\n"
+    assert len(read_data(text).mesh.faces) == 1
+    with pytest.raises(InputError, match="cut short"):
+        read_data(text[:70], format="stl")

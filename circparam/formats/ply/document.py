@@ -13,7 +13,7 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
 from circparam.formats.materials import Textures
 from circparam.formats.ply import editing, materials
-from circparam.formats.ply.model import FACE_UV, INDICES, UV_NAMES, FaceLists, vertex_uv
+from circparam.formats.ply.model import INDICES, UV_NAMES, FaceLists, vertex_uv
 from circparam.formats.ply.reading import Layout
 from circparam.formats.polygons import Polygons, list_start, strips, triangulate
 from circparam.formats.source import Source
@@ -84,7 +84,7 @@ class PlyDocument(Document):
         if format != "ply":
             return False
         free_set(self, options, only_first=True)
-        if editing.check_place(options.ply_uv) == "face" and len(self.lists.strips):
+        if editing.at_faces(options.ply_uv) and len(self.lists.strips):
             raise OptionError(
                 f"{self.source.name}: tristrips have no place for uv of faces; use --ply-uv vertex"
             )
@@ -99,19 +99,14 @@ class PlyDocument(Document):
         replaced = check_uv_set(self, options, only_first=True)
         notes = list(replaced.notes)
         warnings, assets = replaced.warnings, self._images()
+        at_faces = editing.at_faces(options.ply_uv)
         kind, polys = "f8" if options.uv_double else self.uv_type, self.lists.polys
         uv = uvmap.uv.astype(kind).astype(np.float64)
         corner_uv = polys.corner_uv(UVMap(uv, uvmap.uv_faces), self.source.name)
         n = len(self.mesh.points)
         split = split_vertices(n, polys.corners, uv, corner_uv)
-        has_strips = len(self.lists.strips) > 0
-        mode = editing.check_place(options.ply_uv) or (
-            "face" if split.added and not has_strips else "vertex"
-        )
         m = len(self.mesh.faces)
-        if mode == "face":
-            if options.ply_uv is None:
-                warnings = [*warnings, FACE_UV]
+        if at_faces:
             data = editing.with_face_uv(
                 self.layout, self.lists, uv, corner_uv[: self.lists.n_corners], kind
             )

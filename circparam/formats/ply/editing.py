@@ -116,11 +116,11 @@ def assemble(layout: Layout, head: bytes, blocks: dict[str, bytes]) -> bytes:
     return b"".join(parts)
 
 
-def check_place(place: str | None) -> str | None:
-    """Where uv go as the user says, None where it is left open. Raises OptionError for another word."""
+def at_faces(place: str | None) -> bool:
+    """Whether uv go to faces: only where the user says so. Raises OptionError for another word than the two."""
     if place not in (None, "vertex", "face"):
         raise OptionError(f"unknown place for uv {place!r}: choose vertex or face")
-    return place
+    return place == "face"
 
 
 def uv_properties(layout: Layout) -> dict[str, set[str]]:

@@ -15,24 +15,22 @@ from circparam.formats.document import (
     check_new_set,
     not_carried,
 )
-from circparam.formats.ply.editing import check_place
-from circparam.formats.ply.model import FACE_UV
+from circparam.formats.ply import editing
 from circparam.formats.tokens import ByteArray, interleave
 from circparam.formats.vertex_split import duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
 
 def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """Binary PLY: polygons kept, uv at the vertices or, where a seam would split them, at the faces."""
+    """Binary PLY: polygons kept, uv at the vertices, duplicated along seams, or at the faces."""
     check_new_set(options, "ply")
-    place = check_place(options.ply_uv)
+    at_faces = editing.at_faces(options.ply_uv)
     polys = document.polygons()
     uv_kind = "f8" if options.uv_double else "f4"
     uv = uvmap.uv.astype(uv_kind).astype(np.float64)
     corner = polys.corner_uv(UVMap(uv, uvmap.uv_faces), document.source.name)
     n = len(document.mesh.points)
     split = split_vertices(n, polys.corners, uv, corner)
-    at_faces = (place or ("face" if split.added else "vertex")) == "face"
     source = np.arange(n) if at_faces else split.source
     points = document.mesh.points[source]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -72,8 +70,6 @@ def to_ply(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     lines += [f"property list {count_name} {uv_name} texcoord"] if at_faces else []
     head = "\n".join([*lines, "end_header", ""]).encode()
     notes, warnings = not_carried(document, "ply", "polygons")
-    if at_faces and options.ply_uv is None:
-        warnings.append(FACE_UV)
     if not at_faces and split.added:
         notes.append(duplicated(split.added))
     data = head + vertex.tobytes() + body.tobytes()

@@ -15,10 +15,6 @@ TYPES = {
     "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
-# Said where uv go to faces although nobody asked for that.
-FACE_UV = (
-    "uv stand at faces (texcoord), where Blender does not look: --ply-uv vertex is read everywhere"
-)
 INDICES = ("vertex_indices", "vertex_index")
 
 

@@ -16,6 +16,7 @@ from circparam.formats.tokens import Tokens, as_bytes, gather, parse_floats, par
 
 UNFILLED = 1 << 12  # bytes
 CHUNK = 1 << 22  # rows that are looked at at once
+KEYWORDS = {"ply", "format", "comment", "obj_info", "element", "property", "end_header"}
 MAX_HEADER = 1 << 20  # bytes: the longest header of a real file is a thousandth of it
 
 
@@ -36,6 +37,16 @@ def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
     lists = any(p.count_type for p in last.properties)
     if last.count and lists and not tail[-UNFILLED:].strip(b"\0"):
         raise layout.unfilled(last)
+
+
+def _whole_comments(lines: list[str]) -> list[str]:
+    """Header lines, those that carry on a comment as comments: file names in them may hold line breaks."""
+    out: list[str] = []
+    for line in lines:
+        told = bool(out) and out[-1].split()[:1] in (["comment"], ["obj_info"])
+        carried_on = told and line.split() and line.split()[0] not in KEYWORDS
+        out.append(f"comment {line.strip()}" if carried_on else line)
+    return out
 
 
 class Layout:
@@ -59,7 +70,8 @@ class Layout:
         if found is None:
             raise self.source.error("the PLY header has no end_header line: the file is cut short")
         self.newline = found.group(1)
-        self.lines = self.data[: found.end()].decode("latin-1").split(self.newline.decode())[:-1]
+        text = self.data[: found.end()].decode("latin-1")
+        self.lines = _whole_comments(text.split(self.newline.decode())[:-1])
         self.elements: list[Element] = []
         self.format = ""
         for number, line in enumerate(self.lines, 1):

@@ -41,7 +41,7 @@ def test_everything_but_uv_is_kept(encoding: str, uv: str, mode: str | None, sea
     uvmap = layout_with_seams(document) if seams else smooth_layout(document)
     out = encode(document, uvmap, "ply", options=WriteOptions(ply_uv=mode))
     old, new = naive(data), naive(out.data)
-    at_faces = mode == "face" or (mode is None and seams)
+    at_faces = mode == "face"
     assert ("texcoord" in new["face"][0]) == at_faces
     assert ("s" in new["vertex"][0]) != at_faces
     n = len(old["vertex"])
@@ -192,7 +192,8 @@ def test_line_ends_are_kept(newline: bytes) -> None:
         out = encode(document, uvmap, "ply").data
         assert b"\n" not in out.replace(newline, b"")
         back = naive(out.replace(newline, b"\n"))
-        assert plain(back["vertex"]) == plain(naive(sample("ascii"))["vertex"])
+        old = plain(naive(sample("ascii"))["vertex"])
+        assert plain(back["vertex"])[: len(old)] == old
 
 
 def test_strips_break_only_where_neighbours_differ() -> None:

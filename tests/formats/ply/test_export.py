@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from circparam.errors import OptionError
 from circparam.formats import Polygons
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
 from circparam.formats.memory import PlainDocument, from_arrays
-from circparam.formats.ply.model import FACE_UV
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support.formats_tools import assert_round_trip, grid, layout_with_seams, smooth_layout
@@ -30,17 +32,36 @@ def fan(n: int) -> PlainDocument:
     return PlainDocument(Source("x"), "off", mesh, polys=polys)
 
 
-def test_at_the_vertices_while_no_seam_splits_one() -> None:
+@pytest.mark.parametrize("layout", [smooth_layout, layout_with_seams])
+def test_at_the_vertices_where_every_reader_looks(layout: Callable[..., UVMap]) -> None:
+    """uv at faces were no uv in Blender and Open3D, and no PLY at all to meshio and MeshLab."""
     doc = from_arrays(*grid(3))
-    rows = naive(encode(doc, smooth_layout(doc), "ply").data)
+    out = encode(doc, layout(doc), "ply")
+    rows = naive(out.data)
     assert list(rows["vertex"][0]) == ["x", "y", "z", "s", "t"]
     assert list(rows["face"][0]) == ["vertex_indices"]
-    out = encode(doc, layout_with_seams(doc), "ply")
-    rows = naive(out.data)
-    assert list(rows["vertex"][0]) == ["x", "y", "z"]
-    assert list(rows["face"][0]) == ["vertex_indices", "texcoord"]
-    assert out.notes == []
-    assert len(rows["vertex"]) == 9
+    uv = np.array([[row["s"], row["t"]] for row in rows["vertex"]])
+    index = np.array([row["vertex_indices"] for row in rows["face"]])
+    expected = layout(doc)
+    np.testing.assert_array_equal(uv[index], expected.uv.astype("f4")[expected.uv_faces])
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_other_programs_read_the_default(tmp_path: Path, again: bool) -> None:
+    """meshio and trimesh find the uv of every corner, in a new file and in one that is written back."""
+    doc = from_arrays(*grid(4))
+    if again:
+        doc = read_data(encode(doc, smooth_layout(doc), "ply").data)
+    expected = layout_with_seams(doc)
+    path = tmp_path / "o.ply"
+    path.write_bytes(encode(doc, expected, "ply").data)
+    corners = expected.uv.astype("f4")[expected.uv_faces]
+    loaded = trimesh.load(path, process=False)
+    np.testing.assert_array_equal(loaded.visual.uv[loaded.faces].astype("f4"), corners)
+    meshio = pytest.importorskip("meshio")
+    found = meshio.read(path)
+    uv = np.stack([found.point_data["s"], found.point_data["t"]], 1)
+    np.testing.assert_array_equal(uv[found.cells_dict["triangle"]], corners)
 
 
 @pytest.mark.parametrize("place", ["vertex", "face"])
@@ -66,23 +87,6 @@ def test_another_place_is_refused() -> None:
     again = read_data(encode(doc, smooth_layout(doc), "ply").data)
     with pytest.raises(OptionError, match="place for uv 'edge': choose vertex or face"):
         encode(again, smooth_layout(doc), "ply", options=WriteOptions(ply_uv="edge"))
-
-
-def test_uv_at_faces_come_with_a_warning() -> None:
-    doc = fan(4)
-    for options, notes in ((WriteOptions(), [FACE_UV]), (WriteOptions(ply_uv="face"), [])):
-        uv = np.random.default_rng(0).random((5, 2))
-        faces = np.array([[0, 1, 2], [0, 2, 3]])
-        # a second uv for vertex 0 cannot come from one polygon: two quads that share it
-        points = np.concatenate([doc.mesh.points, doc.mesh.points[1:] + 5])
-        corners = np.array([0, 1, 2, 3, 0, 4, 5, 6])
-        triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
-        polys = Polygons(corners, np.array([0, 4, 8]), triangles, np.array([0, 0, 1, 1]))
-        two = PlainDocument(
-            Source("x"), "off", Mesh(points, corners[triangles], polygons=polys.labels), polys=polys
-        )
-        layout = UVMap(uv, np.concatenate([faces, np.where(faces == 0, 4, faces)]))
-        assert encode(two, layout, "ply", options=options).warnings == notes
 
 
 @pytest.mark.parametrize(("place", "last"), [("vertex", 255), ("face", 127)])

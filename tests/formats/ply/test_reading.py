@@ -40,6 +40,20 @@ def test_rows_of_mixed_length_on_odd_lines() -> None:
     assert plain(naive(out.data)["material"]) == naive(data)["material"]
 
 
+@pytest.mark.parametrize("encoding", ORDERS)
+def test_a_comment_over_several_lines_is_one(encoding: str) -> None:
+    """Blender 2.47 writes the name of its file with the line breaks that it holds."""
+    data = sample(encoding)
+    broken = data.replace(b"comment made", b"comment source file: a\n b.blend\nc\ncomment made")
+    assert broken != data
+    document = read_data(broken)
+    np.testing.assert_array_equal(document.mesh.points, read_data(data).mesh.points)
+    out = encode(document, layout_with_seams(document), "ply").data
+    assert b"comment source file: a\ncomment b.blend\ncomment c\ncomment made" in out
+    with pytest.raises(InputError, match=r"line 3: 'b\.blend' is no PLY header line"):
+        read_data(data.replace(b"comment made", b"b.blend\ncomment made", 1))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
