@@ -114,6 +114,8 @@ class _Scene:
 def _options(names: list[str], cut: str, keywords: dict[str, Any]) -> dict[str, Options]:
     """Options of each method: those of methods go to the rows that accept them; OptionError where none does."""
     given = {k: v for k, v in keywords.items() if v is not None}
+    if "pins" in given:
+        raise OptionError("--pin has no effect here: methods are compared freely; leave it out")
     rows = [METHODS[name] for name in names if name in METHODS]
     for_methods = [k for k in given if any(k in row.accepts for row in METHODS)]
     for name in for_methods:

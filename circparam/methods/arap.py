@@ -17,7 +17,7 @@ from circparam.core.registry import Row
 from circparam.geometry.intrinsic import cotangent_laplacian, jacobians
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.methods.base import CHECKED, FREE, Layout, MethodOptions, MethodRow, require_boundary
-from circparam.methods.pins import check_pins
+from circparam.methods.pins import at_pins, check_pins, fit_pins
 from circparam.methods.untangled import untangle_layout
 from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.tutte.graded import embed_start
@@ -38,8 +38,9 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
         hold[options.pins.vertices] = True
     uv, notes = embed_start(cut_mesh, options.start, options.tutte, monitor)
     with monitor.stage("relax"):
+        size = np.ones(cut_mesh.n_charts)
         if options.pins is not None:
-            uv = fit_pins(cut_mesh, uv, options)
+            uv, size = fit_pins(cut_mesh, uv, options.pins)
         factor, free = stiffness(cut_mesh, hold)
 
         def precondition(g: FloatArray) -> FloatArray:
@@ -61,6 +62,7 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     uv, repairs = untangle_layout(
         cut_mesh, found.x, "arap", options, monitor, hold, conformal=False
     )
+    uv = at_pins(cut_mesh, uv, size, options.pins)
     return Layout(uv, found.steps, found.reasons, notes + repairs)
 
 
@@ -101,32 +103,6 @@ def stiffness(cut_mesh: CutMesh, hold: BoolArray) -> tuple[Factor, BoolArray]:
     d = L.diagonal()
     L = L + sps.diags(1e-9 * d + 1e-14 * float(d.mean()))
     return Factor(sps.csc_matrix(sps.csr_matrix(L)[free][:, free])), free
-
-
-def fit_pins(cut_mesh: CutMesh, uv: FloatArray, options: MethodOptions) -> FloatArray:
-    """Move every pinned chart by the similarity that fits its pins best, then set the pins to their places."""
-    pins = options.pins
-    if pins is None:
-        return uv
-    chart, n = cut_mesh.vertex_chart[pins.vertices], cut_mesh.n_charts
-    here = uv[pins.vertices]
-    count = np.maximum(np.bincount(chart, minlength=n), 1)[:, None]
-    mean_here = np.stack([group_sum(c.copy(), chart, n) for c in here.T], 1) / count
-    mean_there = np.stack([group_sum(c.copy(), chart, n) for c in pins.uv.T], 1) / count
-    a = (here - mean_here[chart]) @ np.array([1, 1j])
-    b = (pins.uv - mean_there[chart]) @ np.array([1, 1j])
-    top = a.conj() * b
-    bottom = group_sum(np.abs(a) ** 2, chart, n)
-    turn = group_sum(top.real.copy(), chart, n) + 1j * group_sum(top.imag.copy(), chart, n)
-    many = (bottom > 0) & (np.abs(turn) > 0)
-    turn = np.where(many, turn / np.where(many, bottom, 1.0), 1.0)
-    pinned = np.bincount(chart, minlength=n) > 0
-    of = cut_mesh.vertex_chart
-    z = ((uv - mean_here[of]) @ np.array([1, 1j])) * turn[of]
-    moved = np.stack([z.real, z.imag], 1) + mean_there[of]
-    out = np.where(pinned[of][:, None], moved, uv)
-    out[pins.vertices] = pins.uv
-    return out
 
 
 ROW: MethodRow = Row(

@@ -9,9 +9,8 @@ from circparam.core.monitor import Monitor
 from circparam.core.registry import Row
 from circparam.errors import NoResultError, OptionError
 from circparam.mesh.cut_mesh import CutMesh
-from circparam.methods.arap import fit_pins
 from circparam.methods.base import FREE, Layout, MethodOptions, MethodRow, require_boundary
-from circparam.methods.pins import check_pins
+from circparam.methods.pins import Pins, at_pins, check_pins, fit_pins
 from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.tutte.graded import embed_start
 from circparam.solvers.untangle import untangle
@@ -32,11 +31,12 @@ def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> La
         raise OptionError(f"blend {options.blend} is outside 0 (isometric) .. 1 (conformal)")
     uv, notes = embed_start(cut_mesh, options.start, options.tutte, monitor)
     fixed: BoolArray | None = None
+    size = np.ones(cut_mesh.n_charts)
     if options.pins is not None:
         check_pins(cut_mesh, options.pins, 1)
         fixed = np.zeros(cut_mesh.n_vertices, bool)
         fixed[options.pins.vertices] = True
-        uv = _start_at_pins(cut_mesh, uv, options, fixed, monitor)
+        uv, size = _start_at_pins(cut_mesh, uv, options.pins, fixed, monitor)
     with monitor.stage("relax"):
         relaxed = relax(
             cut_mesh,
@@ -54,15 +54,16 @@ def isometric(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> La
         notes.append(
             f"isometric: {len(stuck)} charts start with flipped faces and were not relaxed"
         )
-    return Layout(relaxed.uv, relaxed.iterations, relaxed.stopped, notes)
+    uv = at_pins(cut_mesh, relaxed.uv, size, options.pins)
+    return Layout(uv, relaxed.iterations, relaxed.stopped, notes)
 
 
 def _start_at_pins(
-    cut_mesh: CutMesh, uv: FloatArray, options: MethodOptions, fixed: BoolArray, monitor: Monitor
-) -> FloatArray:
-    """The start with the pins in their places, untangled round them."""
+    cut_mesh: CutMesh, uv: FloatArray, pins: Pins, fixed: BoolArray, monitor: Monitor
+) -> tuple[FloatArray, FloatArray]:
+    """The start with the pins in their places, untangled round them, and the sizes of ``fit_pins``."""
     free = relax(cut_mesh, uv, RelaxOptions(tolerance=1e-3, max_iterations=30), monitor)
-    uv = fit_pins(cut_mesh, free.uv, options)
+    uv, size = fit_pins(cut_mesh, free.uv, pins)
     with monitor.stage("unfold"):
         uv, report = untangle(cut_mesh, uv, fixed, monitor)
     if report.after.any():
@@ -71,7 +72,7 @@ def _start_at_pins(
             f"chart {chart} has {int(report.after[chart])} flipped faces with its pins in place: "
             "move the pins nearer to where the chart lies without them"
         )
-    return uv
+    return uv, size
 
 
 ROW: MethodRow = Row(

@@ -53,6 +53,8 @@ def with_seams(o: Any, name: str) -> str | None:
 
 def with_packing(o: Any, name: str) -> str | None:
     """Only where charts are packed."""
+    if o.pins is not None:
+        return "--pin says where charts lie, and packing would move them"
     return None if o.packed else "--no-normalize keeps the coordinates of the solver"
 
 
@@ -76,8 +78,9 @@ def fills_page(o: Any) -> bool:
 
     one = o.packed and o.cut == "charts" and not o.grouped and o.pages in (None, 1)
     free = o.texel_density is None and o.scale is not False and o.rotate in (None, "free")
-    plain = o.pins is None and o.symmetry is None
-    return bool(one and free and plain and "convex-boundary" not in METHODS[o.method].tags)
+    return bool(
+        one and free and o.symmetry is None and "convex-boundary" not in METHODS[o.method].tags
+    )
 
 
 def with_target(o: Any, name: str) -> str | None:

@@ -9,17 +9,15 @@ import numpy as np
 from circparam.core import clock
 from circparam.core.arrays import FloatArray
 from circparam.core.monitor import Monitor
-from circparam.errors import NoResultError, OptionError, OutOfTimeError, TopologyError
+from circparam.errors import NoResultError, OutOfTimeError, TopologyError
 from circparam.mesh.atlas import Atlas
-from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
-from circparam.methods.base import MethodOptions
-from circparam.methods.pins import Pins
 from circparam.pipeline.cascade import FAULTY, Cascade, CascadeRules
 from circparam.pipeline.configure import method_options, seam_options
 from circparam.pipeline.job import Job
 from circparam.pipeline.options import Options
+from circparam.pipeline.pinned import pins_of
 from circparam.seams import SEAMS
 from circparam.seams.constraints import constrain
 from circparam.seams.options import Seams
@@ -64,7 +62,7 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
         return replace(blank, atlas=Atlas(job.surface, seams.cut, seams.uv))
     try:
         with clock.bounded(monitor.last if options.cut == "charts" else None):
-            return _flatten(blank, options, monitor)
+            return _flatten(job, blank, monitor)
     except (*NUMERICAL, TopologyError, OutOfTimeError) as error:
         if options.cut != "charts":
             raise
@@ -95,40 +93,14 @@ def _no_layout(surface: Surface) -> FloatArray:
     return np.full((len(surface.faces), 3, 2), np.nan)
 
 
-def _flatten(blank: Cascade, options: Options, monitor: Monitor) -> Cascade:
+def _flatten(job: Job, blank: Cascade, monitor: Monitor) -> Cascade:
     """The method that was asked for, all charts at once. Raises OptionError for pins that do not fit."""
     cut_mesh, _ = blank.open()
-    asked = blank.rules.method
+    asked, options = blank.rules.method, job.options
     if options.pins is not None:
-        asked = _with_pins(blank.atlas.surface, cut_mesh, asked, options.pins)
+        asked = replace(asked, pins=pins_of(job, cut_mesh, options.pins))
     layout = METHODS[options.method].function(cut_mesh, asked, monitor)
     atlas = Atlas(blank.atlas.surface, blank.atlas.cut, layout.uv[cut_mesh.faces])
     return replace(blank, atlas=atlas, stopped=layout.stopped, iterations=layout.iterations).noted(
         *layout.notes
     )
-
-
-def _with_pins(
-    surface: Surface, cut_mesh: CutMesh, options: MethodOptions, pins: FloatArray
-) -> MethodOptions:
-    """Pins of mesh vertices as pins of the vertices of the cut mesh (a seam makes several of one)."""
-    number = pins[:, 0].astype(np.int64)
-    if len(np.unique(number)) < len(number):
-        raise OptionError("--pin fixes a vertex twice: name each vertex once")
-    bad = np.flatnonzero((number < 0) | (number >= len(surface.points)))
-    vertex = np.full(len(surface.points), -1)
-    vertex[surface.faces.ravel()] = cut_mesh.faces.ravel()
-    if len(bad) == 0:
-        bad = np.flatnonzero(vertex[number] < 0)
-    if len(bad):
-        raise OptionError(
-            f"--pin names vertex {int(number[bad[0]])}, which no face uses: vertices count from 0"
-        )
-    copies = np.unique(np.stack([surface.faces.ravel(), cut_mesh.faces.ravel()], 1), axis=0)
-    seam = np.bincount(copies[:, 0], minlength=len(surface.points))[number] > 1
-    if seam.any():
-        raise OptionError(
-            f"--pin names vertex {int(number[seam][0])}, which lies on a seam: "
-            "pin a vertex inside a chart or on the boundary of the mesh"
-        )
-    return replace(options, pins=Pins(vertex[number], pins[:, 1:]))

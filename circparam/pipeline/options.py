@@ -61,7 +61,7 @@ class Options:
     """What an unwrap is asked to do; the help text of each field says what it is.
 
     Angles (``sharp``) are degrees. ``polygon``: (k, 2) corners. ``pins``:
-    (p, 3) vertex of the mesh, u, v. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``bff_boundary``: "disk", or
+    (p, 3) vertex of the mesh, u, v in the written file. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``bff_boundary``: "disk", or
     the target length of each edge of the outer boundary. ``max_distortion``: the area-weighted symmetric
     Dirichlet energy / 4 (1 is perfect). ``weld``: a distance in mesh units. ``cut_materials`` None: where
     there are several.
@@ -93,8 +93,8 @@ class Options:
         "flattening", "Lift negative weights, so that nothing can flip.", applies=applies.accepted
     )
     pins: FloatArray | None = option(
-        "flattening", "Fixed points: vertex (from 0) u v a line.", flag="--pin", metavar="FILE",
-        applies=applies.accepted,
+        "flattening", "Fixed points: vertex (from 0) u v a line, as in the file; nothing is packed.",
+        flag="--pin", metavar="FILE", applies=applies.accepted,
     )
     tolerance: float | None = option(
         "flattening", "Stop below this relative decrease.", metavar="T",
@@ -310,7 +310,7 @@ class Options:
     @property
     def packed(self) -> bool:
         """Whether the layout is packed into pages."""
-        return self.normalize is not False
+        return self.normalize is not False and self.pins is None
 
     @property
     def padding_uv(self) -> float:

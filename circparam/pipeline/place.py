@@ -51,7 +51,7 @@ def place(
     keep: (n_charts,) charts that keep the size they have. known: not packed again where it is of this layout.
     """
     if not options.packed:
-        return Placed(_side_by_side(cut_mesh, np.where(np.isfinite(uv), uv, 0.0)), [])
+        return Placed(side_by_side(cut_mesh, np.where(np.isfinite(uv), uv, 0.0)), [])
     uv = sized(cut_mesh, uv, keep)
     if known is not None and group is None and np.array_equal(known.before, uv):
         return Placed(known.packed.uv.copy(), known.packed.notes)
@@ -83,7 +83,7 @@ def chart_tiles(cut_mesh: CutMesh, tile: IntArray) -> IntArray:
     return out
 
 
-def _side_by_side(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+def side_by_side(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """The solver's coordinates; the first chart stays where it is, the others stand to its right."""
     n = cut_mesh.n_charts
     lo, hi = np.full(n, np.inf), np.full(n, -np.inf)

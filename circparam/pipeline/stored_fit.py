@@ -20,6 +20,7 @@ from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.job import Job
 from circparam.pipeline.lattice import Rounding
 from circparam.pipeline.options import Options
+from circparam.pipeline.pinned import place_pinned
 from circparam.pipeline.place import chart_signs, chart_tiles, place, sized
 from circparam.pipeline.stored_repair import Stored, store
 
@@ -93,7 +94,10 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
         group = None if tiles is None else chart_tiles(cut_mesh, tiles)
         sign = chart_signs(job.surface, cut_mesh, options)
         uv[:, 0] *= sign[cut_mesh.vertex_chart]
-        placed = place(cut_mesh, uv, options, monitor, group, keep, cascade.packing)
+        if options.pins is not None:
+            placed = place_pinned(job, cut_mesh, uv, options.pins)
+        else:
+            placed = place(cut_mesh, uv, options, monitor, group, keep, cascade.packing)
     with monitor.stage("check"):
         turn = options.packed and options.rotate != "none"
         held = hold(job, cut_mesh, placed.uv, sign < 0, turn)

@@ -35,6 +35,7 @@ from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
+from circparam.pipeline.pinned import check_held, check_storable
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.seen import SeenBeside
@@ -101,6 +102,8 @@ def _unwrapped(
     monitor: Monitor,
 ) -> Result:
     job = prepare(document, output, options, monitor)
+    if options.pins is not None:
+        check_storable(options.pins, document, job.target)
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
     with monitor.holding(PACK_COST * pace + KEPT), monitor.stage("seams"):
@@ -193,6 +196,8 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     auto = job.options.padding == AUTO and job.options.packed
     left_out = [padding_note(job.options.padding_texels)] if auto else []
     left_out += [] if job.floaters is None else [told(job.floaters)]
+    if job.options.pins is not None:
+        check_held(job.document.mesh, uvmap, job.options.pins, [*cascade.notes, *cascade.repairs])
     said = verdict(verification, job.options, repairs, monitor.hurried)
     return Result(
         options=job.options,
