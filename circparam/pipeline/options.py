@@ -60,9 +60,9 @@ def _boundaries() -> list[str]:
 class Options:
     """What an unwrap is asked to do; the help text of each field says what it is.
 
-    Angles (``sharp``) are degrees. ``polygon``: (k, 2) corners. ``pins``:
-    (p, 3) vertex of the mesh, u, v in the written file. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``bff_boundary``: "disk", or
-    the target length of each edge of the outer boundary. ``max_distortion``: the area-weighted symmetric
+    Angles (``sharp``) are degrees. ``polygon``: (k, 2) corners. ``pins``: (p, 3) vertex of the mesh, u, v
+    in the written file. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``bff_boundary``: "disk", or the
+    target length of each edge of the outer boundary. ``max_distortion``: the area-weighted symmetric
     Dirichlet energy / 4 (1 is perfect). ``weld``: a distance in mesh units. ``cut_materials`` None: where
     there are several.
 

@@ -37,6 +37,8 @@ def test_one_method() -> None:
     result = run("circle")
     assert result.exit_code == 0
     assert "Kim 2019" in result.stdout
+    title = "Surface Parameterization Based on Circular Centering Property"
+    assert title in " ".join(result.stdout.split())
     assert json.loads(run("circle", "--json").stdout)["name"] == "circle"
 
 

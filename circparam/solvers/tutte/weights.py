@@ -179,7 +179,7 @@ WEIGHTS: Table[WeightFunction] = Table(
         "circle",
         circle,
         "tangents of half angles, as printed: fast, positive, angles between uniform and mean-value",
-        "Kim 2019, eq. 4",
+        'H. Kim, "Surface Parameterization Based on Circular Centering Property" (Kim 2019), eq. 4',
         _POSITIVE,
         "reproduces the plane only where all neighbours of a vertex are equally far from it",
     ),
