@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from tests.fuzz.cases import Case, cases
+from tests.fuzz.cases import Case, cases, layouts_of_others
 from tests.fuzz.check import live_faces, overlapping, problems
 from tests.support import shapes
 
@@ -21,6 +21,14 @@ needs_alarm = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="the bou
 @settings(max_examples=25, database=None, suppress_health_check=list(HealthCheck))
 @given(cases())
 def test_whatever_comes_in_ends_as_documented(case: Case) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        assert problems(case, Path(name), bound=30) == []
+
+
+@needs_alarm
+@settings(max_examples=60, database=None, suppress_health_check=list(HealthCheck))
+@given(layouts_of_others())
+def test_layouts_of_others_are_judged_as_integers_judge_them(case: Case) -> None:
     with tempfile.TemporaryDirectory() as name:
         assert problems(case, Path(name), bound=30) == []
 

@@ -16,9 +16,12 @@ from circparam.core.arrays import (
     FloatArray,
     IntArray,
     next_half_edge,
+    sorted_distinct,
 )
 from circparam.geometry.raster import LabelGrid, free_border, row_crossings, smallest_gap
 from circparam.mesh.cut_mesh import CutMesh
+
+LAST_PAGE = 2**52  # float64 has no fractions beyond
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class Coverage:
     share: covered share of the pages, 0..1. gap: smallest distance in texels between the centres of covered
     texels of two charts, infinity where it is beyond what was searched. border: smallest number of empty
     texels between a covered one and the edge of its page. near: charts (2,) at the smallest gap, or None.
-    pages: how many there are.
+    pages: how many hold a chart.
     """
 
     share: float
@@ -38,16 +41,20 @@ class Coverage:
     pages: int = 1
 
 
-def cover(cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int) -> Coverage:
-    """Rasterise every page and measure it.
+def cover(
+    cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int, charts: BoolArray | None = None
+) -> Coverage:
+    """Rasterise every page that holds a chart, and measure it.
 
     uv: (nv, 2), page p of the pages shown lies at u in [p, p + 1], v in [0, 1]. resolution: texels a side.
-    search: the radius in texels up to which gaps are looked for.
+    search: the radius in texels up to which gaps are looked for. charts: (n_charts,) those that have uv;
+    None: all.
     """
     page = pages_of(cut_mesh, uv)
+    used = np.ones(len(page), bool) if charts is None else charts
     shares, gap, border, near = [], np.inf, resolution, None
-    for p in range(int(page.max(initial=0)) + 1):
-        grid = label_grid(cut_mesh, uv - [p, 0], resolution, page == p)
+    for p in sorted_distinct(page[used]):
+        grid = label_grid(cut_mesh, uv - [p, 0], resolution, used & (page == p))
         shares.append(float((grid >= 0).mean()))
         border = min(border, free_border(grid))
         here, pair = smallest_gap(grid, search)
@@ -57,13 +64,23 @@ def cover(cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int) -> Co
 
 
 def pages_of(cut_mesh: CutMesh, uv: FloatArray) -> IntArray:
-    """(n_charts,) page of each chart: the unit tile in which the middle of its bounding box lies."""
-    lo = np.full(cut_mesh.n_charts, np.inf)
-    hi = np.full(cut_mesh.n_charts, -np.inf)
-    np.minimum.at(lo, cut_mesh.vertex_chart, uv[:, 0])
-    np.maximum.at(hi, cut_mesh.vertex_chart, uv[:, 0])
-    result: IntArray = np.maximum(np.floor((lo + hi) / 2), 0).astype(np.int64)
+    """(n_charts,) page of each chart: the unit tile in which the middle of its bounding box lies.
+
+    Left of page 0 is page 0; so far to the right that float64 holds no fractions, all is one page.
+    """
+    lo, hi = chart_boxes(cut_mesh, uv)
+    middle = lo[:, 0] / 2 + hi[:, 0] / 2
+    result: IntArray = np.clip(np.floor(middle), 0, LAST_PAGE).astype(np.int64)
     return result
+
+
+def chart_boxes(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """((n_charts, 2) lower, (n_charts, 2) upper corner of the bounding box of each chart); uv (nv, 2)."""
+    lo = np.full((cut_mesh.n_charts, 2), np.inf)
+    hi = np.full((cut_mesh.n_charts, 2), -np.inf)
+    np.minimum.at(lo, cut_mesh.vertex_chart, uv)
+    np.maximum.at(hi, cut_mesh.vertex_chart, uv)
+    return lo, hi
 
 
 def label_grid(

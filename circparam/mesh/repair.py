@@ -37,9 +37,10 @@ class RepairReport:
     surface are those of the mesh; 1 unless the mesh is so large or small that squares would leave the range
     of float64. kept: (k,) faces solved on (``Surface.source``). degenerate: (d,) faces set aside because
     they have no area. duplicates: (t,) faces set aside because an earlier one, duplicate_of (t,), has the
-    same three points. n_reversed: faces solved on with reversed winding. near_vertices: vertices welded only
-    because of the tolerance. nonmanifold_edges: edges with more than two faces (of the kept ones).
-    nonmanifold_vertices: vertices whose faces make several fans, without the ends of edges that were split.
+    same three points, and the same uv where a layout is judged. n_reversed: faces solved on with reversed
+    winding. near_vertices: vertices welded only because of the tolerance. nonmanifold_edges: edges with more
+    than two faces (of the kept ones). nonmanifold_vertices: vertices whose faces make several fans, without
+    the ends of edges that were split.
     non_orientable: components that were cut open to have two sides, along mobius_edges edges.
     unreferenced: vertices that no face uses; never touched.
     """
@@ -84,8 +85,9 @@ def repair(
 ) -> tuple[Surface, RepairReport]:
     """The oriented manifold of a mesh, and what had to be done for it.
 
-    uvmap: a layout to be judged: faces at an edge of more than two hang together as it shows them, so that
-    its charts are counted as whoever made it counted them.
+    uvmap: a layout to be judged or packed. Faces at an edge of more than two hang together as it shows them,
+    so that its charts are counted as whoever made it counted them. Of the faces with the same three points,
+    only those are duplicates whose uv are the same at all three; the others have a place of their own.
     Raises InputError where no face has an area, TopologyError where something would have to be repaired and
     ``options.allow`` is False or a polygon is closed in itself, OptionError where the weld tolerance is no
     distance or larger than the mesh.
@@ -95,7 +97,8 @@ def repair(
     weld = weld_map(mesh, options.weld_eps)
     near = int((weld != mesh.weld).sum()) if options.weld_eps > 0 else 0
     welded = weld[mesh.faces]
-    aside = _set_aside(points, welded, mesh.polygons)
+    uv = _corner_uv(uvmap)
+    aside = _set_aside(points, welded, mesh.polygons, uv)
     if len(aside.kept) == 0:
         raise InputError(
             f"its {counted(len(welded), 'face')} {plural(len(welded), 'is')} degenerate (no area): "
@@ -103,7 +106,7 @@ def repair(
         )
     faces = welded[aside.kept]
     polygons = None if mesh.polygons is None else mesh.polygons[aside.kept]
-    pairs = pair_half_edges(points, faces, polygons, _corner_uv(uvmap, aside.kept))
+    pairs = pair_half_edges(points, faces, polygons, None if uv is None else uv[aside.kept])
     if polygons is not None:
         _refuse_closed(mesh, polygons, pairs, aside.kept)
     p = points[faces]
@@ -121,8 +124,6 @@ def repair(
             + "; ".join(messages)
             + ". Allow it by leaving out --no-repair"
         )
-    used = np.zeros(len(points), bool)
-    used[mesh.faces] = True
     return surface, RepairReport(
         weld=weld,
         scale=scale,
@@ -136,16 +137,16 @@ def repair(
         nonmanifold_vertices=len(fans),
         non_orientable=orientation.one_sided,
         mobius_edges=int((~orientation.keep).sum()),
-        unreferenced=int((~used).sum()),
+        unreferenced=int((np.bincount(mesh.faces.ravel(), minlength=len(points)) == 0).sum()),
         messages=messages,
     )
 
 
-def _corner_uv(uvmap: UVMap | None, kept: IntArray) -> FloatArray | None:
-    """uv (kept, 3, 2) of the corners of the faces ``kept``, NaN where a corner has none."""
+def _corner_uv(uvmap: UVMap | None) -> FloatArray | None:
+    """uv (m, 3, 2) of the corners of all faces, NaN where a corner has none."""
     if uvmap is None or len(uvmap.uv) == 0:
         return None
-    index = uvmap.uv_faces[kept]
+    index = uvmap.uv_faces
     result: FloatArray = np.where(
         index[..., None] >= 0, uvmap.uv[np.maximum(index, 0)].astype(np.float64), np.nan
     )
@@ -161,15 +162,38 @@ class _Aside(NamedTuple):
     duplicate_of: IntArray
 
 
-def _set_aside(points: FloatArray, welded: IntArray, polygons: IntArray | None) -> _Aside:
-    """Which of the welded faces (m, 3) are solved on."""
+def _set_aside(
+    points: FloatArray, welded: IntArray, polygons: IntArray | None, uv: FloatArray | None
+) -> _Aside:
+    """Which of the welded faces (m, 3) are solved on; uv: (m, 3, 2) of a layout that there is."""
     bad = degenerate_faces(points, welded)
     first = first_duplicates(welded, len(points))
+    if uv is not None:
+        first = _same_place(welded, first, uv)
     duplicate = (first != np.arange(len(welded))) & ~bad
     if polygons is not None:
         duplicate &= ~_part_of_another_polygon(polygons, first, duplicate, bad)
     again = np.flatnonzero(duplicate)
     return _Aside(np.flatnonzero(~bad & ~duplicate), np.flatnonzero(bad), again, first[again])
+
+
+def _same_place(welded: IntArray, first: IntArray, uv: FloatArray) -> IntArray:
+    """(m,) the first face with the same three points and the same uv (m, 3, 2) at each of them.
+
+    first: (m,) the first face with the same three points. NaN is no place: a face with it is its own.
+    """
+    out = np.arange(len(first))
+    twin = np.zeros(len(first), bool)
+    twin[first[first != out]] = True
+    face = np.flatnonzero(twin[first] & np.isfinite(uv).all((1, 2)))
+    order = np.argsort(welded[face], axis=1, kind="stable")
+    place = np.take_along_axis(uv[face], order[..., None], 1).reshape(-1, 6)
+    keys = (*place.T, first[face])
+    rank = np.lexsort((face, *keys))
+    new = np.any([key[rank][1:] != key[rank][:-1] for key in keys], axis=0)
+    begin = np.flatnonzero(np.r_[True, new])[: len(face)]
+    out[face[rank]] = np.repeat(face[rank[begin]], np.diff(np.r_[begin, len(face)]))
+    return out
 
 
 def _oriented(

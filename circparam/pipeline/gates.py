@@ -17,7 +17,7 @@ LAYOUT = (
     *("charts", "flips", "overlap", "mirrored", "missing", "distortion", "distortion_max_chart"),
     *("stretch_l2", "stretch_linf", "stretch_p95", "stretch_p99", "stretch_p999", "share_over_2"),
     *("angle", "area", "seam_length", "seam_visible", "pack", "packed", "pages"),
-    *("gap_texels", "border_texels"),
+    *("gap_texels", "border_texels", "outside"),
 )
 # what unwrap and pack report besides
 RUN = (
@@ -30,7 +30,7 @@ TOPOLOGY = (
     *("euler", "genus", "boundaries", "borders", "nonmanifold_edges", "nonmanifold_vertices"),
     *("inconsistent_edges", "degenerate_faces", "duplicate_faces", "disk"),
 )
-JUDGED = (*LAYOUT, "outside", "valid")
+JUDGED = (*LAYOUT, "shared", "valid")
 
 _COMPARE: dict[str, Callable[[Any, Any], bool]] = {
     ">=": operator.ge,

@@ -5,19 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from circparam.core.limits import PADDING, RESOLUTION, auto_padding
+import numpy as np
+
+from circparam.core.limits import PADDING, PAGES, RESOLUTION, auto_padding
+from circparam.core.words import counted
 from circparam.errors import InputError, TopologyError
 from circparam.formats.document import Document
+from circparam.geometry.coverage import LAST_PAGE
+from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.topology import describe
 from circparam.mesh.topology_report import TopologyReport
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
+LARGEST = float(np.finfo(np.float32).max)  # larger uv mean nothing to a renderer
+
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
     """topology: of the mesh as it is. uv_sets: numbers of the sets in the file. uv: what the set that was asked
-    for is worth, None where none was; faults: what is wrong with it, one line each. notes: of reading.
+    for is worth, None where none was; faults: what is wrong with it, one line each. shared: faces that lie on
+    another one with the same three points and the same uv, and are judged with it. notes: of reading.
     """
 
     document: Document
@@ -25,6 +33,7 @@ class Inspection:
     uv_sets: tuple[int, ...]
     uv: Verification | None = None
     faults: list[str] = field(default_factory=list)
+    shared: int = 0
     notes: list[str] = field(default_factory=list)
 
 
@@ -50,13 +59,33 @@ def inspect(
     if uv_set is None:
         return Inspection(document, topology, document.uv_sets, notes=notes)
     uvmap = document.require_uv(uv_set)
-    surface, _ = repair(document.mesh, RepairOptions(weld), uvmap)
+    beyond = np.isfinite(uvmap.uv) & (np.abs(uvmap.uv) > LARGEST)
+    if beyond.any():
+        notes.append(f"uv beyond ±{LARGEST:.2g}, which float32 does not hold, count as none")
+        uvmap = UVMap(np.where(beyond, np.nan, uvmap.uv), uvmap.uv_faces)
+    surface, repairs = repair(document.mesh, RepairOptions(weld), uvmap)
     try:
-        found = verify(surface, uvmap, resolution=resolution, padding=padding)
+        found = verify(
+            surface, uvmap, resolution=resolution, padding=padding, most_pages=int(PAGES.high)
+        )
     except InputError as error:
         raise document.source.error(error) from None
+    last = int(min(max(found.uv_max[0], 0), LAST_PAGE))
+    if found.pages is not None and last > found.pages:
+        notes.append(f"uv reach u = {found.uv_max[0]:.7g}: the empty pages between are not counted")
+    if shared := len(repairs.duplicates):
+        notes.append(
+            f"{counted(shared, 'face')} on a face with the same three points and the same uv: "
+            "judged once"
+        )
     return Inspection(
-        document, topology, document.uv_sets, found, reasons(found, Promise(None, padding)), notes
+        document,
+        topology,
+        document.uv_sets,
+        found,
+        reasons(found, Promise(None, padding)),
+        shared,
+        notes,
     )
 
 

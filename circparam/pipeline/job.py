@@ -64,8 +64,9 @@ def prepare(
     output: str | os.PathLike[str] | None,
     options: Options,
     monitor: Monitor,
+    uvmap: UVMap | None = None,
 ) -> Job:
-    """Repair what was read, as a map; nothing of the document is edited.
+    """Repair what was read, as a map; nothing of the document is edited. uvmap: a layout whose charts stay.
 
     Raises InputError for a mesh without usable faces, OptionError where an option does not fit the file.
     """
@@ -76,7 +77,8 @@ def prepare(
         if os.fspath(output) != "-":
             check_place(output, document, target, options.overwrite)
     with monitor.stage("repair"):
-        surface, report = repair(document.mesh, RepairOptions(options.weld or 0.0, options.repair))
+        allowed = RepairOptions(options.weld or 0.0, options.repair)
+        surface, report = repair(document.mesh, allowed, uvmap)
         floaters = None
         if options.drop_floaters is not None:
             surface, floaters = find_floaters(document, surface, options.drop_floaters)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.errors import NoResultError, OutOfTimeError
+from circparam.errors import OutOfTimeError
 from circparam.formats.document import Document
 from circparam.formats.memory import to_trimesh
 from circparam.mesh.mesh import Mesh, UVMap
@@ -143,11 +143,9 @@ def verdict(
 ) -> Verdict:
     """The judgement on what was verified. expired: the time given has run out.
 
-    Raises NoResultError where no face has uv, OutOfTimeError where time ran out with no valid layout.
+    Raises OutOfTimeError where time ran out with no valid layout.
     """
     wrong = reasons(verification, promise(options))
-    if verification.missing == len(verification.cut_mesh.faces):
-        raise NoResultError("no face got a uv: " + "; ".join(wrong))
     warnings = []
     if expired:
         if not verification.valid:

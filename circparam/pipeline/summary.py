@@ -103,11 +103,14 @@ def _gaps(result: Result) -> float:
 
 
 def summarise_check(found: Inspection) -> dict[str, Any]:
-    """One JSON document about a mesh as it is; ``uv`` is null where no uv set was judged."""
+    """One JSON document about a mesh as it is; ``uv`` is null where no uv set was judged.
+
+    shared: faces that lie on another one with the same three points and the same uv, and are judged with it.
+    """
     uv = None
     if found.uv is not None:
         uv = _numbers(found.uv.numbers())
-        uv |= {"outside": len(found.uv.outside), "valid": found.uv.valid, "faults": found.faults}
+        uv |= {"valid": found.uv.valid, "faults": found.faults, "shared": found.shared}
         uv["status"] = "degraded" if found.faults else "ok"
     return {
         "schema": SCHEMA.format("check"),

@@ -150,7 +150,7 @@ def repack(
     with monitor.stage("read"):
         document = open_source(source, options)
         uvmap = document.require_uv(options.uv_set or 0)
-    job = prepare(document, output, options, monitor)
+    job = prepare(document, output, options, monitor, uvmap)
     cascade = Cascade(_as_given(job, uvmap))
     cut_mesh, uv = cascade.open()
     with monitor.stage("pack"):

@@ -15,7 +15,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum
 from circparam.core.words import counted, percent
 from circparam.errors import InputError
-from circparam.geometry.coverage import Coverage, cover, pages_of
+from circparam.geometry.coverage import Coverage, chart_boxes, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
 from circparam.geometry.overlap import overlaps, signs
 from circparam.geometry.predicates import SignArray
@@ -33,14 +33,15 @@ EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may li
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """What was found. Faces are those of the surface (degenerate and duplicate ones are set aside).
+    """What was found. Faces are those of the surface: without degenerate ones, and without duplicates.
 
     cut: (e,) bool, edges of the surface whose two sides have different uv; cut_mesh: the surface cut there; uv
-    (nv, 2) of its vertices. missing: faces without uv.
+    (nv, 2) of its vertices. missing: faces of the file without uv, those set aside too.
     flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
     clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
     that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that
-    of all seams / √(surface area). coverage: None where the layout was not rasterised. seen: what tells
+    of all seams / √(surface area). pages: how many hold a chart, None where there are no pages. coverage: None
+    where the layout was not rasterised. seen: what tells
     ``seam_visible`` where something else than looking does: a process that looks meanwhile, or a lack of time.
     """
 
@@ -59,6 +60,7 @@ class Verification:
     seam_length: float
     uv_min: FloatArray
     uv_max: FloatArray
+    pages: int | None
     coverage: Coverage | None
     seen: Callable[[], float | None] | None = None
 
@@ -89,6 +91,7 @@ class Verification:
             "overlap": self.overlap,
             "mirrored": len(self.mirrored),
             "missing": self.missing,
+            "outside": None if self.pages is None else len(self.outside),
             "distortion": m.sd,
             "distortion_max_chart": m.sd_max_chart,
             "stretch_l2": m.whole["stretch_l2"],
@@ -101,7 +104,7 @@ class Verification:
             "area": m.whole["area"],
             "seam_length": self.seam_length,
             "seam_visible": self.seam_visible,
-            "pages": None if c is None else c.pages,
+            "pages": self.pages,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,
             "border_texels": None if c is None else c.border,
@@ -112,10 +115,16 @@ def corners_of(surface: Surface, uvmap: UVMap) -> tuple[FloatArray, BoolArray]:
     """uv (m, 3, 2) of the corners of the surface's faces, winding as solved; and (m,) which have uv."""
     index = uvmap.uv_faces[surface.source]
     index = np.where(surface.reversed_faces[:, None], index[:, [0, 2, 1]], index)
+    ok = _with_uv(uvmap)[surface.source]
     uv = uvmap.uv if len(uvmap.uv) else np.zeros((1, 2))
-    corners = uv[np.maximum(index, 0)]
-    ok = np.all((index >= 0) & np.isfinite(corners).all(axis=2), axis=1) & (len(uvmap.uv) > 0)
-    return np.where(ok[:, None, None], corners, 0.0), ok
+    return np.where(ok[:, None, None], uv[np.maximum(index, 0)], 0.0), ok
+
+
+def _with_uv(uvmap: UVMap) -> BoolArray:
+    """(m,) faces that have finite uv at all three corners."""
+    finite = np.append(np.isfinite(uvmap.uv).all(1), False)  # the last stands for −1: no uv
+    result: BoolArray = np.asarray(finite[uvmap.uv_faces].all(1))
+    return result
 
 
 def verify(
@@ -125,13 +134,14 @@ def verify(
     resolution: int | None = None,
     padding: int = 4,
     tiles: IntArray | None = None,
+    most_pages: int | None = None,
 ) -> Verification:
     """Judge a layout over the faces of the mesh that the surface was made from.
 
     uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this.
     tiles: (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane;
-    tile t is laid out t units to the right.
+    tile t is laid out t units to the right. most_pages: of a layout on more, nothing is rasterised.
     Raises InputError where no face has uv that are numbers.
     """
     corners, ok = corners_of(surface, uvmap)
@@ -151,25 +161,29 @@ def verify(
     points = uv[vertices]
     found = overlaps(part.faces, points, part.chart, part.edges)
     number = np.flatnonzero(used)
-    outside = np.zeros(0, np.int64) if resolution is None else _outside(cut_mesh, uv, used)
+    pages = len(np.unique(pages_of(cut_mesh, uv)[used]))
+    drawn = most_pages is None or pages <= most_pages
     alike = points if own is None else _at_best_scales(part, points, own[faces])
     return Verification(
         surface=surface,
         cut=cut,
         cut_mesh=cut_mesh,
         uv=uv,
-        missing=int((~ok).sum()),
+        missing=int((~_with_uv(uvmap)).sum()),
         flips=int(flipped.sum()),
         flipped=flipped,
         mirrored=mirrored,
         overlapping=number[np.flatnonzero(found.self_overlapping)],
         overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
-        outside=outside,
+        outside=_outside(cut_mesh, uv, used) if resolution else np.zeros(0, np.int64),
         measures=measure(part, alike),
         seam_length=_seam_length(atlas),
         uv_min=points.min(0),
         uv_max=points.max(0),
-        coverage=cover(cut_mesh, uv, resolution, padding + 2) if resolution is not None else None,
+        pages=pages if resolution else None,
+        coverage=cover(cut_mesh, uv, resolution, padding + 2, used)
+        if resolution and drawn
+        else None,
     )
 
 
@@ -204,7 +218,7 @@ def _orientation(
 
 def _outside(cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> IntArray:
     """Charts, of those ``used``, that leave the page they lie on."""
-    lo, hi = _boxes(cut_mesh, uv)
+    lo, hi = chart_boxes(cut_mesh, uv)
     page = pages_of(cut_mesh, uv)[:, None] * [1, 0]
     out = ((lo < page - EDGE_SLACK) | (hi > page + 1 + EDGE_SLACK)).any(1)
     return np.flatnonzero(used & out)
@@ -261,15 +275,6 @@ def _seams(surface: Surface, corners: FloatArray, ok: BoolArray) -> BoolArray:
     return result
 
 
-def _boxes(cut_mesh: CutMesh, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Bounding box of each chart."""
-    lo = np.full((cut_mesh.n_charts, 2), np.inf)
-    hi = np.full((cut_mesh.n_charts, 2), -np.inf)
-    np.minimum.at(lo, cut_mesh.vertex_chart, uv)
-    np.maximum.at(hi, cut_mesh.vertex_chart, uv)
-    return lo, hi
-
-
 @dataclass(frozen=True)
 class Promise:
     """What the options promise of a layout: bound None where the cut promises none; padding in texels; stretch
@@ -298,7 +303,13 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
         count = counted(len(v.overlapping_pairs), "pair")
         out.append(f"{count} of charts overlapping, the first {a} and {b}")
     if len(v.outside):
-        out.append(f"{_named(v.outside)} outside the unit square")
+        (u0, v0), (u1, v1) = v.uv_min, v.uv_max
+        reach = f"u from {u0:.4g} to {u1:.4g}, v from {v0:.4g} to {v1:.4g}"
+        out.append(f"{_named(v.outside)} outside the unit square: {reach}, where a page is 1 wide")
+    if v.pages is not None and v.coverage is None:
+        out.append(
+            f"charts on {v.pages} pages, each 1 wide in u: too many to measure pack, gaps and borders"
+        )
     if promise.bound is not None:
         high = np.flatnonzero(v.measures.charts["sd"] > promise.bound * (1 + BOUND_SLACK))
         if len(high):

@@ -113,6 +113,9 @@ def test_uv_that_leave_the_unit_square(tmp_path: Path) -> None:
     got = report(with_uv(tmp_path / "m.obj", p[:, :2] * 3 - 1, (p, f)), "--uv")["uv"]
     assert got["outside"] == 1
     assert got["flips"] == 0
+    one_line_error(
+        check(tmp_path / "m.obj", "--uv", "--fail-if", "outside>0", "-q"), 6, "outside>0"
+    )
 
 
 def test_no_uv(tmp_path: Path) -> None:

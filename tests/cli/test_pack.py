@@ -52,6 +52,33 @@ def test_charts_keep_shape_and_relative_size(tmp_path: Path) -> None:
     np.testing.assert_array_equal(before.mesh.points, after.mesh.points)
 
 
+def two_sided(path: Path) -> Path:
+    """A sheet with a side behind that has uv of its own."""
+    p, f = shapes.grid(5, 5)
+    with_uv(path, np.r_[p[:, :2], p[:, :2] * [-1, 1]], (p, f))
+    backs = [" ".join(f"{k + 1}/{k + 26}" for k in face) for face in f[:, ::-1].tolist()]
+    path.write_text(path.read_text() + "".join(f"f {face}\n" for face in backs))
+    return path
+
+
+def test_both_sides_of_a_sheet_keep_their_charts(tmp_path: Path) -> None:
+    mesh = two_sided(tmp_path / "m.obj")
+    result = pack(mesh, "-o", tmp_path / "o.obj", "--json")
+    got = json.loads(result.stdout)
+    assert (got["charts"], got["overlap"], got["mirrored"]) == (2, 0, 0)
+    written = (tmp_path / "o.obj").read_text().splitlines()
+    assert sum(line.startswith("vt ") for line in written) == 50
+    assert CliRunner().invoke(cli, ["check", str(tmp_path / "o.obj"), "--uv"]).exit_code == 0
+
+
+def test_a_back_without_uv_is_refused(tmp_path: Path) -> None:
+    mesh = two_sided(tmp_path / "m.obj")
+    head, last = mesh.read_text().rsplit("f ", 1)
+    bare = " ".join(corner.split("/")[0] for corner in last.split())
+    mesh.write_text(f"{head}f {bare}\n")
+    one_line_error(pack(mesh, "-o", tmp_path / "o.obj"), 3, "without uv")
+
+
 def test_default_output_and_overwrite(tmp_path: Path) -> None:
     mesh = stacked(tmp_path / "m.obj")
     assert pack(mesh, "-q").exit_code == 0

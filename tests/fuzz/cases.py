@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hypothesis import strategies as st
 
 from circparam import samples
-from tests.fuzz import files
+from tests.fuzz import files, layouts
 from tests.support import strategies
 
 
 @dataclass(frozen=True)
 class Case:
-    """name and data: the file. command: words before it; options: words after it. output: suffix or None."""
+    """name and data: the file. command: words before it; options: words after it. output: suffix or None.
+
+    expected: what a check of the file's uv has to say, by the names of its report.
+    """
 
     name: str
     data: bytes
     command: tuple[str, ...]
     options: tuple[str, ...]
     output: str | None
+    expected: Mapping[str, object] | None = None
 
     @property
     def key(self) -> str:
@@ -85,8 +90,19 @@ def _commands() -> st.SearchStrategy[tuple[tuple[str, ...], tuple[str, ...]]]:
 
 
 @st.composite
+def layouts_of_others(draw: st.DrawFn) -> Case:
+    """A layout that somebody made, to be judged."""
+    data, expected = draw(layouts.layouts())
+    # no padding, for a layout may be valid without any; a small page, for many of them
+    options = ("--uv", "--padding", "0", "--resolution", "64")
+    return Case("mesh.obj", data, ("check",), options, None, expected)
+
+
+@st.composite
 def cases(draw: st.DrawFn) -> Case:
     """Any case."""
+    if draw(st.integers(0, 9)) == 0:
+        return draw(layouts_of_others())
     name, data = draw(st.one_of(mesh_files(), mesh_files(), spoiled_files()))
     command, options = draw(_commands())
     output = None

@@ -74,7 +74,12 @@ def _judge(case: Case, source: Path, target: Path | None, said: str, warned: str
     except ValueError:
         return ["stdout is no JSON document"]
     if target is None:
-        return []
+        wanted = case.expected or {}
+        return [
+            f"{name} is {report['uv'][name]}, not {value}"
+            for name, value in wanted.items()
+            if report["uv"][name] != value
+        ]
     if report["status"] not in ("ok", "repaired", "degraded"):
         return [f"exit 0 and status {report['status']}"]
     if not target.exists():
