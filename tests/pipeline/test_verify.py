@@ -10,7 +10,7 @@ from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
-from circparam.pipeline.gates import GATE_NAMES
+from circparam.pipeline.gates import LAYOUT
 from circparam.pipeline.save import seam_pairs
 from circparam.pipeline.verify import Promise, corners_of, reasons, uv_seams, verify
 from tests.support import shapes
@@ -35,7 +35,7 @@ def test_a_right_layout_has_no_fault() -> None:
     assert n["distortion"] == pytest.approx(1)
     assert n["seam_length"] == 0
     assert n["pack"] == pytest.approx(0.32, abs=0.01)
-    assert set(n) <= set(GATE_NAMES)
+    assert set(n) <= set(LAYOUT)
 
 
 def test_one_turned_face_is_one_flip() -> None:
