@@ -25,6 +25,7 @@ Examples:
 @common.apply(
     click.option("--uv", is_flag=True, help="Judge the uv that the file has."),
     common.library_option("uv_set"),
+    common.atlas_groups,
     common.library_option("resolution"),
     common.library_option("padding"),
     click.option(
@@ -47,7 +48,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     from circparam.pipeline.gates import JUDGED, TOPOLOGY, parse_gates
 
     judge_uv = given["uv"] or given["uv_set"] is not None
-    for name in ("resolution", "padding"):
+    for name in ("resolution", "padding", "group_by"):
         if given[name] is not None and not judge_uv:
             raise OptionError(f"--{name.replace('_', '-')} has no effect without --uv")
     if len(meshes) > 1 and given["format"] is not None and "-" not in meshes:
@@ -56,7 +57,9 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     of_uv = sorted(gates.names() & {*JUDGED, "status"})
     if of_uv and not judge_uv:
         raise OptionError(f"--fail-if {of_uv[0]} judges uv: give --uv")
-    keywords = {k: given[k] for k in ("weld", "resolution", "padding") if given[k] is not None}
+    keywords = {
+        k: given[k] for k in ("weld", "resolution", "padding", "group_by") if given[k] is not None
+    }
     if judge_uv:
         keywords["uv_set"] = given["uv_set"] or 0
     if len(meshes) == 1:

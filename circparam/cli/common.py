@@ -229,6 +229,12 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON o
 
 overwrite = library_option("overwrite")
 
+atlas_groups = click.option(
+    "--group-by",
+    type=click.Choice(["primitive", "mesh", "scene"]),
+    help="What shares an atlas.  [default: as the file says]",
+)
+
 quiet = click.option("--quiet", "-q", is_flag=True, help="No progress, no table, no warnings.")
 
 verbose = click.option("--verbose", "-v", count=True, help="Show more: -v stages, -vv notes.")

@@ -57,6 +57,7 @@ Examples:
     show_default=True,
     help="The axis that points up.",
 )
+@common.atlas_groups
 @common.format_option
 @common.library_option("reader")
 @common.overwrite
@@ -76,7 +77,7 @@ def command(mesh: str, **given: Any) -> None:
     check_kind(path)
     check_place(str(path), given["overwrite"])
     document = read(mesh, format=given["format"], reader=given["reader"])
-    look = {name: given[name] for name in ("uv_set", "padding", "up")}
+    look = {name: given[name] for name in ("uv_set", "padding", "up", "group_by")}
     view_document(document, path, **look, scale_end=given["scale"])
     for line in [*document.warnings, *document.notes]:
         progress.warn(f"{mesh}: {line}", given["quiet"])

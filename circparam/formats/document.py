@@ -12,12 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.materials import Textures
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
+
+GROUPINGS = ("primitive", "mesh")  # what may share an atlas, other than the whole file
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,8 @@ class WriteOptions:
     copy_assets: copy the materials and textures that the output refers to beside it; None does so but never
     over another file. Buffers go along whatever it says: nothing could read the output without them. uv_double:
     store uv as doubles where the format can (PLY); others write what they always do. set_flag: the option that
-    chose the set, for messages.
+    chose the set, for messages. group_by: what shares an atlas, as ``Document.group_by`` tells it; None is the
+    whole file.
     """
 
     uv_set: int | None = None
@@ -38,6 +41,7 @@ class WriteOptions:
     copy_assets: bool | None = None
     uv_double: bool = False
     set_flag: str = "--uv-set"
+    group_by: str | None = None
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,10 @@ class Document:
                 f"it has no uv set {uv_set} (there is {there}): circparam unwrap makes one"
             )
         return found
+
+    def group_by(self, uv_set: int = 0) -> str | None:
+        """What shares an atlas in a uv set, a kind of ``labels``; None where the file does not say so."""
+        return None
 
     def labels(self, kind: str) -> IntArray:
         """(m,) int64 label of each face by ``kind``: 'primitive' (or material), 'mesh' or 'scene'."""
@@ -249,6 +257,16 @@ def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool)
     keep = "" if only_first else ", or keep that set with --lightmap"
     cure = f"carry them over with circparam bake --from texture{keep}"
     return Replaced(number, [], [f"{text}, which its textures use: {cure}"])
+
+
+def exported_grouping(document: Document, group_by: str | None) -> str | None:
+    """What shares an atlas in a new file, which tells materials apart and nothing else."""
+    if group_by not in GROUPINGS:
+        return None
+    groups = document.mesh.groups
+    materials = np.zeros(len(document.mesh.faces), np.int64) if groups is None else groups
+    same = np.array_equal(relabel(document.labels(group_by))[1], relabel(materials)[1])
+    return "primitive" if same else None
 
 
 def check_new_set(options: WriteOptions, format: str) -> None:

@@ -2,7 +2,8 @@
 charts.
 
 A chart without flips and overlaps is the inside of its boundary, so the covered texels follow from the
-crossings of boundary segments with texel rows; the cost is that of the boundary, not of the faces.
+crossings of boundary segments with texel rows; the cost is that of the boundary, not of the faces. A chart that
+is folded is taken apart at its folds: its upright faces and its reversed ones have a boundary each.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    cross2,
     next_half_edge,
     sorted_distinct,
 )
@@ -92,14 +94,18 @@ def label_grid(
     bool, those to draw.
     """
     flat = cut_mesh.faces.ravel()
-    h = cut_mesh.boundary
+    q = uv[cut_mesh.faces]
+    reversed_faces = cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]) < 0
+    side = reversed_faces[cut_mesh.edges // 3]
+    folds = cut_mesh.edges[side[:, 0] != side[:, 1]]
+    h = np.concatenate([cut_mesh.boundary, folds.ravel()])
     if charts is not None:
         h = h[charts[cut_mesh.chart[h // 3]]]
     a, b = (uv[flat[k]] * resolution - 0.5 for k in (h, next_half_edge(h)))
     edge, row, x = row_crossings(a, b, resolution, 0.0)
-    chart = cut_mesh.chart[h[edge] // 3]
-    order = np.lexsort((x, row, chart))
-    x, row, chart = x[order], row[order], chart[order]
+    part = 2 * cut_mesh.chart[h[edge] // 3] + reversed_faces[h[edge] // 3]
+    order = np.lexsort((x, row, part))
+    x, row, chart = x[order], row[order], part[order] // 2
     # of each chart, a row is inside from its first crossing to its second, and so on
     begin = np.clip(np.ceil(x[0::2]), 0, resolution).astype(np.int64) + row[0::2] * resolution
     end = np.clip(np.floor(x[1::2]) + 1, 0, resolution).astype(np.int64) + row[1::2] * resolution

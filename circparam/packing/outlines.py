@@ -195,7 +195,7 @@ def shapes_of(faces: IntArray, uv: FloatArray, chart: IntArray) -> Shapes:
         raise OptionError(
             f"face {bad} shares a uv vertex with another chart: give every chart its own uv vertices"
         )
-    start, end = _outline_edges(faces, len(uv))
+    start, end = _outline_edges(faces, uv)
     order = np.argsort(owner[start], kind="stable")
     start, end = start[order], end[order]
     edge_start = np.searchsorted(owner[start], np.arange(n + 1)).astype(np.int64)
@@ -225,12 +225,22 @@ def _validate(faces: IntArray, uv: FloatArray, chart: IntArray) -> None:
         raise OptionError("chart labels leave gaps: number the charts 0..n-1")
 
 
-def _outline_edges(faces: IntArray, n: int) -> tuple[IntArray, IntArray]:
-    """Edges that exactly one face has; all edges of a chart that has none (a closed or doubled one)."""
+def _outline_edges(faces: IntArray, uv: FloatArray) -> tuple[IntArray, IntArray]:
+    """Edges that exactly one face has, and folds, at which a chart may end as well.
+
+    At a fold one of the two faces is reversed. A chart without any such edge has all its edges for an
+    outline.
+    """
     a, b = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    n = len(uv)
     runs = sort_by_edge(faces, n)
     boundary = np.zeros(faces.size, bool)
     boundary[runs.order[runs.head[runs.size == 1]]] = True
+    q = uv[faces]
+    reversed_faces = cross2(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]) < 0
+    if reversed_faces.any() and not reversed_faces.all():
+        side = reversed_faces[runs.pairs // 3]
+        boundary[runs.pairs[side[:, 0] != side[:, 1], 0]] = True
     # a face without any way to an outline still has to be packed: take all its edges
     vertex = np.full(n, False)
     vertex[a[boundary]] = True

@@ -53,7 +53,10 @@ def pack(
             packed, wrong = checked(placement)
             if wrong is None:
                 return packed
-    raise NoResultError(f"packing failed its own check ({wrong}): try a larger --resolution")
+    raise NoResultError(
+        f"packing failed its own check ({wrong}): try another --resolution, or make new charts with "
+        "circparam unwrap"
+    )
 
 
 def _centred(shapes: Shapes, uv: FloatArray, start: Placement) -> Placement:

@@ -56,7 +56,7 @@ def target_format(
     return DEFAULT_OUTPUT[document.format]
 
 
-def write_options(o: Options, uv_double: bool = False) -> WriteOptions:
+def write_options(o: Options, uv_double: bool = False, group_by: str | None = None) -> WriteOptions:
     """How uv go into the file."""
     return WriteOptions(
         uv_set=o.target_set,
@@ -65,6 +65,7 @@ def write_options(o: Options, uv_double: bool = False) -> WriteOptions:
         copy_assets=o.copy_assets,
         uv_double=uv_double,
         set_flag="--uv-set" if o.uv_set is not None else "--lightmap",
+        group_by=group_by,
     )
 
 
@@ -117,11 +118,11 @@ def check_scene(document: Document, o: Options) -> None:
         )
 
 
-def tiles_of(document: Document, o: Options) -> IntArray | None:
+def tiles_of(document: Document, group_by: str | None, o: Options) -> IntArray | None:
     """(m,) how far to the right each face's atlas is laid out to be judged; None where there is one atlas."""
-    if not o.grouped:
+    if group_by is None:
         return None
-    _, labels = relabel(document.labels(str(o.group_by)))
+    _, labels = relabel(document.labels(group_by))
     return labels * (o.pages or 1)
 
 

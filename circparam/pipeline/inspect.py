@@ -16,7 +16,8 @@ from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.topology import describe
 from circparam.mesh.topology_report import TopologyReport
-from circparam.pipeline.verify import Promise, Verification, reasons, verify
+from circparam.pipeline.stored_groups import judge
+from circparam.pipeline.verify import Promise, Verification, reasons
 
 LARGEST = float(np.finfo(np.float32).max)  # larger uv mean nothing to a renderer
 
@@ -44,9 +45,11 @@ def inspect(
     weld: float = 0.0,
     resolution: int = 2048,
     padding: int | Literal["auto"] = 4,
+    group_by: str | None = None,
 ) -> Inspection:
     """Describe a document; with ``uv_set`` judge that set at a resolution in texels. padding: in texels, or
-    'auto', which grows with the resolution.
+    'auto', which grows with the resolution. group_by: what shares an atlas: 'primitive', 'mesh' or 'scene';
+    None as the file says (see ``judge``).
 
     Raises InputError where the set does not exist, or no face has uv in it, OptionError for a resolution or
     padding (texels) out of range.
@@ -65,11 +68,13 @@ def inspect(
         uvmap = UVMap(np.where(beyond, np.nan, uvmap.uv), uvmap.uv_faces)
     surface, repairs = repair(document.mesh, RepairOptions(weld), uvmap)
     try:
-        found = verify(
-            surface, uvmap, resolution=resolution, padding=padding, most_pages=int(PAGES.high)
-        )
+        judged = judge(
+            document, surface, uvmap, uv_set, group_by=group_by,
+            resolution=resolution, padding=padding, most_pages=int(PAGES.high),
+        )  # fmt: skip
     except InputError as error:
         raise document.source.error(error) from None
+    found, notes = judged.verification, [*notes, *([judged.note] if judged.note else [])]
     last = int(min(max(found.uv_max[0], 0), LAST_PAGE))
     if found.pages is not None and last > found.pages:
         notes.append(f"uv reach u = {found.uv_max[0]:.7g}: the empty pages between are not counted")

@@ -31,7 +31,8 @@ class Job:
     """One mesh on its way: what was read, what is solved on, and what was asked for.
 
     target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
-    the file, None where there is one. floaters: what is left out of the layout; the surface is without it.
+    the file, None where there is one; group_by: what has one, as ``Document.group_by``. floaters: what is left
+    out of the layout; the surface is without it.
     """
 
     document: Document
@@ -41,6 +42,7 @@ class Job:
     repair_report: RepairReport
     tiles: IntArray | None
     floaters: Floaters | None = None
+    group_by: str | None = None
 
     def completed(self, cut_mesh: CutMesh, uv: FloatArray, double: bool = False) -> UVMap:
         """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too.
@@ -66,7 +68,8 @@ def prepare(
     monitor: Monitor,
     uvmap: UVMap | None = None,
 ) -> Job:
-    """Repair what was read, as a map; nothing of the document is edited. uvmap: a layout whose charts stay.
+    """Repair what was read, as a map; nothing of the document is edited. uvmap: a layout whose charts stay,
+    and whose atlases stay apart as the file says.
 
     Raises InputError for a mesh without usable faces, OptionError where an option does not fit the file.
     """
@@ -84,4 +87,8 @@ def prepare(
             surface, floaters = find_floaters(document, surface, options.drop_floaters)
     check_density(surface, options, document.source.name)
     monitor.check()
-    return Job(document, options, target, surface, report, tiles_of(document, options), floaters)
+    group_by = options.group_by if options.grouped else None
+    if uvmap is not None:
+        group_by = document.group_by(options.uv_set or 0)
+    tiles = tiles_of(document, group_by, options)
+    return Job(document, options, target, surface, report, tiles, floaters, group_by)

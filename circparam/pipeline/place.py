@@ -55,7 +55,18 @@ def place(
     uv = sized(cut_mesh, uv, keep)
     if known is not None and group is None and np.array_equal(known.before, uv):
         return Placed(known.packed.uv.copy(), known.packed.notes)
-    asked = pack_options(options)
+    return pack_groups(cut_mesh, uv, options, monitor, group)
+
+
+def pack_groups(
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    options: Options,
+    monitor: Monitor,
+    group: IntArray | None = None,
+) -> Placed:
+    """Charts packed at the sizes that they have; each group ((n_charts,) or None) gets its own pages."""
+    asked, uv = pack_options(options), uv.copy()
     notes: list[str] = []
     for label in np.unique(group if group is not None else 0):
         mine = np.full(cut_mesh.n_charts, True) if group is None else group == label

@@ -34,7 +34,8 @@ class Result:
     repairs: what was done to the mesh and to the layout, one line each. iterations, stopped: of each chart as
     the method made it. seconds: of each stage. path: the file written, None in memory; vertex_map and face_map:
     input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
-    uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None.
+    uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None;
+    group_by: what has an atlas of its own, or None.
     floaters: what --drop-floaters left out, None where it was not given.
     """
 
@@ -55,6 +56,7 @@ class Result:
     iterations: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     stopped: list[str] = field(default_factory=list)
     tiles: IntArray | None = None
+    group_by: str | None = None
     work: str = "unwrap"
     uv_double: bool = False
     floaters: Floaters | None = None

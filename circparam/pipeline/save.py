@@ -36,7 +36,7 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
             result.document,
             UVMap(result.uv, result.uv_faces),
             format=result.format if piped else o.format,
-            options=write_options(o, result.uv_double),
+            options=write_options(o, result.uv_double, result.group_by),
             overwrite=o.overwrite,
         )
     result = replace(

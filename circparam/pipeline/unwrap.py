@@ -23,10 +23,9 @@ from circparam.geometry.overlap import signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.packing import pack
 from circparam.pipeline import checkpoint
 from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.configure import open_source, pack_options, padding_note
+from circparam.pipeline.configure import open_source, padding_note
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.floaters import told
@@ -36,6 +35,7 @@ from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.pinned import check_held, check_storable
+from circparam.pipeline.place import chart_tiles, pack_groups
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.seen import SeenBeside
@@ -141,7 +141,8 @@ def repack(
     """Pack the charts that a file's uv has already; their shapes and relative sizes stay as they are.
 
     source, output, listener: as for ``unwrap``. keywords: the fields of ``Options`` for packing and writing;
-    uv_set is the set that is read and replaced. Raises InputError where a face has no uv.
+    uv_set is the set that is read and replaced; groups that have an atlas each, as the file says, keep one.
+    Raises InputError where a face has no uv.
     """
     options = from_keywords({**keywords, "cut": "none"})
     if options.uv_set is not None:
@@ -154,7 +155,8 @@ def repack(
     cascade = Cascade(_as_given(job, uvmap))
     cut_mesh, uv = cascade.open()
     with monitor.stage("pack"):
-        packed = pack(cut_mesh.faces, uv, cut_mesh.chart, pack_options(options), monitor)
+        group = None if job.tiles is None else chart_tiles(cut_mesh, job.tiles[job.surface.source])
+        packed = pack_groups(cut_mesh, uv, options, monitor, group)
     fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, packed.uv)
     return _finish(job, fitted, output, monitor, "pack")
 
@@ -182,7 +184,11 @@ def _as_given(job: Job, uvmap: UVMap) -> Atlas:
             f"{job.document.source.name}: {counted(int((~ok).sum()), 'face')} without uv: "
             "circparam unwrap makes some"
         )
-    return Atlas(job.surface, uv_seams(job.surface, uvmap), corners)
+    cut = uv_seams(job.surface, uvmap)
+    if job.tiles is not None:
+        tile = job.tiles[job.surface.source][job.surface.edges // 3]
+        cut |= tile[:, 0] != tile[:, 1]
+    return Atlas(job.surface, cut, corners)
 
 
 def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
@@ -218,6 +224,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         stopped=cascade.stopped,
         format=job.target,
         tiles=job.tiles,
+        group_by=job.group_by,
         uv_double=fitted.double,
         floaters=job.floaters,
     )

@@ -12,8 +12,16 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode, media_type
 from circparam.mesh.mesh import UVMap
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.pipeline.stored_groups import Judged, judge, laid_apart
 from circparam.render.colours import END
-from circparam.render.figures import PageImages, PictureOptions, measured, scene_figures
+from circparam.render.figures import (
+    RASTER,
+    PageImages,
+    PictureOptions,
+    as_figures,
+    scene_figures,
+)
 from circparam.render.picture import save_scene
 from circparam.render.scene import Scene, make_scene, with_copies
 
@@ -38,17 +46,23 @@ def view_document(
     padding: float = 0.0,
     up: str = "auto",
     scale_end: float | None = None,
+    group_by: str | None = None,
 ) -> Scene:
     """Draw a uv set of a file into a PNG, an SVG or a page, by the ending of ``path``; returns the scene.
 
     padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or auto. scale_end: end
-    of the colour scale of distortion. Raises OptionError for an unknown ending, InputError where the file lacks
-    that set or its uv are no numbers, OutputError where the picture cannot be written.
+    of the colour scale of distortion. group_by: what shares an atlas; several stand side by side (see
+    ``circparam.pipeline.stored_groups.judge``). Raises OptionError for an unknown ending, InputError where the
+    file lacks that set or its uv are no numbers, OutputError where the picture cannot be written.
     """
     check_kind(path)
     uvmap = document.require_uv(uv_set)
+    judged = judged_set(document, uv_set, group_by)
+    if judged is not None:
+        uvmap = laid_apart(uvmap, judged.tiles)
     scene = scene_of(document, uvmap)
     images, note, notes = None, "this mesh has no texture", list(document.notes)
+    notes += [judged.note] if judged is not None and judged.note else []
     if path.suffix.lower() == ".html":
         images, note, more = page_images(document, uv_set)
         targets = document.targets()
@@ -67,16 +81,23 @@ def view_document(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
         padding=padding, scale_end=scale_end or END, repairs=tuple(notes), images=images, image_note=note,
     )  # fmt: skip
-    save_scene(path, scene, options, view_figures(document, uvmap, scene))
+    save_scene(path, scene, options, view_figures(judged, scene))
     return scene
 
 
-def view_figures(document: Document, uvmap: UVMap, scene: Scene) -> list[tuple[str, str]]:
+def view_figures(judged: Judged | None, scene: Scene) -> list[tuple[str, str]]:
     """The figures of a uv set, as ``circparam check --uv`` tells them."""
+    return scene_figures(scene) if judged is None else as_figures(judged.verification.numbers())
+
+
+def judged_set(document: Document, uv_set: int, group_by: str | None = None) -> Judged | None:
+    """A uv set as ``circparam check --uv`` judges it; None where nothing of it can be judged."""
     try:
-        return measured(document.mesh, uvmap)
+        uvmap = document.require_uv(uv_set)
+        surface, _ = repair(document.mesh, RepairOptions(), uvmap)
+        return judge(document, surface, uvmap, uv_set, group_by, resolution=RASTER)
     except InputError:
-        return scene_figures(scene)
+        return None
 
 
 def scene_of(document: Document, uvmap: UVMap) -> Scene:

@@ -41,15 +41,24 @@ def test_outlines_are_the_edges_of_one_face_only():
     np.testing.assert_allclose(end, shapes.points[shapes.end])
 
 
-def test_a_chart_without_an_outline_is_known_by_all_its_edges():
-    """A face and its reverse have no edge of their own; the chart beside them keeps its outline."""
+def test_a_chart_without_a_border_ends_at_its_folds():
+    """A face and its reverse are folded at every edge; the chart beside them keeps its outline."""
     uv = np.array([[0.0, 0], [2, 0], [0, 1], [5, 5], [6, 5], [5, 6]])
     shapes = shapes_of(np.array([[0, 1, 2], [2, 1, 0], [3, 4, 5]]), uv, np.array([0, 0, 1]))
-    assert np.diff(shapes.edge_start).tolist() == [6, 3]
-    assert set(shapes.start[:6]) == {0, 1, 2}
+    assert np.diff(shapes.edge_start).tolist() == [3, 3]
+    assert set(shapes.start[:3]) == {0, 1, 2}
     np.testing.assert_allclose(
         shapes.boxes(np.zeros(2)), [[-1, -0.5, 1, 0.5], [-0.5] * 2 + [0.5] * 2]
     )
+
+
+def test_a_chart_without_border_and_fold_is_known_by_all_its_edges():
+    """A face twice, the same way round."""
+    shapes = shapes_of(
+        np.array([[0, 1, 2], [0, 1, 2]]), np.array([[0.0, 0], [2, 0], [0, 1]]), np.zeros(2, int)
+    )
+    assert np.diff(shapes.edge_start).tolist() == [6]
+    np.testing.assert_allclose(shapes.boxes(np.zeros(1)), [[-1, -0.5, 1, 0.5]])
 
 
 @settings(max_examples=30)

@@ -127,8 +127,8 @@ def test_materials_are_cut_unless_told_otherwise() -> None:
 
 def test_atlases_lie_side_by_side(tmp_path: Path) -> None:
     document = read(samples.path("vase"))
-    assert tiles_of(document, Options()) is None
-    tiles = tiles_of(document, Options(group_by="mesh", pages=3))
+    assert tiles_of(document, None, Options()) is None
+    tiles = tiles_of(document, "mesh", Options(pages=3))
     assert tiles is not None
     count = len(np.unique(document.labels("mesh")))
     assert count > 1

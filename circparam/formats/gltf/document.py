@@ -10,7 +10,8 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
 from circparam.formats.gltf import materials
-from circparam.formats.gltf.editing import write_uv
+from circparam.formats.gltf.editing import TreeEdit, write_uv
+from circparam.formats.gltf.groups import store_grouping, stored_grouping
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, Tree, sound_tree
 from circparam.formats.gltf.rows import short_views
@@ -71,6 +72,10 @@ class GltfDocument(Document):
         faces = self.mesh.faces
         return UVMap(uv, np.where(has[faces], faces, -1))
 
+    def group_by(self, uv_set: int = 0) -> str | None:
+        """What shares an atlas, as the extras of the asset say."""
+        return stored_grouping(self.tree.json, uv_set)
+
     def labels(self, kind: str) -> IntArray:
         """(m,) label of each face by primitive, mesh or scene."""
         if kind in ("primitive", "mesh"):
@@ -128,8 +133,10 @@ class GltfDocument(Document):
             return None
         replaced = check_uv_set(self, options, only_first=False)
         with sound_tree(self.source):
+            edit = TreeEdit(self.tree)
+            store_grouping(edit.json, replaced.number, options.group_by)
             out = write_uv(
-                self.tree,
+                edit,
                 self.primitives,
                 self.pools,
                 uvmap,

@@ -22,17 +22,15 @@ from circparam.formats.gltf.model import (
     Pool,
     Primitive,
 )
-from circparam.formats.gltf.reading import Tree
 from circparam.formats.vertex_split import Split, duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
 
 def write_uv(
-    tree: Tree, primitives: list[Primitive], pools: list[Pool], uvmap: UVMap, number: int, *,
+    edit: TreeEdit, primitives: list[Primitive], pools: list[Pool], uvmap: UVMap, number: int, *,
     format: str, stem: str,
 ) -> Encoded:  # fmt: skip
-    """The tree with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""
-    edit = TreeEdit(tree)
+    """The tree that is edited with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""
     stored = stored_uv(uvmap.uv)
     start = np.cumsum([0, *(len(p.triangles) for p in primitives)])
     sources, added, listed, dropped = [], 0, 0, 0

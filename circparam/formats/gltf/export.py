@@ -14,11 +14,13 @@ from circparam.formats.document import (
     Encoded,
     WriteOptions,
     check_new_set,
+    exported_grouping,
     not_carried,
 )
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import file_uv, index_type, stored_uv
+from circparam.formats.gltf.groups import store_grouping
 from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json
 from circparam.formats.source import Source
 from circparam.formats.vertex_split import duplicated, split_vertices
@@ -54,6 +56,7 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     order = np.argsort(groups, kind="stable")
     count = np.bincount(groups)
     tree = _new_tree(document, points[split.source], count)
+    store_grouping(tree, 0, exported_grouping(document, options.group_by))
     if at.any():
         tree["nodes"][0]["translation"] = at.tolist()
         notes.append(
@@ -101,7 +104,7 @@ def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str =
     whole = again.uv()
     if whole is None:
         raise NoResultError("the new glTF has no uv")
-    out = again.rewrite(whole, WriteOptions(), "gltf", stem)
+    out = again.rewrite(whole, WriteOptions(group_by=again.group_by()), "gltf", stem)
     if out is None:
         raise NoResultError("the new glTF can't be written")
     return replace(encoded, data=out.data, extra=out.extra, format="gltf")

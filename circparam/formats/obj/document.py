@@ -15,7 +15,7 @@ from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
 from circparam.formats.materials import Textures
 from circparam.formats.obj import materials
-from circparam.formats.obj.editing import compact, element_edits, with_uv
+from circparam.formats.obj.editing import compact, element_edits, groupings, with_uv
 from circparam.formats.obj.reading import Scan
 from circparam.formats.polygons import Polygons, triangulate
 from circparam.formats.source import Source
@@ -45,6 +45,11 @@ class ObjDocument(Document):
         if uv_set not in self.uv_sets:
             return None
         return UVMap(self.texture_points, self.corner_vt[self.polys.triangles])
+
+    def group_by(self, uv_set: int = 0) -> str | None:
+        """What shares an atlas, as a comment before the vt lines says."""
+        said = groupings(self.scan)
+        return None if not said else said[-1].group(1).decode()
 
     def labels(self, kind: str) -> IntArray:
         """(m,) label of each face by material, by ``o`` name for 'mesh', or one for 'scene'."""
@@ -83,7 +88,7 @@ class ObjDocument(Document):
         notes = list(replaced.notes)
         corner = self.polys.corner_uv(uvmap, self.source.name)
         used, corner = compact(corner, len(uvmap.uv))
-        data = with_uv(self.scan, uvmap.uv[used], corner)
+        data = with_uv(self.scan, uvmap.uv[used], corner, options.group_by)
         if len(element_edits(self.scan)[0]):
             notes.append("l elements lost their vt: they named points of the old uv set")
         n, m = len(self.mesh.points), len(self.mesh.faces)

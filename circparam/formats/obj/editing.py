@@ -2,17 +2,37 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
 from circparam.formats.obj.reading import Scan
 from circparam.formats.tokens import NEWLINE, SLASH, ByteArray, as_bytes, digits, splice
 
+_GROUPING = b"# circparam group_by "  # a comment on its own line; behind it: primitive or mesh
 
-def with_uv(scan: Scan, uv: FloatArray, corner: IntArray) -> bytes:
-    """The file with the given uv (k, 2) and, for every face corner, (L,) its number (from 0; −1: none)."""
+
+def groupings(scan: Scan) -> list[re.Match[bytes]]:
+    """The lines that say what shares an atlas."""
+    if _GROUPING not in scan.data:
+        return []
+    line = rb"^" + _GROUPING + rb"(primitive|mesh)[ \t]*(?:\r\n|\r|\n|\Z)"
+    return list(re.finditer(line, scan.data, re.MULTILINE))
+
+
+def grouping_line(group_by: str | None, newline: str) -> bytes:
+    """The line that says what shares an atlas; none for the whole file."""
+    return b"" if group_by is None else _GROUPING + f"{group_by}{newline}".encode()
+
+
+def with_uv(scan: Scan, uv: FloatArray, corner: IntArray, group_by: str | None = None) -> bytes:
+    """The file with the given uv (k, 2) and, for every face corner, (L,) its number (from 0; −1: none).
+
+    group_by: what shares an atlas, 'primitive' or 'mesh'; None is the whole file.
+    """
     start, end, text, length = corner_edits(scan, corner)
-    block, drop_start, drop_end, where = vt_edits(scan, uv)
+    block, drop_start, drop_end, where = vt_edits(scan, uv, group_by)
     e_start, e_end = element_edits(scan)
     empty = np.zeros(len(drop_start) + len(e_start), np.int64)
     starts = np.concatenate([[where], drop_start, e_start, start])
@@ -55,8 +75,10 @@ def corner_edits(scan: Scan, uv: IntArray) -> tuple[IntArray, IntArray, ByteArra
     return start, end, text, length
 
 
-def vt_edits(scan: Scan, uv: FloatArray) -> tuple[bytes, IntArray, IntArray, int]:
-    """The new vt lines, the byte ranges of the old ones, and where the new ones go."""
+def vt_edits(
+    scan: Scan, uv: FloatArray, group_by: str | None
+) -> tuple[bytes, IntArray, IntArray, int]:
+    """The new vt lines and their comment, the byte ranges of the old ones, and where the new ones go."""
     t = scan.tokens
     old = scan.of(b"vt")
     start = t.line_start[old]
@@ -68,7 +90,9 @@ def vt_edits(scan: Scan, uv: FloatArray) -> tuple[bytes, IntArray, IntArray, int
     newline = "\r\n" if head[-2:].tobytes() == b"\r\n" else "\n"
     if NEWLINE not in head and len(head):
         newline = "\r"
-    return vt_lines(uv, newline), start, end, where
+    said = np.array([found.span() for found in groupings(scan)], np.int64).reshape(-1, 2)
+    start, end = np.concatenate([start, said[:, 0]]), np.concatenate([end, said[:, 1]])
+    return grouping_line(group_by, newline) + vt_lines(uv, newline), start, end, where
 
 
 def element_edits(scan: Scan) -> tuple[IntArray, IntArray]:

@@ -10,9 +10,10 @@ from circparam.formats.document import (
     Encoded,
     WriteOptions,
     check_new_set,
+    exported_grouping,
     not_carried,
 )
-from circparam.formats.obj.editing import compact, vt_lines
+from circparam.formats.obj.editing import compact, grouping_line, vt_lines
 from circparam.formats.polygons import polygon_of_corner
 from circparam.formats.tokens import as_bytes, digits, interleave
 from circparam.mesh.mesh import UVMap
@@ -50,7 +51,8 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
         ]
     )
     lines = body[np.repeat(some, lengths)].tobytes() if not some.all() else body.tobytes()
-    data = points.encode() + vt_lines(uvmap.uv[used], "\n") + lines
+    said = grouping_line(exported_grouping(document, options.group_by), "\n")
+    data = points.encode() + said + vt_lines(uvmap.uv[used], "\n") + lines
     n, m = len(document.mesh.points), len(document.mesh.faces)
     notes, warnings = not_carried(document, "obj", "polygons", "groups")
     return Encoded(data, "obj", np.arange(n), np.arange(m), notes=notes, warnings=warnings)

@@ -1,0 +1,81 @@
+"""Charts that lie on themselves: mirrored halves on one place, packed as one piece that keeps its shape."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from circparam.formats.io import read
+from circparam.formats.memory import from_arrays
+from circparam.packing.outlines import shapes_of
+from circparam.pipeline.inspect import inspect
+from circparam.pipeline.unwrap import repack
+from tests.support.formats_tools import corners
+
+
+def tube(sides: int = 24, rows: int = 17) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A barrel open at both ends; seen from the front and from behind at once: folded at its two outlines."""
+    t, s = np.linspace(0.15, np.pi - 0.15, rows), np.arange(sides) * 2 * np.pi / sides
+    t, s = (x.ravel() for x in np.meshgrid(t, s, indexing="ij"))
+    points = np.stack([np.cos(t), np.sin(t) * np.cos(s), np.sin(t) * np.sin(s)], 1)
+    k = np.arange(rows * sides).reshape(rows, sides)
+    a, b, c, d = (x.ravel() for x in (k[:-1], k[1:], np.roll(k, -1, 1)[1:], np.roll(k, -1, 1)[:-1]))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return points, faces, points[:, :2] * 0.4 + 0.5
+
+
+def test_the_outline_of_a_folded_chart_reaches_its_folds() -> None:
+    """The borders of the barrel are short and in the middle: its width is told by the folds alone."""
+    _, faces, uv = tube()
+    box = shapes_of(faces, uv, np.zeros(len(faces), np.int64)).boxes(np.zeros(1))[0]
+    low, high = uv.min(0), uv.max(0)
+    np.testing.assert_allclose(
+        box, np.concatenate([low, high]) - np.tile((low + high) / 2, 2), atol=1e-12
+    )
+
+
+def test_mirrored_halves_are_packed_on_each_other(tmp_path: Path) -> None:
+    points, faces, uv = tube()
+    square, flat = (
+        np.array([[0, 0, 3.0], [1, 0, 3], [1, 1, 3], [0, 1, 3]]),
+        np.array([[0, 1, 2], [0, 2, 3]]),
+    )
+    n = len(points)
+    document = from_arrays(
+        np.concatenate([points, square]), np.concatenate([faces, flat + n]),
+        np.concatenate([uv, square[:, :2] * 0.3]), np.concatenate([faces, flat + n]),
+    )  # fmt: skip
+    old = document.uv()
+    result = repack(document, tmp_path / "out.obj", resolution=512, padding=4)
+    new = read(tmp_path / "out.obj").uv()
+    assert old is not None
+    assert new is not None
+    assert new.uv.min() > 0
+    assert new.uv.max() < 1
+    assert result.measures["gap_texels"] >= 5  # between the two charts
+    before, after = corners(old)[: len(faces)], corners(new)[: len(faces)]
+    for k in range(2):  # a similarity of the plane, nothing else: all lengths grow alike
+        ratio = np.linalg.norm(after[:, k] - after[:, 2], axis=1) / np.linalg.norm(
+            before[:, k] - before[:, 2], axis=1
+        )
+        np.testing.assert_allclose(ratio, np.median(ratio), rtol=1e-6)
+
+
+@pytest.mark.parametrize("fold", [0.5, 0.3])
+def test_folded_charts_cover_what_they_cover(fold: float) -> None:
+    """A strip of the unit square, folded once: the raster counts the texels of the longer half, once."""
+    x = np.linspace(0, 1, 11)
+    grid = np.stack(np.meshgrid(x, [0.0, 1.0], indexing="ij"), 2).reshape(-1, 2)
+    k = np.arange(20).reshape(10, 2)
+    quads = np.stack([k[:, 0], k[:, 0] + 2, k[:, 0] + 3, k[:, 0] + 1], 1)
+    faces = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
+    uv = np.stack([np.abs(grid[:, 0] - fold), grid[:, 1] * 0.5], 1) + 0.1
+    points = np.concatenate([grid, np.zeros((len(grid), 1))], 1)
+    document = from_arrays(points, faces, uv, faces)
+    found = inspect(document, uv_set=0, resolution=1000).uv
+    assert found is not None
+    assert found.flips > 0
+    assert found.coverage is not None
+    assert found.coverage.share == pytest.approx((1 - fold) * 0.5, abs=2e-3)
