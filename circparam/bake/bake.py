@@ -14,6 +14,7 @@ import numpy.typing as npt
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
+from circparam.bake.facing import brought_upright
 from circparam.bake.projection import (
     Projection,
     height_paint,
@@ -55,13 +56,15 @@ class Baked:
     """tiles: (u, v) of a unit tile → (size, size, c), row 0 at the top: uint8, c = 3 or 4; uint16, c = 1.
 
     covered: share of all texels that a face covers. notes: what the user should know. report: figures on how
-    places were found on another surface, for JSON.
+    places were found on another surface, for JSON. tints: what materials do to the colours that were
+    baked, which is no part of the image.
     """
 
     tiles: dict[tuple[int, int], Texels]
     covered: float
     notes: list[str] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
+    tints: tuple[str, ...] = ()
 
 
 def bake(
@@ -199,12 +202,17 @@ def bake_document(
     across = across or Across()
     check_across(kind, source is not None, across)
     layout = document.require_uv(uv_set)
+    told: list[str] = []
     if source is not None:
         require_shape(source)
+        if not isinstance(across.by, SurfaceMap):
+            document, source, told = brought_upright(document, source)
     if source is not None and (kind in SHAPES or across.by is not None):
         require_shape(document)
-        return _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
+        baked = _bake_across(document, layout, kind, source, across, (uv_set, size, monitor))
+        return replace(baked, notes=told + baked.notes, tints=_tints(source, kind))
     paint, channels, notes = _colours(document, layout, kind, source, (uv_set, size))
+    notes = told + notes
     if source is not None and not same_surface(document.mesh, source.mesh):
         closest = Closest(source.mesh.points, source.mesh.faces)
         away = apart(document.mesh, closest)
@@ -220,7 +228,13 @@ def bake_document(
                 f"these lie {percent(away)} of its size away in the mean: both should have one place and scale"
             )
     baked = bake(layout, paint, size, channels=channels, monitor=monitor)
-    return replace(baked, notes=notes + baked.notes)
+    return replace(baked, notes=notes + baked.notes, tints=_tints(source or document, kind))
+
+
+def _tints(origin: Document, kind: str) -> tuple[str, ...]:
+    """What the materials of a file do to the textures that are baked out of it."""
+    found = origin.textures() if kind == "texture" else None
+    return () if found is None else found.tints
 
 
 def check_across(kind: str, has_source: bool, across: Across) -> None:

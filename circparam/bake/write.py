@@ -12,14 +12,17 @@ import numpy as np
 from circparam.bake.bake import Baked, Texels, to_image
 from circparam.bake.projection import own_frames
 from circparam.core.files import write_files
+from circparam.core.words import counted
 from circparam.errors import OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.buffers import glb_bytes
+from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.normals import with_frames
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.io import encode
-from circparam.formats.shaded import split_by_normal
 from circparam.formats.source import Source
+from circparam.formats.table import up_of
+from circparam.formats.upright import turned, y_up
 
 # readers that know this extension would show its texture instead of the new one
 GLOSS = "KHR_materials_pbrSpecularGlossiness"
@@ -33,33 +36,46 @@ def check_target(path: Path, kind: str = "texture") -> None:
         raise OptionError(f"{path}: glTF has no place for heights: bake them into .png")
 
 
+def check_up(path: Path, document: Document, up: str | None) -> None:
+    """Raise OptionError for an axis that points up where no new glTF is written."""
+    if up is None or (path.suffix.lower() == ".glb" and up_of(document.format) != "y"):
+        return
+    raise OptionError(
+        f"--up has no effect here: {path} is no new glTF of another format; leave it out"
+    )
+
+
 def write_baked(
-    path: Path, baked: Baked, document: Document, uv_set: int, kind: str
+    path: Path, baked: Baked, document: Document, uv_set: int, kind: str, up: str | None = None
 ) -> tuple[list[Path], list[str]]:
     """Write what was baked: (files, notes).
 
     .png: one file, or NAME.1001.png and so on where the layout has several tiles. .glb: the document with the
     layout and the image inside; a single unit square only; with 'normals' the frames that they are told in go
-    along as NORMAL and TANGENT. Raises OptionError, OutputError.
+    along as NORMAL and TANGENT. up: the axis that points up where a mesh becomes glTF; None: what its format
+    means. Raises OptionError, OutputError.
     """
     check_target(path, kind)
     if path.suffix.lower() == ".png":
-        return write_files(_images(path, baked), overwrite=True), []
+        return write_files(_images(path, baked), overwrite=True), _untold(baked)
     if list(baked.tiles) != [(0, 0)]:
         raise OptionError(
             f"{path}: a GLB holds one image, the layout has several tiles: bake into .png"
         )
     layout = document.require_uv(uv_set)
     is_gltf = document.format in ("gltf", "glb")
-    own = document.normals() if kind == "normals" and not is_gltf else None
-    if own is not None:  # edges that the file shades sharp
-        document, _ = split_by_normal(document, own)
     number = uv_set if is_gltf else 0
-    options = WriteOptions(uv_set=number, overwrite_uv=True)
+    up = up or up_of(document.format) or "y"
+    options = WriteOptions(uv_set=number, overwrite_uv=True, colours=kind == "normals", up=up)
     encoded = encode(document, layout, "glb", options=options)
     notes = [note for note in encoded.notes if "was replaced" not in note]
+    if kind != "normals":
+        notes += _untold(baked, document) + _gloss_notes(document)
     image, data = png(baked.tiles[0, 0]), encoded.data
     if kind == "normals":
+        own = document.normals()
+        if not is_gltf and up == "z":
+            document, own = turned(document), None if own is None else y_up(own, up)
         space = own_frames(document, layout, own)
         sign = np.broadcast_to(space.sign[:, None, None], (*space.normal.shape[:2], 1))
         tangent = np.concatenate([space.tangent, sign], 2)
@@ -67,6 +83,27 @@ def write_baked(
         data = with_frames(data, document.source, space.normal[order], tangent[order])
     data = embed(data, document.source, image, number, slot=SLOTS.get(kind, SLOTS["texture"]))
     return write_files({path: data}, overwrite=True), notes
+
+
+def _untold(baked: Baked, document: Document | None = None) -> list[str]:
+    """What materials did to the colours, and the output does not show; those of a glTF document still do it."""
+    found = document.textures() if isinstance(document, GltfDocument) else None
+    kept = () if found is None else found.tints
+    return [f"{line}, which is no part of the image" for line in baked.tints if line not in kept]
+
+
+def _gloss_notes(document: Document) -> list[str]:
+    """What is said of materials that become metallic-roughness ones."""
+    materials = (
+        document.tree.json.get("materials", []) if isinstance(document, GltfDocument) else []
+    )
+    count = sum(GLOSS in m.get("extensions", {}) for m in materials)
+    if not count:
+        return []
+    return [
+        f"{counted(count, 'material')} of specular-glossiness became metallic-roughness: alpha, tint and "
+        "glossiness are kept, specular colours and images are not"
+    ]
 
 
 def _images(path: Path, baked: Baked) -> dict[Path, bytes]:
@@ -165,14 +202,32 @@ def _dress(tree: dict[str, Any], texture: dict[str, int], slot: Slot) -> None:
 
 
 def _colour(material: dict[str, Any], texture: dict[str, int]) -> None:
-    """Put the texture into a material's base colour."""
-    material.get("extensions", {}).pop(GLOSS, None)
+    """Put the texture into a material's base colour; what tints it, or lets light through, stays."""
+    gloss = material.get("extensions", {}).pop(GLOSS, None)
     if material.get("extensions") == {}:
         material.pop("extensions")
+    if gloss is not None:
+        _as_metallic(material, gloss)
     pbr = material.setdefault("pbrMetallicRoughness", {})
-    if "baseColorTexture" not in pbr:
-        pbr.pop("baseColorFactor", None)  # its colour is part of the image now
+    factor = pbr.pop("baseColorFactor", None)
+    if factor is not None and "baseColorTexture" not in pbr:
+        factor = [1.0, 1.0, 1.0, *factor[3:]]  # its colour is part of the image now
+    if factor is not None and any(f != 1 for f in factor):
+        pbr["baseColorFactor"] = factor
     pbr["baseColorTexture"] = dict(texture)
+
+
+def _as_metallic(material: dict[str, Any], gloss: dict[str, Any]) -> None:
+    """A specular-glossiness material by the words of glTF 2.0: no metal, as rough as it is not glossy."""
+    pbr = material.setdefault("pbrMetallicRoughness", {})
+    if "metallicFactor" not in pbr and "metallicRoughnessTexture" not in pbr:
+        told = "specularGlossinessTexture" not in gloss  # else the factor is but a part of it
+        pbr["metallicFactor"] = 0.0
+        pbr["roughnessFactor"] = 1.0 - float(gloss.get("glossinessFactor", 1.0)) if told else 0.9
+    for name, old in (("baseColorFactor", "diffuseFactor"), ("baseColorTexture", "diffuseTexture")):
+        pbr.pop(name, None)
+        if old in gloss:
+            pbr[name] = gloss[old]
 
 
 def _plain(texture: dict[str, int], slot: Slot) -> dict[str, Any]:

@@ -66,6 +66,7 @@ Examples:
     metavar="N",
     help="The uv set of MESH to bake into.",
 )
+@common.library_option("up")
 @common.required_output("An image (.png), or the mesh with the image inside (.glb).")
 @common.library_option("reader")
 @common.overwrite
@@ -80,7 +81,7 @@ def command(mesh: str, **given: Any) -> None:
     the middle.
     """
     from circparam.bake.bake import Across, bake_document, check_across
-    from circparam.bake.write import check_target, write_baked
+    from circparam.bake.write import check_target, check_up, write_baked
     from circparam.core.monitor import Monitor
     from circparam.formats.io import read
     from circparam.maps.surface_map import load_map
@@ -93,13 +94,15 @@ def command(mesh: str, **given: Any) -> None:
     check_across(kind, far is not None, Across("nearest" if by else None, given["cage"]))
     across = Across(by if by in (None, "nearest") else load_map(by), given["cage"])
     document = read(mesh, reader=given["reader"])
+    up = None if given["up"] == "auto" else given["up"]
+    check_up(path, document, up)
     other = read(far, reader=given["reader"]) if far is not None else None
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         baked = bake_document(
             document, kind, uv_set=uv_set, source=other, across=across, size=size,
             monitor=Monitor(listener),
         )  # fmt: skip
-    files, notes = write_baked(path, baked, document, uv_set, kind)
+    files, notes = write_baked(path, baked, document, uv_set, kind, up)
     for line in [*document.warnings, *document.notes, *baked.notes, *notes]:
         progress.warn(f"{mesh}: {line}", given["quiet"])
     report: dict[str, Any] = {

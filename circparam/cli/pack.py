@@ -28,6 +28,7 @@ Examples:
     common.library_options("packing"),
     common.library_option("uv_set"),
     common.library_option("ply_uv"),
+    common.library_option("up"),
     common.library_option("copy_assets"),
     common.gates,
     common.library_option("jobs"),

@@ -7,7 +7,7 @@ import functools
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ from circparam.formats.document import (
 )
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes
-from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, writable
+from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, up_of, writable
 from circparam.mesh.mesh import UVMap
 
 # bytes of a file that is looked at before it is read; of its ends
@@ -238,7 +238,8 @@ def encode(
         return encoded
     if export is None:
         raise _no_place(format)
-    return export(document, uvmap, options, stem)
+    up = options.up or up_of(document.format) or "y"
+    return export(document, uvmap, replace(options, up=up), stem)
 
 
 def _no_place(format: str) -> OptionError:
@@ -282,7 +283,13 @@ def check_target(document: Document, format: str, options: WriteOptions) -> None
 
     Raises OptionError.
     """
+    if options.up is not None and up_of(format) != "y":
+        raise OptionError(
+            f"--up has no effect here: {format.upper()} keeps the axes of the input; leave it out"
+        )
     if document.check_target(options, format):
+        if options.up is not None:
+            raise OptionError("--up has no effect here: a glTF stays as it stands; leave it out")
         return
     if FORMATS[format].function.export is None:
         raise _no_place(format)

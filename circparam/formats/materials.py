@@ -31,6 +31,8 @@ class Textures:
     images: each one's bytes as in its file. names: what to call them. face: (m,) int64, image of each face,
     −1 for none. plain: (m, 3) colour of the material of a face without image, white where there is none.
     uv_set: the set that the images refer to. notes: images that are missing or unreadable, one line each.
+    alpha: (m,) of the material of each face, None where all are opaque. tints: what materials do to the colours
+    beyond that, and what is no part of them, one line each.
     """
 
     images: tuple[bytes, ...]
@@ -39,6 +41,8 @@ class Textures:
     plain: FloatArray
     uv_set: int = 0
     notes: list[str] = field(default_factory=list)
+    alpha: FloatArray | None = None
+    tints: tuple[str, ...] = ()
 
 
 class ImageFiles:
@@ -84,6 +88,16 @@ class ImageFiles:
         return Textures(
             tuple(self.images), tuple(self.names), face, plain, uv_set, notes=self.notes
         )
+
+
+def tint(name: str, factor: FloatArray, has_image: bool) -> str:
+    """What a factor (linear red, green, blue, alpha) of a material does beyond its image or plain colour."""
+    said = []
+    if has_image and (factor[:3] != 1).any():
+        said.append("its texture times " + ", ".join(f"{x:.3g}" for x in factor[:3]))
+    if factor[3] != 1:
+        said.append(f"alpha {factor[3]:.3g}")
+    return f"material {name!r} shows {' with '.join(said)}" if said else ""
 
 
 def srgb(linear: FloatArray) -> FloatArray:

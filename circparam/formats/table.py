@@ -45,7 +45,8 @@ class Format:
     output: the format that its meshes are written to when nothing is said, '' for itself. unshare: reads with
     meshes that several nodes use copied for each; None where meshes of the format cannot be shared. foreign: it
     is read through trimesh, which keeps geometry and uv only. peek: (first bytes, last bytes, size, source),
-    raises InputError where these tell that a large file is not worth reading.
+    raises InputError where these tell that a large file is not worth reading. up: the axis that points up in
+    meshes of the format, '' where nothing says which.
     """
 
     read: Read
@@ -59,6 +60,7 @@ class Format:
     unshare: Read | None = None
     foreign: bool = False
     peek: Callable[[bytes, bytes, int, Source], None] | None = None
+    up: str = ""
 
     def __call__(self, data: bytes, source: Source) -> Document:
         """Read a file of this format."""
@@ -138,19 +140,19 @@ FORMATS: Table[Format] = Table(
     Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
     Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
-                      round_double=_as_it_is, peek=look_ahead),
+                      round_double=_as_it_is, peek=look_ahead, up="z"),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _is_gltf, rank=1, export=to_gltf, round_uv=_as_gltf,
-                       unshare=_read_unshared),
+                       unshare=_read_unshared, up="y"),
         "glTF 2.0: TEXCOORD_n; the whole tree kept"),
     Row("glb", Format(read_gltf, (".glb", ".vrm"), _is_glb, export=to_glb, round_uv=_as_gltf,
-                      unshare=_read_unshared),
+                      unshare=_read_unshared, up="y"),
         "binary glTF 2.0: TEXCOORD_n; the whole tree kept"),
-    Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), _is_stl, rank=2, output="glb"),
+    Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), _is_stl, rank=2, output="glb", up="z"),
         "STL: no place for uv, written as GLB"),
     Row("off", Format(read_off, (".off", ".coff"), _is_off, output="glb"),
         "OFF: no place for uv, written as GLB"),
-    Row("3mf", Format(read_as("3mf"), (".3mf",), _is_3mf, output="glb", foreign=True),
+    Row("3mf", Format(read_as("3mf"), (".3mf",), _is_3mf, output="glb", foreign=True, up="z"),
         "3MF through trimesh, written as GLB"),
     Row("dae", Format(read_as("dae"), (".dae",), _is_dae, rank=1, output="glb", foreign=True),
         "COLLADA through trimesh, written as GLB"),
@@ -158,7 +160,8 @@ FORMATS: Table[Format] = Table(
         "zipped COLLADA through trimesh, written as GLB"),
     Row("xaml", Format(read_as("xaml"), (".xaml",), _is_xaml, rank=1, output="glb", foreign=True),
         "XAML through trimesh, written as GLB"),
-    Row("step", Format(read_as("step"), (".step", ".stp"), _is_step, output="glb", foreign=True),
+    Row("step", Format(read_as("step"), (".step", ".stp"), _is_step, output="glb", foreign=True,
+                       up="z"),
         "STEP through trimesh and cascadio, written as GLB"),
 )  # fmt: skip
 
@@ -189,6 +192,11 @@ def output_suffix(suffix: str) -> str:
         if suffix.lower() in row.function.suffixes and row.function.output:
             return f".{row.function.output}"
     return suffix
+
+
+def up_of(format: str) -> str:
+    """The axis that points up in meshes of a format, as Blender reads them too; '' where nothing says which."""
+    return FORMATS[format].function.up if format in FORMATS else ""
 
 
 def takes_unshare(format: str) -> bool:

@@ -15,7 +15,7 @@ class Split:
     """A vertex for every uv that a vertex has.
 
     corner: (L,) int64 output vertex of each corner. source: (k,) int64 input vertex of each output
-    vertex (the first n are 0..n−1). uv: (k, 2) uv of each output vertex (0 where no corner gives one).
+    vertex (the first n are 0..n−1). uv: (k, w) row of each output vertex (0 where no corner gives one).
     """
 
     corner: IntArray
@@ -28,19 +28,19 @@ class Split:
         return len(self.source) - int(self.source.max(initial=-1)) - 1
 
 
-def duplicated(count: int) -> str:
-    """The note on vertices that seams added."""
-    return f"{counted(count, 'vertex')} duplicated along seams, behind the input's"
+def duplicated(count: int, lines: str = "seams") -> str:
+    """The note on vertices that seams, or other lines, added."""
+    return f"{counted(count, 'vertex')} duplicated along {lines}, behind the input's"
 
 
 def split_vertices(n: int, vertex: IntArray, uv: FloatArray, corner_uv: IntArray) -> Split:
-    """One uv a vertex. n: number of vertices. vertex: (L,) of each corner. uv: (k, 2) as stored.
+    """One uv a vertex. n: number of vertices. vertex: (L,) of each corner. uv: (k, w) as stored, of any width.
 
     corner_uv: (L,) into uv, −1 for none (stored as 0). The first corner of a vertex keeps it; every other
     uv at the vertex gets a duplicate, appended in the order of first appearance. Equal uv share one vertex.
     """
-    table = np.concatenate([uv, np.zeros((1, 2))]) + 0.0  # −0 equals 0; row −1 is "none"
-    order = np.lexsort((table[:, 1], table[:, 0]))
+    table = np.concatenate([uv, np.zeros((1, uv.shape[1]))]) + 0.0  # −0 equals 0; row −1 is "none"
+    order = np.lexsort(table.T[::-1])
     new = np.ones(len(table), bool)
     new[1:] = (table[order][1:] != table[order][:-1]).any(1)
     same = np.empty(len(table), np.int64)

@@ -22,7 +22,7 @@ from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.packing.options import PackOptions, pages_needed, too_dense
-from circparam.pipeline.options import Options
+from circparam.pipeline.options import AUTO, Options
 from circparam.pipeline.verify import uv_seams
 from circparam.seams.options import SeamOptions
 
@@ -63,6 +63,7 @@ def write_options(o: Options, uv_double: bool = False, group_by: str | None = No
         overwrite_uv=bool(o.overwrite_uv),
         ply_uv=o.ply_uv,
         copy_assets=o.copy_assets,
+        up=None if o.up == AUTO else o.up,
         uv_double=uv_double,
         set_flag="--uv-set" if o.uv_set is not None else "--lightmap",
         group_by=group_by,

@@ -47,6 +47,7 @@ class Keywords(TypedDict, total=False):
     uv_set: int | None
     overwrite_uv: bool | None
     ply_uv: Literal["vertex", "face"] | None
+    up: Literal["auto", "y", "z"] | None
     copy_assets: bool | None
     lightmap: bool | None
     group_by: Literal["primitive", "mesh", "scene"] | None

@@ -148,11 +148,10 @@ class Options:
         "seams", "Start from the charts of the file's own uv.", applies=applies.with_charts
     )
     seams: Any = option(
-        "seams", "Edges to cut: vertex pairs counted from 0, or OBJ l (from 1).", metavar="FILE",
-        applies=applies.with_seams,
+        "seams", "Cut: vertex pairs (from 0), or OBJ l (from 1).", metavar="FILE", applies=applies.with_seams
     )
     no_seams: Any = option(
-        "seams", "Edges that may not be cut, given in the same way.", metavar="FILE", applies=applies.with_seams
+        "seams", "Edges that may not be cut, told alike.", metavar="FILE", applies=applies.with_seams
     )
     cut_materials: bool | None = option(
         "seams", "Cut between materials.", flag="--cut-materials/--no-cut-materials",
@@ -221,6 +220,10 @@ class Options:
     )
     ply_uv: str | None = option(
         "writing", "Where a PLY holds its uv.", shown="vertex", choices=("vertex", "face")
+    )
+    up: str | None = option(
+        "writing", "The axis that points up, for what becomes glTF: auto is z of STL, PLY, 3MF, STEP.",
+        shown="auto", choices=("auto", "y", "z"),
     )
     copy_assets: bool | None = option(
         "writing", "Copy materials and textures beside the output.",

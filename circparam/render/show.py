@@ -11,6 +11,7 @@ from PIL import Image
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode, media_type
+from circparam.formats.table import up_of
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.stored_groups import Judged, judge, laid_apart
@@ -75,8 +76,10 @@ def view_document(
         notes += more
     scene = with_copies(scene, document.copies())
     name = Path(document.source.name).name
-    if up == "auto":  # two formats say what is up: glTF by its standard, STL by what it is used for
-        up = {"glb": "y", "gltf": "y", "stl": "z"}.get(document.format, up)
+    if (
+        up == "auto"
+    ):  # what the format means, as new glTF files have it; else what the shape stands on
+        up = up_of(document.format) or up
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
         padding=padding, scale_end=scale_end or END, repairs=tuple(notes), images=images, image_note=note,

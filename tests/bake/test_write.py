@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from PIL import Image
 
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.sampling import Closest
-from circparam.bake.write import SLOTS, embed, png, write_baked
+from circparam.bake.write import GLOSS, SLOTS, embed, png, write_baked
 from circparam.core.files import TEMPORARIES
 from circparam.errors import InputError, OptionError, OutputError
 from circparam.formats.document import Source, WriteOptions
@@ -21,6 +23,7 @@ from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.normals import with_frames
 from circparam.formats.gltf.scene import mesh_matrices
 from circparam.formats.io import encode, read, read_data, write
+from circparam.formats.memory import from_arrays
 from circparam.geometry.shading import unit
 from circparam.mesh.mesh import UVMap
 from tests.support.baking import (
@@ -30,6 +33,7 @@ from tests.support.baking import (
     write_obj,
 )
 from tests.support.bumps import belt
+from tests.support.formats_tools import grid
 from tests.support.full_disk import STEPS, fill_up
 from tests.support.maps import cube_obj
 from tests.support.validator import validate
@@ -136,6 +140,82 @@ def test_materials_and_colours_of_a_glb_show_the_image(files: Path):
         assert body[view["byteOffset"] :][: view["byteLength"]] == image
         assert body[: len(binary)] == binary
         assert out["buffers"][0]["byteLength"] == len(body)
+
+
+def gloss_glb(image: int | None, **gloss: object) -> bytes:
+    """A triangle whose material is one of specular-glossiness, perhaps with an image of one red texel."""
+    new = from_arrays(np.eye(3), [[0, 1, 2]], np.eye(3)[:, :2] * 0.9)
+    layout = new.uv()
+    assert layout is not None
+    tree, binary = chunks(encode(new, layout, "glb").data)
+    tree["materials"] = [{"name": "g", "extensions": {GLOSS: gloss}}]
+    tree["extensionsUsed"] = [GLOSS]
+    if image is not None:
+        texel = base64.b64encode(png(np.uint8([[[255, 0, 0]]]))).decode()
+        tree["images"] = [{"uri": f"data:image/png;base64,{texel}"}]
+        tree["textures"] = [{"source": 0}]
+        gloss["diffuseTexture"] = {"index": 0}
+    return glb_bytes(tree, binary)
+
+
+@pytest.mark.parametrize("image", [None, 0])
+def test_gloss_alpha_and_tint_are_kept(tmp_path: Path, image: int | None):
+    """A glass with alpha 0.3 came back opaque and of metal, a tinted texture white, without a word."""
+    data = gloss_glb(image, diffuseFactor=[1, 0.5, 0.5, 0.3], glossinessFactor=0.75)
+    new = read_data(data)
+    baked = Baked({(0, 0): np.zeros((2, 2, 3), np.uint8)}, 1.0)
+    found = new.textures()
+    assert found is not None
+    baked = replace(baked, tints=found.tints)
+    paths, notes = write_baked(tmp_path / "a.glb", baked, new, 0, "texture")
+    tree, _ = chunks(paths[0].read_bytes())
+    assert "extensionsUsed" not in tree
+    pbr = tree["materials"][0]["pbrMetallicRoughness"]
+    tinted = [1, 0.5, 0.5, 0.3] if image == 0 else [1, 1, 1, 0.3]  # else it is part of the image
+    assert pbr["baseColorFactor"] == tinted
+    assert (pbr["metallicFactor"], pbr["roughnessFactor"]) == (0, 0.25)
+    (said,) = notes
+    assert said.startswith("1 material of specular-glossiness became metallic-roughness")
+    _, notes = write_baked(tmp_path / "a.png", baked, new, 0, "texture")
+    times = "its texture times 1, 0.5, 0.5 with " if image == 0 else ""
+    assert notes == [f"material 'g' shows {times}alpha 0.3, which is no part of the image"]
+
+
+def test_a_source_in_other_axes_is_turned(tmp_path: Path):
+    """A scan with z up, unwrapped into a GLB, gets its own colours back, not those of what lies there."""
+    points, faces = grid(5)
+    rng = np.random.default_rng(0)
+    red = rng.integers(0, 256, len(points))
+    rows = "".join(
+        f"{x!r} {y!r} {z!r} {r} 0 0\n"
+        for (x, y, z), r in zip(points.tolist(), red.tolist(), strict=True)
+    )
+    head = "ply\nformat ascii 1.0\nelement vertex 25\n" + "".join(
+        f"property float {c}\n" for c in "xyz"
+    )
+    head += "".join(f"property uchar {c}\n" for c in ("red", "green", "blue"))
+    head += "element face 32\nproperty list uchar int vertex_indices\nend_header\n"
+    scan = read_data((head + rows + "".join(f"3 {a} {b} {c}\n" for a, b, c in faces)).encode())
+    layout = UVMap(points[:, :2] / 5 + 0.05, faces)
+    turned = read_data(encode(scan, layout, "glb").data)
+    kept = read_data(encode(scan, layout, "glb", options=WriteOptions(up="y")).data)
+    np.testing.assert_array_equal(turned.mesh.points, points[:, [0, 2, 1]] * [1, 1, -1])
+    np.testing.assert_array_equal(kept.mesh.points, points)
+    images = []
+    for document in (turned, kept):
+        baked = bake_document(document, "vertex-colors", source=scan, size=64)
+        images.append(baked.tiles[0, 0])
+        assert ("turned from z up to y up" in " ".join(baked.notes)) == (document is turned)
+    np.testing.assert_array_equal(*images)
+    assert np.ptp(images[0][..., 0]) > 200
+    other = UVMap(layout.uv, faces[::-1])  # other faces: places are sought
+    far = from_arrays(turned.mesh.points, faces[::-1], layout.uv, other.uv_faces)
+    glb = read_data(encode(far, other, "glb").data)
+    assert any(
+        "closest" in n for n in bake_document(glb, "vertex-colors", source=scan, size=8).notes
+    )
+    normals = bake_document(turned, "normals", source=scan, size=16)
+    assert normals.report["missed"] == 0
 
 
 def test_only_a_glb_takes_an_image():

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, relabel
-from circparam.errors import InputError
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.document import Document, WriteOptions
+from circparam.formats.gltf.appearance import material_table
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.gltf.export import to_glb
-from circparam.formats.gltf.images import media_type_of
 from circparam.formats.gltf.model import Json
-from circparam.formats.materials import Textures, decode, linear
+from circparam.formats.materials import linear
 from circparam.formats.memory import from_arrays
 from circparam.formats.shaded import split_by_normal
 from circparam.mesh.mesh import UVMap
@@ -49,7 +47,7 @@ def dressed(document: Document) -> Dressed:
     layout = document.uv(0 if found is None else found.uv_set) or document.uv(0)
     has_uv = layout is not None
     layout = layout or UVMap(np.zeros((0, 2)), np.full(mesh.faces.shape, -1))
-    label, materials, images, notes = _materials(found, len(mesh.faces))
+    label, materials, images, notes = material_table(found, len(mesh.faces))
     normals, vertex = document.normals(), np.arange(len(mesh.points))
     if normals is not None:
         split, vertex = split_by_normal(document, normals)
@@ -68,59 +66,6 @@ def dressed(document: Document) -> Dressed:
     if normals is not None:
         normals = normals[encoded.face_map]
     return Dressed(tree, vertex[encoded.vertex_map], out, normals, encoded.notes, notes)
-
-
-def _materials(
-    found: Textures | None, faces: int
-) -> tuple[IntArray, list[Json], list[tuple[bytes, str]], list[str]]:
-    """(material of each face, materials, images with their media types, what is missing)."""
-    if found is None:
-        return np.zeros(faces, np.int64), [_material(np.ones(3), None)], [], []
-    rows = np.column_stack([found.face, np.where(found.face[:, None] >= 0, 1.0, found.plain)])
-    _, first, label = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    _, label = relabel(label.reshape(-1))
-    first = np.sort(first)
-    materials = [
-        _material(rows[k, 1:], int(rows[k, 0]) if rows[k, 0] >= 0 else None) for k in first
-    ]
-    notes = list(found.notes)
-    images = []
-    for data, name in zip(found.images, found.names, strict=True):
-        try:
-            images.append(_image(data, name))
-        except InputError as error:
-            notes.append(str(error))
-            images.append((_white(), "image/png"))
-    return label, materials, images, notes
-
-
-def _material(colour: FloatArray, image: int | None) -> Json:
-    """A rough material that shows an image or a colour (sRGB)."""
-    pbr: Json = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
-    if image is not None:
-        pbr["baseColorTexture"] = {"index": image}
-    elif (colour < 1).any():
-        pbr["baseColorFactor"] = [*np.round(linear(colour), 6).tolist(), 1.0]
-    return {"pbrMetallicRoughness": pbr}
-
-
-def _image(data: bytes, name: str) -> tuple[bytes, str]:
-    """An image as glTF takes it: PNG and JPEG as they are, all others as PNG."""
-    kind = media_type_of(data)
-    if kind in ("image/png", "image/jpeg"):
-        return data, kind
-    out = io.BytesIO()
-    decode(data, name).save(out, "PNG")
-    return out.getvalue(), "image/png"
-
-
-def _white() -> bytes:
-    """A white texel: stands for an image that cannot be read."""
-    from PIL import Image
-
-    out = io.BytesIO()
-    Image.new("RGB", (1, 1), "white").save(out, "PNG")
-    return out.getvalue()
 
 
 def _dress(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,74 +19,93 @@ from circparam.formats.document import (
     exported_grouping,
     not_carried,
 )
+from circparam.formats.gltf.appearance import Appearance, appearance_of
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import file_uv, index_type, stored_uv
 from circparam.formats.gltf.groups import store_grouping
 from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json
+from circparam.formats.gltf.normals import unit_rows
 from circparam.formats.source import Source
-from circparam.formats.vertex_split import duplicated, split_vertices
-from circparam.mesh.mesh import UVMap
+from circparam.formats.upright import y_up
+from circparam.formats.vertex_split import Split, duplicated, split_vertices
+from circparam.mesh.mesh import Mesh, UVMap
 
 FAR = 16  # sizes from the origin up to which float32 keeps a shape to a millionth of its size
+LINES = "seams, sharp edges and borders of colours"
+OLD_SET = "its textures keep the old uv, as set 1: circparam bake --from texture carries them into the new set"
 LARGEST = float(np.finfo(np.float32).max)
 
 
 def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = "") -> Encoded:
-    """GLB: input vertices first, seam duplicates behind, one primitive for each group."""
+    """GLB: input vertices first, duplicates behind, one primitive for each group, its materials and colours."""
     check_new_set(options, "glb")
-    mesh = document.mesh
-    n = len(mesh.points)
-    split = split_vertices(n, mesh.faces.ravel(), stored_uv(uvmap.uv), uvmap.uv_faces.ravel())
-    used = np.zeros(n, bool)
+    shown = appearance_of(document, options.colours)
+    up = options.up or "y"
+    placed = _placed(document.mesh, up)
+    attributes = _attributes(document.mesh.faces, uvmap, shown, up)
+    split = _split(document.mesh, attributes)
+    notes, warnings = not_carried(document, "glb", *shown.carried)
+    notes += placed.notes
+    if split.added:
+        notes.append(duplicated(split.added, "seams" if len(attributes) == 1 else LINES))
+    warnings += shown.warnings
+    if "TEXCOORD_1" in (a.name for a in attributes):
+        warnings.append(OLD_SET)
+        for material in shown.materials:
+            material["pbrMetallicRoughness"].get("baseColorTexture", {})["texCoord"] = 1
+    tree = _new_tree(document, shown.materials)
+    store_grouping(tree, 0, exported_grouping(document, options.group_by))
+    if placed.at.any():
+        tree["nodes"][0]["translation"] = placed.at.tolist()
+    writer = _Writer(tree)
+    named = {"POSITION": writer.vectors(placed.points[split.source], bounds=True)}
+    column = 0
+    for attribute in attributes:
+        width = attribute.rows.shape[1]
+        rows = attribute.in_file(split.uv[:, column : column + width])
+        named[attribute.name] = writer.vectors(rows)
+        column += width
+    order = np.argsort(shown.label, kind="stable")
+    corner = split.corner.reshape(-1, 3)[order].ravel()
+    writer.primitives(corner, np.bincount(shown.label), named, len(split.source))
+    writer.images(shown.images)
+    return Encoded(writer.glb(), "glb", split.source, order, notes=notes, warnings=warnings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """points: (n, 3) as they are stored. at: (3,) of the node. notes: what storing them changes."""
+
+    points: npt.NDArray[np.float32]
+    at: FloatArray
+    notes: list[str]
+
+
+def _placed(mesh: Mesh, up: str) -> _Placed:
+    """The points with y up, in numbers that float32 has. Raises OutputError where it has none."""
+    given = y_up(mesh.points, up)
+    used = np.zeros(len(given), bool)
     used[mesh.faces.ravel()] = True
-    far = float(np.abs(mesh.points[used]).max())
-    at = _origin(mesh.points[used])
+    far = float(np.abs(given[used]).max())
+    at = _origin(given[used])
     with np.errstate(over="ignore"):
-        points = (np.nan_to_num(mesh.points, posinf=0.0, neginf=0.0) - at).astype(np.float32)
+        points = (np.nan_to_num(given, posinf=0.0, neginf=0.0) - at).astype(np.float32)
     if not far <= LARGEST or not np.isfinite(points).all():
         raise OutputError(
             f"positions up to {far:.3g} do not fit in float32, all that glTF stores: write OBJ or PLY, or "
             "scale the mesh"
         )
-    notes, warnings = not_carried(document, "glb")
-    if (points.astype(np.float64) + at != mesh.points)[used].any():
+    notes = []
+    if up != "y":
+        notes.append("turned from z up to y up, as glTF has it: --up y keeps the axes")
+    if (points.astype(np.float64) + at != given)[used].any():
         notes.append("positions were rounded to float32, all that glTF stores")
-    if split.added:
-        notes.append(duplicated(split.added))
-    groups = np.zeros(len(mesh.faces), np.int64) if mesh.groups is None else mesh.groups
-    order = np.argsort(groups, kind="stable")
-    count = np.bincount(groups)
-    tree = _new_tree(document, points[split.source], count)
-    store_grouping(tree, 0, exported_grouping(document, options.group_by))
     if at.any():
-        tree["nodes"][0]["translation"] = at.tolist()
         notes.append(
             "the mesh lies far from the origin: its node holds the place, its positions the shape"
         )
-    corner = split.corner.reshape(-1, 3)[order].ravel()
-    kind = index_type(len(split.source))
-    parts = [
-        points[split.source].tobytes(),
-        file_uv(split.uv).tobytes(),
-        corner.astype(COMPONENTS[kind]).tobytes(),
-    ]
-    begin = 0
-    for data, target in zip(parts, (ARRAY_BUFFER, ARRAY_BUFFER, ELEMENT_BUFFER), strict=True):
-        tree["bufferViews"].append(
-            {"buffer": 0, "byteOffset": begin, "byteLength": len(data), "target": target}
-        )
-        begin += len(data)
-    width, offset = np.dtype(COMPONENTS[kind]).itemsize, 0
-    for k in count[count > 0].tolist():
-        tree["accessors"].append(
-            {"bufferView": 2, "byteOffset": offset, "componentType": kind, "count": 3 * k}
-            | {"type": "SCALAR"}
-        )
-        offset += 3 * k * width
-    tree["buffers"] = [{"byteLength": begin}]
-    data = glb_bytes(tree, b"".join(parts))
-    return Encoded(data, "glb", split.source, order, notes=notes, warnings=warnings)
+    return _Placed(points, at, notes)
 
 
 def _origin(points: FloatArray) -> FloatArray:
@@ -110,31 +131,140 @@ def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str =
     return replace(encoded, data=out.data, extra=out.extra, format="gltf")
 
 
-def _new_tree(document: Document, points: npt.NDArray[np.float32], count: IntArray) -> Json:
-    """A tree with one node and mesh; views and indices are still to come."""
-    used = points.min(0).tolist(), points.max(0).tolist()
+@dataclass(frozen=True, eq=False)
+class _Attribute:
+    """Rows (k, w) of an attribute, as they are stored, and the row of each corner (m, 3), −1 for zeros.
+
+    in_file: rows as float32 of the file.
+    """
+
+    name: str
+    rows: FloatArray
+    index: IntArray
+    in_file: Callable[[FloatArray], npt.NDArray[np.float32]]
+
+
+def _attributes(faces: IntArray, uvmap: UVMap, shown: Appearance, up: str) -> list[_Attribute]:
+    """The new uv, and what else the vertices have: the old uv of images, normals, colours."""
+    out = [_Attribute("TEXCOORD_0", stored_uv(uvmap.uv), uvmap.uv_faces, file_uv)]
+    each = np.arange(faces.size).reshape(-1, 3)
+    if shown.uv is not None:
+        old = _Attribute("TEXCOORD_1", stored_uv(shown.uv.uv), shown.uv.uv_faces, file_uv)
+        if not _same_corners(out[0], old):
+            out.append(old)
+    if shown.normals is not None:
+        rows = _single(y_up(shown.normals, up).reshape(-1, 3))
+        out.append(_Attribute("NORMAL", rows, each, _unit))
+    if shown.colours is not None:
+        rows = _single(shown.colours.reshape(-1, 3))
+        out.append(_Attribute("COLOR_0", rows, each, _narrow))
+    return out
+
+
+def _same_corners(a: _Attribute, b: _Attribute) -> bool:
+    """Whether all corners have the same rows."""
+    return np.array_equal(_of_corners(a), _of_corners(b))
+
+
+def _of_corners(attribute: _Attribute) -> FloatArray:
+    """(3 m, w) the row of each corner."""
+    rows = np.concatenate([attribute.rows, np.zeros((1, attribute.rows.shape[1]))])
+    return rows[attribute.index.ravel()]
+
+
+def _single(rows: FloatArray) -> FloatArray:
+    """Numbers as float32 holds them."""
+    return rows.astype(np.float32).astype(np.float64)
+
+
+def _narrow(rows: FloatArray) -> npt.NDArray[np.float32]:
+    return rows.astype(np.float32)
+
+
+def _unit(rows: FloatArray) -> npt.NDArray[np.float32]:
+    return _narrow(unit_rows(rows))
+
+
+def _split(mesh: Mesh, attributes: list[_Attribute]) -> Split:
+    """A vertex for each set of attributes that a vertex has."""
+    n, vertex = len(mesh.points), mesh.faces.ravel()
+    if len(attributes) == 1:
+        return split_vertices(n, vertex, attributes[0].rows, attributes[0].index.ravel())
+    rows = np.concatenate([_of_corners(a) for a in attributes], axis=1)
+    return split_vertices(n, vertex, rows, np.arange(len(rows)))
+
+
+class _Writer:
+    """A tree on its way to a GLB: views, accessors and images are put behind each other."""
+
+    def __init__(self, tree: Json) -> None:
+        self.tree, self.size = tree, 0
+        self.parts: list[bytes] = []
+
+    def view(self, data: bytes, **entry: int) -> int:
+        """A view of some bytes; its number."""
+        gap = -self.size % 4
+        self.tree["bufferViews"].append(
+            {"buffer": 0, "byteOffset": self.size + gap, "byteLength": len(data), **entry}
+        )
+        self.parts += [b"\0" * gap, data]
+        self.size += gap + len(data)
+        return len(self.tree["bufferViews"]) - 1
+
+    def accessor(self, **entry: Any) -> int:
+        """An accessor; its number."""
+        self.tree["accessors"].append(entry)
+        return len(self.tree["accessors"]) - 1
+
+    def vectors(self, rows: npt.NDArray[np.float32], bounds: bool = False) -> int:
+        """The accessor of a vertex attribute (k, w)."""
+        view = self.view(np.ascontiguousarray(rows, "<f4").tobytes(), target=ARRAY_BUFFER)
+        ends = {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()} if bounds else {}
+        return self.accessor(
+            bufferView=view, componentType=5126, count=len(rows), type=f"VEC{rows.shape[1]}", **ends
+        )
+
+    def primitives(
+        self, corner: IntArray, count: IntArray, named: dict[str, int], vertices: int
+    ) -> None:
+        """A primitive for each material. corner: (3 m,) vertices, those of ``count`` faces of each together."""
+        kind = index_type(vertices)
+        code = np.dtype(COMPONENTS[kind])
+        view = self.view(corner.astype(code).tobytes(), target=ELEMENT_BUFFER)
+        offset = 0
+        for material, k in enumerate(count.tolist()):
+            indices = self.accessor(
+                bufferView=view, byteOffset=offset, componentType=kind, count=3 * k, type="SCALAR"
+            )
+            primitive = {"attributes": dict(named), "indices": indices, "material": material}
+            self.tree["meshes"][0]["primitives"].append(primitive)
+            offset += 3 * k * code.itemsize
+
+    def images(self, images: list[tuple[bytes, str]]) -> None:
+        """Images, and a texture of the same number for each."""
+        for number, (data, kind) in enumerate(images):
+            entry = {"bufferView": self.view(data), "mimeType": kind}
+            self.tree.setdefault("images", []).append(entry)
+            self.tree.setdefault("textures", []).append({"source": number, "sampler": 0})
+            self.tree["samplers"] = [{"magFilter": 9729, "minFilter": 9987}]
+
+    def glb(self) -> bytes:
+        """The file."""
+        self.tree["buffers"] = [{"byteLength": self.size}]
+        return glb_bytes(self.tree, b"".join(self.parts))
+
+
+def _new_tree(document: Document, materials: list[Json]) -> Json:
+    """A tree with one node and mesh; views, accessors and primitives are still to come."""
     name = document.path.stem if document.path is not None else "mesh"
     name = name.encode("utf-8", "replace").decode()  # names on a disk may be any bytes
-    floats = {"componentType": 5126, "count": len(points)}
-    tree: Json = {
+    return {
         "asset": {"version": "2.0", "generator": "circparam"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": name}],
         "meshes": [{"name": name, "primitives": []}],
-        "accessors": [
-            {"bufferView": 0, **floats, "type": "VEC3", "min": used[0], "max": used[1]},
-            {"bufferView": 1, **floats, "type": "VEC2"},
-        ],
+        "materials": materials,
+        "accessors": [],
         "bufferViews": [],
     }
-    groups = np.flatnonzero(count)
-    for k, group in enumerate(groups.tolist()):
-        primitive: Json = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2 + k}
-        if len(groups) > 1:
-            given = document.group_names
-            label = (given[group] if group < len(given) else "") or f"group_{group}"
-            tree.setdefault("materials", []).append({"name": label})
-            primitive["material"] = k
-        tree["meshes"][0]["primitives"].append(primitive)
-    return tree

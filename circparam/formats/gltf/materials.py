@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.gltf.model import Pool, Primitive
 from circparam.formats.gltf.reading import Tree
-from circparam.formats.materials import ImageFiles, Textures, srgb
+from circparam.formats.materials import ImageFiles, Textures, srgb, tint
 
 _MOVES = {"offset", "rotation", "scale"}  # keys of KHR_texture_transform that move uv
 _UNMOVED = "textures lie elsewhere by KHR_texture_transform, which is not applied: bake it into the uv first"
@@ -38,6 +39,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     faces, plain = [], []
     known: dict[int, int] = {}
     sets: list[int] = []
+    tints: list[str] = []
     for p in primitives:
         entry = tree.json["meshes"][p.mesh]["primitives"][p.number]
         material = tree.item("materials", entry["material"]) if "material" in entry else {}
@@ -56,16 +58,18 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
                     known[source] = _image(tree, files, source)
                 image = known[source]
                 sets.append(int(moved.get("texCoord", texture.get("texCoord", 0))))
-        factor = srgb(np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0])[:3], float))
+        factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
+        tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
         faces.append(np.full(len(p.triangles), image))
-        plain.append(np.tile(factor, (len(p.triangles), 1)))
+        plain.append(np.tile(srgb(factor[:3]), (len(p.triangles), 1)))
     colour = np.concatenate(plain)
     if not files.images and not files.notes and np.allclose(colour, 1.0):
         return None
     uv_set = sets[0] if sets else 0
     if len(set(sets)) > 1:
         files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
-    return files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
+    found = files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
+    return replace(found, tints=tuple(dict.fromkeys(filter(None, tints))))
 
 
 def _base_colour(material: dict[str, Any]) -> dict[str, Any]:

@@ -36,10 +36,12 @@ def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatAr
             part = rows[pool.first : pool.first + pool.count]
             whole = matrix[users[0].mesh][:3, :3]
             new = {
-                "TANGENT": np.c_[_unit(times(part[:, 3:6], np.linalg.pinv(whole).T)), part[:, 6]]
+                "TANGENT": np.c_[
+                    unit_rows(times(part[:, 3:6], np.linalg.pinv(whole).T)), part[:, 6]
+                ]
             }
             if "NORMAL" not in pool.attributes:
-                new["NORMAL"] = _unit(times(part[:, :3], whole))
+                new["NORMAL"] = unit_rows(times(part[:, :3], whole))
             attributes = {name: _add(edit, values) for name, values in new.items()}
             for p in users:
                 entry = edit.json["meshes"][p.mesh]["primitives"][p.number]
@@ -56,7 +58,7 @@ def _add(edit: Packing, values: FloatArray) -> int:
     return edit.accessor(entry, raw.view(np.uint8).reshape(len(raw), -1), ARRAY_BUFFER)
 
 
-def _unit(rows: FloatArray) -> FloatArray:
+def unit_rows(rows: FloatArray) -> FloatArray:
     """Vectors of length 1; where there is no direction, any (x), since glTF allows no other length."""
     length = np.linalg.norm(rows, axis=1, keepdims=True)
     out: FloatArray = np.where(length > 0, rows / np.maximum(length, 1e-300), [1.0, 0.0, 0.0])

@@ -63,9 +63,18 @@ class ObjDocument(Document):
         return materials.colours(self.scan, self.mesh.faces)
 
     def normals(self) -> FloatArray | None:
-        """The vn of every corner; None where one has none."""
+        """The vn of every corner, that of its triangle where it has no direction; None where one has none."""
         rows = self.scan.corner_normals()
-        return None if rows is None else rows[self.polys.triangles]
+        if rows is None:
+            return None
+        normal = rows[self.polys.triangles]
+        lost = (normal == 0).all(axis=2)
+        if lost.any():
+            a, b, c = np.moveaxis(self.mesh.points[self.mesh.faces], 1, 0)
+            flat = np.cross(b - a, c - a)
+            flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
+            normal = np.where(lost[:, :, None], flat[:, None], normal)
+        return normal
 
     def textures(self) -> Textures | None:
         """The diffuse images and colours of the material files that ``mtllib`` names."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
-from circparam.formats.materials import ImageFiles, Textures
+from circparam.formats.materials import ImageFiles, Textures, tint
 from circparam.formats.obj.mtl import read_mtl
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import found_beside
@@ -28,7 +29,7 @@ def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
 def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | None:
     """The images and colours of the materials. owner: (m,) polygon of each face. None where there are none."""
     files = ImageFiles(folder)
-    materials: dict[str, tuple[int, FloatArray]] = {}
+    materials: dict[str, tuple[int, FloatArray, float]] = {}
     for library in (one for line in scan.libraries() for one in _named(line, folder)):
         path = found_beside(folder, library)
         try:
@@ -39,19 +40,25 @@ def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | Non
         if text is None:
             files.notes.append(f"material file {library} is missing: put it beside the mesh")
             continue
-        for name, colour, image in read_mtl(text):
-            materials[name] = (-1 if image is None else files.read(image), colour)
+        for m in read_mtl(text):
+            number = -1 if m.image is None else files.read(m.image)
+            materials[m.name] = (number, m.colour, m.alpha)
     lines, used = scan.lines(b"usemtl")
     if not materials and not files.notes:
         return None
     names = ["", *(name.decode("utf-8", "replace") for name in used)]
-    none = (-1, np.ones(3))
-    image_of = np.array([materials.get(name, none)[0] for name in names])
-    plain: FloatArray = np.stack([materials.get(name, none)[1] for name in names])
+    none = (-1, np.ones(3), 1.0)
+    of_name = [materials.get(name, none) for name in names]
     if not used and len(materials) == 1:  # a file that forgets usemtl, but has one material only
-        image_of[0], plain[0] = next(iter(materials.values()))
+        of_name[0] = next(iter(materials.values()))
     at = np.searchsorted(lines, scan.face_lines)[owner]
-    return files.textures(image_of[at], plain[at])
+    image, plain, alpha = (np.array(column) for column in zip(*of_name, strict=True))
+    found = files.textures(image[at], plain[at])
+    factors = (
+        (name, np.array([1, 1, 1, held[2]])) for name, held in zip(names, of_name, strict=True)
+    )
+    tints = dict.fromkeys(filter(None, (tint(name, factor, False) for name, factor in factors)))
+    return replace(found, alpha=alpha[at] if (alpha < 1).any() else None, tints=tuple(tints))
 
 
 def _named(line: str, folder: Path | None) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,22 +38,40 @@ def image_names(text: str) -> list[str]:
     return list(dict.fromkeys(name for name in names if name))
 
 
-def read_mtl(text: str) -> Iterator[tuple[str, FloatArray, str | None]]:
-    """(name, diffuse colour, image or None) of every material of an MTL file."""
-    name: str | None = None
-    colour: FloatArray = np.ones(3)
+@dataclass
+class Material:
+    """One material: name, diffuse colour (3,), the name of its image or None, and alpha."""
+
+    name: str
+    colour: FloatArray = field(default_factory=lambda: np.ones(3))
     image: str | None = None
+    alpha: float = 1.0
+
+
+def read_mtl(text: str) -> list[Material]:
+    """Every material of an MTL file."""
+    out: list[Material] = []
     for word, rest in statements(text):
         if word == "newmtl":
-            if name is not None:
-                yield name, colour, image
-            name, colour, image = rest, np.ones(3), None
+            out.append(Material(rest))
+        elif not out:
+            continue
         elif word == "kd":
-            colour = _colour(rest)
+            out[-1].colour = _colour(rest)
         elif word == "map_kd":
-            image = rest or None
-    if name is not None:
-        yield name, colour, image
+            out[-1].image = rest or None
+        elif word == "d":
+            out[-1].alpha = _alpha(rest)
+    return out
+
+
+def _alpha(text: str) -> float:
+    """A number between 0 and 1; 1 where it is none, and for 0, which programs write that mean the reverse."""
+    try:
+        value = float(text)
+    except ValueError:
+        return 1.0
+    return value if 0 < value < 1 else 1.0
 
 
 def _colour(text: str) -> FloatArray:

@@ -175,7 +175,8 @@ class Scan:
         return index
 
     def corner_normals(self) -> FloatArray | None:
-        """(L, 3) unit normals of the corners; None where a corner has none, or names one that is not there."""
+        """(L, 3) unit normals of the corners, 0 for those without a direction; None where a corner has none, or
+        names one that is not there."""
         lines = self.of(b"vn")
         if len(lines) == 0:
             return None
@@ -186,10 +187,9 @@ class Scan:
             return None
         rows = self.numbers(lines, 3)
         length = np.linalg.norm(rows, axis=1, keepdims=True)
-        if not (np.isfinite(length) & (length > 0))[index].all():
-            return None
-        out: FloatArray = (rows / np.where(length > 0, length, 1.0))[index]
-        return out
+        usable = np.isfinite(length) & (length > 0)
+        unit: FloatArray = np.where(usable, rows / np.where(usable, length, 1.0), 0.0)
+        return unit[index]
 
     def libraries(self) -> list[str]:
         """The files that mtllib lines name."""

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import io
+from pathlib import Path
+
 import numpy as np
 import pytest
+import trimesh
+from PIL import Image
 
 from circparam.errors import OptionError, OutputError
-from circparam.formats.document import WriteOptions
+from circparam.formats.document import Document, WriteOptions
 from circparam.formats.gltf.document import GltfDocument
-from circparam.formats.io import encode, read_data, write
+from circparam.formats.gltf.export import OLD_SET
+from circparam.formats.io import check_target, encode, read, read_data, write
+from circparam.formats.materials import decode
 from circparam.formats.memory import PlainDocument, from_arrays
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
-from tests.support.formats_tools import assert_round_trip, grid, layout_with_seams, smooth_layout
+from tests.support.formats_tools import (
+    assert_round_trip,
+    corners,
+    grid,
+    layout_with_seams,
+    smooth_layout,
+)
 from tests.support.gltf_files import tree_of
 
 
@@ -36,7 +49,7 @@ def test_one_primitive_for_each_group() -> None:
     assert out.notes == ["not carried into GLB: groups"]
     assert_round_trip(doc, layout_with_seams(doc), "glb")
     one = encode(grouped([3] * 8, ()), smooth_layout(doc), "glb")
-    assert "materials" not in tree_of(one.data)
+    assert [m["name"] for m in tree_of(one.data)["materials"]] == ["group_3"]
 
 
 def test_what_the_tree_says() -> None:
@@ -122,3 +135,122 @@ def test_shapes_far_from_the_origin_are_kept(far: float) -> None:
     assert any("far from the origin" in note for note in out.notes) == (abs(far) > 16)
     stored = np.float32(node.get("translation", [0, 0, 0])).astype(float)
     assert stored.tolist() == node.get("translation", [0, 0, 0])  # no viewer rounds it
+
+
+@pytest.fixture
+def painted(tmp_path: Path) -> Document:
+    """Two quads of an OBJ: one with an image, one of glass; normals sharp between them; uv of their own."""
+    image = Image.new("RGB", (2, 2), (200, 30, 0))
+    image.save(tmp_path / "t.bmp")  # no format that glTF knows
+    (tmp_path / "m.mtl").write_text("newmtl skin\nmap_Kd t.bmp\nnewmtl glass\nKd 0 1 0\nd 0.3\n")
+    (tmp_path / "m.obj").write_text(
+        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 0 1\nv 1 1 1\n"
+        "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\nvn -2 0 0\nvn 0 0 0\n"
+        "usemtl skin\nf 1/1/1 2/2/1 3/3/1 4/4/3\nusemtl glass\nf 2/1/2 5/2/2 6/3/2 3/4/2\n"
+    )
+    return read(tmp_path / "m.obj")
+
+
+def test_materials_images_and_normals_of_an_obj_go_along(painted: Document) -> None:
+    """Everything became metal, and images and normals were left behind."""
+    out = encode(painted, layout_with_seams(painted), "glb")
+    tree = tree_of(out.data)
+    skin, glass = tree["materials"]
+    assert [skin["name"], glass["name"]] == ["skin", "glass"]
+    assert {m["pbrMetallicRoughness"]["metallicFactor"] for m in (skin, glass)} == {0}
+    assert glass["pbrMetallicRoughness"]["baseColorFactor"] == [0, 1, 0, 0.3]
+    assert glass["alphaMode"] == "BLEND"
+    assert skin["pbrMetallicRoughness"]["baseColorTexture"] == {"index": 0, "texCoord": 1}
+    assert out.warnings == [OLD_SET]
+    assert out.notes == ["not carried into GLB: polygons", *out.notes[1:]]
+    again = read_data(out.data)
+    old, kept = painted.uv(), again.uv(1)
+    assert old is not None
+    assert kept is not None
+    np.testing.assert_array_equal(corners(kept), corners(old)[out.face_map])
+    normals, own = again.normals(), painted.normals()
+    assert normals is not None
+    assert own is not None
+    np.testing.assert_allclose(normals, own[out.face_map], atol=1e-7)
+    assert own[0].tolist() == [[0, 0, 1]] * 3  # that without a direction has the one of its face
+    found = again.textures()
+    assert found is not None
+    assert decode(found.images[0], "t").getpixel((0, 0)) == (200, 30, 0)
+    assert_round_trip(painted, layout_with_seams(painted), "glb")
+
+
+def test_images_stay_with_uv_that_stay(painted: Document) -> None:
+    uvmap = painted.uv()
+    assert uvmap is not None
+    out = encode(painted, uvmap, "glb")
+    assert "TEXCOORD_1" not in tree_of(out.data)["meshes"][0]["primitives"][0]["attributes"]
+    assert out.warnings == []
+    found = read_data(out.data).textures()
+    assert found is not None
+    assert found.uv_set == 0
+
+
+def test_colours_of_vertices_go_along() -> None:
+    """sRGB in a PLY, linear light in glTF; colours of faces split vertices where they meet."""
+    head = "ply\nformat ascii 1.0\nelement vertex 4\n" + "".join(
+        f"property float {c}\n" for c in "xyz"
+    )
+    colour = "".join(f"property uchar {c}\n" for c in ("red", "green", "blue"))
+    lists = "element face 2\nproperty list uchar int vertex_indices\n"
+    points = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"]
+    cells = ["3 0 1 2", "3 0 2 3"]
+    paint = ["255 0 0", "0 188 0", "0 0 255", "9 9 9"]
+    for of_vertex in (True, False):
+        rows = [f"{p} {c}" for p, c in zip(points, paint, strict=True)] if of_vertex else points
+        faces = cells if of_vertex else [f"{f} {c}" for f, c in zip(cells, paint, strict=False)]
+        parts = [head, colour, lists] if of_vertex else [head, lists, colour]
+        text = "".join(parts) + "end_header\n" + "\n".join([*rows, *faces]) + "\n"
+        document = read_data(text.encode())
+        out = encode(document, smooth_layout(document), "glb")
+        again = read_data(out.data)
+        assert isinstance(again, GltfDocument)
+        found, own = again.colours(), document.colours()
+        assert found is not None
+        assert own is not None
+        np.testing.assert_allclose(found, own[out.face_map], atol=1e-6)
+        linear = again.tree.values(again.pools[0].attributes["COLOR_0"])
+        assert abs(linear[:, 1].max() - 0.503) < 0.001  # of 188, by IEC 61966-2-1
+        assert len(out.vertex_map) == (4 if of_vertex else 6)
+        assert (out.warnings, out.notes[1:]) == ([], out.notes[1:])
+
+
+def test_trimesh_shows_the_uv_of_a_new_file() -> None:
+    """It reads uv only where a primitive has a material."""
+    doc = from_arrays(*grid(3))
+    out = encode(doc, smooth_layout(doc), "glb")
+    (loaded,) = trimesh.load(io.BytesIO(out.data), file_type="glb", process=False).geometry.values()
+    again = read_data(out.data).uv()
+    assert again is not None
+    np.testing.assert_allclose(loaded.visual.uv, again.uv, atol=1e-7)
+
+
+@pytest.mark.parametrize(("format", "up"), [("stl", "z"), ("ply", "z"), ("obj", "y"), ("off", "y")])
+def test_up_is_what_the_format_means(tmp_path: Path, format: str, up: str) -> None:
+    """A scan or a part with z up lay on its side."""
+    points, faces = grid(3)
+    path = tmp_path / f"m.{format}"
+    trimesh.Trimesh(points, faces, process=False).export(path)
+    document = read(path)
+    uvmap = smooth_layout(document)
+    as_it_is = document.mesh.points
+    turned = as_it_is[:, [0, 2, 1]] * [1, 1, -1]
+    for asked in (None, "y", "z"):
+        out = encode(document, uvmap, "glb", options=WriteOptions(up=asked))
+        got = read_data(out.data).mesh.points
+        z = (asked or up) == "z"
+        np.testing.assert_array_equal(got, (turned if z else as_it_is).astype("f4"))
+        assert any("turned from z up" in note for note in out.notes) == z
+        flat = [encode(document, uvmap, kind).data for kind in ("obj", "ply")]
+        np.testing.assert_array_equal(*(read_data(data).mesh.points for data in flat))
+    for target in ("obj", "ply"):
+        with pytest.raises(OptionError, match="--up has no effect here"):
+            check_target(document, target, WriteOptions(up="z"))
+    check_target(document, "gltf", WriteOptions(up="z"))
+    again = read_data(encode(document, uvmap, "glb").data)
+    with pytest.raises(OptionError, match="a glTF stays as it stands"):
+        check_target(again, "gltf", WriteOptions(up="z"))

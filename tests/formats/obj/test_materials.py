@@ -53,9 +53,9 @@ def test_bytes_become_fractions() -> None:
     ],
 )
 def test_images_of_materials(line: str, image: str | None) -> None:
-    ((name, colour, found),) = read_mtl(f"# head\nnewmtl my mat\nKd 0.25 .5 2\n{line}\n")
-    assert (name, found) == ("my mat", image)
-    assert colour.tolist() == [0.25, 0.5, 1]
+    (held,) = read_mtl(f"# head\nnewmtl my mat\nKd 0.25 .5 2\n{line}\n")
+    assert (held.name, held.image) == ("my mat", image)
+    assert held.colour.tolist() == [0.25, 0.5, 1]
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
@@ -64,8 +64,8 @@ def test_dialects_of_libraries(end: str) -> None:
     lines = ["\ufeff# head", "newmtl\tmy mat\t\t", "\tKd\t0.25 .5 2", "illum 2", "map_Kd fuze uv.jpg",
              "map_Bump -bm 0.5 n.png", "NORM n.png", "refl -type sphere r.png", "newmtl b"]  # fmt: skip
     first, second = read_mtl(end.join(lines))
-    assert (first[0], first[1].tolist(), first[2]) == ("my mat", [0.25, 0.5, 1], "fuze uv.jpg")
-    assert second[0] == "b"
+    assert (first.name, first.colour.tolist()) == ("my mat", [0.25, 0.5, 1])
+    assert (first.image, second.name) == ("fuze uv.jpg", "b")
     assert image_names(end.join(lines)) == ["fuze uv.jpg", "n.png", "r.png"]
 
 
@@ -109,12 +109,12 @@ def test_no_other_file_is_taken_for_a_name(folder: Path) -> None:
 
 def test_materials_do_not_leak_into_each_other() -> None:
     text = "Kd 0 0 0\nnewmtl a\nKd 0 0 0\nmap_Kd a.png\nnewmtl b\nnewmtl c\nKd 1 0\nnewmtl d\nKd e.e 1 1"
-    rows = [(name, colour.tolist(), image) for name, colour, image in read_mtl(text)]
+    rows = [(m.name, m.colour.tolist(), m.image) for m in read_mtl(text)]
     white = [1.0, 1.0, 1.0]
     assert rows == [
         ("a", [0, 0, 0], "a.png"), ("b", white, None), ("c", white, None), ("d", white, None),
     ]  # fmt: skip
-    assert list(read_mtl("Kd 1 1 1\n")) == []
+    assert read_mtl("Kd 1 1 1\n") == []
 
 
 @pytest.fixture
@@ -158,3 +158,14 @@ def test_missing_files_are_noted(folder: Path) -> None:
     found = textures(folder, b"mtllib m.mtl\nusemtl skin\n" + FACES)
     assert found.face.tolist() == [-1, -1]
     assert found.notes == ["texture s.png is missing: put it beside the mesh"]
+
+
+@pytest.mark.parametrize(("line", "alpha"), [("d 0.3", 0.3), ("d 0", 1), ("d x", 1), ("Tr 0.3", 1)])
+def test_how_much_light_a_material_lets_through(folder: Path, line: str, alpha: float) -> None:
+    """Only d tells it: programs write Tr for either of two reverse things."""
+    (folder / "far.mtl").write_text(f"newmtl a\n{line}\nnewmtl b\n")
+    found = textures(folder, b"mtllib far.mtl\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n")
+    assert (found.alpha is None) == (alpha == 1)
+    if alpha < 1:
+        assert found.alpha.tolist() == [alpha, 1]
+        assert found.tints == ("material 'a' shows alpha 0.3",)

@@ -1,0 +1,24 @@
+"""Which axis points up: glTF says y, STL, PLY and what comes from CAD programs mean z."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from circparam.core.arrays import FloatArray
+from circparam.formats.document import Document
+
+AXES = ("y", "z")
+
+
+def y_up(rows: FloatArray, up: str) -> FloatArray:
+    """Points or directions (..., 3) of a mesh whose axis ``up`` points up, turned so that y does: exact."""
+    if up == "y":
+        return rows
+    turned: FloatArray = rows[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
+    return turned + 0.0
+
+
+def turned(document: Document) -> Document:
+    """A document with z up, its mesh turned to y up; to be looked at, not to be written."""
+    mesh = document.mesh
+    return replace(document, mesh=replace(mesh, points=y_up(mesh.points, "z")))
