@@ -32,8 +32,8 @@ class WriteOptions:
     over another file. Buffers go along whatever it says: nothing could read the output without them. uv_double:
     store uv as doubles where the format can (PLY); others write what they always do. set_flag: the option that
     chose the set, for messages. group_by: what shares an atlas, as ``Document.group_by`` tells it; None is the
-    whole file. colours: images and vertex colours go along into a new glTF. up: the axis that points up, y or z,
-    of a mesh that becomes a new glTF; None takes what its format means.
+    whole file. colours: images and vertex colours go along into a new glTF. up: the axis that points up, y or
+    z, of a mesh that becomes a new glTF; None takes what its format means.
     """
 
     uv_set: int | None = None
