@@ -257,6 +257,12 @@ out_dir = option(
 
 format_option = library_option("format", type=Name("format", _formats, listed=True))
 
+named_format_option = library_option(
+    "format",
+    type=Name("format", _formats, listed=True),
+    help="Format of what comes through '-' (stdin, stdout), and of outputs that no -o names.",
+)
+
 gates = option(
     CHECKS,
     "--fail-if",

@@ -23,7 +23,7 @@ Examples:
 @common.apply(
     common.output,
     common.overwrite,
-    common.format_option,
+    common.named_format_option,
     common.library_option("reader"),
     common.library_options("packing"),
     common.library_option("uv_set"),
@@ -50,6 +50,8 @@ def command(mesh: str, **given: Any) -> None:
     out = output_path(mesh, given)
     check_outputs((mesh,), [out], given)
     keywords = common.library_keywords(given)
+    if "-" not in (mesh, out):  # it named the output
+        keywords.pop("format", None)
     if mesh == "-" and given["format"] is None:
         raise click.UsageError("--format tells what comes through '-': give obj, ply, glb ...")
     with progress.listener(mesh, given["quiet"]) as listener:

@@ -18,13 +18,14 @@ def output_path(mesh: str, given: dict[str, Any]) -> str:
         return str(given["output"])
     if mesh == "-":
         return "-"
-    from circparam.formats.table import output_suffix
+    from circparam.formats.table import FORMATS, output_suffix
 
     path = Path(mesh)
-    folder = given.get("out_dir")
+    folder, format = given.get("out_dir"), given.get("format")
+    suffix = FORMATS[format].function.suffixes[0] if format else output_suffix(path.suffix)
     if folder is not None:
-        return str(Path(folder) / f"{path.stem}{output_suffix(path.suffix)}")
-    return beside(path, "_uv", output_suffix(path.suffix))
+        return str(Path(folder) / f"{path.stem}{suffix}")
+    return beside(path, "_uv", suffix)
 
 
 def beside(path: Path, tail: str, suffix: str) -> str:
@@ -70,8 +71,15 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     clash = next((o for o in outputs if o != "-" and outputs.count(o) > 1), None)
     if clash is not None:
         raise OptionError(f"two meshes would be written to {clash}: unwrap them one by one")
-    if given["format"] is not None and "-" not in (*meshes, *outputs):
-        raise OptionError("--format has no effect here: it tells the format of '-' (stdin, stdout)")
+    named = given["output"] is not None
+    if given["format"] is not None and named and "-" not in (*meshes, *outputs):
+        raise OptionError(
+            "--format has no effect here: it tells the format of '-' (stdin, stdout), and of outputs without -o"
+        )
+    if given["format"] is not None and "-" in meshes and len(meshes) > 1:
+        raise OptionError(
+            "--format tells the format of '-' or of the outputs of files: unwrap them one by one"
+        )
     for path in (*outputs, *further.values()):
         if path != "-":
             check_place(path, given["overwrite"], given.get("out_dir"))

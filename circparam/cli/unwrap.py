@@ -58,7 +58,7 @@ class UnwrapCommand(common.SectionedCommand):
     common.output,
     common.out_dir,
     common.overwrite,
-    common.format_option,
+    common.named_format_option,
     common.library_option("reader"),
     common.library_option("method"),
     common.library_options("flattening"),

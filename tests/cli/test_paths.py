@@ -35,6 +35,9 @@ NOTHING = {
         ("/", {"out_dir": "out"}, "out"),
         ("a/m.gltf", {"out_dir": "out"}, "out/m.gltf"),
         ("m.obj", {"output": "x.ply"}, "x.ply"),
+        ("m.stl", {"format": "obj"}, "m_uv.obj"),
+        ("a/m.obj", {"format": "glb", "out_dir": "out"}, "out/m.glb"),
+        ("m.obj", {"format": "glb", "output": "x.ply"}, "x.ply"),
         ("-", {}, "-"),
         ("-", {"output": "x.ply"}, "x.ply"),
     ],
@@ -58,7 +61,8 @@ REFUSED = {
         "--map m.txt: end the name in .npz",
     ),
     "a preview of no kind": ("a", "o", {"preview": "p"}, "--preview p: end the name in .png"),
-    "format of no stream": ("a", "o", {"format": "obj"}, "--format has no effect"),
+    "format of a name": ("a", "o", {"format": "obj", "output": "o"}, "--format has no effect"),
+    "format of two things": ("- a", "- o", {"format": "obj"}, "one by one"),
 }
 
 

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from click.testing import CliRunner, Result
 
 from circparam.cli import cli
+from circparam.formats.io import read
 from tests.support import shapes
 
 KEYS = (
@@ -111,6 +113,30 @@ def test_several_meshes_into_a_folder(tmp_path: Path) -> None:
     documents = [json.loads(line) for line in result.stdout.splitlines()]
     assert [Path(d["input"]).stem for d in documents] == names
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["a.obj", "b.obj", "c.obj"]
+
+
+def test_a_format_names_the_outputs_of_several_meshes(tmp_path: Path) -> None:
+    """STL went to GLB, each OBJ to OBJ; with --format all go to one format, without -o for each."""
+    one = obj(tmp_path / "a.obj", shapes.grid(4, 4))
+    two = tmp_path / "b.stl"
+    trimesh.Trimesh(*shapes.grid(4, 4), process=False).export(two)
+    result = run("unwrap", one, two, "--format", "ply", *CONVEX)
+    assert result.exit_code == 0, result.stderr
+    for name in ("a_uv.ply", "b_uv.ply"):
+        assert read(tmp_path / name).uv_sets == (0,)
+    again = run("pack", tmp_path / "a_uv.ply", "--format", "glb")
+    assert again.exit_code == 0, again.stderr
+    assert read(tmp_path / "a_uv_uv.glb").uv_sets == (0,)
+
+
+def test_the_axis_that_points_up_is_an_error_where_nothing_is_turned(tmp_path: Path) -> None:
+    one = obj(tmp_path / "a.obj", shapes.grid(4, 4))
+    result = run("unwrap", one, "--up", "z", *CONVEX)
+    one_line_error(result, 2, "--up", "OBJ keeps the axes")
+    result = run("unwrap", one, "-o", tmp_path / "a.glb", "--up", "z", *CONVEX)
+    assert result.exit_code == 0, result.stderr
+    flat = read(tmp_path / "a.glb").mesh.points
+    assert np.ptp(flat[:, 1]) == 0 < np.ptp(flat[:, 2])
 
 
 def test_one_bad_mesh_does_not_stop_the_others(tmp_path: Path) -> None:
@@ -338,7 +364,7 @@ USAGE = {
     "bound without charts": (["--cut", "disk", "--max-distortion", "1.1"], "--cut charts"),
     "gate": (["--fail-if", "flipps>0"], "did you mean flips"),
     "two uses of stdout": (["-o", "-", "--json"], "stdout"),
-    "format of no stream": (["--format", "obj"], "--format"),
+    "format of no stream": (["--format", "obj", "-o", "a.obj"], "--format"),
     "two outputs": (["-o", "a.obj", "--out-dir", "."], "exclude"),
     "memory": (["--max-memory", "lots"], "4G"),
     "number": (["--padding", "much"], "padding"),
