@@ -9,13 +9,17 @@ import click
 
 from circparam.cli import common, progress
 from circparam.cli.paths import check_place
-from circparam.core.limits import RESOLUTION
+from circparam.errors import OptionError
+from circparam.pipeline.look_options import LookOptions
+
+SIZE = 2048  # texels a side of one image where nobody says
 
 _EPILOG = """\b
 Examples:
   circparam bake scan_uv.ply --from vertex-colors -o scan.png
   circparam bake spot_uv.obj --from texture --source spot.obj -o spot_new.png
   circparam bake model_uv.glb --from texture --source scan.obj -o model.glb
+  circparam bake model_uv.glb --all --source model.glb -o model_new.glb
   circparam bake model.glb --from texture --uv-set 1 --size 1024 -o baked.png
   circparam bake low_uv.obj --from normals --source high.ply --map nearest --cage 0.05 -o low.glb
   circparam bake a_uv.obj --from texture --source b.glb --map a_to_b.npz -o a.png
@@ -28,8 +32,13 @@ Examples:
     "--from",
     "kind",
     type=click.Choice(["texture", "vertex-colors", "colours", "normals", "height"]),
-    required=True,
     help="What to carry over; colours and vertex-colors are the same, normals are in tangent space.",
+)
+@click.option(
+    "--all",
+    "whole",
+    is_flag=True,
+    help="Carry every texture of every material, from face to face, into a mesh file.",
 )
 @click.option(
     "--source",
@@ -50,14 +59,13 @@ Examples:
     metavar="D",
     help="How far nearest looks, out and in, in units of the mesh.  [default: 2 % of its diagonal]",
 )
-@click.option(
-    "--size",
-    type=click.IntRange(int(RESOLUTION.low), int(RESOLUTION.high)),
-    default=2048,
-    show_default=True,
-    metavar="TEXELS",
-    help="Side of the image.",
+@common.library_option(
+    "size",
+    LookOptions,
+    help="Side of the image; auto, with --all: as sharp as the old ones.  [default: 2048; auto with --all]",
 )
+@common.library_option("merge_materials", LookOptions)
+@common.library_option("samples", LookOptions)
 @click.option(
     "--uv-set",
     type=click.IntRange(min=0),
@@ -67,7 +75,9 @@ Examples:
     help="The uv set of MESH to bake into.",
 )
 @common.library_option("up")
-@common.required_output("An image (.png), or the mesh with the image inside (.glb).")
+@common.required_output(
+    "An image (.png), or the mesh with its images (.glb; with --all any mesh file)."
+)
 @common.library_option("reader")
 @common.overwrite
 @common.json_option
@@ -78,43 +88,95 @@ def command(mesh: str, **given: Any) -> None:
     Where MESH and OTHER hold the same triangles, colours go from face to face; otherwise every texel takes
     the colour of the closest point of OTHER, or of the place that --map tells. Texels are grown into the
     padding. Normals are those of glTF: tangents by MikkTSpace, green up; heights are grey of 16 bit, level in
-    the middle.
+    the middle. With --all the output is OTHER with the uv of MESH and all its textures and materials.
     """
+    look = LookOptions(**common.library_keywords(given, LookOptions))
+    _check_words(given, look)
+    check_place(given["output"], given["overwrite"])
+    with progress.listener(Path(mesh).name, given["quiet"]) as listener:
+        report, warnings = (_all if given["whole"] else _one)(mesh, given, look, listener)
+    for line in warnings:
+        progress.warn(f"{mesh}: {line}", given["quiet"])
+    report = {"schema": "circparam/bake/1", "input": mesh, **report}
+    if given["as_json"]:
+        common.echo_json(report)
+    elif not given["quiet"]:
+        click.echo("\n".join(report["output"]))
+
+
+def _check_words(given: dict[str, Any], look: LookOptions) -> None:
+    """Raise OptionError where --all and --from are both there or both missing, or another word fits but one."""
+    if given["whole"] == (given["kind"] is not None):
+        raise OptionError("say what to carry: --from WHAT, or --all for every texture")
+    if given["whole"]:
+        for name, flag in {"by": "--map", "cage": "--cage", "up": "--up"}.items():
+            if given[name] is not None:
+                raise OptionError(
+                    f"{flag} has no effect here: --all keeps faces and axes as they are; leave it out"
+                )
+        return
+    if look.size == "auto":
+        raise OptionError("--size auto has no effect here: it needs --all; give a number")
+    for flag, value in {
+        "--merge-materials": look.merge_materials,
+        "--samples": look.samples,
+    }.items():
+        if value is not None:
+            raise OptionError(f"{flag} has no effect here: it needs --all; leave it out")
+
+
+def _one(
+    mesh: str, given: dict[str, Any], look: LookOptions, listener: Any
+) -> tuple[dict[str, Any], list[str]]:
+    """Bake one thing into one image: (report, warnings)."""
     from circparam.bake.bake import Across, bake_document, check_across
+    from circparam.bake.left_behind import check_left_behind
     from circparam.bake.write import check_target, check_up, write_baked
     from circparam.core.monitor import Monitor
     from circparam.formats.io import read
     from circparam.maps.surface_map import load_map
 
-    path = Path(given["output"])
+    path, size = Path(given["output"]), look.fixed_size or SIZE
     kind = "vertex-colors" if given["kind"] == "colours" else given["kind"]
-    uv_set, size, by, far = (given[name] for name in ("uv_set", "size", "by", "source"))
+    uv_set, by, far = (given[name] for name in ("uv_set", "by", "source"))
     check_target(path, kind)
-    check_place(str(path), given["overwrite"])
     check_across(kind, far is not None, Across("nearest" if by else None, given["cage"]))
     across = Across(by if by in (None, "nearest") else load_map(by), given["cage"])
     document = read(mesh, reader=given["reader"])
     up = None if given["up"] == "auto" else given["up"]
     check_up(path, document, up)
     other = read(far, reader=given["reader"]) if far is not None else None
-    with progress.listener(Path(mesh).name, given["quiet"]) as listener:
-        baked = bake_document(
-            document, kind, uv_set=uv_set, source=other, across=across, size=size,
-            monitor=Monitor(listener),
-        )  # fmt: skip
+    left = check_left_behind(path, document, other, kind, uv_set)
+    baked = bake_document(
+        document, kind, uv_set=uv_set, source=other, across=across, size=size,
+        monitor=Monitor(listener),
+    )  # fmt: skip
     files, notes = write_baked(path, baked, document, uv_set, kind, up)
-    for line in [*document.warnings, *document.notes, *baked.notes, *notes]:
-        progress.warn(f"{mesh}: {line}", given["quiet"])
-    report: dict[str, Any] = {
-        "schema": "circparam/bake/1",
-        "input": mesh,
+    report = {
         "output": [str(f) for f in files],
         "size": size,
         "covered": baked.covered,
         **baked.report,
-        "notes": [*baked.notes, *notes],
+        "notes": [*baked.notes, *notes, *left],
     }
-    if given["as_json"]:
-        common.echo_json(report)
-    elif not given["quiet"]:
-        click.echo("\n".join(str(f) for f in files))
+    return report, [*document.warnings, *document.notes, *report["notes"]]
+
+
+def _all(
+    mesh: str, given: dict[str, Any], look: LookOptions, listener: Any
+) -> tuple[dict[str, Any], list[str]]:
+    """Write a mesh file with all textures: (report, warnings)."""
+    from circparam.bake.rebake import bake_all
+    from circparam.core.monitor import Monitor
+    from circparam.formats.io import read
+
+    far = given["source"]
+    document = read(mesh, reader=given["reader"])
+    other = read(far, reader=given["reader"]) if far is not None else None
+    written, told = bake_all(
+        document, other, given["output"], look, uv_set=given["uv_set"],
+        overwrite=given["overwrite"], monitor=Monitor(listener),
+    )  # fmt: skip
+    notes = [*written.notes, *told.notes]
+    report = {"output": [str(f) for f in written.files], **told.as_dict(), "notes": notes}
+    return report, [*document.warnings, *written.warnings, *told.notes]

@@ -32,10 +32,11 @@ SECTIONS = {
     "Method": ("method", "flattening"),
     "Seams": ("seams",),
     "Packing": ("packing",),
+    "Textures": ("look",),
     "Checks": ("repair", "bounds"),
     "Information": (),
 }
-INPUT, METHOD, SEAMS, PACKING, CHECKS, INFORMATION = SECTIONS
+INPUT, METHOD, SEAMS, PACKING, TEXTURES, CHECKS, INFORMATION = SECTIONS
 
 
 class Option(click.Option):

@@ -15,6 +15,7 @@ from circparam.core.imports import put_off
 from circparam.core.memory import room_for_libraries
 from circparam.core.workers import cores
 from circparam.errors import CircparamError, GateError, OptionError
+from circparam.pipeline.look_options import LookOptions
 from circparam.pipeline.options import Options
 
 _EPILOG = """\b
@@ -22,6 +23,7 @@ Examples:
   circparam unwrap mesh.obj                          writes mesh_uv.obj
   circparam unwrap mesh.glb -o out.glb --json
   circparam unwrap *.obj --out-dir unwrapped
+  circparam unwrap model.glb --rebake                textures go along
   circparam unwrap disk.obj --cut disk --method circle
   circparam unwrap mesh.obj --max-distortion 1.02 --fail-if 'flips>0,overlap>0'
   circparam unwrap - --format obj < mesh.obj > mesh_uv.obj
@@ -71,6 +73,13 @@ class UnwrapCommand(common.SectionedCommand):
         help="Write the seams as vertex pairs, counted from 0.",
     ),
     common.library_options("packing"),
+    common.option(
+        common.TEXTURES,
+        "--rebake",
+        is_flag=True,
+        help="Carry every texture of every material into the new uv.",
+    ),
+    common.library_options("look", LookOptions),
     common.library_options("writing"),
     common.option(
         common.INPUT,
@@ -142,6 +151,7 @@ class _Run:
         _limit_memory(given["max_memory"])
         put_off()  # before the options ask for what knows the methods
         self.options = Options(**library_options_of(given))
+        self.look = look_options_of(given)
         self.reports: list[dict[str, Any]] = []  # of every mesh, those without a result too
 
     def one(self, mesh: str, out: str) -> int:
@@ -185,9 +195,17 @@ class _Run:
                     reader=self.given["reader"],
                 )
             options = replace(self.options, format=self.given["format"] if out == "-" else None)
-            result = unwrap_document(document, out, options, monitor)
+            look = None
+            if self.look is None:
+                result = unwrap_document(document, out, options, monitor)
+            else:
+                from circparam.bake.rebake import rebake_document
+
+                result, look = rebake_document(document, out, options, self.look, monitor)
             self._extras(result)
         report = summarise(result)
+        if look is not None:
+            report["look"] = look.as_dict()
         self.reports.append(report)
         for line in report["warnings"]:
             progress.warn(f"{mesh}: {line}", self.quiet)
@@ -230,6 +248,18 @@ def _failure(mesh: str, line: str, code: int) -> dict[str, Any]:
         "error": line,
         "exit": code,
     }
+
+
+def look_options_of(given: dict[str, Any]) -> LookOptions | None:
+    """How textures are carried, None without --rebake. Raises OptionError where only --rebake gives a sense."""
+    known = common.library_keywords(given, LookOptions)
+    if given["rebake"]:
+        return LookOptions(**known)
+    for name in known:
+        raise OptionError(
+            f"--{name.replace('_', '-')} has no effect here: it needs --rebake; leave it out"
+        )
+    return None
 
 
 def library_options_of(given: dict[str, Any]) -> dict[str, Any]:

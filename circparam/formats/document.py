@@ -14,6 +14,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.errors import InputError, NoResultError, OptionError
+from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
@@ -149,6 +150,11 @@ class Document:
         """(m, 3, 3) unit normals of every corner as viewers shade the file; None where it leaves them open."""
         return None
 
+    def tangents(self) -> FloatArray | None:
+        """(m, 3, 4) tangents of every corner as the file has them, unit, their sign last; NaN for faces that
+        have none, None where no face has one."""
+        return None
+
     def targets(self) -> list[tuple[str, FloatArray]]:
         """Morph targets: the name of each, and (n, 3) where it moves the points to, in the world."""
         return []
@@ -159,6 +165,18 @@ class Document:
         Raises InputError for a malformed material.
         """
         return None
+
+    def looks(self) -> Looks | None:
+        """The materials of the file with all their images; None for a format without materials.
+
+        Raises InputError for a malformed material, an image that is missing, and what can't be carried.
+        """
+        return None
+
+    def dressed(self, carried: Carried) -> Document:
+        """The same file, to be written with images that were carried into the layout of its next
+        ``rewrite``."""
+        raise NoResultError(f"{self.source.name}: {self.format.upper()} has no place for images")
 
     def textured_sets(self) -> set[int]:
         """The uv sets that images of the file refer to, whether the images are there or not."""

@@ -44,6 +44,15 @@ class Frames:
         out = np.stack([(direction * axis).sum(1) for axis in (bn, nt, tb)], 1)
         return unit(out * np.where(whole < 0, -1.0, 1.0))
 
+    def out_of(self, face: IntArray, bary: FloatArray, told: FloatArray) -> FloatArray:
+        """The inverse of ``into``: what viewers decode, (p, 3) unit."""
+        axes = (self.tangent, self.bitangent, self.normal)
+        parts = [
+            unit(np.einsum("pk,pkc->pc", bary, axis[face])) * told[:, k, None]
+            for k, axis in enumerate(axes)
+        ]
+        return unit(parts[0] + parts[1] + parts[2])
+
 
 def unit(vectors: FloatArray) -> FloatArray:
     """(..., 3) vectors of length 1; those of length 0 stay."""

@@ -33,6 +33,7 @@ class Packing:
         self.tree, self.json = tree, copy.deepcopy(tree.json)
         self.data: list[tuple[Json, bytes]] = []  # (bufferView, bytes)
         self.touched: set[int] = set()
+        self.images: dict[int, bytes] = {}  # new images, by their number
         # nothing moves where an extension may refer to data in a way that is not known here
         self.careful = extensions_hold_data(self.json)
 
@@ -61,6 +62,7 @@ class Packing:
         extra: dict[str, bytes] = {}
         body = self.tree.bin
         self.json.setdefault("buffers", [])
+        self._store_images(format, stem, extra)
         if format == "glb" and not self.tree.is_glb:
             body, unused = self._pack(unused)
             self.data += embed_images(self.json, self.tree.source.folder)
@@ -91,12 +93,27 @@ class Packing:
             self._assets(),
         )
 
+    def _store_images(self, format: str, stem: str, extra: dict[str, bytes]) -> None:
+        """Put new images into the file, as glTF with a name beside it."""
+        for number, data in self.images.items():
+            image = self.json["images"][number]
+            if format == "glb" or not stem:
+                view: Json = {"buffer": 0, "byteOffset": 0, "byteLength": len(data)}
+                self.json.setdefault("bufferViews", []).append(view)
+                image["bufferView"] = len(self.json["bufferViews"]) - 1
+                self.data.append((view, data))
+            else:
+                name = f"{stem}_{image['name']}.png"
+                image["uri"] = quote(name)
+                extra[name] = data
+
     def _drop(self) -> Unused:
         """Take out what lost its last user."""
-        if self.careful or not self.touched:
+        gone = _image_views(self.tree.json) - _image_views(self.json)
+        if self.careful or not (self.touched or gone):
             return Unused([], [])
-        old = (len(self.tree.json.get(kind, [])) for kind in ("accessors", "bufferViews"))
-        return drop_unused(self.json, self.touched, *old)
+        accessors, views = (len(self.tree.json.get(k, [])) for k in ("accessors", "bufferViews"))
+        return drop_unused(self.json, self.touched, accessors, views, gone)
 
     def _fill_rows(self, unused: Unused) -> Unused:
         """Lay out anew the views that end inside their last row, which loaders refuse, with all of it."""
@@ -167,6 +184,11 @@ class Packing:
 
     def _glb(self, body: bytes | None) -> bytes:
         return glb_bytes(self.json, body, self.tree.rest)
+
+
+def _image_views(tree: Json) -> set[int]:
+    """The views that hold images."""
+    return {i["bufferView"] for i in tree.get("images", []) if "bufferView" in i}
 
 
 def _utf8(text: str) -> bytes:

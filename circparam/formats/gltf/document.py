@@ -12,6 +12,7 @@ from circparam.formats.document import Document, Encoded, WriteOptions, check_uv
 from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.groups import store_grouping, stored_grouping
+from circparam.formats.gltf.looks import read_looks
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.reading import COMPRESSED, Tree, sound_tree
 from circparam.formats.gltf.rows import short_views
@@ -25,6 +26,7 @@ from circparam.formats.gltf.scene import (
     unshare_meshes,
     walk,
 )
+from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
@@ -32,12 +34,16 @@ from circparam.mesh.mesh import Mesh, UVMap
 
 @dataclass(frozen=True, eq=False)
 class GltfDocument(Document):
-    """A glTF or GLB file: its tree, its primitives in the order of the faces, and their vertex pools."""
+    """A glTF or GLB file: its tree, its primitives in the order of the faces, and their vertex pools.
+
+    carried: what stands in place of its images when it is written, None for those that it has.
+    """
 
     tree: Tree = field(kw_only=True)
     primitives: list[Primitive] = field(kw_only=True)
     pools: list[Pool] = field(kw_only=True)
     again: list[Again] = field(default_factory=list)
+    carried: Carried | None = None
 
     @property
     def instances(self) -> int:
@@ -108,6 +114,26 @@ class GltfDocument(Document):
         rows /= np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
         return rows[self.mesh.faces]
 
+    def tangents(self) -> FloatArray | None:
+        """TANGENT of the vertices, turned into the world."""
+        rows = np.full((len(self.mesh.points), 4), np.nan)
+        with sound_tree(self.source):
+            matrix = mesh_matrices(self.tree)
+            for p in self.primitives:
+                pool = self.pools[p.pool]
+                if "TANGENT" not in pool.attributes or "NORMAL" not in pool.attributes:
+                    continue
+                value = self.tree.values(pool.attributes["TANGENT"])
+                if value.shape != (pool.count, 4):
+                    raise self.source.error(
+                        f"TANGENT has {len(value)} entries for {pool.count} vertices"
+                    )
+                turned = times(value[:, :3], matrix[p.mesh][:3, :3].T)
+                length = np.linalg.norm(turned, axis=1, keepdims=True)
+                part = slice(pool.first, pool.first + pool.count)
+                rows[part] = np.c_[turned / np.maximum(length, 1e-300), value[:, 3]]
+        return None if np.isnan(rows).all() else rows[self.mesh.faces]
+
     def targets(self) -> list[tuple[str, FloatArray]]:
         """The morph targets of the meshes: the first of each mesh together, then the second ones."""
         with sound_tree(self.source):
@@ -117,6 +143,15 @@ class GltfDocument(Document):
         """The base colour textures of the materials."""
         with sound_tree(self.source, "a material"):
             return materials.textures(self.tree, self.primitives)
+
+    def looks(self) -> Looks:
+        """The materials with all their images."""
+        with sound_tree(self.source, "a material"):
+            return read_looks(self.tree, self.primitives)
+
+    def dressed(self, carried: Carried) -> GltfDocument:
+        """The same tree with other images."""
+        return replace(self, carried=carried)
 
     def check_target(self, options: WriteOptions, format: str) -> bool:
         """glTF and GLB are written by the document itself."""
@@ -134,18 +169,15 @@ class GltfDocument(Document):
         replaced = check_uv_set(self, options, only_first=False)
         with sound_tree(self.source):
             edit = TreeEdit(self.tree)
+            if self.carried is not None:
+                edit.dress(self.primitives, self.carried)
             store_grouping(edit.json, replaced.number, options.group_by)
             out = write_uv(
-                edit,
-                self.primitives,
-                self.pools,
-                uvmap,
-                replaced.number,
-                format=format,
-                stem=stem,
+                edit, self.primitives, self.pools, uvmap, replaced.number, format=format, stem=stem
             )
         notes = [*replaced.notes, *out.notes]
-        return replace(out, notes=notes, needed=self.needs(format), warnings=replaced.warnings)
+        warnings = replaced.warnings if self.carried is None else []  # the images go along
+        return replace(out, notes=notes, needed=self.needs(format), warnings=warnings)
 
     def textured_sets(self) -> set[int]:
         """The uv sets that textures of the materials refer to, those of extensions too."""

@@ -13,6 +13,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.words import counted
 from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing
+from circparam.formats.gltf.looks import redressed
 from circparam.formats.gltf.model import (
     ARRAY_BUFFER,
     COMPONENTS,
@@ -22,6 +23,8 @@ from circparam.formats.gltf.model import (
     Pool,
     Primitive,
 )
+from circparam.formats.gltf.scene import mesh_matrices, times
+from circparam.formats.looks import Carried
 from circparam.formats.vertex_split import Split, duplicated, split_vertices
 from circparam.mesh.mesh import UVMap
 
@@ -30,7 +33,7 @@ def write_uv(
     edit: TreeEdit, primitives: list[Primitive], pools: list[Pool], uvmap: UVMap, number: int, *,
     format: str, stem: str,
 ) -> Encoded:  # fmt: skip
-    """The tree that is edited with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""
+    """The tree of an edit with TEXCOORD_number of all its triangles; see ``GltfDocument.rewrite``."""
     stored = stored_uv(uvmap.uv)
     start = np.cumsum([0, *(len(p.triangles) for p in primitives)])
     sources, added, listed, dropped = [], 0, 0, 0
@@ -48,6 +51,9 @@ def write_uv(
         sources.append(pool.first + split.source)
         users = [primitives[i] for i in mine]
         dropped += edit.pool(users, pool, split, file_uv(split.uv), number)
+        if edit.told is not None:
+            mine_told = [edit.told[start[i] : start[i + 1]].reshape(-1, 4) for i in mine]
+            edit.tangents(users, split, np.concatenate(mine_told))
         if split.added:
             added += split.added
             listed += edit.indices(users, split)
@@ -91,7 +97,12 @@ def index_type(n: int, least: int = 5123) -> int:
 
 
 class TreeEdit(Packing):
-    """A copy of a tree in which vertices and uv of primitives change."""
+    """A copy of a tree in which vertices and uv of primitives change.
+
+    told: (m, 3, 4) tangents to write, None to keep those that still hold.
+    """
+
+    told: FloatArray | None = None
 
     def pool(
         self, users: list[Primitive], pool: Pool, split: Split, rows: npt.NDArray[Any], number: int
@@ -136,6 +147,38 @@ class TreeEdit(Packing):
             if "targets" in entry:
                 entry["targets"] = copy.deepcopy(targets)
         return len(users) if lost else 0
+
+    def dress(self, primitives: list[Primitive], carried: Carried) -> None:
+        """Let the materials show carried images in place of theirs."""
+        self.json, pages = redressed(self.json, primitives, carried)
+        self.images = {number: carried.pages[page] for number, page in pages.items()}
+        self.told = carried.tangents
+
+    def tangents(self, users: list[Primitive], split: Split, told: FloatArray) -> None:
+        """TANGENT of primitives with normals: those of corners (c, 4) in the world; the last of a vertex
+        counts."""
+        entries = [self.primitive(p) for p in users]
+        if not all("NORMAL" in entry["attributes"] for entry in entries):
+            return
+        whole = mesh_matrices(self.tree)[users[0].mesh][:3, :3]
+        rows = np.tile([1.0, 0.0, 0.0, 1.0], (len(split.source), 1))
+        local = times(told[:, :3], np.linalg.pinv(whole).T)
+        length = np.linalg.norm(local, axis=1, keepdims=True)
+        rows[split.corner] = np.c_[
+            np.where(length > 0, local / np.maximum(length, 1e-300), rows[0, :3]), told[:, 3]
+        ]
+        raw = np.ascontiguousarray(rows, "<f4")
+        new = self.accessor(
+            {"componentType": 5126, "type": "VEC4"},
+            raw.view(np.uint8).reshape(len(raw), 16),
+            ARRAY_BUFFER,
+        )
+        for entry in entries:
+            if "TANGENT" in entry["attributes"]:
+                self.touched.add(entry["attributes"]["TANGENT"])
+            entry["attributes"]["TANGENT"] = new
+            for target in entry.get("targets", []):
+                self.touched |= {target.pop("TANGENT")} if "TANGENT" in target else set()
 
     def primitive(self, p: Primitive) -> Json:
         """The entry of a primitive in the new tree."""

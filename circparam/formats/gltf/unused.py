@@ -58,15 +58,17 @@ def view_slots(tree: Json) -> Slots:
     yield from ((i, "bufferView") for i in tree.get("images", []) if "bufferView" in i)
 
 
-def drop_unused(tree: Json, touched: set[int], accessors: int, views: int) -> Unused:
+def drop_unused(
+    tree: Json, touched: set[int], accessors: int, views: int, images: Iterable[int] = ()
+) -> Unused:
     """Take out the accessors among ``touched`` that nothing refers to, and the views that only they used.
 
-    accessors, views: how many the tree had before new ones were appended. What nothing used from the
-    beginning stays: it is not ours.
+    accessors, views: how many the tree had before new ones were appended. images: views of images that went.
+    What nothing used from the beginning stays: it is not ours.
     """
     old, all_views = tree.get("accessors", []), tree.get("bufferViews", [])
     free = sorted(touched - {c[k] for c, k in accessor_slots(tree)})
-    mine = _views_of(old, free)
+    mine = _views_of(old, free) | set(images)
     others = set(range(len(old))) - set(free)
     alive = _views_of(old, others) | {i.get("bufferView") for i in tree.get("images", [])}
     dead = sorted(mine - alive)

@@ -1,0 +1,248 @@
+"""Every image of every material, carried from its own uv into one layout over the same faces.
+
+A texel of the new layout shows a point of the surface: a face and barycentric coordinates. The same
+coordinates give the place in the old uv of each texture, where its image is looked up as a sampler would:
+transform, wrap mode, filter. No ray is cast, for faces correspond. Colours are averaged in linear light;
+normals and directions go from the old tangent frame to the surface and from there into the new one. What no
+face covers takes the nearest colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.bake.look_source import Source
+from circparam.bake.merging import FILL, fitted, groups_of, with_cutoff
+from circparam.bake.source_image import coded
+from circparam.bake.texels import Texels, corners_in_texels, density, find_texels, places_in
+from circparam.bake.write import png
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.monitor import Monitor
+from circparam.core.workers import cores
+from circparam.formats.looks import Carried, Group, Material, Slot, Use
+from circparam.geometry.shading import Frames, unit
+from circparam.mesh.mesh import UVMap
+
+AT_ONCE = 250_000  # texels, a few hundred bytes each in every thread
+
+
+@dataclass(frozen=True)
+class CarryOptions:
+    """size: texels a side of the page. samples: of a texel along each side. merge: make materials one."""
+
+    size: int = 2048
+    samples: int = 2
+    merge: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What is the same for all texels of a page."""
+
+    source: Source
+    layout: UVMap
+    texels: Texels
+    samples: int
+    xy: FloatArray
+    new: Frames | None
+
+
+def carry(
+    source: Source,
+    layout: UVMap,
+    uv_set: int,
+    options: CarryOptions,
+    monitor: Monitor | None = None,
+) -> tuple[Carried, Texels]:
+    """The images of a source in a layout of one page, and the texels that it has there.
+
+    layout: over the faces of the source. uv_set: its number in the file. Raises InputError where no texel lies
+    in a face.
+    """
+    monitor = monitor or Monitor()
+    groups = groups_of(source.looks, options.merge)
+    with monitor.stage("bake"):
+        texels = find_texels(layout, options.size)
+        slots = {slot for group in groups for slot in group.shown}
+        turns = any(slot.kind in ("normal", "direction") for slot in slots)
+        uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+        new = source.frames(uv) if turns else None
+        xy = np.nan_to_num(corners_in_texels(layout, options.size))
+        work = Work(source, layout, texels, options.samples, xy, new)
+        pages = _painted(work, groups, slots, monitor)
+    tangents = None
+    if new is not None:
+        sign = np.broadcast_to(new.sign[:, None, None], (*new.sign.shape, 3, 1))
+        tangents = np.concatenate([new.tangent, sign], 2)
+    return Carried(pages, groups, uv_set, tangents), texels
+
+
+def _painted(
+    work: Work, groups: tuple[Group, ...], slots: set[Slot], monitor: Monitor
+) -> dict[str, bytes]:
+    """PNG bytes of every page."""
+    size, texels = work.texels.size, work.texels
+    width: dict[str, int] = {}
+    for slot in slots:
+        width[slot.page] = max(width.get(slot.page, 0), 3, 1 + max(slot.channels))
+    images = {page: np.full((size * size, 4), 255, np.uint8) for page in sorted(width)}
+    parts = list(_parts(work, groups))
+    for part in parts:  # what threads share is made before them
+        _prepare(work.source, part)
+    done = 0
+    with ThreadPoolExecutor(max(1, min(cores(), 4))) as pool:
+        for count in pool.map(lambda part: _paint(work, part, images), parts):
+            done += count
+            monitor.update(0.8 * done / len(texels.pixel))
+
+        def encoded(page: str) -> bytes:
+            image = images.pop(page)
+            channels = 4 if width[page] == 4 and (image[texels.pixel, 3] < 255).any() else 3
+            grown = image[texels.nearest, :channels]
+            return png(grown.reshape(size, size, channels))
+
+        names = list(images)
+        return dict(zip(names, pool.map(encoded, names), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Texels of one material. at: their numbers in ``Texels``."""
+
+    group: Group
+    material: Material
+    at: IntArray
+
+
+def _parts(work: Work, groups: tuple[Group, ...]) -> Iterator[Part]:
+    """The texels in parts of one material each."""
+    looks = work.source.looks
+    group_of = {member: group for group in groups for member in group.members}
+    label = looks.face[work.texels.face]
+    order = np.argsort(label, kind="stable")
+    first = np.flatnonzero(np.diff(label[order], prepend=-1))
+    for a, b in zip(first, [*first[1:], len(order)], strict=True):
+        k = int(label[order[a]])
+        if group_of[k].shown:
+            for start in range(a, b, AT_ONCE):
+                at = order[start : min(start + AT_ONCE, b)]
+                yield Part(group_of[k], looks.materials[k], at)
+
+
+def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> int:
+    """Write the texels of a part into the pages, in place; returns how many they are."""
+    texels, material = work.texels, part.material
+    pixel, face = texels.pixel[part.at], texels.face[part.at]
+    looked: dict[Any, FloatArray] = {}
+    for slot in part.group.shown:
+        use, none = material.uses.get(slot), _without_image(slot)
+        texel = np.broadcast_to(none, (len(face), len(none)))
+        if use is not None:
+            key = (use.image, use.uv_set, use.move.tobytes(), use.wrap, use.nearest, slot.srgb)
+            if key not in looked:
+                looked[key] = _look_up(work, part, use, slot)
+            has = work.source.places(use)[1][face]  # no uv, no texture: the factor alone
+            texel = np.where(has[:, None], looked[key][:, slot.channels], none)
+        own, common = material.factors[slot], part.group.factors[slot]
+        if slot.kind in ("normal", "direction"):
+            texel = _turned(work, slot, use, own, common, (pixel, face, texel))
+        else:
+            texel = fitted(slot, texel, own, common)
+        _store(images[slot.page], pixel, slot, part, texel)
+    return len(part.at)
+
+
+def _without_image(slot: Slot) -> FloatArray:
+    """The texel that stands for no image in a slot."""
+    return np.array(FILL.get(slot.kind, (1.0,) * len(slot.channels)))
+
+
+def _prepare(source: Source, part: Part) -> None:
+    """Make what the slots of a part look up."""
+    for slot in part.group.shown:
+        use = part.material.uses.get(slot)
+        if use is not None:
+            source.places(use)
+            source.sampled(use, slot.srgb)
+        if slot.kind in ("normal", "direction"):
+            source.old_frames(use)
+
+
+def _store(
+    image: npt.NDArray[np.uint8], pixel: IntArray, slot: Slot, part: Part, texel: FloatArray
+) -> None:
+    """Code texels and write them into the channels of their slot."""
+    for k, channel in enumerate(slot.channels):
+        value = texel[:, k]
+        if channel == 3 and slot.covers:
+            if part.material.alpha == "OPAQUE":
+                continue
+            if part.material.alpha == "MASK":
+                value = with_cutoff(value, part.material.cutoff, part.group.cutoff)
+        image[pixel, channel] = coded(value, slot.srgb and channel < 3)
+
+
+def _look_up(work: Work, part: Part, use: Use, slot: Slot) -> FloatArray:
+    """(p, 4) the mean of what an image shows at the samples of texels; of colours that are seen through, or
+    not at all, by how much they are seen."""
+    texels = work.texels
+    pixel, face = texels.pixel[part.at], texels.face[part.at]
+    corners = np.nan_to_num(work.source.places(use)[0])[face]
+    x, y = corners[:, :, 0].T.copy(), corners[:, :, 1].T.copy()
+    image = work.source.sampled(use, slot.srgb)
+    dense = density(work.source.in_texels(use), work.xy)[face] / work.samples
+    level = np.round(np.log2(np.maximum(np.nan_to_num(dense, nan=1.0), 1.0))).astype(np.int64)
+    level = np.minimum(level, image.levels)
+    numbers = np.unique(level).tolist()
+    total = np.zeros((len(face), 4))
+    material = part.material
+    see_through = slot.covers and material.alpha != "OPAQUE"
+    seen = np.zeros((len(face), 4))  # colours times weights, and weights
+    for u, v, w in places_in(work.xy, face, pixel, texels.size, work.samples):
+        px, py = u * x[0] + v * x[1] + w * x[2], u * y[0] + v * y[1] + w * y[2]
+        for k in numbers:
+            some = slice(None) if len(numbers) == 1 else level == k
+            found = image.sample(px[some], py[some], use, k)
+            total[some] += found
+            if see_through:
+                alpha = found[:, 3:]
+                weight = alpha if material.alpha == "BLEND" else (alpha >= material.cutoff) * 1.0
+                seen[some] += np.concatenate([found[:, :3] * weight, weight], 1)
+    total /= work.samples**2
+    some = seen[:, 3] > 0
+    total[some, :3] = seen[some, :3] / seen[some, 3:]
+    return total
+
+
+def _turned(
+    work: Work,
+    slot: Slot,
+    use: Use | None,
+    own: FloatArray,
+    common: FloatArray,
+    told: tuple[IntArray, IntArray, FloatArray],
+) -> FloatArray:
+    """Texels of normals or directions in the frames of the new layout.
+
+    own, common: factors of the material and of its group. told: (p,) texels, (p,) faces, (p, 3) what they hold
+    in the old frames.
+    """
+    pixel, face, texel = told
+    bary = next(places_in(work.xy, face, pixel, work.texels.size, 1)).T.astype(np.float64)
+    old = work.source.old_frames(use)
+    new = work.new or old  # there are new ones wherever a slot turns
+    if slot.kind == "normal":
+        vector = (texel * 2 - 1) * [own[0], own[0], 1]
+        return 0.5 + 0.5 * new.into(face, bary, old.out_of(face, bary, vector))
+    c, s = np.cos(own[1]), np.sin(own[1])
+    x, y = (texel[:, :2] * 2 - 1).T
+    flat = np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)
+    turned = unit(new.into(face, bary, old.out_of(face, bary, flat)) * [1, 1, 0])
+    strength = texel[:, 2] * (own[0] / common[0] if common[0] > 0 else 1.0)
+    return np.column_stack([0.5 + 0.5 * turned[:, :2], strength])

@@ -1,0 +1,124 @@
+"""A file whose looks are carried: its materials, decoded images, old uv and tangent frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.bake.source_image import SourceImage
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError
+from circparam.formats.document import Document
+from circparam.formats.looks import Looks, Use, pixels
+from circparam.geometry.shading import Frames, corner_normals, frames
+from circparam.render.scene import row_labels
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A file whose looks are carried: its materials, decoded images, and the old uv of each slot.
+
+    images: (h, w, 4) codes. Every method answers for all m faces.
+    """
+
+    document: Document
+    looks: Looks
+    images: tuple[npt.NDArray[Any], ...]
+    _known: dict[Any, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, document: Document) -> Source:
+        """What a document shows. Raises InputError where images or uv are missing, broken or not finite."""
+        looks = document.looks()
+        if looks is None or not looks.textured:
+            raise document.source.error("its materials show no image: there is nothing to carry")
+        try:
+            images = tuple(map(pixels, looks.images, looks.names))
+        except InputError as error:
+            raise document.source.error(error) from None
+        out = cls(document, looks, images)
+        for k in np.unique(looks.face).tolist():
+            for use in looks.materials[k].uses.values():
+                out.check(use, looks.face == k)
+        return out
+
+    def check(self, use: Use, faces: npt.NDArray[np.bool_]) -> None:
+        """Raise InputError where faces have uv for a texture that are not finite."""
+        corners, has = self.places(use)
+        bad = int(np.count_nonzero(has & faces & ~np.isfinite(corners).all((1, 2))))
+        if bad:
+            raise self.document.source.error(
+                f"{bad} faces have NaN or infinite uv in set {use.uv_set}, where the texture "
+                f"{self.looks.names[use.image]} is looked up: unwrap the mesh without --rebake"
+            )
+
+    def places(self, use: Use) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """((m, 3, 2) place in the image of every corner, v down; (m,) whether the face has uv)."""
+        key = (use.uv_set, use.move.tobytes())
+        if key not in self._known:
+            layout = self.document.uv(use.uv_set)
+            if layout is None:
+                none = np.zeros((len(self.looks.face), 3, 2))
+                self._known[key] = none, np.zeros(len(none), bool)
+            else:
+                uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+                down = np.stack([uv[..., 0], 1 - uv[..., 1], np.ones(uv.shape[:2])], 2)
+                with np.errstate(invalid="ignore"):
+                    self._known[key] = down @ use.move.T, (layout.uv_faces >= 0).all(1)
+        found: tuple[FloatArray, npt.NDArray[np.bool_]] = self._known[key]
+        return found
+
+    def sampled(self, use: Use, srgb: bool) -> SourceImage:
+        """The image of a use, ready to be looked up."""
+        key = (use.image, srgb)
+        if key not in self._known:
+            self._known[key] = SourceImage(self.images[use.image], srgb)
+        found: SourceImage = self._known[key]
+        return found
+
+    def in_texels(self, use: Use) -> FloatArray:
+        """(m, 3, 2) the corners of faces in texels of the image of a use."""
+        h, w = self.images[use.image].shape[:2]
+        out: FloatArray = self.places(use)[0] * np.array([w, h])
+        return out
+
+    @cached_property
+    def vertex(self) -> IntArray:
+        """(m, 3) label of each corner by position."""
+        mesh = self.document.mesh
+        return row_labels(mesh.points)[mesh.faces]
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """(m, 3, 3) unit normals of corners: those of the file, else smooth ones."""
+        mesh = self.document.mesh
+        own = self.document.normals()
+        return corner_normals(mesh.points[mesh.faces], self.vertex) if own is None else own
+
+    def frames(self, corners: FloatArray) -> Frames:
+        """Tangent frames over uv (m, 3, 2) with v up."""
+        mesh = self.document.mesh
+        flat = np.nan_to_num(corners.reshape(-1, 2))
+        place = row_labels(flat).reshape(-1, 3)
+        label = self.vertex * (int(place.max()) + 1) + place
+        return frames(mesh.points[mesh.faces], flat.reshape(-1, 3, 2), label, self.normals)
+
+    def old_frames(self, use: Use | None) -> Frames:
+        """The frames in which an image tells directions: tangents of the file where it has them."""
+        key = ("frames", None if use is None else (use.uv_set, use.move.tobytes()))
+        if key not in self._known:
+            corners, _ = self.places(use or Use(0))
+            made = self.frames(corners * [1, -1])
+            given = self.document.tangents()
+            if given is not None:
+                has = np.flatnonzero(np.isfinite(given).all((1, 2)))
+                tangent, sign = made.tangent.copy(), made.sign.copy()
+                tangent[has], sign[has] = given[has, :, :3], given[has, 0, 3]
+                made = Frames(made.normal, tangent, sign)
+            self._known[key] = made
+        found: Frames = self._known[key]
+        return found

@@ -1,0 +1,194 @@
+"""A textured model in a new layout, looking as it did: unwrap, carry every image, write, verify."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from circparam.bake.bake import tiles_of
+from circparam.bake.carry import CarryOptions, carry
+from circparam.bake.look_source import Source
+from circparam.bake.sampling import same_surface
+from circparam.bake.sharpness import Sharpness, blurred, needed_size, sharpness
+from circparam.bake.texels import Texels
+from circparam.core.monitor import Monitor
+from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document, WriteOptions
+from circparam.formats.io import Written, check_place, format_of, write
+from circparam.formats.looks import Carried
+from circparam.mesh.mesh import UVMap
+from circparam.pipeline.configure import padding_note, target_format
+from circparam.pipeline.look_options import LookOptions
+from circparam.pipeline.options import AUTO, Options
+from circparam.pipeline.result import Result, verify_layout
+from circparam.pipeline.save import save
+from circparam.pipeline.unwrap import unwrap_document
+
+# formats that can be written with the materials of each format
+HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf")}
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What became of the materials and images of a file.
+
+    size: texels a side of every new image. pages: their names. materials: how many faces showed, before and
+    after. sharp: what is left of the density of every old image. covered: share of the page in charts.
+    """
+
+    size: int
+    pages: tuple[str, ...]
+    materials: tuple[int, int]
+    sharp: list[Sharpness]
+    covered: float
+    notes: list[str] = field(default_factory=list)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures for JSON."""
+        return {
+            "size": self.size,
+            "images": list(self.pages),
+            "materials_before": self.materials[0],
+            "materials": self.materials[1],
+            "covered": self.covered,
+            "textures": [
+                {"name": s.name, "density_kept": s.kept, "tiled": s.tiled} for s in self.sharp
+            ],
+        }
+
+
+def rebake_document(
+    document: Document,
+    output: str | os.PathLike[str],
+    options: Options,
+    look: LookOptions,
+    monitor: Monitor,
+) -> tuple[Result, Look]:
+    """Unwrap a file and write it with its images in the new layout.
+
+    Raises what ``unwrap_document`` does, OptionError where an option leaves no single page, InputError for
+    images that can't be carried; all but the first before any work.
+    """
+    _check(options)
+    target = target_format(document, output, options)
+    _check_home(document, target)
+    if os.fspath(output) != "-":
+        check_place(output, document, target, options.overwrite)
+    source = Source.of(document)
+    size = look.fixed_size or options.resolution or needed_size(source, None)
+    if options.resolution not in (None, size):
+        raise OptionError(
+            f"--size {size} and --resolution {options.resolution} are one thing with --rebake: give one of them"
+        )
+    padding = AUTO if options.padding is None and look.fixed_size is None else options.padding
+    asked = replace(options, resolution=size, padding=padding, format=target)
+    result = unwrap_document(document, None, asked, monitor)
+    layout = UVMap(result.uv, result.uv_faces)
+    if look.fixed_size is None and options.resolution is None and padding == AUTO:
+        size = needed_size(source, layout)  # a padding that grows with the page is as good on any
+    number = options.target_set or 0
+    how = CarryOptions(size, look.samples or 2, look.merge)
+    carried, texels = carry(source, layout, number, how, monitor)
+    told = _look(source, layout, carried, texels)
+    result = _at_size(replace(result, document=document.dressed(carried)), size, options.format)
+    saved = save(result, output, monitor)
+    warnings = [*saved.warnings, *told.notes]
+    return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), told
+
+
+def _at_size(result: Result, size: int, format: str | None) -> Result:
+    """A result as it is on a page of another size, its padding in texels of that one."""
+    old = result.options
+    new = replace(old, resolution=size, format=format)
+    if size == old.resolution:
+        return replace(result, options=new)
+    before, after = padding_note(old.padding_texels), padding_note(new.padding_texels)
+    return replace(
+        result,
+        options=new,
+        notes=[after if note == before else note for note in result.notes],
+        verification=verify_layout(
+            result.surface, UVMap(result.uv, result.uv_faces), new, result.tiles
+        ),
+    )
+
+
+def bake_all(
+    document: Document,
+    source: Document | None,
+    output: str | os.PathLike[str],
+    look: LookOptions,
+    *,
+    uv_set: int = 0,
+    overwrite: bool = False,
+    monitor: Monitor | None = None,
+) -> tuple[Written, Look]:
+    """Write a source with the uv of a document over the same triangles, and all its images carried there.
+
+    source: None for the document itself, whose images refer to another set. Raises OptionError where the
+    output can't hold the materials, InputError where the two are not the same triangles or images can't be
+    carried.
+    """
+    layout = document.require_uv(uv_set)
+    origin = source or document
+    name = format_of(output)
+    _check_home(origin, name)
+    check_place(output, origin, name, overwrite)
+    if source is not None and not same_surface(document.mesh, source.mesh):
+        raise InputError(
+            f"{document.source.name}: its triangles are not those of {source.source.name}, or lie elsewhere: "
+            "--all carries textures from face to face; unwrap that file with --rebake"
+        )
+    tiles = tiles_of(layout)
+    if (tiles > 0).any():
+        raise document.source.error("its layout has several tiles: --all carries into one page")
+    found = Source.of(origin)
+    size = look.fixed_size or needed_size(found, layout)
+    how = CarryOptions(size, look.samples or 2, look.merge)
+    carried, texels = carry(found, layout, uv_set, how, monitor)
+    told = _look(found, layout, carried, texels)
+    options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
+    written = write(output, origin.dressed(carried), layout, options=options, overwrite=overwrite)
+    return written, told
+
+
+def _check(options: Options) -> None:
+    """Raise OptionError where the layout would not be one packed page."""
+    if not options.packed:
+        raise OptionError("--rebake needs a packed page: leave --no-normalize out")
+    if options.grouped or options.pages not in (None, 1) or options.scale is False:
+        raise OptionError("--rebake draws one page: leave --pages, --group-by and --no-scale out")
+    if options.texel_density is not None:
+        raise OptionError("--rebake draws one page: give its --size in place of --texel-density")
+
+
+def _check_home(document: Document, target: str) -> None:
+    """Raise OptionError where a format can't hold the materials of a file."""
+    homes = HOMES.get(document.format, ())
+    if target not in homes:
+        known = ", ".join(f"{a.upper()} as {' or '.join(b)}" for a, b in HOMES.items())
+        raise OptionError(
+            f"{document.source.name}: textures of {document.format.upper()} are not carried into "
+            f"{target.upper()}, only {known}: write one of these"
+        )
+
+
+def _look(source: Source, layout: UVMap, carried: Carried, texels: Texels) -> Look:
+    """The figures of what was carried, and the lines that a user must read."""
+    sharp = sharpness(source, layout, texels.size)
+    before = len(np.unique(source.looks.face))
+    notes = blurred(sharp, texels.size)
+    if texels.twice > 0.001 * texels.covered:
+        share = 100 * texels.twice / texels.covered
+        notes.append(f"{share:.1f} % of the texels belong to several faces: the last one is seen")
+    return Look(
+        texels.size,
+        tuple(carried.pages),
+        (before, len(carried.groups)),
+        sharp,
+        texels.covered / texels.size**2,
+        notes,
+    )

@@ -1,0 +1,107 @@
+"""How sharp carried images are beside the old ones: which size keeps their texels, and which image loses
+some."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.bake.look_source import Source
+from circparam.bake.texels import corners_in_texels, density
+from circparam.core.arrays import FloatArray, cross2
+from circparam.core.words import percent
+from circparam.mesh.mesh import UVMap
+
+KEPT = 0.9  # of the old density along a side, which no more than TAIL of the surface may fall below
+TAIL = 0.01  # share of the surface that an image covers: slivers of old uv are no reason for a larger page
+FILLED = 0.7  # share of a page that packing covers, guessed before it
+SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
+TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern and decides no size
+
+
+@dataclass(frozen=True)
+class Sharpness:
+    """One old image. kept: the share of its density, along a side, that the new image has. tiled: it
+    repeats."""
+
+    name: str
+    kept: float
+    tiled: bool
+
+
+def needed_size(source: Source, layout: UVMap | None) -> int:
+    """The smallest power of two, SMALLEST to LARGEST, that keeps KEPT of the density of every image.
+
+    layout: None before there is one; then the page is taken for FILLED by charts without distortion. Images
+    that repeat do not count: no page holds them as sharp as they are.
+    """
+    sides = [KEPT * dense for _, dense, tiled in _densities(source, layout, 1) if not tiled]
+    side = max([SMALLEST, *sides])
+    return min(1 << math.ceil(math.log2(side) - 1e-9), LARGEST)
+
+
+def sharpness(source: Source, layout: UVMap, size: int) -> list[Sharpness]:
+    """What is left of the density of every image."""
+    return [
+        Sharpness(name, min(1 / dense, 1.0) if dense > 0 else 1.0, tiled)
+        for name, dense, tiled in _densities(source, layout, size)
+    ]
+
+
+def blurred(found: list[Sharpness], size: int) -> list[str]:
+    """One line on the images that lose more than they may."""
+    lines = []
+    for one in found:
+        if one.kept < KEPT:
+            why = (
+                "it repeats, so every copy needs texels of its own"
+                if one.tiled
+                else "--size is too small"
+            )
+            lines.append(
+                f"texture {one.name} keeps {percent(one.kept)} of its density at {size} texels: {why}"
+            )
+    return lines
+
+
+def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[str, float, bool]]:
+    """Of every image: its name, its texels along one of the page that all but TAIL of its surface keep to, and
+    whether it repeats."""
+    mesh, looks = source.document.mesh, source.looks
+    solid = mesh.points[mesh.faces]
+    area = np.linalg.norm(np.cross(solid[:, 1] - solid[:, 0], solid[:, 2] - solid[:, 0]), axis=1)
+    new = _flat(area) if layout is None else corners_in_texels(layout, size)
+    worst: dict[int, tuple[float, bool]] = {}
+    for k in np.unique(looks.face).tolist():
+        mine = looks.face == k
+        for use in looks.materials[k].uses.values():
+            places, has = source.places(use)
+            some = mine & has
+            dense = density(source.in_texels(use), new)[some]
+            side1, side2 = places[some, 1] - places[some, 0], places[some, 2] - places[some, 0]
+            tiled = bool(np.abs(cross2(side1, side2)).sum() / 2 > TILES)
+            value = _quantile(dense, area[some])
+            before, repeats = worst.get(use.image, (0.0, False))
+            worst[use.image] = max(before, value), repeats or tiled
+    return [(looks.names[k], *value) for k, value in sorted(worst.items())]
+
+
+def _flat(area: FloatArray) -> FloatArray:
+    """(m, 3, 2) triangles of the areas that faces will have on a page of side 1."""
+    side = np.sqrt(area / area.sum() * FILLED) if area.sum() > 0 else area
+    out = np.zeros((len(area), 3, 2))
+    out[:, 1, 0] = out[:, 2, 1] = side
+    return out
+
+
+def _quantile(values: FloatArray, weight: FloatArray) -> float:
+    """The value that all but TAIL of the weight keeps below; 0 where there are none."""
+    some = np.isfinite(values)
+    if not some.any():
+        return 0.0
+    order = np.argsort(values[some])
+    share = np.cumsum(weight[some][order])
+    at = int(np.searchsorted(share, (1 - TAIL) * share[-1]))
+    return float(values[some][order][min(at, len(order) - 1)])

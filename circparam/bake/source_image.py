@@ -1,0 +1,131 @@
+"""An image that is looked up at many places: its codes as whole words, averages of it in levels, wrap modes.
+
+Samples blend the four texels round a place in linear light, as graphics hardware does for sRGB textures
+(bilinear), in the level whose texels are about as large as what a sample stands for.
+"""
+
+from __future__ import annotations
+
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.looks import Use, Wrap
+from circparam.formats.materials import linear, srgb
+
+Floats = npt.NDArray[np.float32]
+# linear light in so many steps → code of 8 bit; the steepest part of the curve, 12.92, moves 0.05 codes a step
+STEPS = 65535
+FLOATS = 1 << 22  # pixels up to which an image is decoded as a whole, in 64 MB
+
+
+class SourceImage:
+    """An image (h, w, 4) of 8 or 16 bit. is_srgb: its red, green and blue are coded so."""
+
+    def __init__(
+        self, image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16], is_srgb: bool
+    ) -> None:
+        self.height, self.width = image.shape[:2]
+        self._image = np.ascontiguousarray(image)
+        word = np.uint32 if image.dtype == np.uint8 else np.uint64
+        self._words = self._image.view(word).ravel()
+        top = np.iinfo(image.dtype).max
+        plain = np.arange(top + 1) / top
+        self._alpha = plain.astype(np.float32)
+        self._value = linear(plain).astype(np.float32) if is_srgb else self._alpha
+        self._levels: dict[int, Floats] = {}
+
+    @cached_property
+    def whole(self) -> Floats:
+        """(h, w, 4) in linear light."""
+        return self._decoded(self._image)
+
+    def _decoded(self, codes: npt.NDArray[Any]) -> Floats:
+        out = np.empty(codes.shape, np.float32)
+        for k in range(4):
+            out[..., k] = (self._alpha if k == 3 else self._value).take(codes[..., k])
+        return out
+
+    def level(self, number: int) -> Floats:
+        """(⌈h / 2ⁿ⌉, ⌈w / 2ⁿ⌉, 4) means of 2ⁿ × 2ⁿ texels in linear light."""
+        if number not in self._levels:
+            above = self.whole if number == 1 else self.level(number - 1)
+            h, w = above.shape[:2]
+            even = np.pad(above, ((0, h % 2), (0, w % 2), (0, 0)), mode="edge")
+            mean = even.reshape(len(even) // 2, 2, -1, 2, 4).mean((1, 3), dtype=np.float32)
+            self._levels[number] = mean
+        return self._levels[number]
+
+    @property
+    def levels(self) -> int:
+        """The number of the smallest level."""
+        return int(np.ceil(np.log2(max(self.width, self.height, 1))))
+
+    def sample(self, x: FloatArray, y: FloatArray, use: Use, level: int) -> Floats:
+        """(p, 4) linear values at places (p,) in the image, 0..1, y down."""
+        size = 1 << level
+        h, w = -(-self.height // size), -(-self.width // size)
+        x, y = x * (self.width / size), y * (self.height / size)
+        if use.nearest:
+            i, j = wrapped(np.floor(x), w, use.wrap[0]), wrapped(np.floor(y), h, use.wrap[1])
+            return self._take(j * w + i, level)
+        x0, y0 = np.floor(x - 0.5), np.floor(y - 0.5)
+        fx = (x - 0.5 - x0).astype(np.float32)[:, None]
+        fy = (y - 0.5 - y0).astype(np.float32)[:, None]
+        i0, i1 = (wrapped(x0 + k, w, use.wrap[0]) for k in (0, 1))
+        j0, j1 = (wrapped(y0 + k, h, use.wrap[1]) * w for k in (0, 1))
+        out = self._blend(j0 + i0, j0 + i1, fx, level)
+        below = self._blend(j1 + i0, j1 + i1, fx, level)
+        below -= out
+        below *= fy
+        out += below
+        return out
+
+    def _blend(self, left: IntArray, right: IntArray, share: Floats, level: int) -> Floats:
+        """(p, 4) between two texels each."""
+        out, other = self._take(left, level), self._take(right, level)
+        other -= out
+        other *= share
+        out += other
+        return out
+
+    def _take(self, at: IntArray, level: int) -> Floats:
+        """(p, 4) linear values of texels by their numbers."""
+        if level:
+            return self.level(level).reshape(-1, 4).take(at, axis=0)
+        if self.width * self.height <= FLOATS:
+            return self.whole.reshape(-1, 4).take(at, axis=0)
+        codes = self._words.take(at).view(self._image.dtype).reshape(-1, 4)
+        return self._decoded(codes)
+
+
+def wrapped(index: FloatArray, size: int, wrap: Wrap) -> IntArray:
+    """Whole numbers of texels brought into 0..size − 1 as a sampler does it (glTF 2.0, 3.8.4.4)."""
+    k = np.nan_to_num(np.clip(index, -(2.0**52), 2.0**52)).astype(np.int64)
+    if wrap == "clamp":
+        return np.clip(k, 0, size - 1)
+    if wrap == "mirror":
+        k = k % (2 * size)
+        return np.minimum(k, 2 * size - 1 - k)
+    out: IntArray = k % size
+    return out
+
+
+def coded(values: npt.NDArray[np.floating], as_srgb: bool) -> npt.NDArray[np.uint8]:
+    """Values 0..1 as codes of 8 bit; as_srgb: linear light, coded so."""
+    step = np.nan_to_num(np.clip(values, 0, 1) * STEPS + 0.5).astype(np.uint16)
+    out: npt.NDArray[np.uint8] = (_srgb_codes() if as_srgb else _plain_codes()).take(step)
+    return out
+
+
+@cache
+def _srgb_codes() -> npt.NDArray[np.uint8]:
+    return np.round(srgb(np.arange(STEPS + 1) / STEPS) * 255).astype(np.uint8)
+
+
+@cache
+def _plain_codes() -> npt.NDArray[np.uint8]:
+    return np.round(np.arange(STEPS + 1) / STEPS * 255).astype(np.uint8)

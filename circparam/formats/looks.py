@@ -1,0 +1,150 @@
+"""What materials show, whatever the format: which values they take from images, where, and how they are coded.
+
+A ``Slot`` is one thing that a material can take from an image, such as its base colour. A ``Use`` is an image
+in a slot: the uv set, the affine map of its uv, and how the image goes on beyond its edges. ``Looks`` are the
+materials of a file, face by face; ``Carried`` is what stands in their place after their images moved to one
+layout. Colours are linear light, and v points down, as rows of images do.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError
+
+Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]
+# how texel t and factor f make a value: f·t, 1 + f·(t − 1), f₀ + (f₁ − f₀)·t, a normal whose x and y f
+# scales, a direction in x and y with a strength f₀, turned by f₁ radians
+Kind: TypeAlias = Literal["product", "occlusion", "range", "normal", "direction"]
+PIXELS = 178_956_970  # of an image, beyond which Pillow refuses to decode it
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One thing that a material takes from an image.
+
+    name: as the format calls it. channels: of the image, 0 to 3 for red to alpha. page: images of slots with
+    one page and different channels may be stored as one. srgb: red,
+    green and blue are coded so, alpha never is. covers: alpha says how much is seen.
+    """
+
+    name: str
+    channels: tuple[int, ...]
+    page: str
+    srgb: bool = False
+    kind: Kind = "product"
+    covers: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Use:
+    """An image in a slot. move: (2, 3) affine map from uv of the set, v down, to places in the image, 0..1."""
+
+    image: int
+    uv_set: int = 0
+    move: FloatArray = field(default_factory=lambda: np.eye(2, 3))
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    nearest: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """One material.
+
+    uses: its images. factors: of each slot that it can have, as many numbers as ``Kind`` needs. alpha: OPAQUE,
+    MASK (seen from ``cutoff`` on) or BLEND. alike: materials that differ in this cannot become one.
+    """
+
+    name: str
+    uses: dict[Slot, Use] = field(default_factory=dict)
+    factors: dict[Slot, FloatArray] = field(default_factory=dict)
+    alpha: str = "OPAQUE"
+    cutoff: float = 0.5
+    alike: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """The materials of a file.
+
+    images: bytes as in the file, with their names. face: (m,) material of each face.
+    """
+
+    images: tuple[bytes, ...]
+    names: tuple[str, ...]
+    materials: tuple[Material, ...]
+    face: IntArray
+
+    @property
+    def textured(self) -> bool:
+        """Whether a material that a face has shows an image."""
+        return any(self.materials[k].uses for k in np.unique(self.face).tolist())
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Materials that become one. members: their numbers. factors: what goes with the new images, by slot, and
+    ``shown``: the slots that have one."""
+
+    members: tuple[int, ...]
+    factors: dict[Slot, FloatArray]
+    shown: tuple[Slot, ...]
+    cutoff: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """Images in one layout, in place of those of ``Looks``.
+
+    pages: PNG bytes by the name of the page. uv_set: the layout. tangents: (m, 3, 4) of corners with w last,
+    those that normals and directions are told in; None where there are none.
+    """
+
+    pages: dict[str, bytes]
+    groups: tuple[Group, ...]
+    uv_set: int
+    tangents: FloatArray | None = None
+
+
+def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
+    """(h, w, 4) the pixels of an image, 8 or 16 bit; no alpha is opaque.
+
+    Raises InputError, in one line, where the image is empty, broken, of an unknown kind or too large.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    if not data:
+        raise InputError(f"the texture {name} is empty (0 bytes): export it again")
+    try:
+        image = Image.open(io.BytesIO(data))
+        if image.width * image.height > PIXELS:
+            size = f"{image.width} x {image.height}"
+            raise InputError(f"the texture {name} has {size} pixels: scale it down")
+        image.load()
+    except Image.DecompressionBombError as error:
+        raise InputError(f"the texture {name} is too large ({error}): scale it down") from None
+    except (OSError, ValueError, SyntaxError) as error:
+        unknown = isinstance(error, UnidentifiedImageError)
+        cause = _kind_of(data) if unknown else str(error)
+        raise InputError(
+            f"the texture {name} can't be read ({cause}): export PNG or JPEG"
+        ) from None
+    if image.mode.startswith("I"):  # grey of 16 bit; converting would clip it to 8
+        grey = np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
+        return np.stack([grey, grey, grey, np.full_like(grey, 65535)], 2)
+    return np.asarray(image.convert("RGBA"))
+
+
+def _kind_of(data: bytes) -> str:
+    """What a file holds that Pillow knows nothing of."""
+    if data[:7] == b"\xabKTX 20":
+        return "KTX2, which is not decoded"
+    if data[4:8] == b"ftyp" or data[:4] == b"\x1aE\xdf\xa3":
+        return "a video"
+    return "no known format"

@@ -1,0 +1,45 @@
+"""The options of carrying textures into a new layout; importing this module loads no NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from circparam.core import limits
+from circparam.core.fields import Range, check, option
+from circparam.pipeline.options import AUTO
+
+
+@dataclass(frozen=True)
+class LookOptions:
+    """How textures are carried; the help text of each field says what it is.
+
+    Raises OptionError, in one line, where a value is out of range.
+    """
+
+    # fmt: off
+    size: int | str | None = option(
+        "look", "Side of the new images; auto: as sharp as the old ones.", metavar="TEXELS|auto", word=AUTO,
+        shown="auto", bounds=limits.RESOLUTION,
+    )
+    merge_materials: str | None = option(
+        "look", "Materials that differ in textures and factors only become one.", choices=("auto", "none"),
+        shown="auto",
+    )
+    samples: int | None = option(
+        "look", "Samples of a texel along each side.", metavar="N", shown="2",
+        bounds=Range(1, 16, "a number of samples along a side, 1 to 16"),
+    )
+    # fmt: on
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def fixed_size(self) -> int | None:
+        """The side that was asked for, None where the old images decide."""
+        return self.size if isinstance(self.size, int) else None
+
+    @property
+    def merge(self) -> bool:
+        """Whether materials become one where they can."""
+        return self.merge_materials != "none"

@@ -1,0 +1,213 @@
+"""``unwrap --rebake`` and ``bake --all``: files whose textures go along, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from circparam.cli import cli
+from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.io import read
+from tests.bake.test_carry import all_maps
+from tests.support.gltf_files import unused_entries
+from tests.support.looks import Painted, bumps, model, psnr, seen, surface_points, waves
+from tests.support.validator import validate
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+FAST = ("--effort", "0.02", "-j", "1", "--json")
+
+
+@pytest.fixture(scope="module")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """model.glb: two materials with all core maps, one with normals too; names, extras, an animation.
+    plain.glb: the same, unwrapped without its images."""
+    folder = tmp_path_factory.mktemp("painted")
+    g = Painted()
+    first = all_maps(g, 1, name="first", extras={"kept": 1})
+    second = all_maps(g, 11, name="second", extras={"kept": 1})
+    second["normalTexture"] = {"index": g.texture(bumps(3))}
+    made = model([first, second], g)
+    made.tree["nodes"][0] |= {"name": "left", "extras": {"a": [1]}}
+    times, turns = np.float32([0, 1]), np.float32([[0, 0, 0], [1, 0, 0]])
+    sampler = {"input": g.accessor(times, min=[0.0], max=[1.0]), "output": g.accessor(turns)}
+    channel = {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+    made.tree["animations"] = [{"channels": [channel], "samplers": [sampler]}]
+    made.tree["extensionsUsed"] = ["KHR_texture_transform"]
+    (folder / "model.glb").write_bytes(made.glb())
+    words = ("-o", folder / "plain.glb", *FAST)
+    assert run("unwrap", folder / "model.glb", *words).exit_code == 0
+    return folder
+
+
+@pytest.fixture
+def painted(made_once: Path, tmp_path: Path) -> Path:
+    """A folder with the files of ``made_once``."""
+    for path in made_once.iterdir():
+        shutil.copy(path, tmp_path)
+    return tmp_path
+
+
+def looks_alike(old: Path, new: Path) -> dict[str, float]:
+    """PSNR of each map at points of the surface of two files with the same faces."""
+    before, after = read(old), read(new)
+    assert isinstance(before, GltfDocument)
+    assert isinstance(after, GltfDocument)
+    face, bary = surface_points(before)
+    a, b = seen(before, face, bary), seen(after, face, bary)
+    return {name: psnr(a[name], b[name]) for name in a}
+
+
+def test_a_model_keeps_its_look_in_its_new_uv(painted: Path) -> None:
+    out = painted / "new.glb"
+    result = run("unwrap", painted / "model.glb", "--rebake", "-o", out, *FAST)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert report["flips"] == 0
+    assert report["overlap"] == 0
+    look = report["look"]
+    assert look["materials_before"] == 2
+    assert look["materials"] == 1
+    assert look["images"] == ["base_color", "emissive", "normal", "orm"]
+    assert min(looks_alike(painted / "model.glb", out).values()) >= 40
+    old, new = read(painted / "model.glb"), read(out)
+    assert isinstance(old, GltfDocument)
+    assert isinstance(new, GltfDocument)
+    for kind in ("nodes", "scenes"):
+        assert new.tree.json[kind] == old.tree.json[kind]
+    assert len(new.tree.json["animations"]) == 1
+    assert new.tree.json["materials"][0]["extras"] == {"kept": 1}
+    assert "extensionsUsed" not in new.tree.json
+    assert unused_entries(new.tree.json) == (set(), set())
+    assert "TEXCOORD_1" in new.pools[0].attributes
+    assert validate(painted / "model.glb", out)[1] <= validate(painted / "model.glb")[0]
+
+
+def test_gltf_keeps_its_images_beside_it(painted: Path) -> None:
+    out = painted / "sub" / "new.gltf"
+    out.parent.mkdir()
+    result = run("unwrap", painted / "model.glb", "--rebake", "--size", 512, "-o", out, *FAST)
+    assert result.exit_code == 0, result.stderr
+    names = sorted(p.name for p in out.parent.iterdir() if p.suffix == ".png")
+    assert names == [f"new_{page}.png" for page in ("base_color", "emissive", "normal", "orm")]
+    tree = json.loads(out.read_text())
+    assert sorted(image["uri"] for image in tree["images"]) == names
+    assert validate(out)[0] <= validate(painted / "model.glb")[0]
+
+
+def test_bake_all_takes_the_layout_of_another_file(painted: Path) -> None:
+    plain, out = painted / "plain.glb", painted / "new.glb"
+    words = ("--all", "--source", painted / "model.glb", "-o", out, "--json")
+    result = run("bake", plain, *words)
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["materials"] == 1
+    assert min(looks_alike(painted / "model.glb", out).values()) >= 40
+
+
+def test_images_move_to_another_set_of_the_same_file(painted: Path) -> None:
+    """A second set as --lightmap writes it; then the images move there, and the first set stays."""
+    both, out = painted / "both.glb", painted / "new.glb"
+    words = ("--uv-set", 2, "-o", both, *FAST)
+    assert run("unwrap", painted / "model.glb", *words).exit_code == 0
+    result = run("bake", both, "--all", "--uv-set", 2, "-o", out)
+    assert result.exit_code == 0, result.stderr
+    assert min(looks_alike(painted / "model.glb", out).values()) >= 40
+    new = read(out)
+    assert isinstance(new, GltfDocument)
+    assert new.textured_sets() == {2}
+
+
+def test_a_bake_of_one_image_leaves_none_behind_in_silence(painted: Path) -> None:
+    """Into a GLB it is refused, before anything is written; into a PNG it is said."""
+    words = (
+        "bake",
+        painted / "plain.glb",
+        "--from",
+        "texture",
+        "--source",
+        painted / "model.glb",
+        "--size",
+        64,
+    )
+    result = run(*words, "-o", painted / "new.glb")
+    assert result.exit_code == 3
+    assert (
+        "its occlusion and normal textures" in result.stderr
+    )  # the others are drawn for set 1, which stays
+    assert "bake --all" in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (painted / "new.glb").exists()
+    result = run(*words, "-o", painted / "new.png")
+    assert result.exit_code == 0, result.stderr
+    assert "bake --all" in result.stderr
+
+
+REFUSED = {
+    "size without rebake": (("unwrap", "model.glb", "--size", "64"), 2, "--rebake"),
+    "pages": (("unwrap", "model.glb", "--rebake", "--pages", "2"), 2, "--pages"),
+    "unpacked": (("unwrap", "model.glb", "--rebake", "--no-normalize"), 2, "--no-normalize"),
+    "another format": (("unwrap", "model.glb", "--rebake", "-o", "x.ply"), 2, "PLY"),
+    "no texture": (("unwrap", "bare.glb", "--rebake"), 3, "nothing to carry"),
+    "two sizes": (("unwrap", "model.glb", "--rebake", "--size", "64", "--resolution", "128"), 2, "--size"),
+    "nothing to bake": (("bake", "model.glb", "-o", "x.glb"), 2, "--from"),
+    "all and one": (("bake", "model.glb", "--all", "--from", "texture", "-o", "x.glb"), 2, "--from"),
+    "all along rays": (("bake", "model.glb", "--all", "--map", "nearest", "-o", "x.glb"), 2, "--map"),
+    "auto of one image": (
+        ("bake", "model.glb", "--from", "texture", "--size", "auto", "-o", "x.png"), 2, "auto"
+    ),
+    "another mesh": (("bake", "bare.glb", "--all", "--source", "model.glb", "-o", "x.glb"), 3, "triangles"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "code", "says"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_is_refused(
+    words: tuple[str, ...], code: int, says: str, painted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    g = Painted()
+    bare = model([{}], g)
+    (painted / "bare.glb").write_bytes(bare.glb())
+    monkeypatch.chdir(painted)
+    there = sorted(painted.iterdir())
+    result = run(*words)
+    assert (result.exit_code, says in result.stderr) == (code, True), result.stderr
+    assert result.stderr.count("\n") == 1 or code == 2
+    assert sorted(painted.iterdir()) == there
+
+
+def test_a_pattern_that_repeats_is_named_with_what_it_loses(tmp_path: Path) -> None:
+    g = Painted()
+    moved = {"KHR_texture_transform": {"scale": [30.0, 30.0]}}
+    info = {"index": g.texture(waves(1)), "extensions": moved}
+    made = model([{"pbrMetallicRoughness": {"baseColorTexture": info}}], g)
+    (tmp_path / "m.glb").write_bytes(made.glb())
+    result = run("unwrap", tmp_path / "m.glb", "--rebake", "--size", 256, *FAST)
+    assert result.exit_code == 0, result.stderr
+    (texture,) = json.loads(result.stdout)["look"]["textures"]
+    assert texture["tiled"]
+    assert texture["density_kept"] < 0.5
+    assert "repeats" in result.stderr
+
+
+def test_auto_takes_the_smallest_page_that_keeps_nine_tenths(tmp_path: Path) -> None:
+    """An image of 700 texels a side over the whole sheet, once: 1024 keep it, and one half of that would
+    not."""
+    g = Painted()
+    colour = {"baseColorTexture": {"index": g.texture(waves(1, 700))}}
+    made = model([{"pbrMetallicRoughness": colour}], g)
+    (tmp_path / "m.glb").write_bytes(made.glb())
+    result = run("unwrap", tmp_path / "m.glb", "--rebake", *FAST)
+    assert result.exit_code == 0, result.stderr
+    look = json.loads(result.stdout)["look"]
+    assert look["textures"][0]["density_kept"] >= 0.9
+    smaller = run(
+        "unwrap", tmp_path / "m.glb", "--rebake", "--size", look["size"] // 2, "--overwrite", *FAST
+    )
+    assert json.loads(smaller.stdout)["look"]["textures"][0]["density_kept"] < 0.9
