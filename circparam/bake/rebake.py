@@ -17,10 +17,10 @@ from circparam.bake.texels import Texels
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
-from circparam.formats.io import Written, check_place, format_of, write
+from circparam.formats.io import Written, check_place, check_target, format_of, write
 from circparam.formats.looks import Carried
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.configure import padding_note, target_format
+from circparam.pipeline.configure import padding_note, target_format, write_options
 from circparam.pipeline.look_options import LookOptions
 from circparam.pipeline.options import AUTO, Options
 from circparam.pipeline.result import Result, verify_layout
@@ -75,6 +75,7 @@ def rebake_document(
     _check(options)
     target = target_format(document, output, options)
     _check_home(document, target)
+    check_target(document, target, write_options(options))
     if os.fspath(output) != "-":
         check_place(output, document, target, options.overwrite)
     source = Source.of(document)
