@@ -13,6 +13,8 @@ from circparam.formats.document import Document
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.gltf.dressing import dressed
 from circparam.formats.gltf.morphing import Target, with_morph
+from circparam.formats.table import up_of
+from circparam.formats.upright import turned
 from circparam.geometry.shading import corner_normals, unit
 from circparam.maps.overlaid import overlaid
 from circparam.maps.pair import MIRRORED, moved, oriented, turned_over
@@ -47,6 +49,7 @@ def morph(
     """
     if not 2 <= frames <= MOST_FRAMES:
         raise OptionError(f"--frames {frames}: give 2 to {MOST_FRAMES} key frames")
+    a, b = _upright(a), _upright(b)
     mapped = oriented(mapped, a, b)
     over = turned_over(mapped, a.mesh, b.mesh)
     if over.mean() > MIRRORED:
@@ -79,6 +82,11 @@ def morph(
         "overlay": overlay,
     }
     return Morphed(with_morph(base.document, target), report, notes + base.notes, base.warnings)
+
+
+def _upright(document: Document) -> Document:
+    """A document with y up, as glTF has it."""
+    return turned(document) if up_of(document.format) == "z" else document
 
 
 def key_frames(frames: int) -> tuple[FloatArray, FloatArray]:

@@ -97,8 +97,13 @@ def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, Fl
     layout = a.uv(0 if textures is None else textures.uv_set) or a.uv(0)
     layout = _layout(layout, made, w)
     if textures is not None:
+        alpha = None if textures.alpha is None else textures.alpha[parent]
         textures = replace(
-            textures, face=textures.face[parent], plain=textures.plain[parent], uv_set=0
+            textures,
+            face=textures.face[parent],
+            plain=textures.plain[parent],
+            alpha=alpha,
+            uv_set=0,
         )
     colours = a.colours()
     document = OverlayDocument(

@@ -78,6 +78,20 @@ def test_the_target_is_where_the_map_says(tmp_path: Path):
     assert turned.data == made.data
 
 
+def test_a_pair_with_z_up_stands_upright(tmp_path: Path):
+    """Scans in PLY mean z, glTF means y: the morph of two lay on its side."""
+    a, b = belt(10, 20), belt(24, 48, 0.05, 1.0)
+    pair = [stored(tmp_path, name, *m) for name, m in (("one", a), ("two", b))]
+    scans = [
+        read_data(encode(d, UVMap(np.zeros((1, 2)), 0 * d.mesh.faces), "ply").data) for d in pair
+    ]
+    made, flat = (morph(*two, known_map(two[0].mesh, two[1].mesh)) for two in (scans, pair))
+    got, kept = reopened(made.data), reopened(flat.data)
+    for points, lying in ((got.mesh.points, kept.mesh.points), (ends(got)[0], ends(kept)[0])):
+        upright = lying[kept.mesh.faces][:, :, [0, 2, 1]] * [1, 1, -1]
+        np.testing.assert_allclose(points[got.mesh.faces], upright, atol=1e-6)
+
+
 def test_uv_and_texture_of_a_stay(tmp_path: Path):
     mesh, layout = belt(4, 8)
     picture(tmp_path / "skin.png", 16)

@@ -63,12 +63,14 @@ class ObjDocument(Document):
         return materials.colours(self.scan, self.mesh.faces)
 
     def normals(self) -> FloatArray | None:
-        """The vn of every corner, that of its triangle where it has no direction; None where one has none."""
+        """The vn of every corner, that of its triangle where it has no direction; None where one lacks a vn."""
         rows = self.scan.corner_normals()
         if rows is None:
             return None
         normal = rows[self.polys.triangles]
         lost = (normal == 0).all(axis=2)
+        if lost.all():
+            return None
         if lost.any():
             a, b, c = np.moveaxis(self.mesh.points[self.mesh.faces], 1, 0)
             flat = np.cross(b - a, c - a)
