@@ -16,6 +16,7 @@ from circparam.formats.materials import Textures, decode
 from circparam.geometry.shading import unit
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.scene import row_labels
+from circparam.render.texture import bilinear
 
 Paint: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 
@@ -41,21 +42,6 @@ def corner_paint(corners: FloatArray) -> Paint:
         return result
 
     return paint
-
-
-def bilinear(image: FloatArray, uv: FloatArray) -> FloatArray:
-    """(p, c) colours of an (h, w, c) image at uv (p, 2), origin bottom-left, repeated beyond its edges."""
-    h, w = image.shape[:2]
-    x = uv[:, 0] * w - 0.5
-    y = (1 - uv[:, 1]) * h - 0.5
-    x0, y0 = np.floor(x), np.floor(y)
-    fx, fy = (x - x0)[:, None], (y - y0)[:, None]
-    i0, j0 = x0.astype(np.int64) % w, y0.astype(np.int64) % h
-    i1, j1 = (i0 + 1) % w, (j0 + 1) % h
-    top = image[j0, i0] * (1 - fx) + image[j0, i1] * fx
-    bottom = image[j1, i0] * (1 - fx) + image[j1, i1] * fx
-    result: FloatArray = top * (1 - fy) + bottom * fy
-    return result
 
 
 def texture_paint(textures: Textures, layout: UVMap, shrink: float = 1.0) -> tuple[Paint, int]:

@@ -15,7 +15,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.looks import Carried, Looks
-from circparam.formats.materials import Textures
+from circparam.formats.materials import Textures, moved_layout
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
@@ -196,14 +196,14 @@ class Document:
         return []
 
     def texture_layout(self, textures: Textures) -> UVMap:
-        """The uv that the textures refer to. Raises InputError where the file lacks that set."""
+        """Where in their images the textures lie. Raises InputError where the file lacks that uv set."""
         uvmap = self.uv(textures.uv_set)
         if uvmap is None:
             raise InputError(
                 f"{self.source.name}: its textures refer to uv set {textures.uv_set}, which it lacks: "
                 "give the file that has it with --source"
             )
-        return uvmap
+        return moved_layout(uvmap, textures)
 
     def check_target(self, options: WriteOptions, format: str) -> bool:
         """Whether the document writes ``format`` itself; asked before the work.

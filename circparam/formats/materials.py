@@ -17,6 +17,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.source import found_beside
+from circparam.mesh.mesh import UVMap
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -33,6 +34,7 @@ class Textures:
     uv_set: the set that the images refer to. notes: images that are missing or unreadable, one line each.
     alpha: (m,) of the material of each face, None where all are opaque. tints: what materials do to the colours
     beyond that, and what is no part of them, one line each.
+    moves: (2, 3) affine map of each image, from uv of the set to places in the image; empty where uv are those.
     """
 
     images: tuple[bytes, ...]
@@ -43,6 +45,21 @@ class Textures:
     notes: list[str] = field(default_factory=list)
     alpha: FloatArray | None = None
     tints: tuple[str, ...] = ()
+    moves: tuple[FloatArray, ...] = ()
+
+
+def moved_layout(uvmap: UVMap, textures: Textures) -> UVMap:
+    """The layout as places in the image of each face: every corner moved as the textures say."""
+    moved = textures.face >= 0
+    if not textures.moves or not moved.any() or not len(uvmap.uv):
+        return uvmap
+    pairs = np.stack([uvmap.uv_faces, np.where(moved, textures.face, -1)[:, None] + [[0] * 3]], 2)
+    rows, number = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
+    unmoved = np.eye(2, 3)
+    matrix = np.stack([*textures.moves, unmoved])[rows[:, 1]]  # image −1 is the last
+    uv = np.einsum("kij,kj->ki", matrix[:, :, :2], uvmap.uv[rows[:, 0]]) + matrix[:, :, 2]
+    uv_faces = np.where(uvmap.uv_faces < 0, -1, number.reshape(-1, 3))
+    return UVMap(uv, uv_faces)
 
 
 class ImageFiles:

@@ -9,7 +9,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.materials import Textures
+from circparam.formats.materials import Textures, moved_layout
 from circparam.formats.memory import PlainDocument
 from circparam.maps.found import Found
 from circparam.maps.overlay import overlay
@@ -95,6 +95,8 @@ def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, Fl
     w = _weights(points[made.faces], a.mesh.points[a.mesh.faces[parent]])
     textures = a.textures()
     layout = a.uv(0 if textures is None else textures.uv_set) or a.uv(0)
+    if textures is not None and layout is not None:
+        layout, textures = moved_layout(layout, textures), replace(textures, moves=())
     layout = _layout(layout, made, w)
     if textures is not None:
         alpha = None if textures.alpha is None else textures.alpha[parent]

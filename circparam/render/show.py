@@ -6,8 +6,10 @@ import io
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
+from circparam.core.arrays import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import decode, media_type
@@ -25,9 +27,9 @@ from circparam.render.figures import (
 )
 from circparam.render.picture import save_scene
 from circparam.render.scene import Scene, make_scene, with_copies
+from circparam.render.texture import LARGEST, unmoved
 
 KINDS = (".png", ".svg", ".html")
-LARGEST = 2048  # texels a side of a texture inside a page
 MOST_TARGETS = 8  # morph targets with a slider: what fits above the pictures
 
 
@@ -125,19 +127,25 @@ def page_images(document: Document, uv_set: int) -> tuple[PageImages | None, str
     if not found.images:
         return None, "; ".join(found.notes) or "its materials have no image", found.notes
     files, notes = [], list(found.notes)
-    for data, name in zip(found.images, found.names, strict=True):
+    moves = found.moves or [None] * len(found.images)
+    for data, name, move in zip(found.images, found.names, moves, strict=True):
         try:
-            files.append(_page_image(data, name))
+            files.append(_page_image(data, name, move))
         except InputError as error:
             notes.append(str(error))
             files.append((_grey(), "image/png"))
     return PageImages(files, found.face), "", notes
 
 
-def _page_image(data: bytes, name: str) -> tuple[bytes, str]:
-    """An image as it is where browsers know it and it is small enough, else scaled down and as JPEG or PNG."""
+def _page_image(data: bytes, name: str, move: FloatArray | None) -> tuple[bytes, str]:
+    """An image as it is where browsers know it and it is small enough, else scaled down and as JPEG or PNG.
+
+    move: (2, 3) where uv lie in the image; None where they are places in it.
+    """
     image = decode(data, name)
     kind = media_type(data)
+    if move is not None and not np.array_equal(move, np.eye(2, 3)):
+        image, kind = unmoved(image, move), None
     if kind is not None and max(image.size) <= LARGEST and len(data) <= 3_000_000:
         return data, kind
     image.thumbnail((LARGEST, LARGEST))

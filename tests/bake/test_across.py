@@ -10,7 +10,6 @@ from PIL import Image
 
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.projection import own_frames
-from circparam.bake.sampling import bilinear
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
@@ -21,6 +20,7 @@ from circparam.geometry.shading import corner_normals, unit
 from circparam.maps.map_surfaces import Given, map_meshes
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
+from circparam.render.texture import bilinear
 from tests.support.baking import sample_back, sheet, some_places, write_obj
 from tests.support.bumps import belt, traced
 from tests.support.maps import known_map, same_map

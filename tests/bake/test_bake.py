@@ -9,11 +9,12 @@ import pytest
 from PIL import Image
 
 from circparam.bake.bake import bake, bake_document, dilate
-from circparam.bake.sampling import bilinear, corner_paint
+from circparam.bake.sampling import corner_paint
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
+from circparam.render.texture import bilinear
 from tests.support.baking import (
     back,
     charts,

@@ -10,9 +10,10 @@ import pytest
 
 import circparam
 from circparam.bake import bake_document
-from circparam.bake.sampling import bilinear, texel_ratio, texture_paint
+from circparam.bake.sampling import texel_ratio, texture_paint
 from circparam.formats.io import read
 from circparam.formats.materials import decode
+from circparam.render.texture import bilinear
 from tests.support.formats_tools import corpus_files
 
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from circparam.bake.sampling import Closest, bilinear, closest_on_triangles
+from circparam.bake.sampling import Closest, closest_on_triangles
+from circparam.render.texture import bilinear
 from tests.support.baking import (
     sheet,
     some_places,

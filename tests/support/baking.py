@@ -8,10 +8,10 @@ import numpy as np
 from PIL import Image
 
 from circparam.bake.bake import Baked, tiles_of
-from circparam.bake.sampling import bilinear
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
+from circparam.render.texture import bilinear
 
 
 def sheet(n: int) -> tuple[FloatArray, np.ndarray]:

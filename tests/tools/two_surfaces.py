@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 from circparam import samples
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.projection import own_frames
-from circparam.bake.sampling import bilinear, texture_paint
+from circparam.bake.sampling import texture_paint
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
@@ -24,6 +24,7 @@ from circparam.render.camera import look_from
 from circparam.render.picture import to_image
 from circparam.render.scene import Scene, make_scene
 from circparam.render.text import write
+from circparam.render.texture import bilinear
 from circparam.render.views import LIGHT, paint, see
 
 WIDE, HIGH, TOP = 380, 360, 40

@@ -14,9 +14,6 @@ from circparam.formats.gltf.model import Pool, Primitive
 from circparam.formats.gltf.reading import Tree
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint
 
-_MOVES = {"offset", "rotation", "scale"}  # keys of KHR_texture_transform that move uv
-_UNMOVED = "textures lie elsewhere by KHR_texture_transform, which is not applied: bake it into the uv first"
-
 
 def colours(tree: Tree, pools: list[Pool], faces: IntArray) -> FloatArray | None:
     """(m, 3, 3) COLOR_0 of every corner, which glTF defines as linear light; None where there is none."""
@@ -37,7 +34,8 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     """
     files = ImageFiles(tree.source.folder)
     faces, plain = [], []
-    known: dict[int, int] = {}
+    known: dict[tuple[int, bytes], int] = {}
+    moves: dict[int, FloatArray] = {}
     sets: list[int] = []
     tints: list[str] = []
     for p in primitives:
@@ -49,14 +47,18 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
         if texture is not None:
             shown = tree.item("textures", texture["index"])
             source, moved = _texture_source(shown), _moved(texture)
-            notes = (
-                [_unread(shown)] if source is None else [_UNMOVED] if moved.keys() & _MOVES else []
-            )
-            files.notes += [note for note in notes if note and note not in files.notes]
-            if source is not None:
-                if source not in known:
-                    known[source] = _image(tree, files, source)
-                image = known[source]
+            if source is None:
+                note = _unread(shown)
+                files.notes += [note] if note and note not in files.notes else []
+            else:
+                move = affine(moved)
+                key = source, move.tobytes()
+                if key not in known:
+                    known[key] = image = _image(tree, files, source)
+                    if not np.array_equal(moves.get(image, move), move):  # shown elsewhere as well
+                        known[key] = files.add(files.names[image], files.images[image])
+                    moves[known[key]] = move
+                image = known[key]
                 sets.append(int(moved.get("texCoord", texture.get("texCoord", 0))))
         factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
         tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
@@ -69,7 +71,24 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     if len(set(sets)) > 1:
         files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
     found = files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
-    return replace(found, tints=tuple(dict.fromkeys(filter(None, tints))))
+    found = replace(found, tints=tuple(dict.fromkeys(filter(None, tints))))
+    if all(np.array_equal(move, np.eye(2, 3)) for move in moves.values()):
+        return found
+    return replace(found, moves=tuple(moves[k] for k in range(len(found.images))))
+
+
+def affine(moved: dict[str, Any]) -> FloatArray:
+    """(2, 3) what KHR_texture_transform does to uv with v upwards: scaled, turned, then shifted.
+
+    The extension speaks of v downwards, and turns counter-clockwise as one sees it: (u, v) goes to
+    (c u + s v, c v − s u). Its own example, the lower left quadrant turned by 90°, tells the direction.
+    """
+    shift, scale = np.array(moved.get("offset", (0, 0)), float), moved.get("scale", (1, 1))
+    c, s = np.cos(moved.get("rotation", 0.0)), np.sin(moved.get("rotation", 0.0))
+    down = np.array([[c, s], [-s, c]]) * np.array(scale, float)
+    up = down * [[1, -1], [-1, 1]]  # both sides with v upwards: v is 1 − v
+    result: FloatArray = np.column_stack([up, [shift[0] + down[0, 1], 1 - shift[1] - down[1, 1]]])
+    return result + 0.0
 
 
 def _base_colour(material: dict[str, Any]) -> dict[str, Any]:
