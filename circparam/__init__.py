@@ -64,7 +64,7 @@ _HOME = {
     "Mesh": "circparam.mesh.mesh",
     "UVMap": "circparam.mesh.mesh",
 }
-_ROOMS = ("samples", "errors", "methods", "seams", "packing", "formats", "pipeline", "report")
+_ROOMS = ("samples", "errors", "methods", "seams", "packing", "formats", "pipeline", "xatlas")
 
 __all__ = [
     "CircparamError",

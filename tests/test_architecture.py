@@ -25,10 +25,11 @@ FLOORS: list[set[str]] = [
     {"maps"},
     {"render"},
     {"bake", "batch", "compare", "samples", "integrations"},
+    {"xatlas"},
     {"cli"},
 ]
 FLOOR = {room: i for i, rooms in enumerate(FLOORS) for room in rooms}
-LOOSE = {"__init__", "__main__", "_version", "errors"}  # modules beside the rooms
+LOOSE = {"__init__", "__main__", "_version", "errors", "xatlas"}  # modules beside the rooms
 
 
 def sources() -> list[Path]:
@@ -249,6 +250,8 @@ def test_help_is_light() -> None:
 
 def test_import_is_light() -> None:
     assert not loaded_by("import circparam; circparam.InputError; dir(circparam)") & HEAVY
+    code = "import circparam.xatlas as xatlas; xatlas.PackOptions().padding = 4; dir(xatlas)"
+    assert not loaded_by(code) & HEAVY
 
 
 # what a small unwrap has no use for: readers of other files, pictures, processes, programs for many charts

@@ -1,0 +1,232 @@
+"""Meshes on the pages of one atlas, and each mesh's share of them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, relabel
+from circparam.core.monitor import Listener
+from circparam.errors import OptionError
+from circparam.formats.document import Document
+from circparam.formats.memory import from_arrays
+from circparam.geometry.coverage import label_grid, pages_of
+from circparam.geometry.intrinsic import signed_areas
+from circparam.integrations.python import repack, unwrap
+from circparam.integrations.xatlas.meshes import AddedMesh, side_by_side
+from circparam.packing.options import PackOptions, pages_needed
+from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
+from circparam.pipeline.result import Result
+
+NO_CHART = np.uint32(0xFFFFFFFF)  # as xatlas numbers the chart of a vertex that has none
+MOST_PAGES = 100
+LONGEST = (
+    0.95  # of the room of a page: a chart that is longer finds no place among the steps of packing
+)
+FULLEST = (
+    0.9  # share of a page that charts hardly ever cover: what a page of a given density begins with
+)
+# Layouts are verified in the float32 numbers that are handed out, which a PLY holds too.
+FLOAT32: dict[str, Any] = {"format": "ply"}
+
+
+@dataclass(frozen=True, eq=False)
+class MeshLayout:
+    """What xatlas hands out of one mesh.
+
+    vmapping: (k,) vertex of the caller. indices: (m, 3). uvs: (k, 2). page, chart: (k,) of each vertex, charts
+    counted over the whole atlas. faces: the faces of each chart. materials: of each chart. pages: of each
+    chart.
+    """
+
+    vmapping: npt.NDArray[np.uint32]
+    indices: npt.NDArray[np.uint32]
+    uvs: npt.NDArray[np.float32]
+    page: npt.NDArray[np.uint32]
+    chart: npt.NDArray[np.uint32]
+    faces: list[npt.NDArray[np.uint32]]
+    materials: list[int]
+    pages: list[int]
+
+
+@dataclass(frozen=True, eq=False)
+class AtlasLayout:
+    """The pages of an atlas. result: as ``circparam.unwrap`` gives it, of all meshes side by side. side:
+    texels of a page."""
+
+    result: Result
+    meshes: list[MeshLayout]
+    side: int
+
+    @property
+    def charts(self) -> int:
+        """Number of charts."""
+        return self.result.verification.cut_mesh.n_charts
+
+    @property
+    def pages(self) -> int:
+        """Number of pages."""
+        return int(self.result.measures["pages"] or 1)
+
+    @property
+    def texels_per_unit(self) -> float:
+        """Texels of a page for a unit of the meshes."""
+        return self.side * uv_per_unit(self.result)
+
+    def labels(self, page: int) -> npt.NDArray[np.int32]:
+        """(side, side) chart of each texel of a page, −1 where there is none; row 0 is v = 0."""
+        found = self.result.verification
+        here: BoolArray = pages_of(found.cut_mesh, found.uv) == page
+        return label_grid(found.cut_mesh, found.uv - [page, 0], self.side, here)
+
+
+def uv_per_unit(result: Result) -> float:
+    """The length in uv of a unit of the mesh, in the mean over the surface."""
+    found = result.verification
+    covered = np.abs(signed_areas(found.cut_mesh.faces, found.uv)).sum()
+    return float(np.sqrt(covered / result.surface.areas.sum()))
+
+
+def lay_out(
+    meshes: list[AddedMesh],
+    keywords: dict[str, Any],
+    density: float,
+    listener: Listener | None,
+) -> AtlasLayout:
+    """Unwrap meshes into one atlas, or pack their uv again; at a density in texels a unit where that is not 0.
+
+    keywords: those of ``circparam.unwrap``. With a density, ``resolution`` is the side of every page; without
+    it, one page gets the side that the charts need. Raises OptionError, InputError, NoResultError,
+    OutOfTimeError.
+    """
+    document = side_by_side(meshes)
+    if keywords.get("keep_uv_seams") and not document.uv_sets:
+        raise OptionError(
+            "use_input_mesh_uvs needs the uv of every mesh: give uvs to each add_mesh, or leave it out"
+        )
+    work: Any = repack if meshes[0].laid_out else unwrap
+    padding = Options(padding=keywords.get("padding")).padding_texels
+    grows = density > 0 and "resolution" not in keywords
+    if grows:
+        area = _area(document)
+        full = math.ceil(density * math.sqrt(area / FULLEST)) + 2 * padding
+        keywords = keywords | {"resolution": full}
+    result = work(document, listener=listener, **FLOAT32, **keywords)
+    side = result.options.resolution or DEFAULT_RESOLUTION
+    packing = {k: v for k, v in keywords.items() if k in ("padding", "rotate", "effort", "timeout")}
+    if grows:
+        # the page in more texels: gaps only grow with it
+        full, side = side, max(round(density / uv_per_unit(result)), 1)
+        if side < full:
+            result = repack(_in_units(result), resolution=side, **FLOAT32, **packing)
+    elif density > 0:
+        result = _on_pages(result, density, packing)
+    return AtlasLayout(result, _split(result, meshes), side)
+
+
+def _area(document: Document) -> float:
+    """Area of all faces."""
+    p = document.mesh.points[document.mesh.faces]
+    normal = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    return float(np.linalg.norm(normal, axis=1).sum() / 2)
+
+
+def _in_units(result: Result, scale: FloatArray | float = 1.0) -> Document:
+    """The mesh with its charts in units of the mesh. scale: (k, 1) of each uv, or one for all."""
+    uv = result.uv / uv_per_unit(result) * scale
+    return from_arrays(result.mesh.points, result.mesh.faces, uv, result.uv_faces)
+
+
+def _on_pages(result: Result, density: float, packing: dict[str, Any]) -> Result:
+    """The charts at a density in texels a unit, on the fewest pages of the resolution of the result.
+
+    Charts longer than a page are scaled down to it, as xatlas does, with a warning. Raises OptionError where
+    100 pages do not hold the charts.
+    """
+    side, found = result.options.resolution or DEFAULT_RESOLUTION, result.verification
+    asked = PackOptions(resolution=side, padding=result.options.padding_texels)
+    room = side - 2 * asked.border
+    owner = found.cut_mesh.vertex_chart
+    low = np.full((found.cut_mesh.n_charts, 2), np.inf)
+    np.minimum.at(low, owner, found.uv)
+    high = np.full_like(low, -np.inf)
+    np.maximum.at(high, owner, found.uv)
+    texels = (high - low).max(1) * density / uv_per_unit(result)
+    shrink = np.minimum(LONGEST * room / np.maximum(texels, 1e-300), 1.0)
+    if (shrink < 1).any():
+        warnings.warn(
+            f"{int((shrink < 1).sum())} of {len(shrink)} charts are longer than a page of {side} texels at "
+            f"{density:g} texels a unit: they are scaled down to it",
+            stacklevel=4,  # the caller of Atlas.generate
+        )
+    of_uv = np.ones((len(result.uv), 1))
+    laid = result.charts >= 0
+    of_uv[result.uv_faces[laid].ravel(), 0] = np.repeat(shrink[result.charts[laid]], 3)
+    document = _in_units(result, of_uv)
+    area = float(
+        (signed_areas(found.cut_mesh.faces, found.uv) * shrink[found.cut_mesh.chart] ** 2).sum()
+    )
+    pages = max(pages_needed(abs(area) * (density / uv_per_unit(result)) ** 2, asked), 1)
+    packing = packing | {"resolution": side, "texel_density": density}
+    while True:
+        try:
+            return repack(document, pages=pages, **FLOAT32, **packing)
+        except OptionError:
+            if pages >= MOST_PAGES:
+                raise
+            pages = min(max(pages + 1, pages * 5 // 4), MOST_PAGES)
+
+
+def _split(result: Result, meshes: list[AddedMesh]) -> list[MeshLayout]:
+    """The layout of each mesh out of that of all."""
+    vmapping, indices, uvs = result.vmapping, result.indices.astype(np.int64), result.uvs
+    chart, chart_pages = _charts(result)
+    vertex_chart = np.full(len(vmapping), -1)
+    np.maximum.at(vertex_chart, indices.ravel(), np.repeat(chart, 3))
+    lone = np.clip(np.floor(uvs[:, 0]), 0, None).astype(
+        np.int64
+    )  # corners of degenerate faces alone
+    page = np.where(vertex_chart >= 0, chart_pages[vertex_chart], lone)
+    uvs = uvs - np.stack([page, np.zeros_like(page)], 1).astype(np.float32)
+    first_vertex = np.cumsum([0, *(len(a.mesh.points) for a in meshes)])
+    first_face = np.cumsum([0, *(len(a.mesh.faces) for a in meshes)])
+    first_row = np.searchsorted(vmapping, first_vertex)
+    out = []
+    for i, added in enumerate(meshes):
+        rows = slice(first_row[i], first_row[i + 1])
+        mine = chart[first_face[i] : first_face[i + 1]]
+        numbers = np.unique(mine[mine >= 0])
+        order = np.argsort(mine, kind="stable")
+        faces = np.split(order, np.searchsorted(mine[order], numbers))[1:]
+        material = added.materials if added.materials is not None else np.zeros(len(mine), np.int64)
+        own = vertex_chart[rows]
+        out.append(
+            MeshLayout(
+                added.vertex[vmapping[rows] - first_vertex[i]].astype(np.uint32),
+                (indices[first_face[i] : first_face[i + 1]] - first_row[i]).astype(np.uint32),
+                np.ascontiguousarray(uvs[rows]),
+                page[rows].astype(np.uint32),
+                np.where(own < 0, NO_CHART, own).astype(np.uint32),
+                [f.astype(np.uint32) for f in faces],
+                [int(material[f[0]]) for f in faces],
+                chart_pages[numbers].tolist(),
+            )
+        )
+    return out
+
+
+def _charts(result: Result) -> tuple[IntArray, IntArray]:
+    """(m,) chart of each face, −1 where it was set aside, counted in the order of the faces; (n,) their
+    pages."""
+    chart = result.charts.copy()
+    laid = chart >= 0
+    count, chart[laid] = relabel(chart[laid])
+    found = result.verification
+    pages = np.zeros(count, np.int64)
+    pages[chart[laid]] = pages_of(found.cut_mesh, found.uv)[result.charts[laid]]
+    return chart, pages

@@ -1,0 +1,182 @@
+"""Programs of the kind that calls xatlas, written for these tests: they run unchanged but for what they import.
+
+The patterns are those of public pipelines: a single mesh with options out of a configuration (threestudio),
+``parametrize`` with casts of its arrays (nvdiffrec), ``parametrize`` on a trimesh object (TRELLIS,
+Hunyuan3D), a page of a given size for baking (TripoSR), a few iterations and the first mesh
+(stable-dreamfusion), several meshes in one atlas.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+import circparam.xatlas
+from circparam import samples
+from tests.support import shapes
+
+PACKAGES = ["xatlas", "circparam"]
+
+
+@pytest.fixture(params=PACKAGES)
+def installed(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """``import xatlas`` gives xatlas itself, or circparam.xatlas in its place."""
+    if request.param == "xatlas":
+        pytest.importorskip("xatlas", reason="the baseline is not installed")
+    else:
+        monkeypatch.setitem(sys.modules, "xatlas", circparam.xatlas)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "xatlas' option")  # once by name, which test is first
+        yield request.param
+
+
+@pytest.fixture
+def mesh() -> trimesh.Trimesh:
+    return trimesh.Trimesh(*shapes.icosphere(2), process=False)
+
+
+def check(points: Any, faces: Any, vmapping: Any, indices: Any, uvs: Any) -> None:
+    """Every corner has its point, every face its place in the unit square, and vertices are used."""
+    np.testing.assert_array_equal(np.asarray(points)[vmapping][indices], np.asarray(points)[faces])
+    assert uvs.shape == (len(vmapping), 2)
+    assert uvs.min() >= 0
+    assert uvs.max() <= 1
+    a, b, c = np.moveaxis(np.asarray(uvs, np.float64)[indices], 1, 0)
+    assert (np.linalg.det(np.stack([b - a, c - a], 1)) != 0).all()
+
+
+def test_configured_as_threestudio_does(installed: str, mesh: trimesh.Trimesh) -> None:
+    """Options come as dictionaries and are set by name; ``get_mesh(0)`` gives int64 indices for a GPU."""
+    import xatlas
+
+    def unwrap_uv(positions: Any, triangles: Any, chart_config: dict, pack_config: dict) -> Any:
+        atlas = xatlas.Atlas()
+        atlas.add_mesh(positions, triangles)
+        chart_options, pack_options = xatlas.ChartOptions(), xatlas.PackOptions()
+        for name, value in chart_config.items():
+            setattr(chart_options, name, value)
+        for name, value in pack_config.items():
+            setattr(pack_options, name, value)
+        atlas.generate(chart_options, pack_options)
+        vmapping, indices, uvs = atlas.get_mesh(0)
+        return (
+            vmapping.astype(np.uint64, casting="same_kind").view(np.int64),
+            indices.astype(np.uint64, casting="same_kind").view(np.int64),
+            uvs.astype(np.float32),
+        )
+
+    points, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)
+    out = unwrap_uv(points, faces, {"max_iterations": 2, "normal_seam_weight": 3.0}, {"padding": 2})
+    check(points, faces, *out)
+
+
+def test_cast_as_nvdiffrec_does(installed: str, mesh: trimesh.Trimesh) -> None:
+    """uint32 indices become int64 of the same size by a cast and a view; vmapping is left aside."""
+    import xatlas
+
+    _, indices, uvs = xatlas.parametrize(mesh.vertices, mesh.faces)
+    faces_uv = indices.astype(np.uint64, casting="same_kind").view(np.int64)
+    assert faces_uv.shape == mesh.faces.shape
+    assert faces_uv.max() == len(uvs) - 1
+    assert (uvs.dtype, indices.dtype) == (np.float32, np.uint32)
+    assert uvs.flags["C_CONTIGUOUS"]  # torch.from_numpy takes it as it is
+    assert indices.flags["C_CONTIGUOUS"]
+    assert uvs.flags["WRITEABLE"]
+
+
+def test_a_trimesh_object_as_hunyuan_and_trellis_do(installed: str, tmp_path: Path) -> None:
+    """A scene is joined, unwrapped in place and exported; what is read back has the uv."""
+    import xatlas
+
+    scene = trimesh.Scene([trimesh.creation.box(), trimesh.creation.icosphere(subdivisions=1)])
+    mesh = scene.to_mesh()
+    before = mesh.triangles.copy()
+    vmapping, indices, uvs = xatlas.parametrize(mesh.vertices, mesh.faces)
+    check(mesh.vertices, mesh.faces, vmapping, indices, uvs)
+    textured = trimesh.Trimesh(mesh.vertices[vmapping], indices, process=False)
+    textured.visual = trimesh.visual.TextureVisuals(uv=uvs)
+    np.testing.assert_array_equal(textured.triangles, before)
+    xatlas.export(str(tmp_path / "out.obj"), mesh.vertices[vmapping], indices, uvs)
+    again = trimesh.load(tmp_path / "out.obj", process=False)
+    np.testing.assert_allclose(again.triangles, before, atol=1e-6)
+    assert again.visual.uv.shape[1] == 2
+
+
+def test_a_page_for_baking_as_triposr_does(installed: str, mesh: trimesh.Trimesh) -> None:
+    """The page has the size that was asked for, with its padding, and the atlas is asked by item."""
+    import xatlas
+
+    def make_atlas(mesh: trimesh.Trimesh, resolution: int, padding: int) -> dict[str, Any]:
+        atlas = xatlas.Atlas()
+        atlas.add_mesh(mesh.vertices, mesh.faces)
+        options = xatlas.PackOptions()
+        options.resolution = resolution
+        options.padding = padding
+        options.bilinear = True
+        atlas.generate(pack_options=options)
+        vmapping, indices, uvs = atlas[0]
+        return {"vmapping": vmapping, "indices": indices, "uvs": uvs}
+
+    baked = make_atlas(mesh, 256, round(max(8, 256) / 128))
+    check(mesh.vertices, mesh.faces, *baked.values())
+
+
+def test_a_few_iterations_as_stable_dreamfusion_does(
+    installed: str, mesh: trimesh.Trimesh, tmp_path: Path
+) -> None:
+    """Options by keyword, arrays kept in an npz, charts drawn as an image."""
+    import xatlas
+
+    atlas = xatlas.Atlas()
+    atlas.add_mesh(
+        mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32), mesh.vertex_normals
+    )
+    chart_options, pack_options = xatlas.ChartOptions(), xatlas.PackOptions()
+    chart_options.max_iterations = 4
+    pack_options.create_image = pack_options.bruteForce = True
+    atlas.generate(chart_options=chart_options, pack_options=pack_options)
+    vmapping, indices, uvs = atlas[0]
+    np.savez(tmp_path / "uv.npz", vt=uvs, ft=indices, vmapping=vmapping)
+    kept = np.load(tmp_path / "uv.npz")
+    check(mesh.vertices, mesh.faces, kept["vmapping"], kept["ft"], kept["vt"])
+    assert atlas.chart_image.shape == (atlas.height, atlas.width, 3)
+
+
+def test_several_meshes_in_one_atlas_as_the_readme_of_xatlas_does(installed: str) -> None:
+    import xatlas
+
+    parts = [trimesh.creation.box(), trimesh.creation.box(), trimesh.creation.cylinder(1, 2)]
+    atlas = xatlas.Atlas()
+    for part in parts:
+        atlas.add_mesh(part.vertices, part.faces, part.vertex_normals)
+    atlas.generate(xatlas.ChartOptions(), xatlas.PackOptions(), False)
+    assert len(atlas) == len(parts)
+    for i, part in enumerate(parts):
+        check(part.vertices, part.faces, *atlas[i])
+    assert atlas.chart_count >= len(parts)
+
+
+def test_what_is_handed_out_has_no_flip_and_fewer_charts_than_xatlas() -> None:
+    """Not only the calls: the layouts are those of circparam."""
+    theirs = pytest.importorskip("xatlas", reason="the baseline is not installed")
+    found = []
+    mesh = samples.load("creature").mesh
+    for package in (theirs, circparam.xatlas):
+        atlas = package.Atlas()
+        atlas.add_mesh(mesh.points, mesh.faces)
+        atlas.generate()
+        _, indices, uvs = atlas[0]
+        a, b, c = np.moveaxis(uvs[indices].astype(np.float64), 1, 0)
+        found.append(
+            (atlas.chart_count, int((np.linalg.det(np.stack([b - a, c - a], 1)) < 0).sum()))
+        )
+    assert found[1][0] < found[0][0] / 2
+    assert found[0][1] > 0
+    assert found[1][1] == 0
