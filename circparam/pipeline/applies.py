@@ -69,15 +69,15 @@ def with_room(o: Any, name: str) -> str | None:
     """Only where charts may be cut for a fuller page."""
     if fills_page(o):
         return None
-    return "it fills the one page of --cut charts that may be cut, turned and scaled"
+    return "it fills pages of --cut charts that may be cut and turned"
 
 
 def fills_page(o: Any) -> bool:
     """Whether charts may be cut where a fuller page is worth the seam."""
     from circparam.methods import METHODS
 
-    one = o.packed and o.cut == "charts" and not o.grouped and o.pages in (None, 1)
-    free = o.texel_density is None and o.scale is not False and o.rotate in (None, "free")
+    one = o.packed and o.cut == "charts" and not o.grouped
+    free = o.scale is not False and o.rotate in (None, "free")
     return bool(
         one and free and o.symmetry is None and "convex-boundary" not in METHODS[o.method].tags
     )

@@ -88,7 +88,7 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if most < 1 or asked == 0 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-    carver = _carver(cascade, cut_mesh, uv, options)
+    carver = carver_of(cascade, cut_mesh, uv, options)
     work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
     budget = Budget(work, lambda: monitor.expired)
     first = first_plan(carver, budget, TOLD if asked is None else 0.0)
@@ -138,7 +138,7 @@ class _Uncut:
         return self.packing is None or _share(self.packing) >= enough
 
 
-def _carver(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
+def carver_of(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
     """What makes the cuts; through flats only where the user asked for cuts."""
     stretch = options.max_stretch or STRETCH
     if not stretch_asked(options.max_stretch, options.bound or np.inf):

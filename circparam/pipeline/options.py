@@ -187,8 +187,8 @@ class Options:
         shown=str(DEFAULT_PADDING), bounds=limits.PADDING, applies=applies.with_packing,
     )
     pages: int | None = option(
-        "packing", "Number of pages (UDIM tiles) to fill.", metavar="N", bounds=limits.PAGES,
-        applies=applies.with_packing,
+        "packing", "Number of pages (UDIM tiles) to fill; charts are cut for them.", metavar="N",
+        bounds=limits.PAGES, applies=applies.with_packing,
     )
     texel_density: float | None = option(
         "packing", "Texels per unit of the mesh, instead of filling.", metavar="D",

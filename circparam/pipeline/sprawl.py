@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, stable_order
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, stable_order
 from circparam.core.monitor import Monitor
 from circparam.geometry.distortion import at_best_scales
 from circparam.mesh.cut_mesh import CutMesh
@@ -77,10 +77,10 @@ class Trimmer:
         box, square = _extents(cut_mesh, uv)
         self._box, self._length = float(box.sum()), boundary_length(cut_mesh, uv)
         self._longest, self._stretched = self._length + longer, 0.0
-        wasteful = box - cut_mesh.chart_areas > WASTE * self._box
-        self._others = float(square[~wasteful].max(initial=0.0))
+        looked_at = self._looked_at(box, square)
+        self._others = float(square[~looked_at].max(initial=0.0))
         opened = Opened(carver.atlas, cut_mesh, carver.uv)
-        self._arms = self._found(opened, np.flatnonzero(wasteful))
+        self._arms = self._found(opened, np.flatnonzero(looked_at))
 
     def run(self, monitor: Monitor) -> Trimmed:
         """Make the cuts."""
@@ -94,6 +94,11 @@ class Trimmer:
         value = float(saved - RATE * np.log(self._length / before))
         grounds = [arm.ground for arm in self._arms if arm.ground is not None]
         return Trimmed(grounds, made, value, before, self._length)
+
+    def _looked_at(self, box: FloatArray, square: FloatArray) -> BoolArray:
+        """(n_charts,) bool: charts that may be cut, those that leave much of their boxes empty."""
+        wasteful: BoolArray = box - self._carver.cut_mesh.chart_areas > WASTE * self._box
+        return wasteful
 
     def _page(self, box: FloatArray | float, square: FloatArray | float) -> FloatArray:
         """Area of the page, for the sum of all boxes and the side of the widest square."""
@@ -119,13 +124,18 @@ class Trimmer:
             gain = np.log(now / self._page(self._box - arm.box + found.box, square))
             gain -= RATE * np.log1p(longer / self._length) + chart
             gain[self._length + longer > self._longest] = -np.inf
-            for ends in arm.failed:
-                away = np.abs(arm.ends - ends).max(1)
-                gain[away < APART * self._step * CORNERS] = -np.inf
+            gain[self._tried(arm)] = -np.inf
             k = int(gain.argmax())
             if gain[k] > most:
                 best, most = (arm, k), float(gain[k])
         return best
+
+    def _tried(self, arm: Arm, apart: float = APART) -> BoolArray:
+        """(c,) bool: chords of a chart near one along which no cut could be made."""
+        near = np.zeros(len(arm.ends), bool)
+        for ends in arm.failed:
+            near |= np.abs(arm.ends - ends).max(1) < apart * self._step * CORNERS
+        return near
 
     def _cut(self, arm: Arm, k: int) -> bool:
         """Cut a chart near one of its chords; whether that could be done."""

@@ -124,11 +124,15 @@ def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     no_time = monitor.late and not np.isfinite(cascade.atlas.corners).all()
     if monitor.expired or no_time:  # what has no layout yet is projected, in far too many charts
         return cascade
-    if options.fills_page:
-        from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
+    if not options.fills_page:
+        return cascade
+    if options.texel_density is not None or options.pages not in (None, 1):
+        from circparam.pipeline.more_pages import fill_pages
 
-        return fill_page(cascade, options, monitor)
-    return cascade
+        return fill_pages(cascade, options, monitor)
+    from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
+
+    return fill_page(cascade, options, monitor)
 
 
 def repack(

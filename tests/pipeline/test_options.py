@@ -37,7 +37,7 @@ BAD = {
     "unknown boundary": ({"method": "circle", "boundary": "squar"}, "did you mean square"),
     "unknown spacing": ({"method": "circle", "spacing": "even"}, "arc-length, uniform"),
     "tolerance of abf, which has its own": ({"method": "abf", "tolerance": 1e-3}, "of its own"),
-    "cuts for pages that are not one": ({"pack_splits": 1, "pages": 3}, "fills the one page"),
+    "cuts of charts that may not be turned": ({"pack_splits": 1, "rotate": "none"}, "fills pages"),
     "group without seams": ({"cut": "none", "group_by": "mesh"}, "needs seams"),
     "lightmap of several atlases": ({"lightmap": True, "group_by": "mesh"}, "one packed atlas"),
     "no time": ({"timeout": 0}, "timeout"),

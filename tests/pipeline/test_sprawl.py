@@ -42,7 +42,7 @@ def trimmer(shape: shapes.Shape, longer: float = np.inf, cuts: int = 100) -> Tri
     atlas = flat_atlas(shape)
     options = Options(pack_splits=cuts)  # asked for: flats may be cut
     cascade = Cascade(atlas, CascadeRules(bound=1.05))
-    carver = fuller_page._carver(cascade, *atlas.open(), options)
+    carver = fuller_page.carver_of(cascade, *atlas.open(), options)
     return Trimmer(carver, longer, np.inf, cuts)
 
 
