@@ -202,6 +202,22 @@ def test_what_rays_miss_is_told_filled_or_left(tmp_path: Path):
     assert (baked.tiles[0, 0] == [128, 128, 255]).all()  # no black
 
 
+def test_heights_beside_the_source_go_on_as_they_end(tmp_path: Path):
+    """Where rays miss, the closest point tells the height: above the target is brighter than the middle."""
+    points, faces = sheet(8)
+    target = stored(tmp_path, "a", Mesh(points, faces), UVMap(points[:, :2].copy(), faces))
+    half = faces[points[faces][..., 0].max(1) <= 0.5]
+    for height in (0.05, -0.05):
+        lifted = Mesh(points + np.array([0, 0, height]), half)
+        source = stored(tmp_path, f"b{height}", lifted, UVMap(points[:, :2].copy(), half))
+        baked = bake_document(
+            target, "height", source=source, across=Across("nearest", 0.1), size=64
+        )
+        assert baked.report["missed"] - baked.report["empty"] > 0.1
+        wanted = 65535 * (0.5 + 0.5 * height / 0.1)
+        np.testing.assert_allclose(baked.tiles[0, 0].astype(float), wanted, atol=0.01 * 65535)
+
+
 def test_surfaces_apart_or_mirrored_are_refused(tmp_path: Path):
     points, faces = sheet(4)
     layout = UVMap(points[:, :2].copy(), faces)

@@ -67,6 +67,7 @@ def test_the_overlay_is_a_partition_of_both(kind: str, relax: bool) -> None:
     found = circparam.map_surfaces(a, b, landmarks=marks, relax=relax, overlay=True)
     made = found.map.overlay
     is_refinement(a, b, made)
+    is_refinement(b, a, found.map.turned().overlay)
     size = np.linalg.norm(np.ptp(a.points, axis=0))
     assert pairs.back_through_overlay(a, b, found.map) < 1e-6 * size
     # what it says of the vertices of A is what the map says

@@ -87,6 +87,26 @@ def test_charts_that_share_a_point_of_the_plane_count_as_two() -> None:
     assert "texels apart" in why[0]
 
 
+def test_a_gap_along_the_diagonal_is_found() -> None:
+    """Texels whose centres are 3 and 3 apart have 3.24 between them, at a padding of 4."""
+    p, f = shapes.row_of(shapes.grid(2, 2), 2, gap=0.25)
+    surface, _ = repair(Mesh(p, f), RepairOptions())
+    side = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+    uv = np.concatenate([side * 20 + 16, side * 20 + 16 + 20 + 2]) / 64
+    v = verify(surface, UVMap(uv, f), resolution=64, padding=4)
+    assert v.numbers()["gap_texels"] == pytest.approx(np.hypot(3, 3))
+    assert any("3.2 texels apart" in line for line in reasons(v, Promise(None, 4)))
+
+
+def test_atlases_of_different_density_are_each_at_their_own_best_scale() -> None:
+    surface, uv, f = two_squares()
+    uv[25:] = (uv[25:] - uv[25]) / 7 + uv[25]
+    tiles = (np.arange(len(f)) >= len(f) // 2).astype(int)
+    together, apart = verify(surface, UVMap(uv, f)), verify(surface, UVMap(uv, f), tiles=tiles)
+    assert apart.measures.sd == pytest.approx(1)
+    assert together.measures.sd > 1.5
+
+
 def test_near_the_border_of_the_page() -> None:
     surface, uv, f = two_squares()
     v = verify(surface, UVMap(uv - [0.03, 0], f), resolution=256, padding=4)
