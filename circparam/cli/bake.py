@@ -94,9 +94,11 @@ def command(mesh: str, **given: Any) -> None:
     _check_words(given, look)
     check_place(given["output"], given["overwrite"])
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
-        report, warnings = (_all if given["whole"] else _one)(mesh, given, look, listener)
+        report, warnings, notes = (_all if given["whole"] else _one)(mesh, given, look, listener)
     for line in warnings:
         progress.warn(f"{mesh}: {line}", given["quiet"])
+    for line in notes:
+        progress.note(f"{mesh}: {line}", given["quiet"])
     report = {"schema": "circparam/bake/1", "input": mesh, **report}
     if given["as_json"]:
         common.echo_json(report)
@@ -127,8 +129,8 @@ def _check_words(given: dict[str, Any], look: LookOptions) -> None:
 
 def _one(
     mesh: str, given: dict[str, Any], look: LookOptions, listener: Any
-) -> tuple[dict[str, Any], list[str]]:
-    """Bake one thing into one image: (report, warnings)."""
+) -> tuple[dict[str, Any], list[str], list[str]]:
+    """Bake one thing into one image: (report, warnings, notes)."""
     from circparam.bake.bake import Across, bake_document, check_across
     from circparam.bake.left_behind import check_left_behind
     from circparam.bake.write import check_target, check_up, write_baked
@@ -159,13 +161,13 @@ def _one(
         **baked.report,
         "notes": [*baked.notes, *notes, *left],
     }
-    return report, [*document.warnings, *document.notes, *report["notes"]]
+    return report, [*document.warnings, *left], [*document.notes, *baked.notes, *notes]
 
 
 def _all(
     mesh: str, given: dict[str, Any], look: LookOptions, listener: Any
-) -> tuple[dict[str, Any], list[str]]:
-    """Write a mesh file with all textures: (report, warnings)."""
+) -> tuple[dict[str, Any], list[str], list[str]]:
+    """Write a mesh file with all textures: (report, warnings, notes)."""
     from circparam.bake.rebake import bake_all
     from circparam.core.monitor import Monitor
     from circparam.formats.io import read
@@ -179,4 +181,4 @@ def _all(
     )  # fmt: skip
     notes = [*written.notes, *told.notes]
     report = {"output": [str(f) for f in written.files], **told.as_dict(), "notes": notes}
-    return report, [*document.warnings, *written.warnings, *told.notes]
+    return report, [*document.warnings, *written.warnings, *told.notes], []

@@ -115,7 +115,7 @@ class LazyGroup(click.Group):
         """Run; in standalone mode exit with a documented code and at most one line about the error."""
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, False, **extra)
-        argv = list(sys.argv[1:] if args is None else args)
+        argv = list(sys.argv[1:] if args is None else args) or ["--help"]
         _open_standard_streams()
         with signals.installed():
             code = self._run(argv, complete_var, extra)

@@ -94,10 +94,12 @@ def command(a: str, b: str, **given: Any) -> None:
         )
     save_map(out, found.map, given["overwrite"])
     for name, document in zip((a, b), documents, strict=True):
-        for line in [*document.warnings, *document.notes]:
+        for line in document.warnings:
             progress.warn(f"{name}: {line}", given["quiet"])
+        for line in document.notes:
+            progress.note(f"{name}: {line}", given["quiet"])
     for line in found.notes:
-        progress.warn(line, given["quiet"])
+        progress.note(line, given["quiet"])
     report = {
         "schema": "circparam/map/1",
         "a": a,

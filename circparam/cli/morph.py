@@ -68,8 +68,10 @@ def command(first: str, second: str, **given: Any) -> None:
     a, b = (read(mesh, reader=given["reader"]) for mesh in (first, second))
     made = morph(a, b, mapped, given["frames"], given["overlay"])
     write_files({path: made.data}, overwrite=True)
-    for line in [*a.warnings, *b.warnings, *made.warnings, *made.notes]:
+    for line in [*a.warnings, *b.warnings, *made.warnings]:
         progress.warn(f"{first}: {line}", given["quiet"])
+    for line in made.notes:
+        progress.note(f"{first}: {line}", given["quiet"])
     report = {"schema": "circparam/morph/1", "input": [first, second], "output": str(path)}
     if given["as_json"]:
         common.echo_json({**report, **made.report, "notes": [*made.warnings, *made.notes]})

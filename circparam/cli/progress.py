@@ -46,6 +46,12 @@ def warn(line: str, quiet: bool = False) -> None:
         click.echo(f"circparam: warning: {line}", err=True)
 
 
+def note(line: str, quiet: bool = False) -> None:
+    """What was done on the way and asks nothing of anybody, on stderr, in one line."""
+    if not quiet:
+        click.echo(f"circparam: note: {line}", err=True)
+
+
 @contextlib.contextmanager
 def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterator[Listener]:
     """A listener that draws a bar where somebody sees it, and knows how far it is. place: of how many."""

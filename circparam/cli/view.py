@@ -79,7 +79,9 @@ def command(mesh: str, **given: Any) -> None:
     document = read(mesh, format=given["format"], reader=given["reader"])
     look = {name: given[name] for name in ("uv_set", "padding", "up", "group_by")}
     view_document(document, path, **look, scale_end=given["scale"])
-    for line in [*document.warnings, *document.notes]:
+    for line in document.warnings:
         progress.warn(f"{mesh}: {line}", given["quiet"])
+    for line in document.notes:
+        progress.note(f"{mesh}: {line}", given["quiet"])
     if not given["quiet"]:
         click.echo(str(path))

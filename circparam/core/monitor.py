@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from circparam.errors import OutOfTimeError
 
@@ -38,6 +39,7 @@ class Monitor:
         self.held = 0.0  # seconds before the deadline that are kept for what must still be done
         self.late = False  # whether any stage was told that time is up
         self.seconds: dict[str, float] = {}
+        self._keepers: list[Callable[[Any, bool], None]] = []
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -105,6 +107,21 @@ class Monitor:
             yield
         finally:
             self._shown = before
+
+    @contextmanager
+    def keeping(self, keeper: Callable[[Any, bool], None]) -> Iterator[None]:
+        """Inside, results of parts of the work go to the keeper as well, where there is a deadline."""
+        self._keepers.append(keeper)
+        try:
+            yield
+        finally:
+            self._keepers.remove(keeper)
+
+    def keep(self, reached: Any, sound: bool = True) -> None:
+        """Hand what a part of the work has reached to whoever answers with it when time runs out."""
+        if self.deadline is not None:
+            for keeper in tuple(self._keepers):
+                keeper(reached, sound)
 
     def check(self, seconds: float = 0.0) -> None:
         """Raise OutOfTimeError where the deadline has passed with no valid result yet.

@@ -52,7 +52,8 @@ class Cascade:
     laid down one by one, 2 and more for those with a regular polygon in their place, larger each time. stopped,
     iterations: of each chart as the method made it. notes: of methods and seams. repairs: what the cascade had
     to do, one line each. extent: a length of the whole surface, to which sizes of stand-ins are taken; its own
-    where 0. packing: of this layout, where it was packed to be compared with another.
+    where 0. packing: of this layout, where it was packed to be compared with another. advice: what cuts that
+    only the user can allow would do for its page, where they were tried.
     """
 
     atlas: Atlas
@@ -65,6 +66,7 @@ class Cascade:
     repairs: tuple[str, ...] = ()
     extent: float = 0.0
     packing: KnownPacking | None = None
+    advice: str = ""
 
     def __post_init__(self) -> None:
         if self.extent == 0:

@@ -88,25 +88,31 @@ def fill_page(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     if most < 1 or asked == 0 or no_seam or monitor.expired or not np.isfinite(uv).all():
         return cascade
 
-    carver = carver_of(cascade, cut_mesh, uv, options)
-    work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
-    budget = Budget(work, lambda: monitor.expired)
-    first = first_plan(carver, budget, TOLD if asked is None else 0.0)
     uncut = _Uncut(cascade, options, monitor)
-    costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
-    enough = ENOUGH_OF_MANY if costly else ENOUGH
-    chosen = None
-    if first is None or len(first.pieces) > DRAWN:
-        cuts = int(min(ARMS if asked is None else asked, most))
-        chosen = _trimmed(uncut, carver, cuts, enough)
-    elif asked is not None or not uncut.fills(first, enough):
-        cuts = int(min(CUTS if asked is None else asked, most))
-        plans = _plans(first, carver, cuts, asked is None, budget, monitor)
-        chosen = _Contest(cascade, carver, options, monitor).winner(plans, uncut)
+    chosen = _cut(uncut, carver_of(cascade, cut_mesh, uv, options), most)
     if chosen is not None:
         return chosen
     kept = replace(cascade, packing=uncut.packing)
     return kept if asked is None else kept.noted("--pack-splits: no cut is worth its seam")
+
+
+def _cut(uncut: _Uncut, carver: Carver, most: float) -> Cascade | None:
+    """The layout with charts cut, packed; None where no cut is worth its seam. most: cuts."""
+    cascade, options, monitor = uncut.cascade, uncut.options, uncut.monitor
+    cut_mesh, asked = carver.cut_mesh, options.cuts_asked
+    work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
+    budget = Budget(work, lambda: monitor.expired)
+    first = first_plan(carver, budget, TOLD if asked is None else 0.0)
+    costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
+    enough = ENOUGH_OF_MANY if costly else ENOUGH
+    if first is None or len(first.pieces) > DRAWN:
+        cuts = int(min(ARMS if asked is None else asked, most))
+        return _trimmed(uncut, carver, cuts, enough)
+    if asked is None and uncut.fills(first, enough):
+        return None
+    cuts = int(min(CUTS if asked is None else asked, most))
+    plans = _plans(first, carver, cuts, asked is None, budget, monitor)
+    return _Contest(cascade, carver, options, monitor).winner(plans, uncut)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +141,7 @@ class _Uncut:
         """Whether it covers so much that nothing is looked for; packed for that only where its sketch may."""
         if sketched.share <= NEARLY * enough:
             return False
-        return self.packing is None or _share(self.packing) >= enough
+        return self.packing is None or covered_share(self.packing) >= enough
 
 
 def carver_of(cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray, options: Options) -> Carver:
@@ -191,7 +197,7 @@ def _trimmed(uncut: _Uncut, carver: Carver, cuts: int, enough: float) -> Cascade
     if packed is None:
         return None
     if doubtful and uncut.packing is not None:
-        full = limited and _share(uncut.packing) >= enough
+        full = limited and covered_share(uncut.packing) >= enough
         if full or _value(uncut.packing, found.before) >= _value(packed, found.length):
             return None
     return replace(after, packing=packed).noted(_told(found.cuts, cascade.atlas, atlas))
@@ -321,9 +327,9 @@ def packing(
 
 def _value(found: KnownPacking | None, length: float) -> float:
     """What ``Plan.value`` is for a page that was packed."""
-    return -np.inf if found is None else float(np.log(_share(found)) - RATE * np.log(length))
+    return -np.inf if found is None else float(np.log(covered_share(found)) - RATE * np.log(length))
 
 
-def _share(found: KnownPacking) -> float:
+def covered_share(found: KnownPacking) -> float:
     """Covered share of the pages that are used."""
     return float(found.packed.share[: int(found.packed.page.max()) + 1].mean())

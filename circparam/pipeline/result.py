@@ -36,7 +36,8 @@ class Result:
     input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
     uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None;
     group_by: what has an atlas of its own, or None.
-    floaters: what --drop-floaters left out, None where it was not given.
+    floaters: what --drop-floaters left out, None where it was not given. advice: what other options would do
+    for the page, where that was tried.
     """
 
     options: Options
@@ -65,6 +66,7 @@ class Result:
     files: list[str] = field(default_factory=list)
     vertex_map: IntArray | None = None
     face_map: IntArray | None = None
+    advice: str = ""
 
     @property
     def mesh(self) -> Mesh:

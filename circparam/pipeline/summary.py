@@ -11,7 +11,6 @@ from circparam.core.arrays import norms2
 from circparam.core.limits import mip_level
 from circparam.geometry.boundary import boundary_in
 from circparam.packing.options import PackOptions
-from circparam.pipeline import applies
 from circparam.pipeline.options import DEFAULT_RESOLUTION
 
 if TYPE_CHECKING:
@@ -63,29 +62,35 @@ def summarise(result: Result) -> dict[str, Any]:
     }
 
 
-ROOM = 0.5  # a page that is less full than this is worth a word
+ROOM = (
+    0.5  # a page that is less full than this is worth a word, where it is known what would fill it
+)
 
 
 def _room(result: Result) -> list[str]:
-    """A warning where pages are half empty although packing chose the sizes: with the option that helps."""
+    """A warning where pages are half empty although packing chose the sizes, and the cure is known.
+
+    Where no cure is known, the figure in the report is all there is to say.
+    """
     o, share = result.options, result.measures.get("pack")
-    sized = not o.packed or o.scale is False or o.texel_density is not None
-    # single faces can't be cut, nor lie much better
-    lone = result.measures.get("charts") == len(result.mesh.faces)
-    if sized or lone or share is None or share >= ROOM:
+    if (
+        not o.packed
+        or o.scale is False
+        or o.texel_density is not None
+        or share is None
+        or share >= ROOM
+    ):
         return []
-    splits = result.work == "unwrap" and not isinstance(o.pack_splits, int)
+    if result.measures["charts"] == len(result.mesh.faces):  # single faces lie no better
+        return []
     gaps = _gaps(result)
     if gaps > share / 2:
         less = " or a smaller --padding" if o.padding_texels > 1 else ""
-        cure = f"gaps take up to {100 * min(gaps, 1 - share):.0f} % of them: give a larger --resolution{less}"
-    elif splits and applies.fills_page(o):
-        cure = "--pack-splits 10 cuts arms off where that makes room"
-    elif o.rotate in ("90", "none"):
-        cure = "--rotate free lets charts turn"
+        cure = f"gaps take up to {100 * min(gaps, 1 - share):.0f} %, less with a larger --resolution{less}"
     else:
-        cure = f"--effort {max(4 * (o.effort or 1), 1):g} searches longer"
-    return [f"the pages are {100 * share:.0f} % full: {cure}"]
+        cure = result.advice
+    pages = "the page" if result.measures["pages"] == 1 else "the pages"
+    return [f"{100 * share:.0f} % of {pages} is covered: {cure}"] if cure else []
 
 
 def _gaps(result: Result) -> float:

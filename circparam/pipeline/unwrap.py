@@ -130,9 +130,10 @@ def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
         from circparam.pipeline.more_pages import fill_pages
 
         return fill_pages(cascade, options, monitor)
-    from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
+    from circparam.pipeline.advice import advised  # the FFT takes 0.1 s to import
+    from circparam.pipeline.fuller_page import fill_page
 
-    return fill_page(cascade, options, monitor)
+    return advised(fill_page(cascade, options, monitor), cascade, options, monitor)
 
 
 def repack(
@@ -231,6 +232,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         group_by=job.group_by,
         uv_double=fitted.double,
         floaters=job.floaters,
+        advice=cascade.advice,
     )
 
 

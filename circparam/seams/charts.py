@@ -11,6 +11,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Worker
+from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
@@ -20,7 +21,7 @@ from circparam.seams.crumbs import debris
 from circparam.seams.decided import Decided
 from circparam.seams.finish import LEVEL_FACES, MARGIN, REGROUP_FACES, finish
 from circparam.seams.grown import grown_atlas
-from circparam.seams.hard.charts import take_better, unrolls_whole
+from circparam.seams.hard.charts import quick_atlas, take_better, unrolls_whole
 from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, with_hard_prices
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.rival import Rival
@@ -28,6 +29,7 @@ from circparam.seams.hard.straighten import straighten
 from circparam.seams.hidden import with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
+from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import merge_on, reach_count, worth
 from circparam.seams.segmentation.grow import (
     dual_graph,
@@ -44,6 +46,8 @@ from circparam.seams.ways import LEFT, left_by, made_ways
 # faces of components that may be hard surfaces or not, up to which both ways are tried
 DOUBTS = 10_000
 FEW = 0.05  # of a large surface: hard components below that have seams that nobody has to hide
+# faces of hard surfaces, or perhaps hard ones, that get charts at once where a deadline is set
+QUICK_FACES = 20_000
 SOUP = 1_000  # charts, from which on nobody sees which way a seam runs
 
 
@@ -73,18 +77,28 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     bound = 1 + (options.max_distortion - 1) * (1 - 1e-4)
     limits, slits, splits = stretch_limits(bound, options)
     stretch = StretchAhead(limits, slits and mirror is None, splits, monitor)
-    if mirror is None:
+
+    def search() -> Atlas:
+        if mirror is not None:
+            halved = mirror.without(forced)
+            return mirrored_atlas(opened, halved, bound, options, monitor, notes)
         with level_ahead(opened, options, monitor):
-            atlas = bounded_atlas(opened, bound, options, monitor, notes, stretch.begin)
-    else:
-        atlas = mirrored_atlas(opened, mirror.without(forced), bound, options, monitor, notes)
-    with monitor.stage("stretch"):
-        if monitor.expired:
-            return _seams(atlas, forced, notes)
-        stretch.hold(atlas)
-    if mirror is None:
-        with monitor.stage("charts"):
-            straighten_parts(atlas, limits, monitor)
+            return bounded_atlas(opened, bound, options, monitor, notes, stretch.begin)
+
+    atlas = in_time(opened, search, monitor, partly=True)
+    best = Atlas(opened, atlas.cut, atlas.corners)
+    try:
+        with monitor.stage("stretch"):
+            if monitor.expired:
+                return _seams(best, forced, notes)
+            stretch.hold(atlas)
+        best = Atlas(opened, atlas.cut, atlas.corners)
+        if mirror is None:
+            with monitor.stage("charts"):
+                straighten_parts(atlas, limits, monitor)
+    except OutOfTimeError:
+        monitor.late = True
+        return _seams(best, forced, notes)
     return _seams(atlas, forced, notes)
 
 
@@ -216,6 +230,9 @@ def _first_atlas(
     doubtful &= doubtful.sum() <= DOUBTS
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
+    if monitor.deadline is not None and (hard | doubtful).sum() <= QUICK_FACES:
+        with monitor.stage("charts"):
+            monitor.keep(quick_atlas(surface.part(hard | doubtful), bound, monitor))
     dear = (hard | doubtful).mean() > FEW or len(surface.faces) <= LEVEL_FACES
     if dear and not unrolls_whole(surface.part(hard | doubtful)):
         surface = with_prices(surface, options, monitor)

@@ -109,6 +109,7 @@ def finish(
         if genus.any():
             atlas.cut |= cut_handles(atlas.surface, atlas.cut, genus > 0, monitor)
     make_disks(atlas, decided.graph)
+    monitor.keep(atlas, sound=False)
     with monitor.stage("enforce"):
         count, chart = atlas.charts()
         # where the number of charts counts more than the bound, only what overlaps is split
@@ -119,6 +120,7 @@ def finish(
         tasks = ((atlas.apart(f), to_bound, steps[k], asked) for k, f in enumerate(parts))
         for faces, moved in zip(parts, worker.map(settle_part, tasks, monitor), strict=True):
             atlas.take(faces, *moved)
+        monitor.keep(atlas)
         if atlas.charts()[0] > count:
             regroup(atlas, bound, worker, monitor)
     if options.min_chart_faces > 1:

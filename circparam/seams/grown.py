@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from circparam.core import clock
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Later, Worker, in_parts
@@ -31,6 +33,7 @@ from circparam.seams.multires.roughness import roughness
 from circparam.seams.multires.transfer import from_level, transfer_to_fine
 from circparam.seams.multires.transfer_layout import nearest_coarse_face
 from circparam.seams.options import SeamOptions
+from circparam.seams.reached import in_time
 from circparam.seams.segmentation.decide import (
     Starting,
     better_in_all,
@@ -85,6 +88,7 @@ def grown_atlas(
             surface = with_prices(surface, options, monitor, LEVEL_FACES)
             atlas = Atlas(surface, np.zeros(len(surface.edges), bool))
             atlas.put(tiny, crumb_atlas(surface.part(tiny), bound, worker, monitor))
+            monitor.keep(atlas.part(tiny))
             if not tiny.all():
                 rest = surface.part(~tiny)
                 atlas.put(~tiny, grown_atlas(rest, bound, options, monitor, notes, target))
@@ -93,6 +97,8 @@ def grown_atlas(
     if len(surface.faces) > DIRECT_FACES:
         with monitor.stage("charts"):
             bent = ~nearly_flat_components(atlas, bound)
+        if not bent.all():
+            monitor.keep(atlas.part(~bent), sound=False)
     if bent.all():
         decided = _decided(surface, bound, options, worker, monitor, _How(target, check=check))
     else:
@@ -207,11 +213,14 @@ def _decided(
         if prices is not None:
             prices.proxy = proxy
         inner = 1 + (bound - 1) * (1 - SLACK)
-        with monitor.holding(TRANSFER_COST * monitor.seconds.get("repair", 0.0), DECIDING):
+        with _before_transfer(monitor):
             most = options.max_charts
             starting = Starting(prices, how.check, of_level)
-            coarse = decide(proxy.surface, inner, PROXY_MARGIN, most, worker, monitor, starting)
-            other = merged_on(coarse, inner, monitor) if twice else coarse
+            how_decided = inner, PROXY_MARGIN, most, worker, monitor, starting
+            search = partial(decide, proxy.surface, *how_decided)
+            coarse = other = in_time(proxy.surface, search, monitor)
+            if twice and not monitor.expired:
+                other = in_time(proxy.surface, partial(_merged_on, coarse, inner, monitor), monitor)
             fewer = other.charts()[0] < coarse.charts()[0]
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
@@ -220,6 +229,20 @@ def _decided(
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
         plain = partial(_carried, blind, graph, coarse, proxy)
         return Decided(transfer_to_fine(blind, graph, other, proxy), graph, plain=plain)
+
+
+@contextmanager
+def _before_transfer(monitor: Monitor) -> Iterator[None]:
+    """Inside, time is kept for carrying over what a smaller surface has reached by then."""
+    later = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
+    with monitor.holding(later, least=DECIDING), clock.bounded(monitor.last):
+        yield
+
+
+def _merged_on(coarse: Atlas, bound: float, monitor: Monitor) -> Atlas:
+    """As ``merged_on``, from what has been reached."""
+    monitor.keep(coarse)
+    return merged_on(coarse, bound, monitor)
 
 
 def _carried(
@@ -258,8 +281,7 @@ def _from_level(
     if prices is not None:
         middle = dataclasses.replace(middle, price=prices.result())
     inner = 1 + (bound - 1) * (1 - LEVEL_SLACK) - lost
-    rest = TRANSFER_COST * monitor.seconds.get("repair", 0.0)
-    with monitor.holding(rest, least=DECIDING):
+    with _before_transfer(monitor):
         tried = _levels(middle, inner, options, worker, monitor)
         best, other = best_held(tried, inner, options, worker, monitor)
     with monitor.stage("carry"):
@@ -316,7 +338,8 @@ def _level_atlas(
     if monitor.expired and not needed:
         return None
     with monitor.shown_as("level"):
-        atlas = grown_atlas(surface, bound, options, monitor, [], target)
+        search = partial(grown_atlas, surface, bound, options, monitor, [], target)
+        atlas = in_time(surface, search, monitor)
         if options.min_chart_faces == 1:
             with monitor.stage("charts"):
                 merge_on(atlas, bound, MARGIN, monitor)

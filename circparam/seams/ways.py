@@ -16,6 +16,7 @@ from circparam.seams.grown import grown_atlas
 from circparam.seams.hard.charts import hard_atlas, with_seams
 from circparam.seams.hard.rival import Outdone, Rival
 from circparam.seams.options import SeamOptions
+from circparam.seams.reached import in_time
 
 ORDER = ("hard", "doubtful", "grown")  # of what is said of them
 LEFT = "left"
@@ -77,6 +78,7 @@ def made_ways(
             way = later[name].result()
             if way is not None:
                 found[name] = way
+                monitor.keep(Atlas(parts[name], *way[:-1]))  # as processes do not
     for name in ORDER:
         notes += found[name][-1] if name in found else []
     return {name: Atlas(parts[name], *way[:-1]) for name, way in found.items()}
@@ -108,9 +110,12 @@ def one_way(
     if name in SPARE and monitor.expired:
         return None
     notes: list[str] = []
-    if name == "grown":
-        atlas = grown_atlas(surface, bound, options, monitor, notes, check=check)
-    else:
+
+    def search() -> Atlas:
+        if name == "grown":
+            return grown_atlas(surface, bound, options, monitor, notes, check=check)
         worker = Worker(monitor.jobs if len(surface.faces) > PARTED else 1)
-        atlas = hard_atlas(surface, bound, options, worker, monitor, notes)
+        return hard_atlas(surface, bound, options, worker, monitor, notes)
+
+    atlas = in_time(surface, search, monitor)
     return atlas.cut, atlas.corners, atlas.prices, notes

@@ -23,6 +23,13 @@ def test_every_command_of_the_table_exists() -> None:
     assert commands() == list(COMMANDS)
 
 
+def test_no_arguments_print_the_help() -> None:
+    alone, asked = (CliRunner().invoke(cli, args) for args in ([], ["--help"]))
+    assert alone.exit_code == 0
+    assert alone.stdout == asked.stdout
+    assert not alone.stderr
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_help_with_an_example(name: str) -> None:
     result = CliRunner().invoke(cli, [name, "--help"])

@@ -18,6 +18,9 @@ def test_a_warning_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     progress.warn("careful")
     progress.warn("careful", quiet=True)
     assert capsys.readouterr() == ("", "circparam: warning: careful\n")
+    progress.note("done so")
+    progress.note("done so", quiet=True)
+    assert capsys.readouterr() == ("", "circparam: note: done so\n")
 
 
 def test_no_bar_without_a_terminal() -> None:

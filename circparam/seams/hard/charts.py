@@ -64,6 +64,13 @@ def hard_atlas(
     return atlas
 
 
+def quick_atlas(surface: Surface, bound: float, monitor: Monitor) -> Atlas:
+    """Charts of any surface at once, sound but many: what there is before a search has come to a component."""
+    atlas = Atlas(surface, np.zeros(len(surface.edges), bool), prices=seam_prices(surface))
+    first_regions(atlas, dual_graph(surface, atlas.flat), bound, Worker(1), monitor)
+    return atlas
+
+
 def _decided(
     atlas: Atlas,
     bound: float,
@@ -149,6 +156,7 @@ def first_regions(
             atlas.cut |= new
             layouts = _laid_out(atlas, graph, todo, bound)
     for _ in range(SPLITS):
+        monitor.keep(atlas, sound=False)
         bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
         if not bad.any() or monitor.expired:
             break

@@ -64,6 +64,8 @@ def decide(
     prices = starting.prices
     atlas = Atlas(replace(surface, price=None), np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, bound)
+    if not rest.all():
+        monitor.keep(atlas.part(~rest))
     if rest.any():
         part = surface.part(rest)
         # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts

@@ -92,10 +92,12 @@ class Merger:
     def run(self, monitor: Monitor) -> None:
         """Merge until no pair is left to try."""
         merged: list[int] = []
+        monitor.keep(self.atlas)
         for turn in range(self.options.rounds):
             before = self.tally["merged"]
             if monitor.expired or self.work > self.limit or not self.round(monitor):
                 break
+            monitor.keep(self.atlas)
             merged.append(self.tally["merged"] - before)
             few = (sum(merged[-PATIENCE:]) + 1) * HARDLY < self.atlas.charts()[0]
             if few and turn >= PATIENCE:

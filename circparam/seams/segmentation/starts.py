@@ -156,13 +156,23 @@ def merged_together(
     all_of_them = Atlas(surface.copies(len(grown)), cut, corners)
     options = MergeOptions(bound, margin=margin)
     merger = Merger(all_of_them, options, np.zeros(len(cut), bool))
-    merger.run(monitor)
-    starts = []
     e, m = len(surface.edges), len(surface.faces)
+
+    def one_of(copies: Atlas, k: int) -> Atlas:
+        mine, faces = slice(k * e, (k + 1) * e), slice(k * m, (k + 1) * m)
+        return Atlas(surface, copies.cut[mine], copies.corners[faces])
+
+    def keep(copies: Atlas, sound: bool) -> None:
+        if copies is all_of_them:
+            for k in range(len(grown)):
+                monitor.keep(one_of(copies, k), sound)
+
+    with monitor.keeping(keep):
+        merger.run(monitor)
+    starts = []
     for k, (_, crowd) in enumerate(grown):
         mine = slice(k * e, (k + 1) * e)
-        one = Atlas(surface, merger.atlas.cut[mine], merger.atlas.corners[k * m : (k + 1) * m])
-        of_one = Merger(one, options, np.zeros(e, bool))
+        of_one = Merger(one_of(merger.atlas, k), options, np.zeros(e, bool))
         of_one.lower_bound, of_one.failed = merger.lower_bound[mine], merger.failed.part(mine)
         starts.append(Start(of_one, crowd))
     return starts
@@ -182,6 +192,7 @@ def _grown(
     crowd = atlas.charts()[0] > CROWD
     layouts = lay_out_fresh(atlas, None, HASTY if crowd else ROUGH, worker, monitor)
     for _ in range(12):
+        monitor.keep(atlas, sound=False)
         bad = layouts.bad(bound) & (np.bincount(layouts.cut_mesh.chart) > 1)
         if not bad.any():
             break

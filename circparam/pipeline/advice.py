@@ -1,0 +1,42 @@
+"""What other options would do for a half-empty page: tried before it is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from circparam.core.monitor import Monitor
+from circparam.core.words import counted
+from circparam.pipeline import fallback
+from circparam.pipeline.cascade import Cascade
+from circparam.pipeline.fuller_page import covered_share, fill_page, packing
+from circparam.pipeline.options import Options
+
+HALF_EMPTY = 0.5  # covered share of a page below which cuts are tried that only the user can allow
+GAIN = 0.05  # share of the page that they must cover more
+CUTS = 10  # that are tried
+LEAST = 500  # faces: a smaller surface is unwrapped in less time than cuts take to try
+
+
+def advised(filled: Cascade, start: Cascade, options: Options, monitor: Monitor) -> Cascade:
+    """The layout ``filled`` that ``fill_page`` made of ``start``, with advice where its page is half empty.
+
+    The advice tells what further cuts would cover, as they were made and packed. There is none where the user
+    has said how many there may be.
+    """
+    small = len(start.atlas.surface.faces) < LEAST
+    if options.cuts_asked is not None or options.max_charts is not None or small or monitor.expired:
+        return filled
+    found = filled.packing or packing(filled, options, monitor)
+    filled = replace(filled, packing=found)
+    if found is None or covered_share(found) >= HALF_EMPTY:
+        return filled
+    start = fallback.settle(start, monitor)
+    more = fill_page(start, replace(options, pack_splits=CUTS), monitor)
+    if more.packing is None or covered_share(more.packing) < covered_share(found) + GAIN:
+        return filled
+    cuts = more.atlas.charts()[0] - start.atlas.charts()[0]
+    return replace(
+        filled,
+        advice=f"{counted(cuts, 'cut')} across charts would cover "
+        f"{100 * covered_share(more.packing):.0f} % (--pack-splits {CUTS})",
+    )

@@ -1,0 +1,89 @@
+"""What a search for charts has reached: its answer where time runs out before the search ends.
+
+A search hands sound atlases of parts of its surface to ``Monitor.keep`` as it goes. The cheapest of each
+component is kept, so that a longer time never gives a worse one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from circparam.core.arrays import next_half_edge
+from circparam.core.monitor import Monitor
+from circparam.errors import OutOfTimeError
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
+from circparam.seams.hard.rival import component_costs
+from circparam.seams.segmentation.starts import CHART_COST
+
+UNSOUND = 1e9  # cost that a layout has besides, which may have charts that flip or overlap
+
+
+def in_time(
+    surface: Surface, search: Callable[[], Atlas], monitor: Monitor, partly: bool = False
+) -> Atlas:
+    """What a search gives for a surface; where time runs out before its end, what it has reached.
+
+    Raises OutOfTimeError where a component is missing in that. partly: only where all are; components that are
+    missing have no uv (NaN).
+    """
+    reached = Reached(surface)
+    try:
+        with monitor.keeping(reached.keep):
+            return search()
+    except OutOfTimeError:
+        there = np.isfinite(reached.cost)
+        if not (there.any() if partly else there.all()):
+            raise
+        monitor.late = True
+        return reached.atlas()
+
+
+class Reached:
+    """The cheapest atlas so far of each component of a surface.
+
+    cost: (components,) by ``component_costs``, infinite where there is none yet.
+    """
+
+    def __init__(self, surface: Surface) -> None:
+        self._surface = surface
+        count, component = surface.components
+        self._size = np.bincount(component, minlength=count)
+        self._unit = float(np.sqrt(surface.areas.sum()))
+        self._chart = np.full(len(surface.faces), -1)
+        self._corners = np.full((len(surface.faces), 3, 2), np.nan)
+        self.cost = np.full(count, np.inf)
+
+    def keep(self, atlas: Atlas, sound: bool = True) -> None:
+        """Take over the components of an atlas that are cheaper than what is there.
+
+        The atlas may be of a part of the surface. One of another surface, such as a proxy, is left alone.
+        """
+        part, whole = atlas.surface, self._surface
+        face = np.searchsorted(whole.source, part.source).clip(max=len(whole.source) - 1)
+        if part.points is not whole.points or (whole.source[face] != part.source).any():
+            return
+        count, component = part.components
+        _, first = np.unique(component, return_index=True)
+        there = whole.components[1][face[first]]
+        complete = np.bincount(component, minlength=count) == self._size[there]
+        cost = component_costs(atlas, atlas.flat, self._unit, CHART_COST) + (
+            0 if sound else UNSOUND
+        )
+        better = complete & (cost < self.cost[there])
+        taken = better[component]
+        self.cost[there[better]] = cost[better]
+        self._corners[face[taken]] = atlas.corners[taken]
+        self._chart[face[taken]] = self._chart.max() + 1 + atlas.charts()[1][taken]
+
+    def atlas(self) -> Atlas:
+        """The atlas of all components: cut between charts, and where the two sides of an edge lie apart."""
+        surface = self._surface
+        i, j = surface.edges[:, 0], surface.edges[:, 1]
+        flat = self._corners.reshape(-1, 2)
+        apart = (flat[i] != flat[next_half_edge(j)]) | (flat[next_half_edge(i)] != flat[j])
+        between = self._chart[i // 3] != self._chart[j // 3]
+        cut = between | (apart.any(1) & np.isfinite(flat[i]).all(1))
+        return Atlas(surface, cut & ~surface.locked, self._corners)

@@ -1,0 +1,136 @@
+"""A search that runs out of time gives what it has reached; a longer time never gives a worse answer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from circparam.core.monitor import Monitor
+from circparam.errors import OutOfTimeError
+from circparam.formats.memory import from_arrays
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
+from circparam.pipeline.options import Options
+from circparam.pipeline.unwrap import Result, unwrap_document
+from circparam.seams.reached import Reached, in_time
+from tests.support import parts, shapes
+from tests.support.atlases import surface_of
+
+FRACTIONS = (0.25, 0.5, 0.75, 1.1)
+
+
+def assembly() -> tuple[np.ndarray, np.ndarray]:
+    """Parts of a machine beside a rough ball: some are charted by their flats, some are grown."""
+    ball, faces = shapes.icosphere(3)
+    ball = ball * (1 + 0.3 * np.sin(5 * ball[:, :1]))
+    pieces = [(p.points, p.faces) for p in (parts.bracket(), parts.bushing(), parts.plate())]
+    pieces.append((ball, faces))
+    starts = np.cumsum([0, *(len(p) for p, _ in pieces)])
+    points = np.concatenate([p + np.array([4.0 * k, 0, 0]) for k, (p, _) in enumerate(pieces)])
+    return points, np.concatenate([f + s for (_, f), s in zip(pieces, starts, strict=False)])
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], tuple[Result, int]]:
+    """Unwraps the assembly by a clock that goes on by 1 whenever somebody asks: (result, how often)."""
+    asked = [0]
+
+    def ticking() -> float:
+        asked[0] += 1
+        return float(asked[0])
+
+    monkeypatch.setattr(time, "monotonic", ticking)
+    document = from_arrays(*assembly())
+
+    def unwrapped(limit: float) -> tuple[Result, int]:
+        asked[0] = 0
+        options = Options(jobs=1, effort=0.01, pack_splits=0)
+        return unwrap_document(document, None, options, Monitor(timeout=limit)), asked[0]
+
+    return unwrapped
+
+
+def test_what_was_reached_is_given_and_a_longer_limit_is_never_worse(
+    run: Callable[[float], tuple[Result, int]],
+) -> None:
+    whole, steps = run(1e9)
+    assert not any("projected" in line for line in whole.repairs)
+    cost = np.inf
+    for fraction in FRACTIONS:
+        result, _ = run(fraction * steps)
+        assert not any("projected" in line for line in result.repairs), fraction
+        assert result.status != "degraded", fraction
+        now = float(result.measures["seam_length"] or 0) + 0.25 * int(
+            result.measures["charts"] or 0
+        )
+        assert now <= 1.02 * cost, fraction
+        cost = min(cost, now)
+    assert np.array_equal(result.uv, whole.uv)
+
+
+def two_balls() -> Surface:
+    points, faces = shapes.icosphere(1)
+    both = np.concatenate([points, points + 5]), np.concatenate([faces, faces + len(points)])
+    return surface_of(*both)
+
+
+def halved(surface: Surface, extra: int = 0) -> Atlas:
+    """Every ball cut in two along its equator, some edges more of the first face."""
+    below = surface.points[surface.faces].mean(1)[:, 2] % 5 > 2
+    side = below[surface.edges // 3]
+    cut = side[:, 0] != side[:, 1]
+    cut[np.flatnonzero(~cut)[:extra]] = True
+    uv = np.random.default_rng(extra).random((surface.faces.max() + 1, 2))
+    return Atlas(surface, cut, uv[surface.faces])
+
+
+def test_the_cheapest_of_each_component_is_kept() -> None:
+    surface = two_balls()
+    first = surface.components[1] == 0
+    dear, cheap = halved(surface, 30), halved(surface)
+    reached = Reached(surface)
+    reached.keep(dear.part(first))
+    assert np.isfinite(reached.cost).sum() == 1
+    reached.keep(cheap, sound=False)
+    found = reached.atlas()
+    assert np.array_equal(found.corners[first], dear.corners[first]), "sound before cheap"
+    assert np.array_equal(found.corners[~first], cheap.corners[~first])
+    reached.keep(cheap)
+    reached.keep(dear)
+    assert np.array_equal(reached.atlas().corners, cheap.corners)
+    assert np.array_equal(reached.atlas().cut, cheap.cut)
+    assert reached.atlas().charts()[0] == 4
+
+
+def test_other_surfaces_and_parts_of_components_are_left_alone() -> None:
+    surface = two_balls()
+    reached = Reached(surface)
+    reached.keep(halved(two_balls()))
+    some = np.arange(len(surface.faces)) < 7
+    reached.keep(halved(surface).part(some))
+    assert not np.isfinite(reached.cost).any()
+
+
+def test_a_search_that_is_broken_off_answers_with_what_it_has() -> None:
+    surface = two_balls()
+    first = surface.components[1] == 0
+    monitor = Monitor(timeout=1000.0)
+
+    def search(kept: Atlas | None) -> Atlas:
+        if kept is not None:
+            monitor.keep(kept)
+        raise OutOfTimeError("planted")
+
+    whole = halved(surface)
+    assert np.array_equal(in_time(surface, lambda: search(whole), monitor).corners, whole.corners)
+    assert monitor.late
+    part = whole.part(first)
+    half = in_time(surface, lambda: search(part), monitor, partly=True)
+    assert np.isfinite(half.corners[first]).all()
+    assert np.isnan(half.corners[~first]).all()
+    for kept, partly in ((part, False), (None, True)):
+        with pytest.raises(OutOfTimeError, match="planted"):
+            in_time(surface, lambda k=kept: search(k), monitor, partly=partly)
