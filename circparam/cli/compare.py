@@ -103,7 +103,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     for option, ending in (("csv_file", ""), ("report", ".html"), ("plot", ".png")):
         if given[option] is not None:
             _check_output(given[option], given["overwrite"], ending)
-    silent = given["as_json"] or (given["quiet"] and given["csv_file"] is not None)
+    silent = given["as_json"] or given["quiet"]
     found, codes = [], [exits.OK]
     for shown, result in _compared(meshes, names, given):
         if isinstance(result, int):

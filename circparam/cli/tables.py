@@ -243,12 +243,16 @@ def _seams(report: dict[str, Any]) -> str:
 def _tail(report: dict[str, Any]) -> str:
     """How far most of the surface is stretched or shrunk, at most."""
     names = (("stretch_p95", "95"), ("stretch_p99", "99"), ("stretch_p999", "99.9"))
-    shares = ", ".join(f"{report[name]:.3g} on {percent} %" for name, percent in names)
+    shares = ", ".join(f"{_share_figure(report[name])} on {percent} %" for name, percent in names)
     return f"at most {shares}"
 
 
+def _share_figure(value: float) -> str:
+    return "infinite" if value > 1e50 else f"{value:.3g}"
+
+
 def _number(value: float | None) -> str:
-    if value is None or value > 1e100:
+    if value is None or value > 1e50:
         return "-" if value is None else "infinite"
     return f"{value:.4f}" if value < 1e4 else f"{value:.3g}"
 

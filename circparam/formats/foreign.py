@@ -21,6 +21,8 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
+from circparam.formats.gltf.document import features_of
+from circparam.formats.gltf.reading import DECODE, DRACO
 from circparam.formats.memory import PlainDocument
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
@@ -66,6 +68,7 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
     ]
     if missing:
         raise source.error(f"{kind.upper()} is read with {' and '.join(missing)}: {EXTRA}")
+    lost = _lost_of_gltf(data, source) if kind in ("gltf", "glb") else LOST
     import trimesh
 
     # what it cannot read it tells its log, tracebacks and all; here that is one line
@@ -83,7 +86,7 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
                 process=False,
                 maintain_order=True,
             )
-        return _document(scene, source, kind)
+        return _document(scene, source, kind, lost)
     except InputError:
         raise
     except Exception as error:  # trimesh raises whatever its parsers meet
@@ -91,13 +94,22 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
 
 
 def _said(error: Exception) -> str:
-    """What a parser says in brackets; nothing where a file of its own is missing, whose name helps nobody."""
-    if isinstance(error, OSError):
+    """What a parser says in brackets; none of it where it misses a file of its own, or says nothing."""
+    if isinstance(error, OSError) or not str(error).strip():
         return ": it is damaged, or holds no shape"
-    return f" ({' '.join(str(error).split())[:120] or type(error).__name__})"
+    return f" ({' '.join(str(error).split())[:120]})"
 
 
-def _document(scene: Any, source: Source, kind: str) -> ForeignDocument:
+def _lost_of_gltf(data: bytes, source: Source) -> tuple[str, ...]:
+    """What trimesh loses of a glTF file. Raises InputError where it needs a package to decode it."""
+    features = features_of(data, source)
+    if DRACO.encode() in data and importlib.util.find_spec("DracoPy") is None:
+        raise source.error(f"trimesh decodes Draco with DracoPy: pip install DracoPy; {DECODE}")
+    kept = ("extensions", "nodes", "normals")  # said in other words, or made anew
+    return tuple(dict.fromkeys([*LOST, *(f for f in features if f not in kept)]))
+
+
+def _document(scene: Any, source: Source, kind: str, lost: tuple[str, ...]) -> ForeignDocument:
     """All triangles of a scene as one mesh, a group for each geometry."""
     points: list[FloatArray] = []
     faces: list[IntArray] = []
@@ -131,7 +143,7 @@ def _document(scene: Any, source: Source, kind: str) -> ForeignDocument:
         Mesh(np.concatenate(points), whole, groups=group if len(faces) > 1 else None),
         (0,) if layout is not None else (),
         group_names=tuple(names),
-        warnings=(f"read through trimesh: {', '.join(LOST)} are not kept",),
+        warnings=(f"read through trimesh: {', '.join(lost)} are not kept",),
         layout=layout,
     )
 

@@ -24,6 +24,7 @@ from circparam.formats.document import (
     check_new_set,
 )
 from circparam.formats.foreign import read_through_trimesh
+from circparam.formats.gltf.reading import DECODE
 from circparam.formats.source import Source, read_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, up_of, writable
 from circparam.mesh.mesh import UVMap
@@ -153,7 +154,8 @@ def read_data(
         return read_it(data, source)
     except InputError as error:
         line = str(error) if str(error).startswith(source.name) else str(source.error(error))
-        raise InputError(line + _other_reader(data, source, name)) from None
+        cure = "" if DECODE in line else _other_reader(data, source, name)
+        raise InputError(line + cure) from None
     except (MemoryError, RecursionError) as error:
         raise source.error(
             f"it asks for more memory than there is ({type(error).__name__})"

@@ -39,9 +39,9 @@ class Verification:
     (nv, 2) of its vertices. missing: faces of the file without uv, those set aside too.
     flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
     clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
-    that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. seam_length: that
-    of all seams / √(surface area). pages: how many hold a chart, None where there are no pages. coverage: None
-    where the layout was not rasterised. seen: what tells
+    that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. used: (n,)
+    bool, charts that have uv. seam_length: that of all seams / √(surface area). pages: how many hold a chart,
+    None where there are no pages. coverage: None where the layout was not rasterised. seen: what tells
     ``seam_visible`` where something else than looking does: a process that looks meanwhile, or a lack of time.
     """
 
@@ -56,6 +56,7 @@ class Verification:
     overlapping: IntArray
     overlapping_pairs: IntArray
     outside: IntArray
+    used: BoolArray
     measures: Measures
     seam_length: float
     uv_min: FloatArray
@@ -72,6 +73,11 @@ class Verification:
         """
         return visible_share(self.surface, self.cut) if self.seen is None else self.seen()
 
+    @cached_property
+    def charts(self) -> int:
+        """How many charts have uv; each face without uv is one of ``cut_mesh`` that has none."""
+        return int(self.used.sum())
+
     @property
     def overlap(self) -> int:
         """Charts that overlap themselves, and pairs of charts that overlap each other."""
@@ -86,7 +92,7 @@ class Verification:
         """The figures by the names of the report."""
         m, c = self.measures, self.coverage
         return {
-            "charts": self.cut_mesh.n_charts,
+            "charts": self.charts,
             "flips": self.flips,
             "overlap": self.overlap,
             "mirrored": len(self.mirrored),
@@ -176,6 +182,7 @@ def verify(
         overlapping=number[np.flatnonzero(found.self_overlapping)],
         overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
         outside=_outside(cut_mesh, uv, used) if resolution else np.zeros(0, np.int64),
+        used=used,
         measures=measure(part, alike),
         seam_length=_seam_length(atlas),
         uv_min=points.min(0),

@@ -17,6 +17,7 @@ from circparam.render.colours import END
 from circparam.render.scene import Scene
 
 Figures = Sequence[tuple[str, str]]
+ENDLESS = 1e50  # stretches beyond it come from faces that are squeezed to nothing
 RASTER = 2048  # texels a side on which the packed share is counted, as by default everywhere
 
 
@@ -38,8 +39,8 @@ class PictureOptions:
     title: the heading. note: words beside it. up: the axis that points up: x, y, z, or auto. padding: of the
     layout, in uv units (0 shows none). scale_end: end of the colour scale of distortion. directions: (d, 3)
     sides to look from, None for those that show most. samples: along a pixel's side, to smooth edges; None
-    takes 3, or 2 for large meshes. For pages only: repairs, one line each; images, the mesh's own textures;
-    image_note, why there are none.
+    takes 3, or 2 for large meshes. charts: how many there are by the figures; None counts those of the scene.
+    For pages only: repairs, one line each; images, the mesh's own textures; image_note, why there are none.
     """
 
     title: str = "uv layout"
@@ -49,17 +50,20 @@ class PictureOptions:
     scale_end: float = END
     directions: FloatArray | None = None
     samples: int | None = None
+    charts: int | None = None
     repairs: tuple[str, ...] = ()
     images: PageImages | None = None
     image_note: str = "this mesh has no texture"
 
 
-def counts(scene: Scene, note: str = "") -> str:
-    """Faces and charts in words, behind a note where there is one."""
+def counts(scene: Scene, options: PictureOptions) -> str:
+    """Faces and charts in words, behind the note where there is one."""
+    note = options.note
     once = scene.once
     copies = len(scene.faces) - len(once.faces)
     again = f" and {copies:,} shown again" if copies else ""
-    words = f"{counted(len(once.faces), 'face')}{again} · {counted(once.n_charts, 'chart')}"
+    charts = once.n_charts if options.charts is None else options.charts
+    words = f"{counted(len(once.faces), 'face')}{again} · {counted(charts, 'chart')}"
     return f"{note} · {words}" if note else words
 
 
@@ -123,6 +127,8 @@ def number_text(value: object) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return str(value)
     number = float(value)
+    if abs(number) > ENDLESS:
+        return "infinite"
     if np.isfinite(number) and number == int(number) and abs(number) < 1e15:
         return f"{int(number):,}"
     return f"{number:.5g}"

@@ -57,7 +57,7 @@ def page(
     fields = {
         "VERSION": __version__,
         "TITLE": escaped(options.title),
-        "NOTE": escaped(counts(whole, options.note) + _shown(whole, scene)),
+        "NOTE": escaped(counts(whole, options) + _shown(whole, scene)),
         "HINT": HINT,
         "ASPECT": f"{_aspect(scene):.4g}",
         "FIGURES": _table(figures if figures is not None else scene_figures(whole)),

@@ -99,7 +99,7 @@ def _tile_note(scene: Scene) -> str:
 
 
 def _heading(draw: ImageDraw.ImageDraw, options: PictureOptions, scene: Scene) -> None:
-    line = counts(scene, options.note)
+    line = counts(scene, options)
     write(draw, (1600 - MARGIN, 38), line, 19, col.MUTED, "ra")
     room = 1600 - 2 * MARGIN - 40 - width(draw, line, 19)
     write(draw, (MARGIN, 28), fitted(draw, options.title, 30, room), 30, col.INK)

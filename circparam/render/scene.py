@@ -311,12 +311,12 @@ def make_scene(points: FloatArray, faces: IntArray, uv: FloatArray, uv_faces: In
 
 
 def _charts(uv_faces: IntArray, mapped: BoolArray, uv: FloatArray) -> IntArray:
-    """Components of the faces through shared corners, numbered by falling uv area; −1 without uv."""
+    """Components of the faces through shared edges, numbered by falling uv area; −1 without uv."""
     fid = np.flatnonzero(mapped)
     rows = np.repeat(np.arange(len(fid)), 3)
-    columns = uv_faces[fid].ravel()
-    size = len(fid) + len(uv)
-    _, labels = components(size, rows, columns + len(fid))
+    a, b = uv_faces[fid].ravel(), uv_faces[fid][:, [1, 2, 0]].ravel()
+    edges, edge = np.unique(edge_keys(a, b, len(uv)), return_inverse=True)
+    _, labels = components(len(fid) + len(edges), rows, edge.reshape(-1) + len(fid))
     n, label = relabel(labels[: len(fid)])
     c = uv[uv_faces[fid]]
     area = group_sum(np.abs(cross2(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])), label, n)

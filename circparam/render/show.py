@@ -86,6 +86,8 @@ def view_document(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
         padding=padding, scale_end=scale_end or END, repairs=tuple(notes), images=images, image_note=note,
     )  # fmt: skip
+    if judged is not None:
+        options = replace(options, charts=judged.verification.charts)
     save_scene(path, scene, options, view_figures(judged, scene))
     return scene
 

@@ -77,7 +77,7 @@ def figure_svg(scene: Scene, options: PictureOptions) -> str:
         f'<g font-family="sans-serif" font-size="{text:g}" fill="{col.INK}">',
         f'<text y="{-2.1 * text:g}">{_escape(options.title)}</text>',
         f'<text x="{3 * width + 2 * pad:g}" y="{-2.1 * text:g}" text-anchor="end" fill="{col.MUTED}">'
-        f"{_escape(counts(scene, options.note))}</text>",
+        f"{_escape(counts(scene, options))}</text>",
         "</g>",
     ]
     for k, (name, inside) in enumerate(pieces.items()):

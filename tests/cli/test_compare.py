@@ -53,6 +53,11 @@ def test_json_and_csv_hold_the_same_rows(tmp_path: Path) -> None:
         assert float(written["seconds_weights"]) == printed["stages"]["weights"]
 
 
+def test_quiet_prints_no_table() -> None:
+    result = run(sample("ribbon"), "--methods", "circle", "-q")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
+
+
 def test_csv_is_not_overwritten(tmp_path: Path) -> None:
     out = tmp_path / "rows.csv"
     out.write_text("mine")

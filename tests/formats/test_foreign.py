@@ -6,6 +6,7 @@ import io
 import json
 import os
 import struct
+import sys
 import zipfile
 from pathlib import Path
 
@@ -128,6 +129,8 @@ def draco_glb() -> bytes:
         "scenes": [{"nodes": [0]}],
         "scene": 0,
         "nodes": [{"mesh": 0}],
+        "skins": [{"joints": [0]}],
+        "animations": [{"channels": [], "samplers": []}],
         "meshes": [{"primitives": [{
             "attributes": {"POSITION": 0}, "indices": 1,
             "extensions": {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}},
@@ -197,12 +200,15 @@ def test_it_is_unwrapped_to_glb(make: object, tmp_path: Path) -> None:
     assert len(again.mesh.faces) == len(result.mesh.faces)
 
 
-def test_a_compressed_glb_names_the_reader_that_takes_it(tmp_path: Path) -> None:
+def test_a_compressed_glb_names_what_decodes_all_of_it(tmp_path: Path) -> None:
+    """Not trimesh, which drops skins and animations; where it is asked for, it says what it drops."""
     path = tmp_path / "ball.glb"
     path.write_bytes(draco_glb())
-    with pytest.raises(InputError, match="--reader trimesh"):
+    with pytest.raises(InputError, match="gltf-transform/cli copy") as caught:
         read(path)
+    assert "--reader" not in str(caught.value)
     document = read(path, reader="trimesh")
+    assert "skins, animations" in document.warnings[0]
     p, f = shapes.icosphere(1)
     np.testing.assert_allclose(
         np.sort(document.mesh.points, 0), np.sort(p, 0), atol=2 * np.ptp(p) / 2**16
@@ -210,6 +216,21 @@ def test_a_compressed_glb_names_the_reader_that_takes_it(tmp_path: Path) -> None
     assert len(document.mesh.faces) == len(f)
     result = circparam.unwrap(path, tmp_path / "o.glb", reader="trimesh", **QUICK)
     assert result.measures["flips"] == 0
+
+
+def test_draco_without_its_decoder_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """trimesh reads every face as degenerate then, without a word."""
+    data = draco_glb()
+    monkeypatch.setitem(sys.modules, "DracoPy", None)
+    with pytest.raises(InputError, match="DracoPy: pip install DracoPy"):
+        read_data(data, reader="trimesh")
+
+
+def test_what_trimesh_says_nothing_about_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.zae"
+    path.write_bytes(plain_zip())
+    with pytest.raises(InputError, match="as ZAE: it is damaged, or holds no shape"):
+        read(path)
 
 
 def test_what_trimesh_does_not_take_either_names_no_reader() -> None:
@@ -299,7 +320,7 @@ def test_every_command_that_reads_takes_the_reader(tmp_path: Path) -> None:
         return CliRunner().invoke(cli, [str(word) for word in words])
 
     refused = run("unwrap", mesh, "-o", out)
-    assert (refused.exit_code, "--reader trimesh" in refused.stderr) == (3, True)
+    assert (refused.exit_code, "gltf-transform" in refused.stderr) == (3, True)
     made = run("unwrap", mesh, "-o", out, "--reader", "trimesh", "--effort", "0.01")
     assert made.exit_code == 0, made.stderr
     assert "read through trimesh" in made.stderr

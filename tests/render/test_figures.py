@@ -16,4 +16,4 @@ def test_figures_are_ordered_and_rounded():
         ("packed", "50.0 %"),
         ("own", "12"),
     ]
-    assert as_figures({"missing": 0, "gap_texels": None, "x": float("inf")}) == [("x", "inf")]
+    assert as_figures({"missing": 0, "gap_texels": None, "x": float("inf")}) == [("x", "infinite")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.render.figures import as_figures, scene_figures
 from circparam.render.scene import make_scene, row_labels, with_copies
-from circparam.render.show import judged_set, scene_of, view_figures
+from circparam.render.show import judged_set, scene_of, view_document, view_figures
 from circparam.render.views import draw_plan
 from tests.support import shapes
 from tests.support.pairs import blob
@@ -160,3 +161,20 @@ def test_pictures_tell_the_figures_of_the_reports(tmp_path: Path):
     told = dict(view_figures(judged_set(document, 0), scene_of(document, uvmap)))
     assert told == dict(as_figures(result.measures))
     assert result.measures["seam_length"] > 0
+
+
+def test_the_head_of_a_page_and_its_table_count_the_same_charts(tmp_path: Path):
+    """Two squares that meet in a corner, one face squeezed to nothing and one without uv: two charts."""
+    path = tmp_path / "two.obj"
+    path.write_text(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 1 0\nv 2 2 0\nv 1 2 0\nv 5 5 0\nv 6 5 0\nv 5 6 0\n"
+        "vt 0 0\nvt .4 0\nvt .4 .4\nvt 0 .4\nvt .8 .4\nvt .8 .8\nvt .4 .8\n"
+        "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\nf 3/3 5/5 6/6\nf 3/3 6/6 7/6\nf 8 9 10\n"
+    )
+    out = tmp_path / "page.html"
+    view_document(read(path), out)
+    text = out.read_text()
+    assert "5 faces · 2 charts" in text
+    assert "<th scope=row>charts</th><td>2</td>" in text
+    assert not re.search(r"\de\+\d", text.partition("<table")[2].partition("</table>")[0])
+    assert "infinite" in text

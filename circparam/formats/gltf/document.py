@@ -14,7 +14,7 @@ from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.groups import store_grouping, stored_grouping
 from circparam.formats.gltf.looks import read_looks
 from circparam.formats.gltf.model import Json, Pool, Primitive
-from circparam.formats.gltf.reading import COMPRESSED, Tree, sound_tree
+from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
 from circparam.formats.gltf.rows import short_views
 from circparam.formats.gltf.scene import (
     Again,
@@ -213,7 +213,7 @@ def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocumen
 def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
     required = [k for k in tree.json.get("extensionsRequired", []) if k in COMPRESSED]
     if required:
-        raise source.error(f"it is compressed with {required[0]}: decode the file first")
+        raise source.error(f"it is compressed with {required[0]}: {DECODE}")
     shown = walk(tree)
     if unshare:
         unshare_meshes(tree, shown)
@@ -240,6 +240,12 @@ def _materials(tree: Tree, primitives: list[Primitive]) -> tuple[IntArray | None
         "" if k < 0 else str(tree.item("materials", k).get("name", f"material_{k}")) for k in order
     ]
     return np.repeat(label, [len(p.triangles) for p in primitives]), tuple(names)
+
+
+def features_of(data: bytes, source: Source) -> tuple[str, ...]:
+    """What a glTF file carries beyond triangles and one uv set, compressed or not."""
+    with sound_tree(source):
+        return _features(Tree(data, source))
 
 
 def _features(tree: Tree) -> tuple[str, ...]:

@@ -23,7 +23,10 @@ from circparam.formats.tokens import ByteArray, as_bytes
 
 # matrix columns begin at multiples of 4 bytes (glTF 2.0, 3.6.2.4)
 _PADDED = {("MAT2", 1): 8, ("MAT3", 1): 12, ("MAT3", 2): 24}
-COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+DRACO = "KHR_draco_mesh_compression"
+COMPRESSED = (DRACO, "EXT_meshopt_compression", "KHR_meshopt_compression")
+# copies of gltf-transform are not compressed, and hold skins, animations and all else
+DECODE = "npx @gltf-transform/cli copy IN.glb OUT.glb decodes it and keeps all that it holds"
 _BIN, _JSON = 0x004E4942, 0x4E4F534A
 
 
@@ -178,7 +181,7 @@ class Tree:
         view = self.item("bufferViews", index)
         packed = [k for k in COMPRESSED if k in view.get("extensions", {})]
         if packed:
-            raise self.error(f"{what} is compressed with {packed[0]}: decode the file first")
+            raise self.error(f"{what} is compressed with {packed[0]}: {DECODE}")
         data = as_bytes(self.buffer(_whole(view["buffer"])))
         offset, size = _whole(view.get("byteOffset", 0)), _whole(view["byteLength"])
         if offset + size > len(data):

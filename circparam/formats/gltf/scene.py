@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.gltf.model import FAN, STRIP, TRIANGLES, Json, Pool, Primitive
-from circparam.formats.gltf.reading import COMPRESSED, Tree
+from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +157,7 @@ def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, first: int, first_pool
     for number, p in enumerate(tree.item("meshes", mesh)["primitives"]):
         packed = [k for k in COMPRESSED if k in p.get("extensions", {})]
         if packed:
-            raise tree.error(f"mesh {mesh} is compressed with {packed[0]}: decode the file first")
+            raise tree.error(f"mesh {mesh} is compressed with {packed[0]}: {DECODE}")
         mode, attributes = p.get("mode", TRIANGLES), p["attributes"]
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
             notes.append(f"mesh {mesh}, primitive {number} has no triangles and was left as it is")
