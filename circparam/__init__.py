@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from circparam.pipeline.options import Options
     from circparam.pipeline.result import Result
     from circparam.pipeline.summary import summarise
+    from circparam.render.show import view
 
 
 _HOME = {
@@ -63,8 +64,12 @@ _HOME = {
     "summarise": "circparam.pipeline.summary",
     "Mesh": "circparam.mesh.mesh",
     "UVMap": "circparam.mesh.mesh",
+    "view": "circparam.render.show",
 }
-_ROOMS = ("samples", "errors", "methods", "seams", "packing", "formats", "pipeline", "xatlas")
+_ROOMS = (
+    *("samples", "errors", "methods", "seams", "packing", "formats", "pipeline"),
+    *("xatlas", "bake", "compare"),
+)
 
 __all__ = [
     "CircparamError",
@@ -91,6 +96,7 @@ __all__ = [
     "save_map",
     "summarise",
     "unwrap",
+    "view",
     "write",
 ]
 

@@ -1,1 +1,20 @@
-"""Methods side by side, each in a process of its own; xatlas as a baseline; Table 1 of the source."""
+"""Methods side by side, each in a process of its own; xatlas as a baseline; Table 1 of the source.
+
+The package can be called: ``circparam.compare(mesh, methods)`` is ``circparam.compare.compare.compare``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from circparam.core.callable_room import make_callable
+
+
+def _function() -> Callable[..., Any]:
+    from circparam.compare.compare import compare
+
+    return compare
+
+
+make_callable(__name__, _function)

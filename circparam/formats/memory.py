@@ -151,14 +151,11 @@ def _colours(given: Any, n: int) -> FloatArray | None:
     return result
 
 
-def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene | Any) -> Document:
-    """A document from a trimesh.Trimesh, with its uv, colours and base colour texture; a Scene is joined with
-    its node transforms applied.
+def from_trimesh(mesh: trimesh.Trimesh | Any) -> Document:
+    """A document from a trimesh.Trimesh, with its uv, colours and base colour texture.
 
     Raises InputError for an object without faces, such as a PointCloud.
     """
-    if hasattr(mesh, "to_mesh"):  # a Scene
-        mesh = mesh.to_mesh()
     if not hasattr(mesh, "faces"):
         raise InputError(
             f"a trimesh {type(mesh).__name__} has no faces: there is nothing to unwrap"

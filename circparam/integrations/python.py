@@ -14,6 +14,7 @@ from circparam.pipeline import inspect as looking
 from circparam.pipeline import save as saving
 from circparam.pipeline import unwrap as unwrapping
 from circparam.pipeline.options import Options
+from circparam.pipeline.result import Result
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -34,10 +35,18 @@ def with_options(function: Callable[P, T]) -> Callable[P, T]:
     return function
 
 
+def _notebook(result: Result) -> str:
+    """What a notebook shows of a result."""
+    from circparam.render.show import notebook_picture  # images are imported when one is drawn
+
+    return notebook_picture(result)
+
+
 unwrap = with_options(python_words(unwrapping.unwrap))
 repack = with_options(python_words(unwrapping.repack))
 inspect = python_words(looking.inspect)
 read = python_words(io.read)
 write = python_words(io.write)
 save = python_words(saving.save)
+Result._repr_html_ = _notebook  # type: ignore[attr-defined]  # drawn by a room above its own
 map_surfaces = python_words(mapping.map_surfaces)

@@ -13,8 +13,9 @@ from circparam.core.arrays import IntArray, relabel
 from circparam.core.limits import mip_level
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
-from circparam.formats.io import output_format, read
+from circparam.formats.io import output_format, read, read_data
 from circparam.formats.memory import from_arrays, from_trimesh
+from circparam.formats.source import Source
 from circparam.formats.table import DEFAULT_OUTPUT, takes_unshare
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import RepairReport
@@ -37,12 +38,25 @@ def open_source(source: Any, options: Options) -> Document:
         return from_arrays(source.points, source.faces)
     if isinstance(source, tuple) and len(source) == 2:
         return from_arrays(*source)
+    if hasattr(source, "geometry") and hasattr(source, "graph"):
+        return from_scene(source, bool(options.unshare))
     if hasattr(source, "vertices") and hasattr(source, "faces"):
         return from_trimesh(source)
     raise InputError(
         f"cannot unwrap a {type(source).__name__}: give a path, arrays (points, faces), a Mesh, "
-        "a Document or a trimesh.Trimesh"
+        "a Document, a trimesh.Trimesh or a Scene"
     )
+
+
+def from_scene(scene: Any, unshare: bool) -> Document:
+    """A document of a trimesh.Scene as the GLB that trimesh makes of it: nodes, instances, materials, textures.
+
+    Raises InputError for a scene without triangles.
+    """
+    if not any(hasattr(part, "faces") for part in scene.geometry.values()):
+        raise InputError("the trimesh Scene has no faces: there is nothing to unwrap")
+    data = scene.export(file_type="glb")
+    return read_data(data, Source("the trimesh Scene"), format="glb", unshare=unshare)
 
 
 def target_format(

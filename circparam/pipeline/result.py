@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.words import counted
 from circparam.errors import OutOfTimeError
 from circparam.formats.document import Document
 from circparam.formats.memory import to_trimesh
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from circparam.formats.memory import Image, Trimesh
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """A layout, what it is worth, and what was done for it.
 
@@ -68,6 +70,16 @@ class Result:
     face_map: IntArray | None = None
     advice: str = ""
 
+    def __repr__(self) -> str:
+        """One line: the file, the status and the figures that matter most."""
+        found = self.measures
+        charts = counted(self.verification.cut_mesh.n_charts, "chart")
+        line = f"{self.path or 'in memory'}: {self.status}, {charts}"
+        line += f", distortion {found['distortion']:.4g}, seam length {found['seam_length']:.3g}"
+        if found["pack"] is not None:
+            line += f", {100 * found['pack']:.0f} % of {counted(int(found['pages'] or 1), 'page')} packed"
+        return line
+
     @property
     def mesh(self) -> Mesh:
         """The mesh, as it was read."""
@@ -105,10 +117,15 @@ class Result:
     def to_trimesh(self, image: Image | None = None) -> Trimesh:
         """The mesh with its layout as a trimesh.Trimesh: vertices split along seams, faces in their order.
 
-        Colours of vertices go along. A texture of the input was drawn for its uv and does not: give the
-        image (of PIL) that ``circparam bake`` made of it. Raises InputError where the file's colours are
-        malformed.
+        Colours of vertices go along. Textures and materials of the input belong to its uv and do not, which a
+        warning tells: give the image (of PIL) that ``circparam bake`` made of them. Raises InputError where the
+        file's colours are malformed.
         """
+        if image is None and self.document.textured_sets():
+            warnings.warn(
+                "textures and materials are left out, they belong to the old uv: give the image that "
+                "circparam.bake makes of them", stacklevel=2,
+            )  # fmt: skip
         vertex, _, faces = self._split
         colours = self.document.colours()
         return to_trimesh(self.mesh.points[vertex], faces, self.uvs, colours, image)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import io
+import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -12,10 +16,12 @@ from PIL import Image
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
+from circparam.formats.io import read
 from circparam.formats.materials import decode, media_type
 from circparam.formats.table import up_of
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, repair
+from circparam.pipeline.result import Result
 from circparam.pipeline.stored_groups import Judged, judge, laid_apart
 from circparam.render.colours import END
 from circparam.render.figures import (
@@ -25,8 +31,9 @@ from circparam.render.figures import (
     as_figures,
     scene_figures,
 )
-from circparam.render.picture import save_scene
+from circparam.render.picture import save_result, save_scene
 from circparam.render.scene import Scene, make_scene, with_copies
+from circparam.render.svg import figure_svg
 from circparam.render.texture import LARGEST, unmoved
 
 KINDS = (".png", ".svg", ".html")
@@ -164,3 +171,42 @@ def _grey() -> bytes:
     out = io.BytesIO()
     Image.new("RGB", (1, 1), (200, 204, 210)).save(out, "PNG")
     return out.getvalue()
+
+
+def view(
+    source: str | os.PathLike[str] | Document | Result,
+    output: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    **look: Any,
+) -> Path:
+    """Draw the uv of a file, a document or a result of ``unwrap``; returns where.
+
+    output: a name that ends in .png, .svg or .html. look: uv_set, padding, up, scale_end of ``view_document``;
+    a result that is not a file is drawn as ``--preview`` does and takes none. Raises OptionError, InputError,
+    OutputError.
+    """
+    path = Path(output)
+    check_kind(path)
+    if path.exists() and not overwrite:
+        raise OptionError(f"{path}: the file exists; replace it with --overwrite")
+    if isinstance(source, Result) and (source.path in (None, "-") or not look):
+        if look:
+            raise OptionError(f"{', '.join(look)}: a result that is not a file takes none of these")
+        save_result(path, source, os.path.basename(source.path or "in memory"))
+        return path
+    place = source.path if isinstance(source, Result) else source
+    document = place if isinstance(place, Document) else read(str(place))
+    view_document(document, path, **look)
+    return path
+
+
+def notebook_picture(result: Result) -> str:
+    """The layout of a result as an inline picture, below its line: what a notebook shows."""
+    scene = make_scene(result.mesh.points, result.mesh.faces, result.uv, result.uv_faces)
+    picture = figure_svg(scene, PictureOptions(title="", padding=result.options.padding_uv))
+    encoded = base64.b64encode(picture.encode()).decode()
+    return (
+        f"<p>{html.escape(str(result))}</p>"
+        f'<img alt="layout" style="max-width: 480px" src="data:image/svg+xml;base64,{encoded}">'
+    )

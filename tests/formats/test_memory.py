@@ -47,9 +47,6 @@ def test_trimesh_objects() -> None:
     np.testing.assert_array_equal(given.uv, uv)
     with pytest.raises(InputError, match="no faces"):
         from_trimesh(trimesh.PointCloud(points))
-    scene = trimesh.Scene([mesh])
-    scene.apply_translation([1, 0, 0])
-    np.testing.assert_allclose(from_trimesh(scene).mesh.points, points + np.array([1, 0, 0]))
 
 
 @pytest.mark.parametrize("mode", ["RGB", "RGBA", "P", "CMYK", "L"])

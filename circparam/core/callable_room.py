@@ -1,0 +1,18 @@
+"""Rooms that are functions too: ``circparam.bake`` is a package, and ``circparam.bake(mesh, ...)`` works."""
+
+from __future__ import annotations
+
+import sys
+import types
+from collections.abc import Callable
+from typing import Any
+
+
+def make_callable(name: str, function: Callable[[], Callable[..., Any]]) -> None:
+    """Let the module ``name`` be called: with the function that ``function`` loads when it is first needed."""
+
+    class Room(types.ModuleType):
+        def __call__(self, *args: Any, **keywords: Any) -> Any:
+            return function()(*args, **keywords)
+
+    sys.modules[name].__class__ = Room
