@@ -196,8 +196,7 @@ def _baseline_row(scene: _Scene, name: str) -> Entry:
     if done.error is not None:
         return Entry(name, "failed", peak_bytes=done.peak_bytes, error=done.error)
     uv_faces = np.full((len(scene.job.document.mesh.faces), 3), -1, np.int64)
-    own = done.arrays["uv_faces"]
-    uv_faces[surface.source] = np.where(surface.reversed_faces[:, None], own[:, [0, 2, 1]], own)
+    uv_faces[surface.source] = surface.to_file(done.arrays["uv_faces"])
     uvmap = UVMap(done.arrays["uv"], uv_faces)
     status, figures = _figures(scene, uvmap)
     stages, seconds = done.info["stages"], sum(done.info["stages"].values())

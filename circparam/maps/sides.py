@@ -89,9 +89,7 @@ def side_of(mesh: Mesh, name: str, mirrored: bool = False) -> Side:
         )
     vertex = np.full(len(mesh.points), -1)
     solved = surface.corner_vertex
-    winding = np.where(surface.reversed_faces[:, None], [[0, 2, 1]], [[0, 1, 2]])
-    file_corners = np.take_along_axis(mesh.faces[surface.source], winding, 1)
-    vertex[file_corners] = solved
+    vertex[surface.from_file(mesh.faces)] = solved
     missing = (vertex < 0) & (report.weld != np.arange(len(vertex)))
     vertex[missing] = vertex[report.weld[missing]]
     return Side(
@@ -103,7 +101,7 @@ def side_of(mesh: Mesh, name: str, mirrored: bool = False) -> Side:
         loops,
         vertex,
         report.scale,
-        winding,
+        surface.file_corners,
         list(report.messages),
         genus,
     )

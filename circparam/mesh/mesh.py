@@ -75,11 +75,22 @@ class Mesh:
     @cached_property
     def weld(self) -> IntArray:
         """(n,) int64: every vertex → the lowest vertex at exactly the same position (−0 equals 0)."""
+        first, rank = self._positions
+        return first[rank]
+
+    @property
+    def rank(self) -> IntArray:
+        """(n,) int64: the number of every vertex's position among all, by x, then y, then z."""
+        return self._positions[1]
+
+    @cached_property
+    def _positions(self) -> tuple[IntArray, IntArray]:
+        """The lowest vertex at each position, positions in ascending order; and the position of each vertex."""
         with np.errstate(invalid="ignore"):
             _, first, inverse = np.unique(
                 self.points + 0.0, axis=0, return_index=True, return_inverse=True
             )
-        return first.astype(np.int64)[inverse.reshape(-1)]
+        return first.astype(np.int64), inverse.reshape(-1).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)

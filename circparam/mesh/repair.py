@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,7 +14,15 @@ from circparam.mesh.halfedge import Pairs, pair_half_edges
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.orientation import Orientation, orient
 from circparam.mesh.surface import Surface
-from circparam.mesh.weld import degenerate_faces, first_duplicates, mesh_scale, weld_map
+from circparam.mesh.weld import (
+    degenerate_faces,
+    first_duplicates,
+    first_in_place,
+    mesh_scale,
+    weld_map,
+)
+
+_Values = TypeVar("_Values", IntArray, FloatArray)
 
 
 @dataclass(frozen=True)
@@ -22,11 +30,14 @@ class RepairOptions:
     """What repair may do.
 
     weld_eps: distance in units of the mesh up to which vertices count as one (0: exactly the same position
-    only). allow: False raises TopologyError where anything would have to be repaired.
+    only). allow: False raises TopologyError where anything would have to be repaired. by_position: faces and
+    their corners enter in an order that depends on positions alone (ties by their number), so that what comes
+    of a search does not depend on the order of the file.
     """
 
     weld_eps: float = 0.0
     allow: bool = True
+    by_position: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +115,7 @@ def repair(
             f"its {counted(len(welded), 'face')} {plural(len(welded), 'is')} degenerate (no area): "
             "there is nothing to unwrap"
         )
-    faces = welded[aside.kept]
-    polygons = None if mesh.polygons is None else mesh.polygons[aside.kept]
-    pairs = pair_half_edges(points, faces, polygons, None if uv is None else uv[aside.kept])
-    if polygons is not None:
-        _refuse_closed(mesh, polygons, pairs, aside.kept)
-    p = points[faces]
-    orientation = orient(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), pairs)
-    surface = _oriented(points, faces, aside.kept, pairs, orientation)
+    surface, pairs, orientation = _joined(mesh, points, welded, aside.kept, uv, options.by_position)
     fans = _split_vertices(surface, np.r_[pairs.crowded, pairs.edges[~orientation.keep, 0]])
     messages = [
         *_messages_aside(mesh, near, aside),
@@ -127,7 +131,7 @@ def repair(
     return surface, RepairReport(
         weld=weld,
         scale=scale,
-        kept=aside.kept,
+        kept=surface.source,
         degenerate=aside.degenerate,
         duplicates=aside.duplicates,
         duplicate_of=aside.duplicate_of,
@@ -169,7 +173,7 @@ def _set_aside(
     bad = degenerate_faces(points, welded)
     first = first_duplicates(welded, len(points))
     if uv is not None:
-        first = _same_place(welded, first, uv)
+        first = first_in_place(welded, first, uv)
     duplicate = (first != np.arange(len(welded))) & ~bad
     if polygons is not None:
         duplicate &= ~_part_of_another_polygon(polygons, first, duplicate, bad)
@@ -177,23 +181,54 @@ def _set_aside(
     return _Aside(np.flatnonzero(~bad & ~duplicate), np.flatnonzero(bad), again, first[again])
 
 
-def _same_place(welded: IntArray, first: IntArray, uv: FloatArray) -> IntArray:
-    """(m,) the first face with the same three points and the same uv (m, 3, 2) at each of them.
+def _joined(
+    mesh: Mesh,
+    points: FloatArray,
+    welded: IntArray,
+    kept: IntArray,
+    uv: FloatArray | None,
+    by_position: bool,
+) -> tuple[Surface, Pairs, Orientation]:
+    """The surface of the faces ``kept``, their half-edges in pairs, and how they are wound.
 
-    first: (m,) the first face with the same three points. NaN is no place: a face with it is its own.
+    points: (n, 3) as solved on; welded: (m, 3); uv: (m, 3, 2) of a layout that there is.
     """
-    out = np.arange(len(first))
-    twin = np.zeros(len(first), bool)
-    twin[first[first != out]] = True
-    face = np.flatnonzero(twin[first] & np.isfinite(uv).all((1, 2)))
-    order = np.argsort(welded[face], axis=1, kind="stable")
-    place = np.take_along_axis(uv[face], order[..., None], 1).reshape(-1, 6)
-    keys = (*place.T, first[face])
-    rank = np.lexsort((face, *keys))
-    new = np.any([key[rank][1:] != key[rank][:-1] for key in keys], axis=0)
-    begin = np.flatnonzero(np.r_[True, new])[: len(face)]
-    out[face[rank]] = np.repeat(face[rank[begin]], np.diff(np.r_[begin, len(face)]))
-    return out
+    first = None
+    if by_position:
+        kept, first = _by_position(mesh.rank[welded], kept)
+    faces = _rotated(welded[kept], first)
+    polygons = None if mesh.polygons is None else mesh.polygons[kept]
+    drawn = None if uv is None else _rotated(uv[kept], first)
+    # by the ranks of their positions, points have the same order however the file numbers them
+    ranked = np.empty((int(mesh.rank.max()) + 1, 3))
+    ranked[mesh.rank] = points
+    pairs = pair_half_edges(ranked, mesh.rank[faces], polygons, drawn)
+    if polygons is not None:
+        _refuse_closed(mesh, polygons, pairs, kept)
+    p = points[faces]
+    orientation = orient(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), pairs)
+    surface = _oriented(points, faces, kept, pairs, orientation)
+    return replace(surface, first=first), pairs, orientation
+
+
+def _by_position(rank: IntArray, kept: IntArray) -> tuple[IntArray, IntArray]:
+    """((k,) the faces ``kept`` by the positions of their corners, (k,) which corner of each comes first).
+
+    rank: (m, 3) position of each corner. The lowest corner comes first, the others follow as they are wound.
+    """
+    own = rank[kept]
+    first = own.argmin(1)
+    a, b, c = _rotated(own, first).T
+    order = np.lexsort((c, a * (int(own.max()) + 1) + b))
+    return kept[order], first[order]
+
+
+def _rotated(values: _Values, first: IntArray | None) -> _Values:
+    """Values (m, 3, ...) of corners, each face from its corner ``first`` (m,) on."""
+    if first is None:
+        return values
+    result: _Values = values[np.arange(len(values))[:, None], (first[:, None] + np.arange(3)) % 3]
+    return result
 
 
 def _oriented(
@@ -232,7 +267,7 @@ def _refuse_closed(mesh: Mesh, polygons: IntArray, pairs: Pairs, kept: IntArray)
     inside = np.bincount(polygons[pairs.edges[pairs.locked, 0] // 3], minlength=polygons.max() + 1)
     closed = (2 * inside >= 3 * np.bincount(polygons))[polygons]
     if closed.any():
-        number = mesh.face_number(kept[np.argmax(closed)])
+        number = mesh.face_number(kept[closed].min())
         raise TopologyError(
             f"face {number} passes its corners again until it closes round nothing: no uv can show it whole. "
             "Let it name each corner once"
@@ -281,7 +316,7 @@ def _messages_split(mesh: Mesh, surface: Surface, pairs: Pairs, fans: IntArray) 
     """One line for each kind of what was split to be manifold."""
     out = []
     if n := len(pairs.crowded):
-        first = mesh.face_number(surface.source[int(pairs.crowded[0]) // 3])
+        first = mesh.face_number(surface.source[pairs.crowded // 3].min())
         out.append(f"{counted(n, 'non-manifold edge')} split (the first is at face {first})")
     if n := len(fans):
         first = mesh.vertex_number(fans[0])
@@ -294,7 +329,7 @@ def _messages_oriented(mesh: Mesh, surface: Surface, orientation: Orientation) -
     out = []
     back = orientation.reversed_faces
     if n := int(back.sum()):
-        first = mesh.face_number(surface.source[int(back.argmax())])
+        first = mesh.face_number(surface.source[back].min())
         out.append(
             f"{counted(n, 'face')} wound against {'its' if n == 1 else 'their'} neighbours turned "
             f"for the solve (the first is face {first}); the file keeps its winding"

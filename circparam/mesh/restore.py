@@ -30,8 +30,7 @@ def complete(
     nothing of it shows). A degenerate face with no point on the surface takes one uv of the nearest face.
     """
     out = np.full(mesh.faces.shape, -1, np.int64)
-    corners = np.where(surface.reversed_faces[:, None], uv_faces[:, [0, 2, 1]], uv_faces)
-    out[surface.source] = corners
+    out[surface.source] = surface.to_file(uv_faces)
     welded = repairs.weld[mesh.faces]
     if len(repairs.degenerate):
         out[repairs.degenerate] = _degenerate_uv(mesh, surface, repairs, uv, uv_faces)

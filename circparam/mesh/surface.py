@@ -26,6 +26,7 @@ class Surface:
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
     locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
     price: (e,) what a seam along an edge costs, in lengths of the edge; None where all edges are alike.
+    first: (m,) int64, the corner of the file's face that corner 0 is; None where it is that face's own first.
     torn: (t, 2) int64, pairs of half-edges that repair let go because the component has one side only. Both run
     the same way along their edge; the cut between them is a seam like any other, though no pair.
     """
@@ -38,6 +39,24 @@ class Surface:
     locked: BoolArray
     torn: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     price: FloatArray | None = None
+    first: IntArray | None = None
+
+    @cached_property
+    def file_corners(self) -> IntArray:
+        """(m, 3) int64: the corner of the file's face that each corner is."""
+        step = np.where(self.reversed_faces, -1, 1)[:, None] * np.arange(3)
+        return (step if self.first is None else step + self.first[:, None]) % 3
+
+    def from_file(self, values: IntArray) -> IntArray:
+        """(m, 3) values of the corners, from those of the corners of the file's faces (f, 3)."""
+        result: IntArray = values[self.source[:, None], self.file_corners]
+        return result
+
+    def to_file(self, values: IntArray) -> IntArray:
+        """(m, 3) values of the corners in the order of the file's faces ``source``, from (m, 3) of these."""
+        out = np.empty_like(values)
+        np.put_along_axis(out, self.file_corners, values, 1)
+        return out
 
     @cached_property
     def corner_vertex(self) -> IntArray:
@@ -174,6 +193,7 @@ class Surface:
             np.tile(self.locked, count),
             behind(self.torn, 3 * m),
             None if self.price is None else np.tile(self.price, count),
+            None if self.first is None else np.tile(self.first, count),
         )
 
     def compact(self) -> Surface:
@@ -200,4 +220,5 @@ class Surface:
             3 * local[e // 3] + e % 3,
             self.locked[inside],
             price=None if self.price is None else self.price[inside],
+            first=None if self.first is None else self.first[fid],
         )

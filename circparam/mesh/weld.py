@@ -82,6 +82,25 @@ def first_duplicates(faces: IntArray, n_points: int) -> IntArray:
     return first
 
 
+def first_in_place(welded: IntArray, first: IntArray, uv: FloatArray) -> IntArray:
+    """(m,) the first face with the same three points and the same uv (m, 3, 2) at each of them.
+
+    first: (m,) the first face with the same three points. NaN is no place: a face with it is its own.
+    """
+    out = np.arange(len(first))
+    twin = np.zeros(len(first), bool)
+    twin[first[first != out]] = True
+    face = np.flatnonzero(twin[first] & np.isfinite(uv).all((1, 2)))
+    order = np.argsort(welded[face], axis=1, kind="stable")
+    place = np.take_along_axis(uv[face], order[..., None], 1).reshape(-1, 6)
+    keys = (*place.T, first[face])
+    rank = np.lexsort((face, *keys))
+    new = np.any([key[rank][1:] != key[rank][:-1] for key in keys], axis=0)
+    begin = np.flatnonzero(np.r_[True, new])[: len(face)]
+    out[face[rank]] = np.repeat(face[rank[begin]], np.diff(np.r_[begin, len(face)]))
+    return out
+
+
 def mesh_scale(mesh: Mesh) -> float:
     """A power of two that brings the mesh to a size of about 1 where its own is outside 2^±50, else 1."""
     used = mesh.points[sorted_distinct(mesh.faces)]

@@ -80,7 +80,7 @@ def prepare(
         if os.fspath(output) != "-":
             check_place(output, document, target, options.overwrite)
     with monitor.stage("repair"):
-        allowed = RepairOptions(options.weld or 0.0, options.repair)
+        allowed = RepairOptions(options.weld or 0.0, options.repair, by_position=True)
         surface, report = repair(document.mesh, allowed, uvmap)
         floaters = None
         if options.drop_floaters is not None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from circparam.core.arrays import IntArray
+from circparam.core.arrays import IntArray, next_half_edge
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
@@ -120,10 +120,8 @@ def seam_pairs(result: Result) -> IntArray:
     h = surface.edges[~glued[surface.edges[:, 0]], 0]
     corners, _ = corners_of(surface, UVMap(result.uv, result.uv_faces))
     h = np.concatenate([h, surface.torn_seams(corners)])
-    corner = np.where(surface.reversed_faces[:, None], [[0, 2, 1]], [[0, 1, 2]])
-    face = result.mesh.faces[surface.source]
-    a = face[h // 3, corner[h // 3, h % 3]]
-    b = face[h // 3, corner[h // 3, (h % 3 + 1) % 3]]
+    vertex = surface.from_file(result.mesh.faces).ravel()
+    a, b = vertex[h], vertex[next_half_edge(h)]
     pairs = np.stack([np.minimum(a, b), np.maximum(a, b)], 1)
     return np.unique(pairs, axis=0)
 

@@ -119,8 +119,7 @@ class Verification:
 
 def corners_of(surface: Surface, uvmap: UVMap) -> tuple[FloatArray, BoolArray]:
     """uv (m, 3, 2) of the corners of the surface's faces, winding as solved; and (m,) which have uv."""
-    index = uvmap.uv_faces[surface.source]
-    index = np.where(surface.reversed_faces[:, None], index[:, [0, 2, 1]], index)
+    index = surface.from_file(uvmap.uv_faces)
     ok = _with_uv(uvmap)[surface.source]
     uv = uvmap.uv if len(uvmap.uv) else np.zeros((1, 2))
     return np.where(ok[:, None, None], uv[np.maximum(index, 0)], 0.0), ok

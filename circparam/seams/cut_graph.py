@@ -48,7 +48,7 @@ def none(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
         boundaries, handles = int(open_loops[c]), int(genus[c])
         raise TopologyError(
             f"component {c} ({faces} faces, the first is face "
-            f"{surface.source[int((cut_mesh.chart == c).argmax())]}) has {boundaries} "
+            f"{surface.source[cut_mesh.chart == c].min()}) has {boundaries} "
             f"{'boundary' if boundaries == 1 else 'boundaries'} and genus {handles}; "
             "a map without seams needs 1 and 0"
             + (f" ({len(bad)} components in all)" if len(bad) > 1 else "")

@@ -143,3 +143,21 @@ def test_no_face_or_vertex_is_touched():
     repair(Mesh(points, faces), RepairOptions(weld_eps=1e-9))
     assert np.array_equal(points, p)
     assert np.array_equal(faces, f)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", ["torus", "fins", "moebius", "klein", "wound at random"])
+def test_a_surface_by_position_does_not_depend_on_the_order_of_the_file(name, seed):
+    """Faces, corners and vertices shuffled: the same faces in the same order, paired, wound and torn alike."""
+    shape = {"fins": shapes.fins(5), "wound at random": shapes.icosphere(2)}.get(name)
+    p, f = shape if shape is not None else getattr(shapes, name)()
+    if name == "wound at random":
+        f = np.where(np.arange(len(f))[:, None] % 3 == 0, f[:, ::-1], f)
+    options = RepairOptions(by_position=True)
+    q, g, _, _ = shapes.shuffled(p, f, seed)
+    one, other = repair(Mesh(p, f), options)[0], repair(Mesh(q, g), options)[0]
+    assert np.array_equal(one.points[one.faces], other.points[other.faces])
+    for part in ("edges", "torn", "reversed_faces", "locked"):
+        assert np.array_equal(getattr(one, part), getattr(other, part)), part
+    assert np.array_equal(other.from_file(g), other.faces)
+    assert np.array_equal(other.to_file(other.faces), g[other.source])

@@ -13,8 +13,10 @@ from circparam.core.monitor import Monitor
 from circparam.errors import OutOfTimeError
 from circparam.formats.io import read, read_data
 from circparam.formats.memory import from_arrays
+from circparam.mesh.mesh import Mesh
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import Options
+from circparam.pipeline.unwrap import unwrap
 from tests.support import shapes
 from tests.support.gltf_files import full_mesh
 
@@ -78,3 +80,27 @@ def test_a_deadline_and_refused_repairs_end_it_at_once() -> None:
         prepare(from_arrays(*shapes.grid()), None, Options(), Monitor(timeout=-1.0))
     with pytest.raises(errors.TopologyError, match="non-manifold"):
         prepare(from_arrays(*shapes.fins(3)), None, Options(repair=False), Monitor())
+
+
+@pytest.mark.parametrize("name", ["closed", "polygons", "two sheets"])
+def test_the_same_layout_whatever_the_order_of_the_file(name: str) -> None:
+    """Faces, corners and vertices shuffled: every corner has the same uv, to the last bit."""
+    p, f = (
+        shapes.row_of(shapes.bumped_disk(60), 2)
+        if name == "two sheets"
+        else shapes.noisy(*shapes.cube(3))
+    )
+    q, g, old, order = shapes.shuffled(p, f, 1)
+    polygons = np.arange(len(f)) // 2 if name == "polygons" else None
+    options = Options(resolution=256)
+    one = unwrap(Mesh(p, f, polygons), options=options)
+    other = unwrap(Mesh(q, g, None if polygons is None else polygons[order]), options=options)
+    assert one.measures == other.measures
+    # the corners of each face by the vertices that they are at
+    a, b = (np.argsort(corners, 1)[..., None] for corners in (f[order], old[g]))
+    np.testing.assert_array_equal(
+        np.take_along_axis(one.uv[one.uv_faces][order], a, 1),
+        np.take_along_axis(other.uv[other.uv_faces], b, 1),
+    )
+    charts = other.charts[np.argsort(order)]
+    np.testing.assert_array_equal(one.charts, charts)

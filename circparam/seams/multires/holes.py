@@ -67,6 +67,7 @@ def close_small_holes(surface: Surface) -> Surface:
         edges=edges[order],
         locked=locked[order],
         price=None if surface.price is None else price[order],
+        first=None if surface.first is None else np.r_[surface.first, surface.first[beside]],
     )
 
 
