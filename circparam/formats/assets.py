@@ -10,7 +10,7 @@ from pathlib import Path
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded
 from circparam.formats.obj.mtl import image_names
-from circparam.formats.source import Source, safe_path
+from circparam.formats.source import Source, regular_bytes, safe_path
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def find_assets(
                 f"{name!r} in {out.name!r} is another file and was kept: replace it with --overwrite"
             )
         else:
-            found.copies[place] = origin.read_bytes()
+            found.copies[place] = regular_bytes(origin)
     return found
 
 
@@ -85,7 +85,7 @@ def _same(origin: Path, place: Path) -> bool:
     """Whether a place holds the same bytes, or is the same file."""
     if not place.is_file() or not origin.is_file():
         return False
-    return os.path.samefile(origin, place) or place.read_bytes() == origin.read_bytes()
+    return os.path.samefile(origin, place) or regular_bytes(place) == regular_bytes(origin)
 
 
 def _named(text: str, folder: Path | None) -> list[str]:
@@ -103,7 +103,7 @@ def _named(text: str, folder: Path | None) -> list[str]:
 def _textures(library: Path, folder: Path) -> Iterable[str]:
     """The image files that a material library names, relative to the folder."""
     try:
-        text = library.read_bytes().decode("utf-8", "surrogateescape")
+        text = regular_bytes(library).decode("utf-8", "surrogateescape")
     except OSError:
         return []
     return dict.fromkeys(_named_image(name, folder) for name in image_names(text))

@@ -6,24 +6,16 @@ the document says so. Nothing of these formats is written back: GLB by default.
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import io
-import logging
-import os
-import sys
-import warnings
-from collections.abc import Callable, Iterator
+import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-
-from circparam.core.arrays import FloatArray, IntArray
-from circparam.errors import InputError
 from circparam.formats.gltf.document import features_of
 from circparam.formats.gltf.reading import DECODE, DRACO
 from circparam.formats.memory import PlainDocument
+from circparam.formats.second_reader import read_apart
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
@@ -37,7 +29,12 @@ NEEDS = {
     "3dxml": {"lxml": "lxml", "networkx": "networkx"},
     "step": {"cascadio": "cascadio"},
 }
+# what the name of an entry ends in that an archive of a format must have
+ENTRY = {"3mf": ".model", "zae": ".dae", "3dxml": ""}
 LOST = ("materials", "names", "the tree of nodes")
+# Bytes that any archive may declare to unpack to, and those for each byte of it: text packs 5 to 20 times,
+# nothing that somebody has made a hundred times.
+UNPACKED, UNPACKED_PER_BYTE = 50_000_000, 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +56,8 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
     """The scene of a file as trimesh reads it, its node transforms applied, in the order of the scene.
 
     kind: the format as trimesh calls it. Raises InputError where a package that trimesh needs is missing,
-    where it cannot read the file, and where there are no triangles in it.
+    where it cannot read the file within the bounds of ``second_reader``, where an archive would unpack to far
+    more than its size, and where there are no triangles in it.
     """
     missing = [
         pip
@@ -69,35 +67,21 @@ def read_through_trimesh(data: bytes, source: Source, kind: str) -> ForeignDocum
     if missing:
         raise source.error(f"{kind.upper()} is read with {' and '.join(missing)}: {EXTRA}")
     lost = _lost_of_gltf(data, source) if kind in ("gltf", "glb") else LOST
-    import trimesh
-
-    # what it cannot read it tells its log, tracebacks and all; here that is one line
-    logging.getLogger("trimesh").addHandler(logging.NullHandler())
-    resolver = None
-    if source.path is not None:
-        resolver = trimesh.resolvers.FilePathResolver(str(source.path))
-    try:
-        with _silent(), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            scene = trimesh.load_scene(
-                io.BytesIO(data),
-                file_type=kind,
-                resolver=resolver,
-                process=False,
-                maintain_order=True,
-            )
-        return _document(scene, source, kind, lost)
-    except InputError:
-        raise
-    except Exception as error:  # trimesh raises whatever its parsers meet
-        raise source.error(f"trimesh can't read it as {kind.upper()}{_said(error)}") from None
-
-
-def _said(error: Exception) -> str:
-    """What a parser says in brackets; none of it where it misses a file of its own, or says nothing."""
-    if isinstance(error, OSError) or not str(error).strip():
-        return ": it is damaged, or holds no shape"
-    return f" ({' '.join(str(error).split())[:120]})"
+    if kind in ENTRY:
+        check_archive(data, source, kind)
+    arrays, names = read_apart(data, source, kind)
+    if not names:
+        raise source.error("trimesh finds no triangles in it: there is nothing to unwrap")
+    layout = UVMap(arrays["uv"], arrays["faces"]) if "uv" in arrays else None
+    return ForeignDocument(
+        source,
+        kind,
+        Mesh(arrays["points"], arrays["faces"], groups=arrays["group"] if len(names) > 1 else None),
+        (0,) if layout is not None else (),
+        group_names=tuple(names),
+        warnings=(f"read through trimesh: {', '.join(lost)} are not kept",),
+        layout=layout,
+    )
 
 
 def _lost_of_gltf(data: bytes, source: Source) -> tuple[str, ...]:
@@ -109,62 +93,23 @@ def _lost_of_gltf(data: bytes, source: Source) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*LOST, *(f for f in features if f not in kept)]))
 
 
-def _document(scene: Any, source: Source, kind: str, lost: tuple[str, ...]) -> ForeignDocument:
-    """All triangles of a scene as one mesh, a group for each geometry."""
-    points: list[FloatArray] = []
-    faces: list[IntArray] = []
-    tables: list[FloatArray | None] = []
-    names: list[str] = []
-    for node in scene.graph.nodes_geometry:
-        transform, name = scene.graph[node]
-        part = scene.geometry[name]
-        if not len(getattr(part, "faces", ())):
-            continue
-        p = np.asarray(part.vertices, np.float64)
-        if not np.array_equal(transform, np.eye(4)):
-            p = p @ transform[:3, :3].T + transform[:3, 3]
-        points.append(p)
-        faces.append(np.asarray(part.faces, np.int64))
-        uv = getattr(getattr(part, "visual", None), "uv", None)
-        table = None if uv is None else np.asarray(uv, np.float64)
-        tables.append(None if table is None or table.shape != (len(p), 2) else table)
-        names.append(str(name))
-    if not faces:
-        raise source.error("trimesh finds no triangles in it: there is nothing to unwrap")
-    first = np.cumsum([0, *map(len, points)])
-    whole = np.concatenate([f + k for f, k in zip(faces, first, strict=False)])
-    group = np.repeat(np.arange(len(faces)), [len(f) for f in faces])
-    layout = None
-    if all(t is not None for t in tables):
-        layout = UVMap(np.concatenate([t for t in tables if t is not None]), whole)
-    return ForeignDocument(
-        source,
-        kind,
-        Mesh(np.concatenate(points), whole, groups=group if len(faces) > 1 else None),
-        (0,) if layout is not None else (),
-        group_names=tuple(names),
-        warnings=(f"read through trimesh: {', '.join(lost)} are not kept",),
-        layout=layout,
-    )
+def check_archive(data: bytes, source: Source, kind: str) -> None:
+    """Refuse an archive by what it declares, before anything of it is unpacked. Raises InputError.
 
-
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Nothing on the streams: the reader of STEP prints from compiled code."""
+    Nothing unpacks to more than its entry declares: reading ends there.
+    """
     try:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        kept = os.dup(1), os.dup(2)
-    except (OSError, ValueError, AttributeError):  # closed or replaced streams
-        yield
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        for number, old in zip((1, 2), kept, strict=True):
-            os.dup2(old, number)
-            os.close(old)
-        os.close(nowhere)
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            entries = archive.infolist()
+    except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
+        raise source.error(
+            f"it is no whole {kind.upper()} archive ({error}): export it again"
+        ) from None
+    if not any(entry.filename.lower().endswith(ENTRY[kind]) for entry in entries):
+        raise source.error(f"the archive holds no {ENTRY[kind]} file: it is no {kind.upper()}")
+    size = sum(entry.file_size for entry in entries)
+    if size > max(UNPACKED, UNPACKED_PER_BYTE * len(data)):
+        raise source.error(
+            f"its {len(data) / 1e6:.3g} MB unpack to {size / 1e6:.3g} MB: no mesh packs that well: "
+            "unpack it, and look what is in it"
+        )

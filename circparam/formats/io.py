@@ -31,7 +31,6 @@ from circparam.mesh.mesh import UVMap
 
 # bytes of a file that is looked at before it is read; of its ends
 PEEKED, PEEKED_AT = 1 << 28, 1 << 20
-CURABLE = 1 << 24  # bytes of a refused file up to which it is tried whether trimesh takes it
 
 
 @dataclass(frozen=True)
@@ -154,23 +153,11 @@ def read_data(
         return read_it(data, source)
     except InputError as error:
         line = str(error) if str(error).startswith(source.name) else str(source.error(error))
-        cure = "" if DECODE in line else _other_reader(data, source, name)
-        raise InputError(line + cure) from None
+        raise InputError(line) from None
     except (MemoryError, RecursionError) as error:
         raise source.error(
             f"it asks for more memory than there is ({type(error).__name__})"
         ) from None
-
-
-def _other_reader(data: bytes, source: Source, name: str) -> str:
-    """A cure for what the own reader refuses: trimesh, where it takes the file."""
-    if FORMATS[name].function.foreign or len(data) > CURABLE:
-        return ""
-    try:
-        read_through_trimesh(data, source, name)
-    except (InputError, MemoryError, RecursionError):
-        return ""
-    return "; trimesh reads it, perhaps not all of it: --reader trimesh"
 
 
 def _format_of_content(data: bytes, source: Source) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
-from circparam.formats.source import found_beside
+from circparam.formats.source import found_beside, regular_bytes
 from circparam.mesh.mesh import UVMap
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class ImageFiles:
         for place in [*places, *(re.sub(r"\s+#.*", "", p) for p in places if "#" in p)]:
             path = found_beside(self.folder, place)
             if path is not None:
-                return path.read_bytes()
+                return regular_bytes(path)
         raise FileNotFoundError(name)
 
     def textures(self, face: IntArray, plain: FloatArray, uv_set: int = 0) -> Textures:

@@ -12,10 +12,12 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError, NoResultError
+from circparam.formats.ears import Ears
 from circparam.mesh.mesh import UVMap
 
-# Corners. Beyond this, a polygon that no fan fits is refused: clipping its ears takes quadratic time or more.
-MAX_CONCAVE = 20_000
+# Corners. Beyond this, a polygon that no fan fits is refused: clipping its ears takes 0.1 ms for each corner.
+MAX_CONCAVE = 100_000
+MAX_CORNERS = 1_000_000  # of any polygon: its triangles would be needles round one corner
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,15 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
     """Triangulate polygons. points: (n, 3). corners: (L,) int64 into points. start: (p + 1,) offsets.
 
     Polygons of fewer than three corners give no triangle. Triangles come in the order of the polygons.
-    Raises InputError for a polygon that no fan fits and that has more than ``MAX_CONCAVE`` corners.
+    Raises InputError for a polygon of more than ``MAX_CORNERS`` corners, and for one that no fan fits and that
+    has more than ``MAX_CONCAVE``.
     """
     size = np.diff(start)
+    if len(size) and size.max() > MAX_CORNERS:
+        raise InputError(
+            f"polygon {int(size.argmax())} has {int(size.max())} corners, more than the {MAX_CORNERS} that are "
+            "read: triangulate it first"
+        )
     if len(size) and (size == 3).all():
         return Polygons(
             corners, start, np.arange(len(corners)).reshape(-1, 3), np.arange(len(size))
@@ -106,7 +114,13 @@ def triangulate(points: FloatArray, corners: IntArray, start: IntArray) -> Polyg
                     f"polygon {int(of_size[i])} is concave and has {n} corners: triangulate it first"
                 )
             f = of_size[i]
-            triangles[at[f] : at[f] + n - 2] = clip_ears(p[i] - p[i, 0]) + start[f]
+            try:
+                ears = clip_ears(p[i] - p[i, 0])
+            except InputError as error:
+                raise InputError(
+                    f"polygon {int(f)} is concave, has {n} corners, and {error}"
+                ) from None
+            triangles[at[f] : at[f] + n - 2] = ears + start[f]
     owner = np.repeat(np.arange(len(size)), count)
     return Polygons(corners, start, triangles, owner)
 
@@ -115,7 +129,8 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
     """First corner of each polygon whose fan agrees with its normal.
 
     p: (k, n, 3) corners relative to corner 0. Returns ((k,) corner, (k,) whether there is one). A polygon
-    without a normal takes corner 0: no other choice is better.
+    without a normal takes corner 0: no other choice is better. A corner fits where it lies to the left of every
+    side that does not end in it, so the side that the fan of one corner fails at rules out many others.
     """
     k, n, _ = p.shape
     with np.errstate(over="ignore", invalid="ignore"):
@@ -124,17 +139,37 @@ def first_fan(p: FloatArray) -> tuple[IntArray, BoolArray]:
     flat = ~(np.abs(normal).max(1) > 0)
     fits = flat.copy()
     open_ = np.flatnonzero(~fits)
-    for r in range(n):
-        if len(open_) == 0:
-            break
-        q = np.roll(p[open_], -r, axis=1)
-        with np.errstate(over="ignore", invalid="ignore"):
-            side = np.cross(q[:, 1:-1] - q[:, :1], q[:, 2:] - q[:, :1])
-            good = (np.einsum("kti,ki->kt", side, normal[open_]) > 0).all(1)
-        apex[open_[good]] = r
-        fits[open_[good]] = True
-        open_ = open_[~good]
+    possible = np.ones((k, n), bool)
+    while len(open_):
+        row = np.arange(len(open_))
+        r = possible[open_].argmax(1)
+        side = _sides(p[open_[:, None], (r[:, None] + np.arange(n)) % n], normal[open_])
+        good = (side > 0).all(1)
+        apex[open_[good]], fits[open_[good]] = r[good], True
+        start = (r + 1 + side.argmin(1)) % n
+        end = (start + 1) % n
+        beyond = _left_of(p[open_], p[open_, start], p[open_, end], normal[open_])
+        beyond[row, start] = beyond[row, end] = True
+        possible[open_] &= beyond
+        possible[open_, r] = False
+        open_ = open_[~good & possible[open_].any(1)]
     return apex, fits
+
+
+def _sides(q: FloatArray, normal: FloatArray) -> FloatArray:
+    """(k, n − 2) twice the area, along the normal, of the triangles in the fan of corner 0 of (k, n, 3)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        area = np.cross(q[:, 1:-1] - q[:, :1], q[:, 2:] - q[:, :1])
+        out: FloatArray = np.einsum("kti,ki->kt", area, normal)
+    return out
+
+
+def _left_of(p: FloatArray, a: FloatArray, b: FloatArray, normal: FloatArray) -> BoolArray:
+    """(k, n) whether each corner makes a triangle along the normal with a side (a, b) of its polygon."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        area = np.cross(a[:, None] - p, b[:, None] - p)
+        out: BoolArray = np.einsum("kti,ki->kt", area, normal) > 0
+    return out
 
 
 def clip_ears(p: FloatArray) -> IntArray:
@@ -142,37 +177,7 @@ def clip_ears(p: FloatArray) -> IntArray:
     normal = np.cross(p, np.roll(p, -1, axis=0)).sum(0)
     axis = np.cross(np.eye(3)[int(np.argmin(np.abs(normal)))], normal)
     q = p @ np.stack([axis, np.cross(normal, axis)], 1)
-    left = list(range(len(p)))
-    out: list[tuple[int, int, int]] = []
-    while len(left) > 3:
-        ear = next((k for k in range(len(left)) if _is_ear(q, left, k)), 1)
-        out.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
-        left.pop(ear)
-    out.append((left[0], left[1], left[2]))
-    return np.array(out, np.int64)
-
-
-def _is_ear(q: FloatArray, left: list[int], k: int) -> bool:
-    """Whether corner k of what is left turns left and its triangle holds no other corner.
-
-    Corners at one point with a corner of the triangle do not count: a polygon with a hole comes back along the
-    bridge to it, and one that goes round twice would have no ear at all.
-    """
-    i, j, m = left[k - 1], left[k], left[(k + 1) % len(left)]
-    a, b, c = q[i], q[j], q[m]
-    if not _cross(b - a, c - a) > 0:
-        return False
-    others = q[[v for v in left if v not in (i, j, m)]]
-    inside = (_cross(b - a, others - a) >= 0) & (_cross(c - b, others - b) >= 0)
-    inside &= _cross(a - c, others - c) >= 0
-    for corner in (a, b, c):
-        inside &= (others != corner).any(1)
-    return not inside.any()
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    result: FloatArray = a[0] * b[..., 1] - a[1] * b[..., 0]
-    return result
+    return np.array(Ears(q).clip(), np.int64)
 
 
 def polygon_of_corner(start: IntArray) -> IntArray:

@@ -69,6 +69,32 @@ def safe_path(folder: Path, uri: str) -> Path | None:
     return _inside(folder, unquote(uri))
 
 
+def regular_bytes(path: Path, most: int = -1) -> bytes:
+    """The content of a regular file, or its first ``most`` bytes. Raises OSError for anything else.
+
+    A pipe is opened without waiting for a writer, and a device is never read: it may have no end.
+    """
+    if not path.is_file():
+        os.stat(path)  # where nothing is there, its own error
+        raise OSError("it is no regular file")
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with open(handle, "rb") as file:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):  # replaced since
+            raise OSError("it is no regular file")
+        return file.read(most)
+
+
+def bytes_beside(folder: Path | None, uri: str, most: int = -1) -> bytes:
+    """The content of the regular file that a relative URI names inside a folder, or its first ``most`` bytes.
+
+    Raises OSError where the name leads out of the folder, and for all that is no regular file.
+    """
+    path = None if folder is None else safe_path(folder, uri)
+    if path is None:
+        raise OSError("it lies outside the file's folder")
+    return regular_bytes(path, most)
+
+
 def found_beside(folder: Path | None, uri: str) -> Path | None:
     """The file that a relative URI names inside a folder, in another case where only that is there (files that
     were made where case means nothing); None where there is none."""

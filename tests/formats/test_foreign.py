@@ -287,16 +287,6 @@ def test_shared_meshes_are_copied_anyway() -> None:
         circparam.Options(reader="trimesh", unshare=True)
 
 
-def test_silence_leaves_the_streams_as_they_were(capfd: pytest.CaptureFixture[str]) -> None:
-    with foreign._silent():
-        os.write(1, b"unheard")
-        os.write(2, b"unheard")
-    os.write(1, b"heard\n")
-    os.write(2, b"also\n")
-    out, err = capfd.readouterr()
-    assert (out, err) == ("heard\n", "also\n")
-
-
 @pytest.mark.parametrize("path", corpus_files())
 def test_both_readers_find_the_same_triangles(path: Path) -> None:
     own = read(path, unshare=True)

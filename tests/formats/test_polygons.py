@@ -7,6 +7,7 @@ import pytest
 
 from circparam.errors import InputError, NoResultError, TopologyError
 from circparam.formats import polygons
+from circparam.formats.ears import Ears
 from circparam.formats.io import read_data
 from circparam.formats.polygons import clip_ears, list_start, polygon_of_corner, strips, triangulate
 from circparam.mesh.mesh import UVMap
@@ -230,3 +231,48 @@ def test_corners_that_are_nowhere_make_triangles_without_a_word(value: float, si
     polys = triangulate(p, np.arange(2 * sides), np.array([0, sides, 2 * sides]))
     assert polys.triangles.shape == (2 * (sides - 2), 3)
     assert sorted(set(polys.triangles.ravel().tolist())) == list(range(2 * sides))
+
+
+def long_comb(n: int) -> np.ndarray:
+    """(2 n + 2, 3) a comb of n teeth, none of whose corners sees all others, along no axis."""
+    x = np.arange(n)
+    teeth = np.stack([[x, np.full(n, 3.0)], [x + 0.5, np.ones(n)]], 0).transpose(2, 0, 1)
+    flat = np.concatenate([teeth.reshape(-1, 2), [[n, 0.0], [0.0, 0.0]]])[::-1]
+    return flat @ np.array([[0.6, 0.8, 0.0], [-0.48, 0.36, 0.8]])
+
+
+@pytest.mark.parametrize("straight", [False, True], ids=["comb", "sides of many corners"])
+def test_large_polygons_take_time_by_their_corners(straight: bool) -> None:
+    """Operations are counted by the arrays and boxes that are looked at, not timed: four times the corners take
+    less than eight times the work."""
+    looked = []
+    for n in (500, 2000):
+        p = long_comb(n)
+        if straight:
+            k = np.linspace(0, 4, 2 * n + 2, endpoint=False)
+            square = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], float)
+            p = np.stack([*(np.interp(k, np.arange(5), c) for c in square.T), 0 * k], 1)
+        count = len(p)
+        triangles = triangulate(p, np.arange(count), np.array([0, count])).triangles
+        area = np.cross(
+            p[triangles[:, 1]] - p[triangles[:, 0]], p[triangles[:, 2]] - p[triangles[:, 0]]
+        )
+        normal = np.cross(p, np.roll(p, -1, 0)).sum(0)
+        assert (area @ normal >= -1e-9 * normal @ normal / count).all()
+        np.testing.assert_allclose(area.sum(0), normal, atol=1e-9 * np.abs(normal).max())
+        ears = Ears(p[:, :2] - p[0, :2])
+        assert len(ears.clip()) == count - 2
+        looked.append(ears.looked)
+    assert looked[1] < 8 * looked[0]
+
+
+def test_thousands_of_spikes_are_refused_in_bounded_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    angle, radius = np.sort(rng.random(2000)) * 2 * np.pi, 0.2 + rng.random(2000)
+    star = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], 1)
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in star.tolist())
+    text += "f " + " ".join(str(k + 1) for k in range(2000)) + "\n"
+    assert len(read_data(text.encode(), format="obj").mesh.faces) == 1998
+    monkeypatch.setattr("circparam.formats.ears.MOST_BOXES", 10_000)
+    with pytest.raises(InputError, match="too intricate: triangulate it first"):
+        read_data(text.encode(), format="obj")

@@ -6,7 +6,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from circparam.formats.gltf.model import Json
-from circparam.formats.source import safe_path
+from circparam.formats.source import bytes_beside
 
 # the first bytes of an image file → its media type; WebP names itself behind the length
 _MAGIC = {
@@ -54,8 +54,7 @@ def media_type_of(data: bytes) -> str:
 
 def _bytes(uri: str, folder: Path | None) -> bytes:
     """The content of an image file; empty where it can't be had."""
-    path = None if folder is None else safe_path(folder, uri)
     try:
-        return b"" if path is None else path.read_bytes()
+        return bytes_beside(folder, uri)
     except OSError:
         return b""

@@ -18,7 +18,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, doubles
 from circparam.formats.gltf.model import COMPONENTS, WIDTH, Json
-from circparam.formats.source import Source, safe_path
+from circparam.formats.source import Source, bytes_beside, safe_path
 from circparam.formats.tokens import ByteArray, as_bytes
 
 # matrix columns begin at multiples of 4 bytes (glTF 2.0, 3.6.2.4)
@@ -134,12 +134,8 @@ class Tree:
         elif uri.startswith("data:"):
             data = self._data_uri(number, uri)
         else:
-            folder = self.source.folder
-            path = safe_path(folder, uri) if folder is not None else None
             try:
-                if path is None:
-                    raise OSError("it is outside the folder")
-                data = path.read_bytes()
+                data = bytes_beside(self.source.folder, uri, self._reach(number, size))
             except OSError as error:
                 raise self.error(
                     f"buffer {number} ({uri[:80]!r}) can't be read: {error.strerror or error}"
@@ -147,6 +143,13 @@ class Tree:
         if len(data) < size:
             raise self.error(f"buffer {number} promises {size} bytes and has {len(data)}")
         return data
+
+    def _reach(self, number: int, size: int) -> int:
+        """Bytes of a buffer that are of use: those that it promises, and those that views reach beyond them."""
+        views = [v for v in self.entries("bufferViews") if isinstance(v, dict)]
+        views = [v for v in views if v.get("buffer") == number]
+        ends = (_whole(v.get("byteOffset", 0)) + _whole(v.get("byteLength", 0)) for v in views)
+        return max(size, *ends, 0)
 
     def _data_uri(self, number: int, uri: str) -> bytes:
         head, _, body = uri.partition(",")

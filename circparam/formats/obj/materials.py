@@ -11,7 +11,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.materials import ImageFiles, Textures, tint
 from circparam.formats.obj.mtl import read_mtl
 from circparam.formats.obj.reading import Scan
-from circparam.formats.source import found_beside
+from circparam.formats.source import found_beside, regular_bytes
 
 
 def colours(scan: Scan, faces: IntArray) -> FloatArray | None:
@@ -33,7 +33,7 @@ def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | Non
     for library in (one for line in scan.libraries() for one in _named(line, folder)):
         path = found_beside(folder, library)
         try:
-            text = None if path is None else path.read_text("utf-8", "replace")
+            text = None if path is None else regular_bytes(path).decode("utf-8", "replace")
             text = "" if folder is None else text  # what came through a pipe has nothing beside it
         except OSError:
             text = None

@@ -1,0 +1,167 @@
+"""Ear clipping of one polygon in the plane: near-linear, by boxes round runs of its corners."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray
+from circparam.errors import InputError
+
+RUN = 8  # corners in the smallest boxes
+# Corners beyond which the ear with the shortest diagonal goes first, and not the first one: what small
+# triangles hold lies near them, while triangles along a side of many corners meet the boxes of all these.
+LARGE = 1000
+SLIVER = 1e-9  # area over the square of the length below which such an ear waits for a better one
+MOST_BOXES = 10_000_000  # that are looked into for one polygon, 1 µs each
+# How often a corner is looked at, for each corner of a polygon and besides, before the rest is cut as it comes:
+# three times each is enough where the polygon does not cross itself.
+LOOKS, MORE_LOOKS = 4, 100_000
+
+
+class Ears:
+    """A polygon whose ears are clipped: the first of its corners that is an ear, or of many the smallest.
+
+    An ear is a corner that turns left and whose triangle holds no other corner. Corners at one point with a
+    corner of the triangle do not count: a polygon with a hole comes back along the bridge to it, and one that
+    goes round twice would have no ear at all. Where the polygon does not cross itself, clipping an ear makes
+    ears of its neighbours at most, so these alone are looked at again; and a triangle that holds a corner holds
+    one that turns right, so in large polygons only those are looked for.
+    """
+
+    def __init__(self, q: FloatArray) -> None:
+        """q: (n, 2) corners."""
+        n = len(q)
+        self.large = n > LARGE
+        self.x, self.y = q[:, 0].tolist(), q[:, 1].tolist()
+        self.before = [n - 1, *range(n - 1)]
+        self.after = [*range(1, n), 0]
+        self.there = [True] * n
+        self.blocks = [not self.large or self._area(k) <= 0 for k in range(n)]
+        self.leaves, self.looked = 1 << max((n - 1) // RUN, 0).bit_length(), 0
+        self._make_boxes(q)
+
+    def _make_boxes(self, q: FloatArray) -> None:
+        """A heap of boxes: 2 k and 2 k + 1 lie in k, and leaves hold runs of corners that can be in the way."""
+        shape = (self.leaves, RUN, 2)
+        blocks = np.zeros(self.leaves * RUN, bool)
+        blocks[: len(q)] = self.blocks
+        low, high = np.full((len(blocks), 2), np.inf), np.full((len(blocks), 2), -np.inf)
+        low[blocks] = high[blocks] = q[blocks[: len(q)]]
+        lows, highs = [low.reshape(shape).min(1)], [high.reshape(shape).max(1)]
+        counts = [blocks.reshape(-1, RUN).sum(1)]
+        while len(counts[0]) > 1:
+            lows.insert(0, np.minimum(lows[0][::2], lows[0][1::2]))
+            highs.insert(0, np.maximum(highs[0][::2], highs[0][1::2]))
+            counts.insert(0, counts[0][::2] + counts[0][1::2])
+        boxes = np.concatenate([np.concatenate(lows), np.concatenate(highs)], axis=1)
+        self.boxes: list[list[float]] = [[], *boxes.tolist()]
+        self.count: list[int] = [0, *np.concatenate(counts).tolist()]
+
+    def clip(self) -> list[tuple[int, int, int]]:
+        """The n − 2 triangles. Where nothing is an ear, the second corner that is left is clipped.
+
+        Raises InputError for a polygon that takes more than ``MOST_BOXES``.
+        """
+        out: list[tuple[int, int, int]] = []
+        left, first, looks = len(self.x), 0, 0
+        most = MORE_LOOKS + LOOKS * left
+        waiting, every = sorted(map(self._turn, range(left))), True
+        while left > 3:
+            while not self.there[first]:
+                first += 1
+            if waiting:
+                _, k = heapq.heappop(waiting)
+                looks += 1
+                if self.looked > MOST_BOXES:
+                    raise InputError("its outline is too intricate: triangulate it first")
+                if not self.there[k] or not self._is_ear(k):
+                    continue
+            elif not every and looks < most:
+                live = (k for k in range(first, len(self.x)) if self.there[k])
+                waiting, every = sorted(map(self._turn, live)), True
+                continue
+            else:
+                k = self.after[first]
+            out.append((self.before[k], k, self.after[k]))
+            self._remove(k)
+            left, every = left - 1, False
+            for other in out[-1][::2]:
+                heapq.heappush(waiting, self._turn(other))
+        while not self.there[first]:
+            first += 1
+        out.append((first, self.after[first], self.before[first]))
+        return out
+
+    def _turn(self, k: int) -> tuple[float, int]:
+        """When a corner is looked at: by the length of its diagonal in a large polygon, then by its number."""
+        if not self.large:
+            return 0.0, k
+        i, m = self.before[k], self.after[k]
+        length = abs(self.x[m] - self.x[i]) + abs(self.y[m] - self.y[i])
+        return (np.inf if self._area(k) <= SLIVER * length**2 else length), k
+
+    def _area(self, k: int) -> float:
+        """Twice the area of the triangle of a corner and its neighbours, above 0 where it turns left."""
+        i, m, x, y = self.before[k], self.after[k], self.x, self.y
+        return (x[k] - x[i]) * (y[m] - y[i]) - (y[k] - y[i]) * (x[m] - x[i])
+
+    def _remove(self, k: int) -> None:
+        """Take a corner out; its neighbours are in nobody's way where they turn left now."""
+        a, b = self.before[k], self.after[k]
+        self.after[a], self.before[b] = b, a
+        self.there[k] = False
+        for other in (k, a, b) if self.large else (k,):
+            if self.blocks[other] and (other == k or self._area(other) > 0):
+                self.blocks[other] = False
+                box = self.leaves + other // RUN
+                while box:
+                    self.count[box] -= 1
+                    box >>= 1
+
+    def _is_ear(self, k: int) -> bool:
+        """Whether corner k turns left and its triangle holds no other corner that is left."""
+        if not self._area(k) > 0:
+            return False
+        x, y = self.x, self.y
+        i, m = self.before[k], self.after[k]
+        ax, ay, bx, by, cx, cy = x[i], y[i], x[k], y[k], x[m], y[m]
+        low_x, high_x = min(ax, bx, cx), max(ax, bx, cx)
+        low_y, high_y = min(ay, by, cy), max(ay, by, cy)
+        sides = ((ax, ay, bx - ax, by - ay), (bx, by, cx - bx, cy - by), (cx, cy, ax - cx, ay - cy))
+        boxes, count, leaves = self.boxes, self.count, self.leaves
+        stack = [1]
+        while stack:
+            box = stack.pop()
+            self.looked += 1
+            if not count[box]:
+                continue
+            x0, y0, x1, y1 = boxes[box]
+            if x0 > high_x or x1 < low_x or y0 > high_y or y1 < low_y:
+                continue
+            if any(
+                dx * ((y1 if dx >= 0 else y0) - sy) - dy * ((x0 if dy >= 0 else x1) - sx) < 0
+                for sx, sy, dx, dy in sides
+            ):
+                continue
+            if box < leaves:
+                stack += (2 * box, 2 * box + 1)
+            elif self._holds(box, sides, (i, k, m)):
+                return False
+        return True
+
+    def _holds(
+        self, leaf: int, sides: tuple[tuple[float, ...], ...], own: tuple[int, int, int]
+    ) -> bool:
+        """Whether a triangle holds a corner of a run that can be in its way."""
+        start = (leaf - self.leaves) * RUN
+        for v in range(start, min(start + RUN, len(self.x))):
+            if not self.blocks[v] or v in own:
+                continue
+            px, py = self.x[v], self.y[v]
+            if all(dx * (py - sy) - dy * (px - sx) >= 0 for sx, sy, dx, dy in sides) and not any(
+                px == sx and py == sy for sx, sy, _, _ in sides
+            ):
+                return True
+        return False
