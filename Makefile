@@ -15,7 +15,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev node demo test test-corpus lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps fuzz mutants figures docs dist clean
+.PHONY: help venv dev node demo test test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -57,6 +57,15 @@ demo: $(VENV)/.installed ## unwrap a sample mesh and say where the result is
 
 test: $(VENV)/.dev node ## all tests
 	$(RUN) -m pytest -n $(WORKERS) --dist worksteal
+
+test-oldest: ## reading files and batches with the oldest versions that pyproject.toml allows
+	rm -rf .venv-oldest
+	$(PYTHON) -m venv .venv-oldest
+	$(PYTHON) -m tests.tools.oldest > .venv-oldest/constraints.txt
+	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check --prefer-binary \
+	  --constraint .venv-oldest/constraints.txt --editable '.[formats,batch]' pytest pytest-randomly hypothesis
+	.venv-oldest/bin/python -m pytest -q -p no:cacheprovider tests/formats tests/batch/test_run.py \
+	  -k "foreign or trimesh or hostile or stl or continuation or nothing"
 
 test-corpus: $(VENV)/.dev ## the tests on real meshes alone (CIRCPARAM_CORPUS names their folder)
 	CIRCPARAM_WHOLE_CORPUS=1 $(RUN) -m pytest -n $(WORKERS) --dist worksteal -m corpus
@@ -124,7 +133,7 @@ dist: $(VENV)/.dev ## wheel and sdist in dist/; the wheel is tried in an environ
 	@ls dist
 
 clean: ## remove what make has made
-	rm -rf $(VENV) demo-output test-artefacts build dist *.egg-info
+	rm -rf $(VENV) .venv-oldest demo-output test-artefacts build dist *.egg-info
 	rm -rf $(NODE_FOLDER)/node_modules
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

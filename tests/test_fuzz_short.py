@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import signal
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 
+from circparam.cli import cli
+from tests.fuzz import hostile
 from tests.fuzz.cases import Case, cases, layouts_of_others
-from tests.fuzz.check import live_faces, overlapping, problems
+from tests.fuzz.check import ALLOWED, bounded, live_faces, overlapping, problems
 from tests.support import shapes
 
 needs_alarm = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="the bound needs SIGALRM")
@@ -70,3 +74,36 @@ def test_degenerate_faces_and_twins_are_not_live() -> None:
     p = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]])
     f = np.array([[0, 1, 2], [2, 1, 0], [0, 1, 3], [0, 0, 1]])
     assert live_faces(p * 1e-30, f).tolist() == [0]
+
+
+_OPENED: list[
+    list[str]
+] = []  # a hook stays for good; it notes what is opened while there is a list here
+
+
+def _hear(event: str, given: tuple[object, ...]) -> None:
+    if event == "open" and _OPENED and isinstance(given[0], str):
+        _OPENED[-1].append(given[0])
+
+
+@needs_alarm
+def test_hostile_files_end_in_one_line_and_open_nothing_else(tmp_path: Path) -> None:
+    """The kinds that are quick; ``python -m tests.fuzz.hostile`` runs and measures all."""
+    sys.addaudithook(_hear)
+    folder = hostile.lay_out(tmp_path)
+    _OPENED.append([])
+    try:
+        for kind in hostile.kinds():
+            if kind.slow:
+                continue
+            over: list[bool] = []
+            with bounded(30.0, over):
+                result = CliRunner().invoke(cli, hostile.words_of(kind, folder))
+            assert not over, kind.name
+            assert result.exit_code in ALLOWED, (kind.name, result.stderr)
+            assert result.stderr.count("\n") == bool(result.exit_code), (kind.name, result.stderr)
+        heard = _OPENED[-1]
+    finally:
+        _OPENED.clear()
+    assert any(name.endswith("cut.glb") for name in heard)  # the hook hears
+    assert hostile.opened_outside(heard, folder) == []

@@ -19,7 +19,7 @@ from circparam.batch.index import Index, size_of
 from circparam.batch.manifest import NAME, Manifest, lines
 from circparam.batch.progress import Meter, Progress
 from circparam.batch.report import save_report
-from circparam.batch.run import Batch, Task
+from circparam.batch.run import LAST, Batch, Task
 from circparam.batch.settings import Settings
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder
@@ -33,7 +33,8 @@ REMOTE_STATUS = 30.0  # seconds between two notes of the state in a remote folde
 @dataclass(frozen=True)
 class Plan:
     """What is asked for. sources: as the command line has them. retry: of failed, degraded, all. workers: of a
-    cluster on this machine; scheduler, scheduler_file: of one that runs. task: what a worker does with one."""
+    cluster on this machine; scheduler, scheduler_file: of one that runs. task: what a worker does with one.
+    last: seconds that what runs has after the batch was asked to stop."""
 
     sources: Sequence[str]
     settings: Settings
@@ -42,6 +43,7 @@ class Plan:
     scheduler: str | None = None
     scheduler_file: str | None = None
     task: Task = do_item
+    last: float = LAST
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,7 @@ def _work(
     try:
         batch = Batch(
             cluster, index.items(), pack_settings(settings), manifest, meter,
-            _Told(manifest.folder, hooks.listener), hooks.on_line, plan.task,
+            _Told(manifest.folder, hooks.listener), hooks.on_line, plan.task, plan.last,
         )  # fmt: skip
         with hooks.started(batch.ask_to_stop):
             finished = batch.run()

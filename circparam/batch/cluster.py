@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import importlib.util
 import json
 import logging
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
 from circparam._version import __version__
 from circparam.batch.store import EXTRA
+from circparam.core.files import lock
 from circparam.core.messages import message
+from circparam.core.pool import quiet_start
 from circparam.core.workers import environment
 from circparam.errors import OptionError
 
 ANSWER = 10.0  # seconds that a scheduler has for its first answer
+GONE = 2.0  # seconds that the last process of a cluster that was ended has to remove its semaphores
+YOUNG = 10.0  # seconds
+FOLDER = "circparam-batch-dask-"  # how the folders of clusters on this machine begin
 
 
 class LostError(Exception):
@@ -48,13 +57,19 @@ class Cluster:
         if importlib.util.find_spec("distributed") is None:
             raise OptionError(f"circparam batch: {EXTRA}")
         self._process: subprocess.Popen[bytes] | None = None
-        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed by _end
+        self._said = b""  # the end of what the cluster has written to standard error
+        self._folder: str | None = None
         self.scheduler = scheduler_file or scheduler
         if self.scheduler is None:
             self._start(workers or cores())
         import distributed  # while the cluster does so, too
 
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in (
+            "distributed",
+            "asyncio",
+            "tornado",
+        ):  # what is cut off by an end tells so there
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         if scheduler_file is not None:
             scheduler = address_in(scheduler_file)
         try:
@@ -79,15 +94,30 @@ class Cluster:
             raise
 
     def _start(self, workers: int) -> None:
-        """Start a cluster on this machine."""
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "circparam.batch.local", str(workers)],
-            env=environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            start_new_session=True,
-        )
+        """Start a cluster on this machine, with a folder for all that it puts somewhere."""
+        clear_folders()
+        self._folder = tempfile.mkdtemp(prefix=FOLDER)
+        self._lock = os.open(self._folder, os.O_RDONLY) if os.name == "posix" else None
+        if self._lock is not None:
+            lock(self._lock)
+        places = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder)
+        with quiet_start():
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "circparam.batch.local", str(workers), self._folder],
+                env={**environment(), **places},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+            )
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        """Keep the end of what the cluster says, until its last process has ended."""
+        stream = self._process.stderr if self._process is not None else None
+        with contextlib.suppress(OSError, ValueError):
+            while stream is not None and (part := os.read(stream.fileno(), 1 << 16)):
+                self._said = (self._said + part)[-2000:]
 
     def _address(self) -> str:
         """The address of the cluster on this machine, as soon as it says it."""
@@ -97,9 +127,8 @@ class Cluster:
                 raise EOFError
             return message(process.stdout).decode()
         except EOFError:
-            self._log.seek(0)
-            said = self._log.read()[-2000:].decode(errors="replace").strip().splitlines()
             self._end()
+            said = self._said.decode(errors="replace").strip().splitlines()
             raise OptionError(
                 f"the cluster on this machine did not start: {said[-1] if said else 'no word'}"
             ) from None
@@ -157,16 +186,46 @@ class Cluster:
 
     def _end(self) -> None:
         process, self._process = self._process, None
-        self._log.close()
         if process is None:
             return
-        with contextlib.suppress(OSError):
-            os.killpg(process.pid, signal.SIGKILL)
+        for end in (os.killpg, os.kill):  # it has no session yet when it has just begun
+            with contextlib.suppress(OSError):
+                end(process.pid, signal.SIGKILL)
         process.wait()
-        for stream in (process.stdin, process.stdout):
+        self._listener.join(GONE)
+        for stream in (process.stdin, process.stdout, process.stderr):
             if stream is not None:
                 with contextlib.suppress(OSError):
                     stream.close()
+        if self._folder is not None:
+            remove_folder(self._folder)
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+def remove_folder(folder: str) -> None:
+    """Remove a folder in which a process that was ended may have begun a last file."""
+    for _ in range(10):
+        shutil.rmtree(folder, ignore_errors=True)
+        if not os.path.exists(folder):
+            return
+        time.sleep(0.05)
+
+
+def clear_folders() -> None:
+    """Remove the folders of clusters that were killed with whoever had started them: nobody holds their locks.
+
+    Those of the last seconds are left alone: the lock comes a moment after the folder.
+    """
+    for left in glob.glob(os.path.join(glob.escape(tempfile.gettempdir()), FOLDER + "*")):
+        with contextlib.suppress(OSError):
+            handle = os.open(left, os.O_RDONLY)
+            try:
+                if time.time() - os.fstat(handle).st_mtime > YOUNG and lock(handle):
+                    shutil.rmtree(left, ignore_errors=True)
+            finally:
+                os.close(handle)
 
 
 def address_in(path: str) -> str:

@@ -6,12 +6,10 @@ manifest is the truth, the index only an order in it.
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import json
 import os
 import sqlite3
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,9 +50,7 @@ class Index:
     """The files of a batch and the last line that the manifest has of each; a context that removes it."""
 
     def __init__(self) -> None:
-        handle, self._name = tempfile.mkstemp(prefix="circparam-batch-", suffix=".index")
-        os.close(handle)
-        self.data = sqlite3.connect(self._name)
+        self.data = sqlite3.connect("")  # a file without a name, gone with the process
         self.data.executescript(_TABLES)
 
     def __enter__(self) -> Index:
@@ -66,8 +62,6 @@ class Index:
     def close(self) -> None:
         """Throw it away."""
         self.data.close()
-        with contextlib.suppress(OSError):
-            os.unlink(self._name)
 
     def add_lines(self, found: Iterable[dict[str, Any]]) -> None:
         """Fold the lines of a manifest: the last one of each name counts."""

@@ -1,7 +1,8 @@
-"""A Dask cluster on this machine, in a session of its own: ``python -m circparam.batch.local WORKERS``.
+"""A Dask cluster on this machine, in a session of its own: ``python -m circparam.batch.local WORKERS FOLDER``.
 
 A terminal's Ctrl-C does not reach it, and it ends, with everything it has started, when whoever started it is
-gone. It says one line on standard output: the address of its scheduler.
+gone. It says one line on standard output: the address of its scheduler. All its files are in FOLDER, which it
+removes where whoever started it no longer can.
 """
 
 from __future__ import annotations
@@ -9,10 +10,11 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import shutil
 import signal
 import sys
-import tempfile
 import threading
+from multiprocessing import resource_tracker
 
 from circparam.core.messages import send
 
@@ -35,20 +37,22 @@ CONFIG = {
 
 def main() -> None:
     """Serve until standard input ends."""
-    count = int(sys.argv[1])
+    count, folder = int(sys.argv[1]), sys.argv[2]
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # it stays out of the session, which is killed as a whole, and removes the semaphores of the others then
+    resource_tracker.ensure_running()
+    os.setsid()
     target = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     import dask
     from distributed import LocalCluster
 
-    dask.config.set(CONFIG)
+    dask.config.set({**CONFIG, "temporary-directory": folder})
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     ended = threading.Event()
     threading.Thread(target=_wait, args=(ended,), daemon=True).start()
-    with (
-        tempfile.TemporaryDirectory(prefix="circparam-batch-dask-") as folder,
-        LocalCluster(
+    try:
+        with LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=True,
@@ -57,18 +61,19 @@ def main() -> None:
             memory_limit=0,
             local_directory=folder,
             silence_logs=logging.CRITICAL,
-        ) as cluster,
-    ):
-        send(target, cluster.scheduler_address.encode())
-        ended.wait()
-        for nanny in cluster.workers.values():  # nothing is worth waiting for
-            with contextlib.suppress(Exception):
-                os.kill(nanny.pid, signal.SIGKILL)
-        threading.Timer(5.0, _all_of_it, ()).start()
-    _all_of_it()
+        ) as cluster:
+            send(target, cluster.scheduler_address.encode())
+            ended.wait()
+            for nanny in cluster.workers.values():  # nothing is worth waiting for
+                with contextlib.suppress(Exception):
+                    os.kill(nanny.pid, signal.SIGKILL)
+            threading.Timer(5.0, _all_of_it, (folder,)).start()
+    finally:  # also where nobody is left to hear the address
+        _all_of_it(folder)
 
 
-def _all_of_it() -> None:
+def _all_of_it(folder: str) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
     os.killpg(0, signal.SIGKILL)
 
 

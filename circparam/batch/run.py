@@ -25,6 +25,7 @@ PAUSE = 0.5  # seconds before a second attempt; twice as long before each furthe
 FULL_WAIT = 600.0
 LOOK = 1.0  # seconds between two looks at what runs
 POLL = 0.01
+LAST = 3.0  # seconds that what runs has to finish after the batch was asked to stop
 
 Listener = Callable[[Progress], None]
 Task = Callable[[bytes, Item], dict[str, Any]]
@@ -40,7 +41,7 @@ class Batch:
     """One run. items: to do, in this order. settings: packed. task: what a worker does with one, by
     ``do_item``. listener: told how far it is, about once a second. on_line: told each line that is final.
 
-    ``ask_to_stop`` lets what runs finish; ``run`` then returns False.
+    last: seconds. ``ask_to_stop`` lets what runs finish that takes no longer; ``run`` then returns False.
     """
 
     cluster: Cluster
@@ -51,6 +52,7 @@ class Batch:
     listener: Listener | None = None
     on_line: Callable[[dict[str, Any]], None] | None = None
     task: Task = do_item
+    last: float = LAST
     stopping: bool = False
     running: dict[Any, tuple[Any, Item]] = field(default_factory=dict)
 
@@ -67,7 +69,7 @@ class Batch:
         self._note = ""
 
     def ask_to_stop(self) -> None:
-        """Let what runs finish, and no more (from a signal handler, or another thread)."""
+        """Let what runs finish soon, and no more (from a signal handler, or another thread)."""
         self.stopping = True
 
     def run(self) -> bool:
@@ -76,16 +78,18 @@ class Batch:
         Raises LostError where the scheduler is gone, OutputError where the manifest cannot be written,
         OptionError for a worker of another version.
         """
-        told = False
+        end = math.inf
         while True:
-            if self.stopping and not told:
-                told = True
+            if self.stopping and end == math.inf:
+                end = time.monotonic() + self.last
                 self._later.clear()
                 self._looked = -math.inf  # look now
             self._look()
             more = not self.stopping and (self._fill() or bool(self._later))
             if not self.running and not self._unwritten and not more:
                 return not self.stopping
+            if time.monotonic() > end:  # what runs is done by the next run
+                return False
             self._write()
             if self._ready.has_ready():
                 for future, result in self._ready.next_batch(block=False):

@@ -10,6 +10,7 @@ import functools
 import hashlib
 import os
 import re
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -117,10 +118,8 @@ class Folder:
             return
         try:
             os.makedirs(self.address, exist_ok=True)
-            probe = os.path.join(self.address, f".probe.{os.getpid()}")
-            with open(probe, "wb"):
+            with tempfile.TemporaryFile(dir=self.address):
                 pass
-            os.unlink(probe)
         except OSError as error:
             raise OutputError(
                 f"{self.address}: it can't be written ({error.strerror}): give another --out"

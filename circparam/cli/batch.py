@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from circparam.cli import common, exits, progress
+from circparam.cli import common, exits, progress, signals
 from circparam.cli.unwrap import UnwrapCommand, library_options_of, memory_size
 from circparam.cli.unwrap import command as unwrap_command
 from circparam.errors import GateError, InputError, OptionError
@@ -17,6 +17,7 @@ from circparam.errors import GateError, InputError, OptionError
 if TYPE_CHECKING:
     from circparam.batch.batch import Plan, Summary
 
+CLEARING = 4.0  # seconds for the end of the workers and for their folders
 _EPILOG = """\b
 Examples:
   circparam batch meshes --out unwrapped
@@ -104,7 +105,8 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
         screen.show, screen.line, lambda text: progress.warn(text, given["quiet"]), screen.started
     )
     try:
-        summary = run_batch(plan, hooks)
+        with signals.clearing_away(CLEARING):
+            summary = run_batch(plan, hooks)
     finally:
         screen.close()
     return _end(summary, given)

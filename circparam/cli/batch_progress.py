@@ -36,12 +36,12 @@ class Screen:
 
     @contextlib.contextmanager
     def started(self, stop: Callable[[], None]) -> Iterator[None]:
-        """While the work runs: Ctrl-C once lets what runs finish."""
+        """While the work runs: Ctrl-C once lets what runs finish that takes seconds."""
 
         def ask() -> None:
             stop()
             self._stopping = True
-            self._say("stopping: what runs is finished (Ctrl-C again: at once)")
+            self._say("stopping: what runs has 3 s to finish (Ctrl-C again: at once)")
 
         with signals.asked_first(ask):
             yield

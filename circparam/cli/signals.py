@@ -21,6 +21,8 @@ from types import FrameType
 from circparam.cli.exits import INTERRUPTED, TERMINATED, Interrupted, Terminated
 
 GRACE = 0.7  # seconds that the main thread has to clean up by itself
+# the same for a command that has processes and folders to clear away
+_LONGER: list[float] = []
 
 # what the first Ctrl-C calls instead, once: one list for the main thread, one for the watcher
 _ASKED: list[Callable[[], None]] = []
@@ -47,6 +49,16 @@ def asked_first(ask: Callable[[], None]) -> Iterator[None]:
     finally:
         _ASKED.clear()
         _SPARED.clear()
+
+
+@contextlib.contextmanager
+def clearing_away(seconds: float) -> Iterator[None]:
+    """Within the block the main thread has so many seconds to clean up by itself."""
+    _LONGER.append(seconds)
+    try:
+        yield
+    finally:
+        _LONGER.remove(seconds)
 
 
 @contextlib.contextmanager
@@ -118,7 +130,7 @@ def _watch(reader: socket.socket, done: threading.Event) -> None:
             _SPARED.remove(data[0])
         elif data[0] in (signal.SIGINT, signal.SIGTERM):
             break
-    if done.wait(GRACE):
+    if done.wait(max([GRACE, *_LONGER])):
         return
     _remove_temporaries()
     interrupted = data[0] == signal.SIGINT

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import os
 import stat
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import IO
 
 from circparam.errors import OptionError, OutputError
 
@@ -70,6 +72,7 @@ def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tupl
     """The contents under temporary names beside their places, flushed where they must be durable; whatever is
     left is removed."""
     staged: list[tuple[Path, Path]] = []
+    held = contextlib.ExitStack()
     try:
         for path, data in contents.items():
             real = Path(os.path.realpath(path))  # write through a link, not over it
@@ -77,12 +80,15 @@ def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tupl
                 raise OutputError(f"{path}: the folder {str(path.parent)!r} does not exist")
             folder = real.parent if not real.exists() or real.is_file() else _scratch()
             temporary = folder / f".{real.name}.{os.getpid()}.tmp"
+            _clear_left(folder, real.name)
             TEMPORARIES.append(temporary)
             staged.append((real, temporary))
-            with open(temporary, "wb") as file:
+            with contextlib.ExitStack() as now:
+                file = open(temporary, "wb")  # noqa: SIM115
+                (held if lock(file) else now).enter_context(file)
                 file.write(data)
+                file.flush()
                 if durable:
-                    file.flush()
                     os.fsync(file.fileno())
             if real.is_file():  # a file that is replaced keeps its permissions
                 os.chmod(temporary, stat.S_IMODE(real.stat().st_mode))
@@ -92,6 +98,43 @@ def _staged(contents: Mapping[Path, bytes], durable: bool) -> Iterator[list[tupl
             with contextlib.suppress(OSError):
                 temporary.unlink()
             TEMPORARIES.remove(temporary)
+        held.close()
+
+
+def lock(file: IO[bytes] | int) -> bool:
+    """Lock an open file, or folder, until it is closed or this process ends; whether nobody else has it locked.
+
+    False also where the system has no such locks.
+    """
+    try:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (ImportError, OSError):
+        return False
+    return True
+
+
+def _clear_left(folder: Path, name: str) -> None:
+    """Remove what a writer of that file has left that was killed before its rename: nobody holds its lock."""
+    for left in folder.glob(f".{glob.escape(name)}.*.tmp"):
+        number = left.name.split(".")[-2]
+        with contextlib.suppress(OSError):
+            if number.isdecimal() and not _runs(int(number)):
+                with open(left, "rb") as file:
+                    if lock(file):
+                        left.unlink()
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process of this number runs on this machine."""
+    try:
+        os.kill(pid, 0) if os.name == "posix" else None
+    except ProcessLookupError:
+        return False
+    except OSError:
+        pass
+    return True
 
 
 def _scratch() -> Path:

@@ -159,7 +159,7 @@ def _new_pool(count: int, modules: tuple[str, ...]) -> Pool | None:
     limit, share = _memory(count)
     if share is not None and share < LEAST_MEMORY:
         return None
-    with _quiet_start():
+    with quiet_start():
         import multiprocessing
 
         from loky import ProcessPoolExecutor
@@ -196,7 +196,7 @@ def _end(opening: _Opening | None) -> bool:
 
 
 @contextlib.contextmanager
-def _quiet_start() -> Iterator[None]:
+def quiet_start() -> Iterator[None]:
     """What is started inside hears no Ctrl-C, and imports nothing from the folder that it is started in."""
     before = os.environ.get("PYTHONSAFEPATH")
     os.environ["PYTHONSAFEPATH"] = "1"

@@ -34,7 +34,8 @@ class Ears:
         """q: (n, 2) corners."""
         n = len(q)
         self.large = n > LARGE
-        self.x, self.y = q[:, 0].tolist(), q[:, 1].tolist()
+        self.x: list[float] = q[:, 0].tolist()
+        self.y: list[float] = q[:, 1].tolist()
         self.before = [n - 1, *range(n - 1)]
         self.after = [*range(1, n), 0]
         self.there = [True] * n
@@ -105,7 +106,8 @@ class Ears:
     def _area(self, k: int) -> float:
         """Twice the area of the triangle of a corner and its neighbours, above 0 where it turns left."""
         i, m, x, y = self.before[k], self.after[k], self.x, self.y
-        return (x[k] - x[i]) * (y[m] - y[i]) - (y[k] - y[i]) * (x[m] - x[i])
+        twice: float = (x[k] - x[i]) * (y[m] - y[i]) - (y[k] - y[i]) * (x[m] - x[i])
+        return twice
 
     def _remove(self, k: int) -> None:
         """Take a corner out; its neighbours are in nobody's way where they turn left now."""

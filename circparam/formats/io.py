@@ -24,7 +24,6 @@ from circparam.formats.document import (
     check_new_set,
 )
 from circparam.formats.foreign import read_through_trimesh
-from circparam.formats.gltf.reading import DECODE
 from circparam.formats.source import Source, read_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, up_of, writable
 from circparam.mesh.mesh import UVMap

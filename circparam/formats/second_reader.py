@@ -33,7 +33,7 @@ SECONDS, SECONDS_PER_BYTE = 12.0, 30e-6
 BYTES, BYTES_PER_BYTE = 750_000_000, 60
 PATIENCE = 5.0  # seconds on the clock for each processor second: the machine may be busy
 
-Arrays = dict[str, "FloatArray | IntArray"]
+Arrays = dict[str, Any]
 
 
 def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str]]:
@@ -62,7 +62,7 @@ def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str
     try:
         said = json.loads(message(answer))
         if said["error"] is not None:
-            raise source.error(f"trimesh can't read it as {kind.upper()} ({said['error']})")
+            raise source.error(f"trimesh can't read it as {kind.upper()}{said['error']}")
         with np.load(io.BytesIO(message(answer)), allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}, said["names"]
     except EOFError:  # ended by a bound, or by a crash of a compiled parser
@@ -130,7 +130,7 @@ def _resolver(folder: Path | None) -> Any:
     """What trimesh asks for the files that a file names: regular ones inside its folder, nothing else."""
     from trimesh.resolvers import Resolver
 
-    class Beside(Resolver):  # type: ignore[misc]
+    class Beside(Resolver):
         def __init__(self) -> None:
             pass
 
@@ -161,6 +161,13 @@ def _bounded(seconds: int, size: int) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
+def _said(error: BaseException) -> str:
+    """What a parser says in brackets; none of it where it misses a file of its own, or says nothing."""
+    if (isinstance(error, OSError) and error.errno) or not str(error).strip():
+        return ": it is damaged, or holds no shape"
+    return f" ({' '.join(str(error).split())[:120]})"
+
+
 def main() -> None:
     """In the process: a file on stdin; its arrays, or what is wrong with it, on stdout."""
     kind, folder, seconds, size = sys.argv[1:]
@@ -177,9 +184,9 @@ def main() -> None:
         )
         np.savez(packed, allow_pickle=False, **arrays)
     except MemoryError:
-        error = "it asks for more memory than it may have"
+        error = " (it asks for more memory than it may have)"
     except BaseException as problem:  # trimesh raises whatever its parsers meet
-        error = " ".join(str(problem).split())[:120] or type(problem).__name__
+        error = _said(problem)
     send(target, json.dumps({"error": error, "names": names}).encode())
     send(target, packed.getvalue())
 

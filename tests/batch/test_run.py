@@ -7,10 +7,12 @@ import functools
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -385,7 +387,7 @@ def test_what_has_begun_gets_its_line_whatever_the_scheduler_knows(
 
     given = settings(out, Begun(folder=str(begun)))
     hooks = Hooks(listener=listen, started=started)
-    summary = batch(source, out, scheduler=shared, settings=given, hooks=hooks)
+    summary = batch(source, out, scheduler=shared, settings=given, hooks=hooks, last=600.0)
     os.close(pipes[0])
     assert not summary.finished
     known = {p.name for p in begun.iterdir()}
@@ -525,3 +527,92 @@ def test_refused_before_any_work(tmp_path: Path) -> None:
     (out / "f").write_text("")
     with pytest.raises(OutputError, match="can't be written"):
         batch(source, out / "f")
+
+
+def test_a_stop_does_not_wait_for_a_mesh_that_takes_long(tmp_path: Path) -> None:
+    """The gate of its mesh waits for a word that never comes."""
+    source, out, begun = write_set(tmp_path / "src", 3), tmp_path / "out", tmp_path / "begun"
+    begun.mkdir()
+    os.mkfifo(tmp_path / "go")
+    stop: list[Callable[[], None]] = []
+
+    def started(ask: Callable[[], None]) -> contextlib.AbstractContextManager[None]:
+        stop.append(ask)
+        return contextlib.nullcontext()
+
+    def listen(progress: Any) -> None:
+        if list(begun.iterdir()):
+            stop[0]()
+
+    given = settings(out, Begun(folder=str(begun)))
+    hooks = Hooks(listener=listen, started=started)
+    summary = batch(source, out, workers=1, settings=given, hooks=hooks, last=0.0)
+    assert (summary.finished, summary.done) == (False, 0)
+    assert files(out) == set()
+
+
+PRIVATE = [
+    "unshare",
+    "--mount",
+    "sh",
+    "-c",
+    'mount -t tmpfs none /dev/shm && "$@"; code=$?; ls /dev/shm; exit $code',
+]
+
+
+def private_semaphores() -> list[str]:
+    """What runs a command with semaphores of its own and lists them at the end, where that is allowed."""
+    words = [*PRIVATE, "sh", "true"]
+    if shutil.which("unshare") is None or subprocess.run(words, check=False, **QUIET).returncode:
+        return []
+    return [*PRIVATE, "sh"]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="semaphores are files on Linux")
+def test_a_batch_leaves_nothing_in_temporary_folders(tmp_path: Path) -> None:
+    source, out, scratch = write_set(tmp_path / "src", 2), tmp_path / "out", tmp_path / "scratch"
+    old = scratch / "circparam-batch-dask-killed"
+    (old / "dask-scratch-space").mkdir(parents=True)
+    os.utime(old, (0, 0))
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "circparam",
+        "batch",
+        str(source),
+        "--out",
+        str(out),
+        "-q",
+    ]
+    ended = subprocess.run(
+        [*private_semaphores(), *command, "--workers", "2", *ARGS],
+        env={**environment(), "TMPDIR": str(scratch)}, capture_output=True, check=False, text=True,
+    )  # fmt: skip
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+    assert list(scratch.iterdir()) == []
+    assert len(told(out)) == 2
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="SIGKILL and sessions")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_batch_that_is_ended_leaves_nothing_either(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    """Where the client is killed, its cluster removes the folder."""
+    source, out, scratch = write_set(tmp_path / "src", 2), tmp_path / "out", tmp_path / "scratch"
+    scratch.mkdir()
+    command = [sys.executable, "-P", "-m", "circparam", "batch", str(source), "--out", str(out)]
+    with subprocess.Popen(
+        [*command, "-q", "--workers", "1"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        env={**environment(), "TMPDIR": str(scratch)}, text=True,
+    ) as process:  # fmt: skip
+        while process.poll() is None and not any(scratch.glob("*/*")):
+            time.sleep(0.02)
+        process.send_signal(number)
+        _, error = process.communicate(timeout=60)
+    assert "Traceback" not in error
+    end = time.monotonic() + 60
+    while list(scratch.iterdir()) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert list(scratch.iterdir()) == []

@@ -29,3 +29,31 @@ def test_signals_do_not_import_what_writes_files() -> None:
     code = "import sys, circparam.cli.signals as s; s._remove_temporaries(); print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "circparam.core.files" not in run.stdout.split()
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from circparam.core import files
+os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+files.write_files({Path(sys.argv[1]): b"new"}, overwrite=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it has no SIGKILL and no such locks")
+def test_what_a_killed_write_has_left_goes_with_the_next_one(tmp_path: Path) -> None:
+    """And neither what another process writes just now, nor what has another name."""
+    path = tmp_path / "out [1].obj"
+    path.write_bytes(b"old")
+    subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False)
+    assert path.read_bytes() == b"old"
+    assert len(list(tmp_path.iterdir())) == 2
+    kept = [tmp_path / f".{path.name}.1.tmp", tmp_path / ".other.obj.999999.tmp"]
+    busy = tmp_path / f".{path.name}.999999.tmp"
+    for one in (*kept, busy):
+        one.write_bytes(b"being written")
+    with open(busy, "rb") as file:
+        assert files.lock(file)
+        files.write_files({path: b"new"}, overwrite=True)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(p.name for p in (path, busy, *kept))
+    assert path.read_bytes() == b"new"

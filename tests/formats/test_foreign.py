@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import struct
 import sys
 import zipfile
@@ -18,9 +17,10 @@ from click.testing import CliRunner, Result
 import circparam
 from circparam.cli import cli
 from circparam.errors import InputError, OptionError
-from circparam.formats import foreign
+from circparam.formats import foreign, second_reader
 from circparam.formats.io import read, read_data
 from circparam.formats.table import sniff
+from tests.fuzz import hostile
 from tests.support import shapes
 from tests.support.formats_tools import corpus_files
 
@@ -332,3 +332,47 @@ def test_a_bad_step_names_no_file_of_the_reader() -> None:
     empty = b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"
     with pytest.raises(InputError, match="as STEP: it is damaged, or holds no shape"):
         read_data(empty)
+
+
+def test_trimesh_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A 3MF of 4 kB in which every component is twice the one before has 2^39 meshes."""
+    pytest.importorskip("lxml")
+    monkeypatch.setattr(second_reader, "SECONDS", 2.0)
+    with pytest.raises(InputError, match="unfolds to far more than its size") as caught:
+        read_data(hostile.three_mf(objects=hostile.doubling(40), item=40), format="3mf")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("entry", ["3D/3dmodel.model", "3D/texture.png"])
+def test_an_archive_is_judged_by_what_it_declares(entry: str) -> None:
+    """In any entry, before anything of it is unpacked: what its bytes are does not matter."""
+    pytest.importorskip("lxml")
+    data = hostile.three_mf(**{} if "model" in entry else {entry: bytes(60_000_000)})
+    if "model" in entry:
+        data = hostile.archive({entry: bytes(60_000_000)})
+    at = data.rfind(entry.encode(), 0, data.find(b"PK\x01\x02"))
+    data = data[: at + len(entry)] + b"\xff" * 16 + data[at + len(entry) + 16 :]
+    with pytest.raises(InputError, match="unpack to 60 MB: no mesh packs that well"):
+        read_data(data, format="3mf")
+
+
+@pytest.mark.parametrize(
+    "name", ["parent", "absolute", "device", "pipe", "link", "link to a device"]
+)
+def test_trimesh_opens_regular_files_of_the_folder_alone(name: str, tmp_path: Path) -> None:
+    """Whatever version of it: the files that it asks for come from here."""
+    folder = hostile.lay_out(tmp_path)
+    resolver = second_reader._resolver(folder)
+    assert resolver.get("good.bin") == (folder / "good.bin").read_bytes()
+    with pytest.raises(OSError, match=r"outside|no regular file"):
+        resolver.get(hostile.OUTSIDE[name])
+
+
+def test_the_second_reader_takes_buffers_from_the_folder(tmp_path: Path) -> None:
+    folder = hostile.lay_out(tmp_path)
+    for name, uri in (("good", "good.bin"), ("bad", hostile.OUTSIDE["parent"])):
+        buffers = [{"uri": uri, "byteLength": 48}]
+        (folder / f"{name}.gltf").write_bytes(hostile.gltf(buffers=buffers))
+    assert len(read(folder / "good.gltf", reader="trimesh").mesh.faces) == 1
+    with pytest.raises(InputError, match="lies outside the file's folder"):
+        read(folder / "bad.gltf", reader="trimesh")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from circparam.errors import InputError
-from circparam.formats.source import Source, read_bytes, safe_path
+from circparam.formats.source import Source, bytes_beside, read_bytes, safe_path
 
 
 def test_an_error_is_one_line_with_the_name() -> None:
@@ -95,3 +95,20 @@ def test_backslashes_are_slashes_and_lead_nowhere_else(tmp_path: Path) -> None:
     assert safe_path(tmp_path, "tex\\a.png") == (tmp_path / "tex" / "a.png").resolve()
     for bad in ("..\\a.png", "tex\\..\\..\\a.png", "\\\\server\\a.png", "C:\\a.png"):
         assert safe_path(tmp_path, bad) is None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(tmp_path: Path) -> None:
+    """As a buffer, as an image, as a material library: nobody ever writes to it."""
+    os.mkfifo(tmp_path / "pipe.bin")
+    with pytest.raises(OSError, match="no regular file"):
+        bytes_beside(tmp_path, "pipe.bin")
+    with pytest.raises(OSError, match="outside"):
+        bytes_beside(tmp_path, "../pipe.bin")
+    with pytest.raises(OSError, match="outside"):
+        bytes_beside(None, "pipe.bin")
+    (tmp_path / "a.bin").write_bytes(b"12345")
+    assert (bytes_beside(tmp_path, "a.bin"), bytes_beside(tmp_path, "a.bin", 2)) == (
+        b"12345",
+        b"12",
+    )

@@ -41,7 +41,7 @@ def problems(
         target = folder / ("out" + case.output)
         words += ["-o", str(target)]
     over = []
-    with _bounded(bound, over):
+    with bounded(bound, over):
         result = CliRunner().invoke(cli, words)
     if over:
         return [f"took more than {bound:g} s"]
@@ -159,7 +159,7 @@ def overlapping(corners: np.ndarray, slack: float, most: int = 400) -> tuple[int
 
 
 @contextlib.contextmanager
-def _bounded(seconds: float, over: list[bool]) -> Iterator[None]:
+def bounded(seconds: float, over: list[bool]) -> Iterator[None]:
     """Interrupt after some seconds; where even that does not help, end the process with its traceback."""
 
     def ring(*_: Any) -> None:
