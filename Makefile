@@ -8,6 +8,8 @@ FUZZ ?= 5000
 SEED ?= 1
 # options of bench-scale, such as --sizes 4.7
 SCALE ?=
+# options of bench-noise, such as --base REV --turns 3 --bed FOLDER
+NOISE ?=
 # options of the run of planted faults, such as --only packing/
 MUTANTS ?=
 # threads of the linear algebra libraries: several processes run side by side
@@ -15,7 +17,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev node demo test test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps fuzz mutants figures docs dist clean
+.PHONY: help venv dev node demo test test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps bench-noise fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -90,6 +92,9 @@ bench-hard: $(VENV)/.dev ## hard surfaces beside xatlas: seams, charts, seams in
 
 bench-front: $(VENV)/.dev ## the table at the head of README, beside xatlas, UVAtlas and Blender
 	env -u OMP_NUM_THREADS $(RUN) -m tests.bench front
+
+bench-noise: $(VENV)/.dev ## what a change is worth, over many meshes in several rotations (NOISE="--base REV")
+	$(RUN) -m tests.bench noise $(NOISE)
 
 bench-maps: $(VENV)/.dev ## maps between pairs of surfaces: inversions, landmarks, known answers, weights
 	$(RUN) -m tests.bench maps

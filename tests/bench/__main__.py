@@ -1,11 +1,11 @@
-"""``python -m tests.bench [solve|atlas|packing|hard|speed|scale|batch|front|maps] ...``: one, or solve."""
+"""``python -m tests.bench [NAME] ...``: one of NAMES, or solve."""
 
 from __future__ import annotations
 
 import importlib
 import sys
 
-NAMES = ("solve", "atlas", "packing", "hard", "speed", "scale", "batch", "front", "maps")
+NAMES = ("solve", "atlas", "packing", "hard", "speed", "scale", "batch", "front", "maps", "noise")
 
 
 def main() -> None:

@@ -1,0 +1,285 @@
+"""``make bench-noise``: what a change is worth, over many meshes and turns; writes docs/benchmarks/noise.md.
+
+    python -m tests.bench noise [MESH...] [--base REV] [--set MODULE.NAME=VALUE] [--option NAME=VALUE]
+                                [--turns 3] [--kind rotation|shuffle|jitter] [--bed FOLDER] [--most 60000]
+
+The variant is the working tree, with the constants of --set and the options of --option; the base is a commit,
+this one if none is named. Each mesh is unwrapped in several rotations (or orders of its faces, or with its
+points a millionth of an edge away), which should change nothing: what they change is the noise that a
+difference has to stand out of. Ratios are paired: the same mesh, turned the same way, by both builds. An
+interval holds 90 % of the geometric means of 2,000 bootstrap samples of the meshes. Cost: length of the seams
+over √area, and a quarter for each chart. Spread: the 90th over the 10th percentile of the cost of one mesh
+over its turns. Rows go to FOLDER/rows.jsonl and are not computed twice, so a run that was ended goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from tests.bench import common
+from tests.bench.bed import Bedded, bed, read
+
+TASK = Path(__file__).with_name("noise_task.py")
+FOLDER = common.ROOT / "build" / "noise"
+CHART = 0.25  # what a chart costs, in roots of the area of seam
+LIMIT = 900.0  # seconds for all turns of one mesh
+SAMPLES = 2_000  # of the bootstrap
+FIGURES = ("cost", "seam_length", "charts", "pack", "seconds")
+# nobody sees a seam of a hundredth of the root of the area: ratios are those of figures with this added
+LEAST = {"cost": 0.01, "seam_length": 0.01, "charts": 0.0, "pack": 0.0, "seconds": 0.0}
+
+
+@dataclass(frozen=True)
+class Build:
+    """One side of the comparison. tree: folder that holds the package; settings: of ``noise_task``."""
+
+    tree: Path
+    settings: dict[str, Any]
+
+    @property
+    def key(self) -> str:
+        """The same for the same sources and settings, wherever they lie."""
+        digest = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
+        for path in sorted((self.tree / "circparam").rglob("*.py")):
+            digest.update(str(path.relative_to(self.tree)).encode() + path.read_bytes())
+        return digest.hexdigest()[:16]
+
+
+class Rows:
+    """What was measured: a figure by (build, mesh, kind, turn), kept in a file of lines of JSON."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._lock = path, Lock()
+        self._found: dict[tuple[str, str, str, int], dict[str, Any]] = {}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for line in path.read_text().splitlines() if path.exists() else ():
+            self._keep(json.loads(line))
+
+    def _keep(self, row: dict[str, Any]) -> None:
+        self._found[row["build"], row["mesh"], row["kind"], row["turn"]] = row
+
+    def get(self, build: str, mesh: str, kind: str, turn: int) -> dict[str, Any] | None:
+        """A row, None where it was not measured."""
+        return self._found.get((build, mesh, kind, turn))
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Keep a row, on the disk as well."""
+        with self._lock:
+            self._keep(row)
+            with self._path.open("a") as stream:
+                stream.write(json.dumps(row) + "\n")
+
+
+def exported(revision: str, folder: Path) -> Path:
+    """The package as it was at a commit, in a folder of its own."""
+    named = subprocess.run(
+        ["git", "rev-parse", f"{revision}^{{commit}}"],
+        cwd=common.ROOT,
+        capture_output=True,
+        text=True,
+    )
+    if named.returncode:
+        raise SystemExit(f"--base {revision}: git knows no such commit")
+    tree = folder / named.stdout.strip()[:12]
+    if not tree.exists():
+        tree.mkdir(parents=True)
+        packed = subprocess.run(
+            ["git", "archive", revision, "circparam"],
+            cwd=common.ROOT,
+            capture_output=True,
+            check=True,
+        )
+        subprocess.run(["tar", "x", "-C", str(tree)], input=packed.stdout, check=True)
+    return tree
+
+
+def measure(build: Build, mesh: Bedded, kind: str, turns: list[int], rows: Rows) -> str | None:
+    """Add the rows of one mesh; why there are none, where it failed."""
+    key = build.key
+    missing = [t for t in turns if rows.get(key, mesh.name, kind, t) is None]
+    if not missing:
+        return None
+    points, faces = mesh.make()
+    environment = os.environ | {"PYTHONPATH": str(build.tree), "OMP_NUM_THREADS": "1"}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mesh.npz"
+        np.savez(path, points=points, faces=faces)
+        command = [
+            sys.executable, str(TASK), str(path), kind, json.dumps(build.settings), *map(str, missing)
+        ]  # fmt: skip
+        try:
+            done = subprocess.run(
+                command, capture_output=True, text=True, timeout=LIMIT, env=environment, cwd=folder
+            )
+        except subprocess.TimeoutExpired:
+            return f"not done after {LIMIT:g} s"
+    for line in done.stdout.splitlines():
+        rows.add({"build": key, "mesh": mesh.name, "kind": kind, **json.loads(line)})
+    return done.stderr.strip().splitlines()[-1] if done.returncode else None
+
+
+def table_of(rows: list[dict[str, Any]]) -> dict[str, np.ndarray]:
+    """Each figure of FIGURES over some turns of one mesh, (turns,)."""
+    out = {k: np.array([r[k] for r in rows], float) for k in FIGURES if k != "cost"}
+    out["cost"] = out["seam_length"] + CHART * out["charts"]
+    return out
+
+
+def spread(cost: np.ndarray) -> float:
+    """The 90th over the 10th percentile."""
+    low, high = np.quantile(cost, [0.1, 0.9])
+    return float(high / low)
+
+
+def interval(logs: np.ndarray) -> tuple[float, float, float]:
+    """(geometric mean, its 5th and 95th percentile over bootstrap samples) of logarithms of ratios (n,)."""
+    rng = np.random.default_rng(0)
+    means = logs[rng.integers(0, len(logs), (SAMPLES, len(logs)))].mean(1)
+    low, high = np.exp(np.quantile(means, [0.05, 0.95]))
+    return float(np.exp(logs.mean())), float(low), float(high)
+
+
+def compared(pairs: dict[str, tuple[dict[str, np.ndarray], ...]]) -> list[list[str]]:
+    """A row a figure: mean ratio with its interval, median, least and most of a mesh's mean ratio."""
+    out = []
+    for figure in FIGURES:
+        logs = np.array(
+            [
+                np.log((ours[figure] + LEAST[figure]) / (base[figure] + LEAST[figure])).mean()
+                for base, ours in pairs.values()
+            ]
+        )
+        mean, low, high = interval(logs)
+        names = list(pairs)
+        least, most = int(logs.argmin()), int(logs.argmax())
+        out.append(
+            [
+                figure.replace("_", " "), f"{mean:.4f}", f"{low:.4f} to {high:.4f}",
+                f"{np.exp(np.median(logs)):.4f}", f"{np.exp(logs[least]):.3f} ({names[least]})",
+                f"{np.exp(logs[most]):.3f} ({names[most]})",
+            ]
+        )  # fmt: skip
+    return out
+
+
+def spreads(tables: dict[str, dict[str, np.ndarray]]) -> str:
+    """Spread over the turns, in words."""
+    each = {name: spread(t["cost"] + LEAST["cost"]) for name, t in tables.items()}
+    worst = max(each, key=lambda name: each[name])
+    return (
+        f"{np.median(list(each.values())):.3f} in the median, {each[worst]:.2f} at most ({worst})"
+    )
+
+
+def bad(tables: dict[str, list[dict[str, Any]]]) -> list[str]:
+    """Meshes whose atlas is not as promised in some turn."""
+    return sorted(
+        name
+        for name, rows in tables.items()
+        if any(r["flips"] or r["overlap"] or r["status"] == "degraded" for r in rows)
+    )
+
+
+def parse() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="What a change is worth, out of the noise.")
+    parser.add_argument("meshes", nargs="*", type=Path)
+    parser.add_argument("--base", default="HEAD", metavar="REV")
+    parser.add_argument("--set", action="append", default=[], metavar="MODULE.NAME=VALUE")
+    parser.add_argument("--option", action="append", default=[], metavar="NAME=VALUE")
+    parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--kind", choices=("rotation", "shuffle", "jitter"), default="rotation")
+    parser.add_argument("--bed", action="append", default=[], type=Path, metavar="FOLDER")
+    parser.add_argument("--most", type=int, default=60_000, metavar="FACES")
+    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--folder", type=Path, default=FOLDER)
+    parser.add_argument("--no-report", action="store_true")
+    return parser.parse_args()
+
+
+def assigned(texts: list[str]) -> dict[str, Any]:
+    """NAME=VALUE pairs; values as Python writes them, else text."""
+    out = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            out[name] = ast.literal_eval(value)
+        except (ValueError, SyntaxError):
+            out[name] = value
+    return out
+
+
+def main() -> None:
+    """Measure what is missing, then compare."""
+    chosen = parse()
+    settings = {"constants": assigned(chosen.set), "options": assigned(chosen.option)}
+    nothing: dict[str, Any] = {"constants": {}, "options": {}}
+    base = Build(exported(chosen.base, chosen.folder), nothing)
+    builds = {"base": base, "variant": Build(common.ROOT, settings)}
+    keys = {name: build.key for name, build in builds.items()}
+    meshes = list(read(chosen.meshes)) if chosen.meshes else bed(chosen.bed, chosen.most)
+    rows, turns = Rows(chosen.folder / "rows.jsonl"), list(range(chosen.turns))
+    print("\n".join(common.machine()), f"{len(meshes)} meshes", sep="\n", flush=True)
+
+    def one(task: tuple[Bedded, str]) -> None:
+        mesh, name = task
+        why = measure(builds[name], mesh, chosen.kind, turns, rows)
+        print(f"{mesh.name} ({mesh.faces}), {name}: {why or 'done'}", flush=True)
+
+    asked = {key: name for name, key in keys.items()}  # the same build is measured once
+    with ThreadPoolExecutor(chosen.jobs) as pool:
+        list(pool.map(one, [(m, name) for m in meshes for name in asked.values()]))
+
+    found: dict[str, dict[str, list[dict[str, Any]]]] = defaultdict(dict)
+    for name, key in keys.items():
+        for mesh in meshes:
+            some = [rows.get(key, mesh.name, chosen.kind, t) for t in turns]
+            if all(some):
+                found[name][mesh.name] = some  # type: ignore[assignment]
+    both = [m for m in found["base"] if m in found["variant"]]
+    if not both:
+        raise SystemExit("no mesh was unwrapped by both builds")
+    tables = {name: {m: table_of(found[name][m]) for m in both} for name in builds}
+    pairs = {m: (tables["base"][m], tables["variant"][m]) for m in both}
+    head = [
+        "variant / base",
+        "mean",
+        "90 % interval",
+        "median",
+        "least of a mesh",
+        "most of a mesh",
+    ]
+    facts = [
+        f"- {len(both)} meshes of {len(meshes)}, {len(turns)} turns each ({chosen.kind})",
+        f"- base: {chosen.base}; variant: {json.dumps(settings)}",
+        *(f"- spread of the {n}: {spreads(tables[n])}" for n in builds),
+        *(
+            f"- {n}, flipped, overlapping or degraded: {', '.join(bad(found[n])) or 'none'}"
+            for n in builds
+        ),
+    ]
+    report = common.table(head, compared(pairs))
+    print("\n".join([*facts, *report]))
+    if not chosen.no_report:
+        intro = "Made by `make bench-noise`; see the head of `tests/bench/noise.py`."
+        title = "A change beside the noise"
+        print(f"written: {common.write('noise.md', title, intro, [facts, report])}")
+
+
+if __name__ == "__main__":
+    main()
