@@ -17,7 +17,9 @@ from typing import Any
 
 import numpy as np
 
-FIGURES = ("charts", "seam_length", "distortion", "pack", "flips", "overlap", "share_over_2")
+FIGURES = (
+    "charts", "seam_length", "seam_visible", "distortion", "pack", "flips", "overlap", "share_over_2"
+)  # fmt: skip
 JITTER_EDGES = 1e-6  # of the mean edge: far below what a scanner or float32 gives
 
 
