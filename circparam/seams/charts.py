@@ -36,7 +36,7 @@ from circparam.seams.segmentation.grow import (
     make_disks,
 )
 from circparam.seams.segmentation.merge import Merger
-from circparam.seams.segmentation.starts import CHART_COST, CROWD
+from circparam.seams.segmentation.starts import CROWD
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.seams.segmentation.weigh import Limits
 from circparam.seams.stretch import STRETCH, stretch_limits
@@ -244,7 +244,7 @@ def _first_atlas(
     same = doubtful.any() and not (rest & ~doubtful).any()
     disks = (doubtful & ~not_disks(cut_mesh)[cut_mesh.chart]).any()
     ways[LEFT if disks else "grown"] = rest
-    rival = partial(Rival.of, unit=unit, chart_cost=CHART_COST) if same else None
+    rival = partial(Rival.of, unit=unit) if same else None
     made = made_ways(surface, ways, bound, options, monitor, notes, rival)
     other, parts = made.get("doubtful"), []
     rest = left_by(other, doubtful, rest)
@@ -257,7 +257,7 @@ def _first_atlas(
     if other is not None:
         plain = doubtful & ~rest
         atlas.put(doubtful if outdone else plain, other if outdone else other.part(plain[doubtful]))
-        taken = doubtful if outdone else plain | take_better(atlas, doubtful, other, CHART_COST)
+        taken = doubtful if outdone else plain | take_better(atlas, doubtful, other)
         parts.append((taken, other.part(taken[doubtful]).prices))
     if any(faces.any() for faces, _ in parts):
         atlas.prices = hard_prices(surface, parts)

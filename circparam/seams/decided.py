@@ -11,9 +11,9 @@ import numpy as np
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
+from circparam.seams.cost import COST
 from circparam.seams.segmentation.enforce import FINAL
 from circparam.seams.segmentation.grow import DualGraph
-from circparam.seams.segmentation.starts import CHART_COST
 from circparam.solvers.newton import RelaxOptions
 
 
@@ -41,7 +41,7 @@ def beside(flat: Decided, bent: BoolArray, part: Decided) -> Decided:
         return flat
     pieces = int(np.unique(atlas.surface.components[1][~bent]).size)
     plain = partial(_with_part, flat, bent, part.plain)
-    return flat._replace(plain=plain, most=part.most + CHART_COST * pieces)
+    return flat._replace(plain=plain, most=part.most + COST.chart * pieces)
 
 
 def _with_part(

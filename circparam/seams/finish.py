@@ -12,6 +12,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Later, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
+from circparam.seams.cost import COST
 from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.decided import Decided
 from circparam.seams.options import SeamOptions
@@ -27,7 +28,6 @@ from circparam.seams.segmentation.grow import dual_graph, make_disks
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.small import absorb, small_note
-from circparam.seams.segmentation.starts import CHART_COST, cost_of
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
 
@@ -85,7 +85,7 @@ class NextBest:
 
     def __call__(self, atlas: Atlas, bad: int) -> bool:
         """Whether it costs no more than another atlas does once its bad charts are cut in two."""
-        self.taken = cost_of(self.atlas) <= cost_of(atlas) + CHART_COST * bad
+        self.taken = COST.seams(self.atlas) <= COST.seams(atlas) + COST.chart * bad
         return self.taken
 
 

@@ -16,6 +16,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import PARTED, Later, Worker, in_parts
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
+from circparam.seams.cost import COST
 from circparam.seams.crumbs import crumb_atlas, crumbs
 from circparam.seams.decided import Decided, beside
 from circparam.seams.finish import (
@@ -45,7 +46,7 @@ from circparam.seams.segmentation.decide import (
 )
 from circparam.seams.segmentation.enforce import breaks_up
 from circparam.seams.segmentation.grow import DualGraph, dual_graph
-from circparam.seams.segmentation.starts import LOOPS, cost_of
+from circparam.seams.segmentation.starts import LOOPS
 from circparam.seams.stretch import best_held, held_level
 from circparam.solvers.newton import RelaxOptions
 
@@ -151,11 +152,11 @@ def _finished(
     rest = NextBest(merged.surface, other)
     finish(decided, bound, options, worker, monitor, notes, rest if decided.most else None)
     # where merging on the proxy holds on the mesh, the charts that were not merged on are hardly better
-    if not rest.taken and (merged.charts()[0] <= whole or cost_of(merged) <= decided.most):
+    if not rest.taken and (merged.charts()[0] <= whole or COST.seams(merged) <= decided.most):
         return merged
     plain = rest.atlas
     if decided.most:
-        return merged if cost_of(merged) <= cost_of(plain) and not rest.taken else plain
+        return merged if COST.seams(merged) <= COST.seams(plain) and not rest.taken else plain
     with monitor.stage("charts"):
         done = worker.map(merge_on_once, [(a, bound, MARGIN / 2) for a in (plain, merged)], monitor)
     for one, now in zip((plain, merged), done, strict=True):
@@ -293,7 +294,7 @@ def _from_level(
         # it may be never, and is late: what the surface has worked out is not kept for that
         bare = dataclasses.replace(surface, price=None)
         plain = partial(_next_best, bare, other, inner, options, level, near)
-        return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * cost_of(other))
+        return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * COST.seams(other))
 
 
 def _levels(

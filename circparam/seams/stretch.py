@@ -9,8 +9,8 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.geometry.distortion import face_stretch
 from circparam.mesh.atlas import Atlas
+from circparam.seams.cost import COST
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.starts import cost_of
 from circparam.seams.segmentation.tail import hold_stretch
 from circparam.seams.segmentation.weigh import Limits, share_over
 
@@ -65,10 +65,10 @@ def best_held(
     Mostly weights hold it, and only the cheapest one is gone through. Where that takes seams and another costs
     hardly more, both are.
     """
-    first, *others = sorted(tried, key=cost_of)
+    first, *others = sorted(tried, key=COST.seams)
     best = Atlas(first.surface, first.cut, first.corners)
     tasks = [(best, bound, options, True)]
-    if others and cost_of(others[0]) <= HARDLY_MORE * cost_of(first) and not monitor.expired:
+    if others and COST.seams(others[0]) <= HARDLY_MORE * COST.seams(first) and not monitor.expired:
         limits, slits, _ = stretch_limits(bound, options)
         with monitor.shown_as("level"), monitor.stage("stretch"):
             hold_stretch(best, _stricter(limits), monitor, slits=False)
@@ -78,6 +78,6 @@ def best_held(
         if slits and left > limits.enough:
             tasks.append((others[0], bound, options, True))
     held = [Atlas(first.surface, *one) for one in worker.map(held_level, tasks, monitor)]
-    if len(held) > 1 and cost_of(held[1]) < cost_of(held[0]):
+    if len(held) > 1 and COST.seams(held[1]) < COST.seams(held[0]):
         return held[1], first
     return held[0], others[0] if others else None

@@ -18,6 +18,7 @@ from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams import SEAMS, ahead, finish, grown
 from circparam.seams import charts as module
+from circparam.seams.cost import COST
 from circparam.seams.decided import Decided
 from circparam.seams.multires.transfer import from_level
 from circparam.seams.multires.transfer_layout import nearest_coarse_face, take_over
@@ -90,7 +91,7 @@ def test_a_level_whose_charts_break_gives_way_to_the_next(
     finished, from_level = grown.finish, grown.from_level
 
     def brought(*given: object) -> Atlas:
-        levels.append(grown.cost_of(given[2]))  # type: ignore[arg-type]
+        levels.append(COST.seams(given[2]))  # type: ignore[arg-type]
         return from_level(*given)  # type: ignore[arg-type]
 
     monkeypatch.setattr(grown, "from_level", brought)

@@ -9,8 +9,8 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.seams import stretch
+from circparam.seams.cost import COST
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.starts import cost_of
 from tests.support import shapes
 from tests.support.atlases import as_it_lies, cut_between, middles, surface_of
 
@@ -40,7 +40,7 @@ def held(
         atlas: Atlas, limits: object, monitor: Monitor, slits: bool = True, splits: bool = True
     ) -> None:
         if slits:
-            asked.append(cost_of(atlas))
+            asked.append(COST.seams(atlas))
             if np.array_equal(atlas.cut, straight):
                 y = middles(atlas.surface)[:, 1]
                 atlas.cut |= cut_between(atlas.surface, (y > np.median(y)).astype(int)).cut
@@ -54,11 +54,11 @@ def test_where_weights_hold_it_the_cheapest_alone_is_gone_through(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     first, second = halves(1, 1.0)
-    assert cost_of(first) < cost_of(second) < 1.1 * cost_of(first)
+    assert COST.seams(first) < COST.seams(second) < 1.1 * COST.seams(first)
     best, other, asked = held([first, second], monkeypatch)
     assert other is second
-    assert asked == [cost_of(first)]
-    assert cost_of(best) > cost_of(second)
+    assert asked == [COST.seams(first)]
+    assert COST.seams(best) > COST.seams(second)
 
 
 def test_where_seams_are_needed_another_that_costs_hardly_more_may_be_the_best(
@@ -68,13 +68,13 @@ def test_where_seams_are_needed_another_that_costs_hardly_more_may_be_the_best(
     best, other, asked = held([first, second], monkeypatch)
     assert np.array_equal(best.cut, second.cut)
     assert other is first
-    assert asked == [cost_of(first), cost_of(second)]
+    assert asked == [COST.seams(first), COST.seams(second)]
 
 
 def test_one_that_costs_far_more_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = halves(8, 9.0)
-    assert cost_of(second) > 1.1 * cost_of(first)
+    assert COST.seams(second) > 1.1 * COST.seams(first)
     _, other, asked = held([first, second], monkeypatch)
     assert other is second
-    assert asked == [cost_of(first)]
+    assert asked == [COST.seams(first)]
     assert held([first], monkeypatch)[1] is None

@@ -12,10 +12,10 @@ from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
+from circparam.seams.cost import COST
 from circparam.seams.hard.copies import find_copies, spread_copies
 from circparam.seams.hard.exact import prefer_exact
 from circparam.seams.hard.regions import CURVED, SHARP, curvature, seam_prices, turns
-from circparam.seams.hard.rival import component_costs
 from circparam.seams.hard.unroll import layers, slits, straight, unroll
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation.enforce import enforce
@@ -120,16 +120,16 @@ def unrolls_whole(surface: Surface) -> bool:
     return not (turns(surface)[0] >= SHARP).any() and not slits(atlas).any()
 
 
-def take_better(atlas: Atlas, faces: BoolArray, other: Atlas, chart_cost: float) -> BoolArray:
-    """Take components of ``other``, an atlas of some faces ((m,) bool), where it is the better one.
+def take_better(atlas: Atlas, faces: BoolArray, other: Atlas) -> BoolArray:
+    """Take components of ``other``, an atlas of some faces ((m,) bool), where it costs less.
 
-    What counts is the length of the seams, more for those in flats, and so much for every chart, in
-    units of the root of the area of all. Returns (all faces of ``atlas``,) bool: what was taken.
+    Both are compared by ``AtlasCost.of_components``, in roots of the area of all. Returns (all faces of
+    ``atlas``,) bool: what was taken.
     """
     surface = other.surface
     mine = atlas.part(faces)
     unit = float(np.sqrt(surface.areas.sum()))
-    theirs, own = (component_costs(one, other.flat, unit, chart_cost) for one in (other, mine))
+    theirs, own = (COST.of_components(one, other.flat, unit) for one in (other, mine))
     better = (theirs < own)[surface.components[1]]
     if better.any():
         mine.put(better, other.part(better))

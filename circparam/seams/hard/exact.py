@@ -8,15 +8,12 @@ from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
+from circparam.seams.cost import COST
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.objective import chart_energies
 
 EXACT = 1 + 1e-5  # distortion up to which a layout counts as an unfolding
-# What distortion counts, of its excess over 1, in roots of the area of the component: a cube of any triangles
-# gets its net of six squares, 0.82 roots longer than the shortest skewed one, which is 0.033 to 0.048 skewed.
-SKEWED = 26.0
-CHART = 0.25  # what a chart counts, likewise
 
 
 def polyhedra(atlas: Atlas) -> BoolArray:
@@ -73,4 +70,4 @@ def _cost(atlas: Atlas) -> FloatArray:
     seam = group_sum(surface.edge_lengths[atlas.cut], of, n) / root
     _, first = np.unique(atlas.charts()[1], return_index=True)
     charts = np.bincount(component[first], minlength=n)
-    return np.asarray(seam + CHART * charts + SKEWED * (_distortion(atlas) - 1))
+    return np.asarray(seam + COST.chart * charts + COST.distortion * (_distortion(atlas) - 1))

@@ -12,6 +12,7 @@ from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
+from circparam.seams.cost import COST
 from circparam.seams.multires.holes import complexity
 from circparam.seams.segmentation.grow import (
     dual_graph,
@@ -33,7 +34,6 @@ START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
 # faces up to which starts merge in one system: less work there, which is done when another process is ready.
 # On surfaces in several pieces they do too: alone they end with other last digits, two pages a tenth less full
 TOGETHER = 1500
-CHART_COST = 0.25  # of a chart, in units of seam length, when starts are compared
 # share by which a start costs more when it has merged, from which it is given up: of 15 meshes none of them won
 BEHIND = 0.1
 ROUGH = RelaxOptions(tolerance=1e-3, max_iterations=25, bound=1.01)
@@ -77,14 +77,14 @@ def best_of_starts(
         starts = [s for s in worker.map(start_once, tasks, monitor) if s]
     merged = [start.merger.atlas for start in starts]
     begin(merged)
-    cost = np.array([cost_of(one) for one in merged])
+    cost = np.array([COST.seams(one) for one in merged])
     near = np.flatnonzero(cost <= (1 + BEHIND) * cost.min())
     if monitor.expired:
         near = np.array([int(cost.argmin())])
     were = [merged[k].cut.copy() for k in near]
     done = worker.map(shorten_once, [(starts[k], bound, margin) for k in near], monitor)
     ends = [Atlas(surface, *one) for one in done]
-    best = int(np.argmin([cost_of(end) for end in ends]))
+    best = int(np.argmin([COST.seams(end) for end in ends]))
     # what is won by a second time, 5 % at most, hardly ever makes another one the best
     shorten_again(ends[best], were[best], bound, margin, starts[near[best]].crowd)
     return ends[best]
@@ -92,11 +92,6 @@ def best_of_starts(
 
 def _nothing(merged: list[Atlas]) -> None:
     pass
-
-
-def cost_of(atlas: Atlas) -> float:
-    """What starts, and levels, are compared by: seams and charts."""
-    return atlas.seam_length + CHART_COST * atlas.charts()[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -166,7 +166,7 @@ def test_of_two_atlases_each_component_takes_the_better(monkeypatch) -> None:
     sharp = turns(surface)[0] > 1
     one = Atlas(surface, sharp & first)
     other = Atlas(surface, sharp & ~first, prices=seam_prices(surface))
-    taken = take_better(one, np.ones(len(surface.faces), bool), other, 0.25)
+    taken = take_better(one, np.ones(len(surface.faces), bool), other)
     assert not one.cut.any()
     assert np.array_equal(taken[surface.edges[:, 0] // 3], first)
 

@@ -9,15 +9,13 @@ from circparam.core.monitor import Monitor
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams import charts as module
-from circparam.seams.hard import rival
+from circparam.seams.cost import COST
 from circparam.seams.hard.regions import DOUBTFUL, HARD, seam_prices, turns
-from circparam.seams.hard.rival import HOPELESS, Outdone, Rival, component_costs
+from circparam.seams.hard.rival import HOPELESS, Outdone, Rival
 from circparam.seams.options import SeamOptions
 from circparam.seams.segmentation import starts
 from tests.support import shapes
 from tests.support.atlases import surface_of
-
-CHART = 0.25
 
 
 def cubes(count: int) -> tuple[Surface, Atlas]:
@@ -30,40 +28,40 @@ def cubes(count: int) -> tuple[Surface, Atlas]:
 def test_the_cost_of_a_component_is_that_of_its_own_seams_and_charts() -> None:
     """Two cubes of six charts and twelve edges each, of which none lies in a flat; then one that does."""
     surface, atlas = cubes(2)
-    cost = component_costs(atlas, atlas.flat, 2.0, CHART)
-    assert cost == pytest.approx([12 / 2 + 6 * CHART] * 2)
+    cost = COST.of_components(atlas, atlas.flat, 2.0)
+    assert cost == pytest.approx([12 / 2 + 6 * COST.chart] * 2)
     second = surface.components[1][surface.edges[:, 0] // 3] == 1
     assert atlas.flat is not None
     inner = np.flatnonzero(atlas.flat & second)[0]
     atlas.cut[inner] = True
     length = float(surface.edge_lengths[inner]) / 2
-    more = component_costs(atlas, atlas.flat, 2.0, CHART)
-    assert more - cost == pytest.approx([0, (1 + rival.EYESORE) * length])
-    assert component_costs(atlas, None, 2.0, CHART) - cost == pytest.approx([0, length])
+    more = COST.of_components(atlas, atlas.flat, 2.0)
+    assert more - cost == pytest.approx([0, (1 + COST.flat) * length])
+    assert COST.of_components(atlas, None, 2.0) - cost == pytest.approx([0, length])
 
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_starts_are_given_up_where_each_component_is_far_behind(count: int) -> None:
     _, atlas = cubes(count)
-    cost = component_costs(atlas, atlas.flat, 1.0, CHART)
-    Rival(cost / HOPELESS * 1.01, 1.0, CHART, len(atlas.surface.faces)).face([atlas])
+    cost = COST.of_components(atlas, atlas.flat, 1.0)
+    Rival(cost / HOPELESS * 1.01, 1.0, len(atlas.surface.faces)).face([atlas])
     ahead = cost / HOPELESS * 0.99
     with pytest.raises(Outdone):
-        Rival(ahead, 1.0, CHART, len(atlas.surface.faces)).face([atlas])
+        Rival(ahead, 1.0, len(atlas.surface.faces)).face([atlas])
     ahead[0] = cost[0]  # that one may win yet
-    Rival(ahead, 1.0, CHART, len(atlas.surface.faces)).face([atlas])
+    Rival(ahead, 1.0, len(atlas.surface.faces)).face([atlas])
 
 
 def test_each_component_has_the_best_of_all_starts() -> None:
     """One start is good for the first cube, the other for the second: none is far behind."""
     surface, atlas = cubes(2)
-    both = component_costs(atlas, atlas.flat, 1.0, CHART)
+    both = COST.of_components(atlas, atlas.flat, 1.0)
     second = surface.components[1][surface.edges[:, 0] // 3] == 1
     split = [Atlas(surface, atlas.cut | (atlas.flat & side)) for side in (second, ~second)]
-    other = Rival(both / HOPELESS * 1.01, 1.0, CHART, len(surface.faces))
+    other = Rival(both / HOPELESS * 1.01, 1.0, len(surface.faces))
     other.face(split)
     for one in split:
-        worse = component_costs(one, atlas.flat, 1.0, CHART)
+        worse = COST.of_components(one, atlas.flat, 1.0)
         assert (worse > HOPELESS * other.cost).any()
 
 
@@ -71,14 +69,14 @@ def test_components_of_a_proxy_are_not_taken_for_each_other() -> None:
     """Of one component a proxy tells; of several it may have them in any order, or fewer."""
     for count, told in ((1, True), (2, False)):
         _, atlas = cubes(count)
-        nothing = Rival(np.full(count, 1e-3), 1.0, CHART, 5000)
+        nothing = Rival(np.full(count, 1e-3), 1.0, 5000)
         if told:
             with pytest.raises(Outdone):
                 nothing.face([atlas])
         else:
             nothing.face([atlas])
     _, atlas = cubes(2)
-    Rival(np.full(3, 1e-3), 1.0, CHART, len(atlas.surface.faces)).face([atlas])
+    Rival(np.full(3, 1e-3), 1.0, len(atlas.surface.faces)).face([atlas])
 
 
 @pytest.mark.parametrize("refine", [0, 18], ids=["itself", "proxy"])
@@ -105,6 +103,6 @@ def test_beside_organic_shapes_nothing_is_given_up(monkeypatch) -> None:
     surface = surface_of(*shapes.join(first, (ball[0] + 9.0, ball[1])))
     kind = np.where(surface.components[1] == 0, DOUBTFUL, 0)
     monkeypatch.setattr(module, "hardness", lambda s: kind)
-    monkeypatch.setattr(rival, "HOPELESS", 0.0)
+    monkeypatch.setattr("circparam.seams.hard.rival.HOPELESS", 0.0)
     seams = module.charts(surface, SeamOptions(), Monitor())
     assert seams.cut[surface.components[1][surface.edges[:, 0] // 3] == 1].any()

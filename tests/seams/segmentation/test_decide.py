@@ -8,6 +8,7 @@ import pytest
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Worker
 from circparam.mesh.atlas import Atlas
+from circparam.seams.cost import COST
 from circparam.seams.hard.regions import seam_prices
 from circparam.seams.segmentation import decide as module
 from circparam.seams.segmentation import starts
@@ -29,11 +30,11 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
 
     def started(*task: object) -> starts.Start:
         one = start(*task)
-        cost[len(cost)] = starts.cost_of(one.merger.atlas)
+        cost[len(cost)] = COST.seams(one.merger.atlas)
         return one
 
     def shortened(one: starts.Start, *rest: object) -> Atlas:
-        gone_on.append(starts.cost_of(one.merger.atlas))
+        gone_on.append(COST.seams(one.merger.atlas))
         return end(one, *rest)
 
     monkeypatch.setattr(starts, "BEHIND", behind)
@@ -45,7 +46,7 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     assert len(set(cost.values())) > 1
     assert len(gone_on) == most
     assert min(gone_on) == min(cost.values())
-    assert starts.cost_of(atlas) <= min(gone_on)
+    assert COST.seams(atlas) <= min(gone_on)
     assert np.isfinite(atlas.corners).all()
 
 
@@ -59,7 +60,7 @@ def test_only_the_best_of_the_starts_is_shortened_a_second_time(
 
     def counted(atlas: Atlas, bound: float, options: RelaxOptions, reach: int, **rest: float):
         rings.append(reach)
-        before.append(starts.cost_of(atlas))
+        before.append(COST.seams(atlas))
         return shorten(atlas, bound, options, reach, **rest)
 
     ends: list[float] = []
@@ -67,7 +68,7 @@ def test_only_the_best_of_the_starts_is_shortened_a_second_time(
 
     def shortened(*given: object) -> Atlas:
         atlas = first(*given)
-        ends.append(starts.cost_of(atlas))
+        ends.append(COST.seams(atlas))
         return atlas
 
     monkeypatch.setattr(starts, "BEHIND", 1e9)
@@ -76,7 +77,7 @@ def test_only_the_best_of_the_starts_is_shortened_a_second_time(
     atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
     assert rings == [3, 3, 3, 3, 1]
     assert before[-1] == min(ends)
-    assert starts.cost_of(atlas) <= min(ends)
+    assert COST.seams(atlas) <= min(ends)
 
 
 def test_starts_that_merge_together_come_to_what_each_comes_to_alone() -> None:
