@@ -60,7 +60,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """
     mirror = None if options.symmetry is None else find_mirror(surface, options.symmetry)
     surface, forced, notes = constrain(surface, options)
-    hide = options.hide_seams
+    hide = 0.0 if options.search.draft else options.hide_seams
     if hide is None:  # seams that moved have no distortion left for tips to be held more strictly
         hide = HIDDEN if (options.max_stretch or STRETCH) >= STRETCH else 0.0
     if hide > 0:
@@ -93,7 +93,7 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
                 return _seams(best, forced, notes)
             stretch.hold(atlas)
         best = Atlas(opened, atlas.cut, atlas.corners)
-        if mirror is None:
+        if mirror is None and not options.search.draft:
             with monitor.stage("charts"):
                 straighten_parts(atlas, limits, monitor)
     except OutOfTimeError:
@@ -204,7 +204,7 @@ def free_atlas(
         almost(atlas)
     if options.min_chart_faces > 1:  # small charts are what decides who joins whom then
         return atlas
-    if atlas.merged_on:
+    if atlas.merged_on or options.search.draft:
         return atlas
     with monitor.stage("charts"):
         if len(surface.faces) <= LEVEL_FACES:
@@ -227,7 +227,7 @@ def _first_atlas(
     kind = hardness(surface)
     worth_it = ~debris(surface)
     hard, doubtful = (kind == HARD) & worth_it, (kind == DOUBTFUL) & worth_it
-    doubtful &= doubtful.sum() <= DOUBTS
+    doubtful &= doubtful.sum() <= DOUBTS and not options.search.draft
     if not (hard | doubtful).any():
         return grown_atlas(surface, bound, options, monitor, notes)
     if monitor.deadline is not None and (hard | doubtful).sum() <= QUICK_FACES:

@@ -51,6 +51,7 @@ from circparam.seams.stretch import best_held, held_level
 from circparam.solvers.newton import RelaxOptions
 
 DIRECT_FACES = 3_500  # up to this size charts are decided on the mesh itself
+DRAFT_FACES = 1_500  # the same in a draft
 WORTH_IT = 0.7  # a proxy that keeps more of the faces (many small components) is no use
 SHARED_FACES = 500  # from this size on starts are shared with other processes
 PROXY_MARGIN = 0.01  # on the proxy, whose boundaries are only about those of the mesh
@@ -198,17 +199,22 @@ def _decided(
             return Decided(without_fans(found.atlas, surface), dual_graph(surface), found.relaxing)
     count, graph = len(surface.faces), dual_graph(surface)
     twice = how.on and how.target is None
-    twice &= options.max_charts is None and options.min_chart_faces == 1
+    twice &= (
+        options.max_charts is None and options.min_chart_faces == 1 and not options.search.draft
+    )
     if count > LEVEL_FACES and options.max_charts is None:
         return _from_level(surface, graph, bound, options, worker, monitor)
     prices = prices_beside(surface, options, monitor)
     proxy, of_level = None, how.target is not None
     with monitor.stage("charts"):
-        if count > DIRECT_FACES:
-            target = how.target or proxy_faces(surface)
+        if count > (DRAFT_FACES if options.search.draft else DIRECT_FACES):
+            target = how.target or proxy_faces(surface, options.search.draft)
             proxy = decimate(surface, target) if target < count else None
         if proxy is None or len(proxy.surface.faces) > WORTH_IT * count:
-            most, starting = options.max_charts, Starting(prices, how.check, of_level)
+            most, starting = (
+                options.max_charts,
+                Starting(prices, how.check, of_level, options.search),
+            )
             atlas = decide(surface, bound, MARGIN, most, worker, monitor, starting)
             return Decided(atlas, graph)
         if prices is not None:
@@ -216,7 +222,7 @@ def _decided(
         inner = 1 + (bound - 1) * (1 - SLACK)
         with _before_transfer(monitor):
             most = options.max_charts
-            starting = Starting(prices, how.check, of_level)
+            starting = Starting(prices, how.check, of_level, options.search)
             how_decided = inner, PROXY_MARGIN, most, worker, monitor, starting
             search = partial(decide, proxy.surface, *how_decided)
             coarse = other = in_time(proxy.surface, search, monitor)
@@ -301,8 +307,8 @@ def _levels(
     middle: Surface, bound: float, options: SeamOptions, worker: Worker, monitor: Monitor
 ) -> list[Atlas]:
     """Atlases of a level, decided on proxies of several sizes where it is not too large itself."""
-    targets = [proxy_faces(middle)]
-    if len(middle.faces) <= LEVEL_FACES:
+    targets = [proxy_faces(middle, options.search.draft)]
+    if len(middle.faces) <= LEVEL_FACES and not options.search.draft:
         targets += [int(k * targets[0]) for k in OTHER_PROXIES]
     tasks = [(middle, bound, options, k, k == targets[0]) for k in targets]
     # the caller takes the first, and what others have done with theirs sooner shares the rest of it
@@ -341,7 +347,7 @@ def _level_atlas(
     with monitor.shown_as("level"):
         search = partial(grown_atlas, surface, bound, options, monitor, [], target)
         atlas = in_time(surface, search, monitor)
-        if options.min_chart_faces == 1:
+        if options.min_chart_faces == 1 and not options.search.draft:
             with monitor.stage("charts"):
                 merge_on(atlas, bound, MARGIN, monitor)
     return atlas.cut, atlas.corners

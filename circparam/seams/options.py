@@ -9,6 +9,22 @@ from circparam.core.arrays import BoolArray, FloatArray, IntArray
 HIDDEN = 0.5  # hide_seams where nothing else is asked for
 
 
+@dataclass(frozen=True)
+class Search:
+    """Which search for charts is made, and how much it does.
+
+    draft: the short one: one start on a smaller proxy, merged in a few rounds, and nothing that only moves
+    seams afterwards. draw: 0 is the usual search; every other number is another one, which grows its charts
+    round other seeds and tries near ties in another order.
+    """
+
+    draft: bool = False
+    draw: int = 0
+
+
+USUAL = Search()
+
+
 @dataclass(frozen=True, eq=False)
 class SeamOptions:
     """What is asked of the seams.
@@ -23,7 +39,7 @@ class SeamOptions:
     (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or 'auto' for
     the first of them, across which the seams are the mirror image of each other. hide_seams: 0 to 1, how
     much cheaper seams are where they are hardly seen (see ``seams.hidden``); None for HIDDEN, and 0 where
-    max_stretch is below 2.
+    max_stretch is below 2, or in a draft. search: see ``Search``.
     """
 
     max_distortion: float = 1.05
@@ -38,6 +54,7 @@ class SeamOptions:
     start: BoolArray | None = None
     symmetry: str | None = None
     hide_seams: float | None = None
+    search: Search = USUAL
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ FINAL = RelaxOptions(tolerance=1e-4, max_iterations=60, bound=1 + 1e-6)
 MARGIN = 0.001  # share of the root of its area that parts of one chart keep apart
 COILED = 0.9  # of the excess of the bound over 1: how far strips that lie straight are relaxed
 WORK = 16.0  # times the faces of the surface: what the trials of merging may hold in all
+DRAFT_WORK = 3.0  # the same in a draft
 SPLITS = 16  # rounds of splitting regions that break the bound
 
 
@@ -84,13 +85,15 @@ def _decided(
     with monitor.stage("charts"):
         first_regions(atlas, graph, bound, worker, monitor)
         start = Atlas(atlas.surface, atlas.cut, atlas.corners, atlas.prices)
-        merging = MergeOptions(bound, margin=MARGIN, rigid=True, work=WORK)
+        work = DRAFT_WORK if options.search.draft else WORK
+        merging = MergeOptions(bound, margin=MARGIN, rigid=True, work=work, search=options.search)
         Merger(atlas, merging, np.zeros(len(atlas.cut), bool), worker).run(monitor)
     with monitor.stage("enforce"):
         layouts = settled(atlas, monitor)
         enforce(atlas, graph, layouts, bound, FINAL, monitor)
-    with monitor.stage("charts"):
-        prefer_exact(atlas, start, merging, worker, monitor)
+    if not options.search.draft:
+        with monitor.stage("charts"):
+            prefer_exact(atlas, start, merging, worker, monitor)
     if options.min_chart_faces > 1:
         with monitor.stage("charts"):
             absorbing = MergeOptions(bound, margin=MARGIN, rigid=True)

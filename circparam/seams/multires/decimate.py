@@ -213,10 +213,11 @@ def _settle(surface: Surface, cell: IntArray) -> IntArray:
     return out
 
 
-def proxy_faces(surface: Surface) -> int:
-    """How many faces a proxy should have."""
+def proxy_faces(surface: Surface, draft: bool = False) -> int:
+    """How many faces a proxy should have; for a draft half as many."""
     _, piece = surface.charts(np.zeros(len(surface.edges), bool))
     large = int((np.bincount(piece) > SMALL_COMPONENT).sum())
     pieces = PROXY_FACES + min(PIECE_FACES * max(large - 1, 0), PROXY_FACES // 2)
     share = int(PROXY_SHARE * len(surface.faces))
-    return max(pieces, share, LOOP_FACES * complexity(surface))
+    least = LOOP_FACES * complexity(surface)
+    return max(pieces // 2, share // 2, least) if draft else max(pieces, share, least)

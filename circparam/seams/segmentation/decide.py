@@ -16,6 +16,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
 from circparam.seams.hidden import PricesBeside
+from circparam.seams.options import USUAL, Search
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
 from circparam.seams.segmentation.move import move_seams
@@ -41,11 +42,12 @@ ANY_BOUND = 1e6  # a distortion that no chart has: what is held to it only may n
 class Starting(NamedTuple):
     """What goes beside starts. prices: of the edges of the surface, found meanwhile where it has none yet.
     check: told the starts when they have merged, where they are of all the surface; it may raise what ends the
-    search. alone: as ``best_of_starts`` has it."""
+    search. alone: as ``best_of_starts`` has it. search: see ``Search``."""
 
     prices: PricesBeside | None = None
     check: Callable[[list[Atlas]], None] | None = None
     alone: bool = False
+    search: Search = USUAL
 
 
 ALONE = Starting()
@@ -71,7 +73,8 @@ def decide(
         # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
         plain = replace(part, price=None)
         begin = partial(_begin, starting, bool(rest.all()))
-        best = best_of_starts(plain, bound, margin, worker, monitor, begin, starting.alone)
+        merging = MergeOptions(bound, margin=margin, search=starting.search)
+        best = best_of_starts(plain, merging, worker, monitor, begin, starting.alone)
         if prices is not None:
             part = replace(surface, price=prices.result()).part(rest)
         if part.price is not None:

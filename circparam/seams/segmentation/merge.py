@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from circparam.core.arrays import (
     BoolArray,
@@ -58,6 +59,8 @@ LOOK = 10_000  # faces of the unions that are looked at together
 CROSSED = 3
 MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
+DRAFT_ROUNDS = 8  # of a draft: most charts that merge at all have done so by then
+TIE = 0.2  # candidates whose scores differ by less are tried in another order by another draw
 
 
 class Merger:
@@ -93,7 +96,7 @@ class Merger:
         """Merge until no pair is left to try."""
         merged: list[int] = []
         monitor.keep(self.atlas)
-        for turn in range(self.options.rounds):
+        for turn in range(DRAFT_ROUNDS if self.options.search.draft else self.options.rounds):
             before = self.tally["merged"]
             if monitor.expired or self.work > self.limit or not self.round(monitor):
                 break
@@ -243,7 +246,8 @@ class Merger:
         may &= ~(1 + least > self.options.bound)
         rim = perimeters(c, arcs, chart, n)
         # zipping a chart up uses distortion that gluing another chart on may need: it comes last
-        score = length / np.minimum(rim[left], rim[right]) - (left == right)
+        score = length / np.minimum(rim[left], rim[right]) * _luck(key, self.options.search.draw)
+        score -= left == right
         return Glues(left, right, key, score, may, useless, pair, rings)
 
     def _charge(self, arcs: Arcs, chosen: IntArray, lower_bound: FloatArray) -> None:
@@ -347,3 +351,12 @@ class Merger:
         for (part, _, vid, _), of_part in zip(parts, done, strict=True):
             tried.put(part, vid, of_part)
         return tried
+
+
+def _luck(key: npt.NDArray[np.uint64], draw: int) -> FloatArray:
+    """(k,) factors of scores, 1 for the first draw and up to TIE above and below for others."""
+    if draw == 0:
+        return np.ones(len(key))
+    mixed = (key ^ (np.full(1, draw, np.uint64) * RING)) * MIX
+    mixed = (mixed ^ (mixed >> np.uint64(31))) * RING
+    return 1 + TIE * ((mixed >> np.uint64(40)) / 2.0**23 - 1)

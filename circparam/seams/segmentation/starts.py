@@ -14,6 +14,7 @@ from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.seams.cost import COST
 from circparam.seams.multires.holes import complexity
+from circparam.seams.options import Search
 from circparam.seams.segmentation.grow import (
     dual_graph,
     first_charts,
@@ -31,6 +32,8 @@ from circparam.solvers.newton import RelaxOptions
 CUT_UP = 20  # faces: a surface with fewer for each hole and handle is cut up by them
 SEEDS = (60, 12, 30, 100)  # regions that charts are grown from, start by start
 START_FACES = (1 << 62, 6000, 1500, 1500)  # up to this size a start is made
+DRAFT_SEEDS = 12  # regions of the one start of a draft
+OTHER_SEEDS = (30, 20, 12, 45, 8, 60)  # of other draws, in turn: each is a start of its own
 # faces up to which starts merge in one system: less work there, which is done when another process is ready.
 # On surfaces in several pieces they do too: alone they end with other last digits, two pages a tenth less full
 TOGETHER = 1500
@@ -47,8 +50,7 @@ CROWD = 300  # more first charts than that are a soup of faces: those that are b
 
 def best_of_starts(
     surface: Surface,
-    bound: float,
-    margin: float,
+    options: MergeOptions,
     worker: Worker,
     monitor: Monitor,
     begin: Callable[[list[Atlas]], None] | None = None,
@@ -56,24 +58,25 @@ def best_of_starts(
 ) -> Atlas:
     """Grow, merge and shorten charts: the best of a few starts where that is cheap.
 
-    Starts that are clearly behind when they have merged are not gone on with. begin: called with the starts
-    when they have merged and what is left keeps one process busy, hardly more; it may raise what ends the
-    search. alone: starts of several pieces merge alone too, as those of levels always have: in one system they
+    Starts that are clearly behind when they have merged are not gone on with. options: of merging; their
+    ``search`` says how many starts there are. begin: called with the starts when they have merged and what is
+    left keeps one process busy, hardly more; it may raise what ends the search. alone: starts of several pieces
+    merge alone too, as those of levels always have: in one system they
     end with other last digits, and a scan of 0.33 million faces had 55 charts in place of 45.
     """
     begin = begin or _nothing
-    seeds = [k for k, most in zip(SEEDS, START_FACES, strict=True) if len(surface.faces) <= most]
+    seeds = seeds_of(options.search, len(surface.faces))
     # so many holes and handles cut the surface up that regions hardly matter
     if complexity(surface) > min(LOOPS, len(surface.faces) / CUT_UP):
         seeds = seeds[:1]
     if len(seeds) == 1:
-        start = grow_and_merge(surface, bound, margin, seeds[0], worker, monitor)
+        start = grow_and_merge(surface, options, seeds[0], worker, monitor)
         begin([start.merger.atlas])
-        return shortened(start, bound, margin, monitor)
+        return shortened(start, monitor)
     if len(surface.faces) <= TOGETHER or (surface.components[0] > 1 and not alone):
-        starts = merged_together(surface, bound, margin, seeds, monitor)
+        starts = merged_together(surface, options, seeds, monitor)
     else:
-        tasks = [(surface, bound, margin, k, k == seeds[0]) for k in seeds]
+        tasks = [(surface, options, k, k == seeds[0]) for k in seeds]
         starts = [s for s in worker.map(start_once, tasks, monitor) if s]
     merged = [start.merger.atlas for start in starts]
     begin(merged)
@@ -82,12 +85,21 @@ def best_of_starts(
     if monitor.expired:
         near = np.array([int(cost.argmin())])
     were = [merged[k].cut.copy() for k in near]
-    done = worker.map(shorten_once, [(starts[k], bound, margin) for k in near], monitor)
+    done = worker.map(shorten_once, [(starts[k],) for k in near], monitor)
     ends = [Atlas(surface, *one) for one in done]
     best = int(np.argmin([COST.seams(end) for end in ends]))
     # what is won by a second time, 5 % at most, hardly ever makes another one the best
-    shorten_again(ends[best], were[best], bound, margin, starts[near[best]].crowd)
+    shorten_again(ends[best], were[best], options, starts[near[best]].crowd)
     return ends[best]
+
+
+def seeds_of(search: Search, faces: int) -> list[int]:
+    """How many regions each start of a search grows its charts from, on a surface of so many faces."""
+    if search.draft:
+        return [DRAFT_SEEDS]
+    if search.draw:
+        return [OTHER_SEEDS[search.draw % len(OTHER_SEEDS)]]
+    return [k for k, most in zip(SEEDS, START_FACES, strict=True) if faces <= most]
 
 
 def _nothing(merged: list[Atlas]) -> None:
@@ -103,26 +115,23 @@ class Start:
 
 
 def start_once(
-    surface: Surface, bound: float, margin: float, seeds: int, needed: bool, monitor: Monitor
+    surface: Surface, options: MergeOptions, seeds: int, needed: bool, monitor: Monitor
 ) -> Start | None:
     """One start; None where it is not needed and there is no time for it."""
     if monitor.expired and not needed:
         return None
-    return grow_and_merge(surface, bound, margin, seeds, None, monitor)
+    return grow_and_merge(surface, options, seeds, None, monitor)
 
 
-def shorten_once(
-    start: Start, bound: float, margin: float, monitor: Monitor
-) -> tuple[BoolArray, FloatArray]:
+def shorten_once(start: Start, monitor: Monitor) -> tuple[BoolArray, FloatArray]:
     """(cut, corners) of a start when its seams are short, but for a second time."""
-    atlas = shortened_and_merged(start, bound, margin, monitor)
+    atlas = shortened_and_merged(start, monitor)
     return atlas.cut, atlas.corners
 
 
 def grow_and_merge(
     surface: Surface,
-    bound: float,
-    margin: float,
+    options: MergeOptions,
     seeds: int,
     worker: Worker | None,
     monitor: Monitor,
@@ -131,25 +140,23 @@ def grow_and_merge(
 
     worker: lays half of the charts out where there is nothing better for it to do.
     """
-    atlas, crowd = _grown(surface, bound, seeds, worker, monitor)
-    fixed = np.zeros(len(atlas.cut), bool)
-    merger = Merger(atlas, MergeOptions(bound, margin=margin), fixed, worker)
+    atlas, crowd = _grown(surface, options.bound, seeds, worker, monitor)
+    merger = Merger(atlas, options, np.zeros(len(atlas.cut), bool), worker)
     merger.run(monitor)
     return Start(merger, crowd)
 
 
 def merged_together(
-    surface: Surface, bound: float, margin: float, seeds: list[int], monitor: Monitor
+    surface: Surface, options: MergeOptions, seeds: list[int], monitor: Monitor
 ) -> list[Start]:
     """The starts from so many seeds each, merged side by side: on small surfaces calls are what trials cost."""
     grown: list[tuple[Atlas, bool]] = []
     for k in seeds:
         if not (monitor.expired and grown):
-            grown.append(_grown(surface, bound, k, None, monitor))
+            grown.append(_grown(surface, options.bound, k, None, monitor))
     cut = np.concatenate([atlas.cut for atlas, _ in grown])
     corners = np.concatenate([atlas.corners for atlas, _ in grown])
     all_of_them = Atlas(surface.copies(len(grown)), cut, corners)
-    options = MergeOptions(bound, margin=margin)
     merger = Merger(all_of_them, options, np.zeros(len(cut), bool))
     e, m = len(surface.edges), len(surface.faces)
 
@@ -202,26 +209,29 @@ def _grown(
     return atlas, crowd
 
 
-def shortened(start: Start, bound: float, margin: float, monitor: Monitor) -> Atlas:
+def shortened(start: Start, monitor: Monitor) -> Atlas:
     """Shorten the seams, merge again, and shorten once more where that changed anything."""
     was = start.merger.atlas.cut.copy()
-    atlas = shortened_and_merged(start, bound, margin, monitor)
-    shorten_again(atlas, was, bound, margin, start.crowd)
+    atlas = shortened_and_merged(start, monitor)
+    shorten_again(atlas, was, start.merger.options, start.crowd)
     return atlas
 
 
-def shortened_and_merged(start: Start, bound: float, margin: float, monitor: Monitor) -> Atlas:
+def shortened_and_merged(start: Start, monitor: Monitor) -> Atlas:
     """Shorten the seams and merge again."""
     merger, atlas = start.merger, start.merger.atlas
     _, before = atlas.charts()
     arcs = arcs_of(atlas, before)
-    shorten_seams(atlas, bound, HASTY if start.crowd else BRISK, 3, margin=margin)
+    options = merger.options
+    steps = HASTY if start.crowd else BRISK
+    shorten_seams(atlas, options.bound, steps, 3, margin=options.margin)
     merger.seams_moved(before, arcs)
     merger.run(monitor)
     return atlas
 
 
-def shorten_again(atlas: Atlas, was: BoolArray, bound: float, margin: float, crowd: bool) -> None:
+def shorten_again(atlas: Atlas, was: BoolArray, options: MergeOptions, crowd: bool) -> None:
     """Shorten seams in a narrow band where they are others than those that were there ((e,) bool)."""
-    if (atlas.cut != was).any():
-        shorten_seams(atlas, bound, HASTY if crowd else BRISK, 1, margin=margin)
+    if not options.search.draft and (atlas.cut != was).any():
+        steps = HASTY if crowd else BRISK
+        shorten_seams(atlas, options.bound, steps, 1, margin=options.margin)

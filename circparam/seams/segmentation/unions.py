@@ -12,6 +12,7 @@ from circparam.core.monitor import Monitor
 from circparam.geometry.overlap import SelfContacts, crossings, self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.hard.fit import better_start, composed, hardly_near
+from circparam.seams.options import USUAL, Search
 from circparam.seams.segmentation.state import CONE
 from circparam.solvers import dirichlet
 from circparam.solvers.newton import RelaxOptions, relax
@@ -43,7 +44,8 @@ class MergeOptions:
     the surface, besides FREE_WORK (None: any number). rise: how much larger all merging may leave the mean
     energy of the surface, as a share of it (None: any union below the bound will do). room: what is left of
     that, energy times area (infinite where nothing is asked for). patient: unions are untangled however many
-    faces their start flips.
+    faces their start flips. search: how much is tried, and in which order near
+    ties are, see ``Search``.
     """
 
     bound: float
@@ -59,6 +61,7 @@ class MergeOptions:
     rise: float | None = None
     room: float = np.inf
     patient: bool = False
+    search: Search = USUAL
 
 
 @dataclass(frozen=True, eq=False)

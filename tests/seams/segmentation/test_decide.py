@@ -14,9 +14,12 @@ from circparam.seams.segmentation import decide as module
 from circparam.seams.segmentation import starts
 from circparam.seams.segmentation.layout import judge, lay_out_fresh
 from circparam.seams.segmentation.merge import Merger
+from circparam.seams.segmentation.unions import MergeOptions
 from circparam.solvers.newton import RelaxOptions
 from tests.support import shapes
 from tests.support.atlases import cut_between, middles, surface_of
+
+MERGING = MergeOptions(1.05, margin=0.004)
 
 
 @pytest.mark.parametrize(("behind", "most"), [(0.0, 1), (1e9, 4)])
@@ -41,7 +44,7 @@ def test_starts_that_are_behind_when_they_have_merged_are_given_up(
     monkeypatch.setattr(starts, "TOGETHER", 0)
     monkeypatch.setattr(starts, "grow_and_merge", started)
     monkeypatch.setattr(starts, "shortened_and_merged", shortened)
-    atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    atlas = starts.best_of_starts(surface, MERGING, Worker(1), Monitor())
     assert len(cost) == 4
     assert len(set(cost.values())) > 1
     assert len(gone_on) == most
@@ -74,7 +77,7 @@ def test_only_the_best_of_the_starts_is_shortened_a_second_time(
     monkeypatch.setattr(starts, "BEHIND", 1e9)
     monkeypatch.setattr(starts, "shorten_seams", counted)
     monkeypatch.setattr(starts, "shortened_and_merged", shortened)
-    atlas = starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor())
+    atlas = starts.best_of_starts(surface, MERGING, Worker(1), Monitor())
     assert rings == [3, 3, 3, 3, 1]
     assert before[-1] == min(ends)
     assert COST.seams(atlas) <= min(ends)
@@ -84,10 +87,10 @@ def test_starts_that_merge_together_come_to_what_each_comes_to_alone() -> None:
     points, faces = shapes.icosphere(3)
     surface = surface_of(points * (1 + 0.3 * np.sin(3 * points[:, :1])), faces)
     seeds = [40, 12, 25]
-    found = starts.merged_together(surface, 1.05, 0.004, seeds, Monitor())
+    found = starts.merged_together(surface, MERGING, seeds, Monitor())
     cuts = []
     for one, k in zip(found, seeds, strict=True):
-        alone = starts.grow_and_merge(surface, 1.05, 0.004, k, None, Monitor()).merger
+        alone = starts.grow_and_merge(surface, MERGING, k, None, Monitor()).merger
         np.testing.assert_array_equal(one.merger.atlas.cut, alone.atlas.cut)
         np.testing.assert_allclose(one.merger.atlas.corners, alone.atlas.corners, atol=1e-6)
         np.testing.assert_allclose(one.merger.lower_bound, alone.lower_bound, atol=1e-6)
@@ -101,11 +104,11 @@ def test_a_start_goes_on_as_it_would_have_in_one_piece() -> None:
     import pickle
 
     surface = surface_of(*shapes.icosphere(3))
-    one = starts.grow_and_merge(surface, 1.05, 0.004, 12, None, Monitor())
+    one = starts.grow_and_merge(surface, MERGING, 12, None, Monitor())
     copy = pickle.loads(pickle.dumps(one, 5))
     assert len(one.merger.tried) > 0
-    here = starts.shorten_once(one, 1.05, 0.004, Monitor())
-    there = starts.shorten_once(copy, 1.05, 0.004, Monitor())
+    here = starts.shorten_once(one, Monitor())
+    there = starts.shorten_once(copy, Monitor())
     for a, b in zip(here, there, strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -188,5 +191,5 @@ def test_starts_merge_alone_on_surfaces_in_one_piece_that_are_not_tiny(
             return done(*task)
 
         monkeypatch.setattr(starts, name, noted)
-    starts.best_of_starts(surface, 1.05, 0.004, Worker(1), Monitor(), None, alone)
+    starts.best_of_starts(surface, MERGING, Worker(1), Monitor(), None, alone)
     assert set(called) == ({"merged_together"} if shared else {"start_once"})
