@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import click
@@ -156,6 +156,28 @@ class NumberOr(click.ParamType[Any]):
         return [CompletionItem(self.word)] if self.word.startswith(incomplete) else []
 
 
+class NumberOrName(click.ParamType[Any]):
+    """A number, or one of the names that stand for some."""
+
+    name = "number"
+
+    def __init__(self, names: Mapping[str, float]) -> None:
+        self.names = names
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number, or the text as it stands: the library words what is wrong with it."""
+        try:
+            return float(value)
+        except ValueError:
+            return value
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """The names that begin so."""
+        return [CompletionItem(name) for name in self.names if name.startswith(incomplete)]
+
+
 def _formats() -> list[str]:
     from circparam.formats.table import FORMATS
 
@@ -182,6 +204,8 @@ def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
         known["is_flag"] = True
         if "/" in spec.flag:
             known["default"] = next(f.default for f in dataclasses.fields(fields) if f.name == name)
+    elif spec.words:
+        known["type"] = NumberOrName(spec.words)
     elif spec.word:
         known["type"] = NumberOr(spec.word)
     elif spec.names is not None:

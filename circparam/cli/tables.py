@@ -56,6 +56,12 @@ def columns(first: str, heads: Iterable[str], rows: Mapping[str, Iterable[str]])
     return table
 
 
+def _searches(effort: dict[str, Any]) -> str:
+    """How many searches were made, and which one is kept."""
+    left = f"; time was up for {effort['more']} more" if effort["more"] else ""
+    return f"{effort['searches']} made, number {effort['best'] + 1} costs least{left}"
+
+
 def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     """A short table of one unwrap; ``verbose`` adds the stages, and the notes from 2 on."""
     table = facts()
@@ -66,6 +72,8 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     row("input", plain(report["input"]))
     row("output", plain(report["output"] or "(in memory)"))
     row("method", f"{report['method']}, cut {report['cut']}")
+    if report["effort"]["searches"] > 1:
+        row("searches", _searches(report["effort"]))
     row("charts", f"{report['charts']} of {counted(report['faces'], 'face')}")
     row("flips, overlaps", f"{report['flips']}, {report['overlap']}")
     row(

@@ -7,8 +7,9 @@ what words a message reads the same ``Spec``. So an option is added with one fie
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass
+import difflib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, TypeAlias
 
@@ -48,7 +49,8 @@ class Spec:
     line, ``--on/--off`` for a pair; empty for that of the field's name, and ``--no-NAME`` switches a field
     off. short: one letter. metavar: what its value is called. shown: the default as the help tells it; None
     where there is nothing to tell. choices: all values, or ``names``: a function that gives them, called when
-    they are needed. bounds: of a number; word: what may be said in place of one. applies: see ``Condition``.
+    they are needed. bounds: of a number; word: what may be said in place of one; words: names of some numbers.
+    applies: see ``Condition``.
     """
 
     stage: str
@@ -61,6 +63,7 @@ class Spec:
     names: Callable[[], list[str]] | None = None
     bounds: Range | None = None
     word: str = ""
+    words: Mapping[str, float] = field(default_factory=dict)
     applies: Condition | None = None
 
     @property
@@ -99,7 +102,10 @@ def check(options: Any) -> None:
         value = getattr(options, name)
         if value is None:
             continue
-        if spec.word and isinstance(value, str):
+        if spec.words and isinstance(value, str):
+            if value not in spec.words:
+                raise OptionError(_no_word(flag(name, spec), value, spec))
+        elif spec.word and isinstance(value, str):
             if value != spec.word:
                 raise OptionError(f"{flag(name, spec)} {value!r}: give {spec.word} or a number")
         elif spec.bounds is not None:
@@ -115,3 +121,10 @@ def check(options: Any) -> None:
         why = spec.applies(options, name)
         if why is not None:
             raise OptionError(f"{flag(name, spec)} has no effect here: {why}; leave it out")
+
+
+def _no_word(name: str, value: str, spec: Spec) -> str:
+    """The message for a word that stands for no number; the shortest word is what most mean by a wrong one."""
+    near = difflib.get_close_matches(value, spec.words, n=1, cutoff=0.5) or list(spec.words)[:1]
+    meaning = "" if spec.bounds is None else f"it is {spec.bounds.meaning}; "
+    return f"{name} {value!r}: {meaning}did you mean {near[0]}?"

@@ -76,6 +76,11 @@ class Monitor:
         return time.monotonic() + seconds >= self.deadline - self.held
 
     @property
+    def left(self) -> float | None:
+        """Seconds until time is up for what goes on now; None where there is no bound."""
+        return None if self.deadline is None else self.deadline - self.held - time.monotonic()
+
+    @property
     def hurried(self) -> bool:
         """Whether time is up, or was for any stage before: what is made is less than it could be."""
         return self.expired or self.late

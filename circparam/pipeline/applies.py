@@ -58,6 +58,16 @@ def with_packing(o: Any, name: str) -> str | None:
     return None if o.packed else "--no-normalize keeps the coordinates of the solver"
 
 
+def searches(o: Any) -> bool:
+    """Whether several searches for charts can be compared by what their layouts cost."""
+    return bool(o.cut == "charts" and o.method == "isometric" and not o.blend and o.pins is None)
+
+
+def with_search(o: Any, name: str) -> str | None:
+    """Only where charts or a page are searched."""
+    return None if o.cut == "charts" else with_packing(o, name)
+
+
 def with_free_scale(o: Any, name: str) -> str | None:
     """Only where packing chooses the size of the charts."""
     if o.scale is False:

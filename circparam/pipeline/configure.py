@@ -25,7 +25,7 @@ from circparam.methods.base import MethodOptions
 from circparam.packing.options import PackOptions, pages_needed, too_dense
 from circparam.pipeline.options import AUTO, Options
 from circparam.pipeline.verify import uv_seams
-from circparam.seams.options import SeamOptions
+from circparam.seams.options import SeamOptions, Search
 
 
 def open_source(source: Any, options: Options) -> Document:
@@ -117,7 +117,7 @@ def seam_options(
         if uvmap is None:
             raise OptionError("--keep-uv-seams: the file has no uv to start from; leave it out")
         given["start"] = uv_seams(surface, uvmap)
-    return SeamOptions(**given)
+    return SeamOptions(**given, search=Search(draft=o.draft))
 
 
 def check_scene(document: Document, o: Options) -> None:
@@ -160,7 +160,7 @@ def method_options(o: Options) -> MethodOptions:
 def pack_options(o: Options) -> PackOptions:
     """What packing needs to know."""
     given = _given(o, [f.name for f in dataclasses.fields(PackOptions)])
-    return PackOptions(**given | {"padding": o.padding_texels})
+    return PackOptions(**given | {"padding": o.padding_texels, "effort": o.packing_effort})
 
 
 def padding_note(padding: int) -> str:

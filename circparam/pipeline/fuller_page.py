@@ -102,7 +102,9 @@ def _cut(uncut: _Uncut, carver: Carver, most: float) -> Cascade | None:
     cut_mesh, asked = carver.cut_mesh, options.cuts_asked
     work = WORK + WORK_OF_FACE * len(cut_mesh.faces)
     budget = Budget(work, lambda: monitor.expired)
-    first = first_plan(carver, budget, TOLD if asked is None else 0.0)
+    first = None
+    if not options.draft:
+        first = first_plan(carver, budget, TOLD if asked is None else 0.0)
     costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
     enough = ENOUGH_OF_MANY if costly else ENOUGH
     if first is None or len(first.pieces) > DRAWN:

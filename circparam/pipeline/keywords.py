@@ -41,7 +41,7 @@ class Keywords(TypedDict, total=False):
     pages: int | None
     texel_density: float | None
     rotate: Literal["free", "90", "none"] | None
-    effort: float | None
+    effort: float | str | None
     scale: bool | None
     normalize: bool | None
     uv_set: int | None

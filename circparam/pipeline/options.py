@@ -34,6 +34,11 @@ DEFAULT_RESOLUTION = 2048
 DEFAULT_PADDING = 4
 DEFAULT_BOUND = 1.05
 AUTO = "auto"
+EFFORTS = {"draft": 0.0, "normal": 1.0, "high": 4.0}
+HOUR = 60  # searches at most where a timeout alone says how many
+DRAFT_PACKING = (
+    0.25  # of the usual work of packing, at least: with less, pages of few charts stay half empty
+)
 
 
 # names that the tables of the library know, read when they are needed
@@ -198,10 +203,11 @@ class Options:
         "packing", "How charts may be turned.", shown="free", choices=limits.ROTATIONS,
         applies=applies.with_packing,
     )
-    effort: float | None = option(
-        "packing", "Search longer or shorter for a good packing.", metavar="X", shown="1",
-        bounds=Range(0.0, 1000.0, "a factor on the work of the search, from 0 on"),
-        applies=applies.with_packing,
+    effort: float | str | None = option(
+        "packing", "How much is searched: in a moment, as usual, or X times as much.",
+        metavar="draft|normal|high|X", shown="normal (1), or what fits into --timeout", words=EFFORTS,
+        bounds=Range(0.0, 1000.0, "draft (0), normal (1), high (4) or a number up to 1000"),
+        applies=applies.with_search,
     )
     scale: bool | None = option(
         "packing", "Keep the sizes of the charts: 1 unit is 1 page.", flag="--no-scale",
@@ -279,6 +285,33 @@ class Options:
             )
 
     @property
+    def work(self) -> float:
+        """The effort as a number: 1 is the usual search."""
+        asked = EFFORTS.get(self.effort) if isinstance(self.effort, str) else self.effort
+        return 1.0 if asked is None else float(asked)
+
+    @property
+    def draft(self) -> bool:
+        """Whether the short search is asked for."""
+        return self.work < 1
+
+    @property
+    def packing_effort(self) -> float:
+        """Times the usual work of packing; where there are several searches, each packs as usual."""
+        if not applies.searches(self):
+            return self.work
+        return min(max(self.work, DRAFT_PACKING), 1.0)
+
+    @property
+    def searches(self) -> int:
+        """How many searches for charts are made at most, of which the best layout is kept."""
+        if not applies.searches(self):
+            return 1
+        if self.effort is None and self.timeout is not None:
+            return HOUR
+        return max(int(self.work), 1)
+
+    @property
     def bound(self) -> float | None:
         """The distortion that no chart may exceed; None where the cut promises none."""
         if self.cut != "charts":
@@ -294,6 +327,11 @@ class Options:
     def fills_page(self) -> bool:
         """Whether charts are cut where a fuller page is worth the seam."""
         return self.pack_splits != 0 and applies.fills_page(self)
+
+    @property
+    def fills_one_page(self) -> bool:
+        """The same where there is one page, and packing chooses the size of the charts."""
+        return self.fills_page and self.texel_density is None and self.pages in (None, 1)
 
     @property
     def cuts_asked(self) -> int | None:

@@ -26,6 +26,20 @@ if TYPE_CHECKING:
     from circparam.formats.memory import Image, Trimesh
 
 
+@dataclass(frozen=True)
+class Effort:
+    """What was searched.
+
+    searches: how many; costs: of each, in their order, infinite where it led nowhere, empty where there was
+    one; best: which one was kept; more: how many more were asked for when time was up.
+    """
+
+    searches: int = 1
+    costs: tuple[float, ...] = ()
+    best: int = 0
+    more: int = 0
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """A layout, what it is worth, and what was done for it.
@@ -38,6 +52,7 @@ class Result:
     input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
     uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None;
     group_by: what has an atlas of its own, or None.
+    effort: how many searches the layout is the best of.
     floaters: what --drop-floaters left out, None where it was not given. advice: what other options would do
     for the page, where that was tried.
     """
@@ -69,6 +84,7 @@ class Result:
     vertex_map: IntArray | None = None
     face_map: IntArray | None = None
     advice: str = ""
+    effort: Effort = Effort()
 
     def __repr__(self) -> str:
         """One line: the file, the status and the figures that matter most."""

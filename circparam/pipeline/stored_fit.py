@@ -66,7 +66,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         cascade, settled = _hold_stored(job, cascade, _likely_size(cascade), monitor), True
     for turn in range(ROUNDS):
         if turn == 1:  # what stored numbers spoil is spoilt in a loose layout too
-            options = replace(options, effort=min(RETRIED * (options.effort or 1.0), 1.0))
+            options = replace(options, effort=min(RETRIED * options.work, 1.0))
         if not settled:
             cascade = fallback.settle(cascade, monitor)
         trial = _packed(job, cascade, options, monitor)

@@ -30,7 +30,9 @@ def summarise(result: Result) -> dict[str, Any]:
     where there is no seam and where --timeout left no time to look. packed (also as pack): covered share of the
     pages; pages: how many there are. padding: in texels; mip_level: the last at which no texel of a neighbour
     bleeds in where gutters are filled, null where one does at once. flips, overlap, mirrored, missing: 0 in a
-    valid layout. dropped_components, dropped_faces: left out by --drop-floaters. stages: seconds.
+    valid layout. effort: searches that were made, which one was kept, what each cost (``AtlasCost``), and how
+    many more were asked for when time was up. dropped_components, dropped_faces: left out by --drop-floaters.
+    stages: seconds.
     """
     numbers = _numbers(result.measures)
     left_out = result.floaters
@@ -46,6 +48,7 @@ def summarise(result: Result) -> dict[str, Any]:
         "method": result.options.method if result.work == "unwrap" else "as given",
         "cut": result.options.cut if result.work == "unwrap" else "as given",
         "options": result.options.given(),
+        "effort": _effort(result),
         "vertices": len(result.mesh.points),
         "faces": len(result.mesh.faces),
         **numbers,
@@ -59,6 +62,18 @@ def summarise(result: Result) -> dict[str, Any]:
         "notes": result.notes,
         "seconds": round(sum(result.seconds.values()), 4),
         "stages": {name: round(value, 4) for name, value in result.seconds.items()},
+    }
+
+
+def _effort(result: Result) -> dict[str, Any]:
+    """The effort as a number, the searches made, which one was kept, what each cost, and how many were left."""
+    found = result.effort
+    return {
+        "asked": result.options.work,
+        "searches": found.searches,
+        "best": found.best,
+        "costs": [plain(round(cost, 6)) for cost in found.costs],
+        "more": found.more,
     }
 
 

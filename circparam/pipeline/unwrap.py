@@ -38,6 +38,7 @@ from circparam.pipeline.pinned import check_held, check_storable
 from circparam.pipeline.place import chart_tiles, pack_groups
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
+from circparam.pipeline.searches import best_layout, with_room
 from circparam.pipeline.seen import SeenBeside
 from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
 from circparam.pipeline.verify import corners_of, uv_seams
@@ -112,28 +113,17 @@ def _unwrapped(
             cascade = first_layout(job, seams, monitor)
     with monitor.holding(WRITE_COST * pace + KEPT):
         with monitor.stage("pack"):
-            cascade = _with_room(cascade, options, monitor)
-        fitted = fit_stored(job, cascade, monitor)
-    result = _finish(job, fitted, output, monitor)
+            filled = with_room(cascade, options, monitor)
+        best, effort = best_layout(filled, job, monitor)
+        if best is filled and options.fills_one_page and not options.draft:
+            from circparam.pipeline.advice import advised  # the FFT takes 0.1 s to import
+
+            with monitor.stage("pack"):
+                best = advised(filled, cascade, options, monitor)
+        fitted = fit_stored(job, best, monitor)
+    result = replace(_finish(job, fitted, output, monitor), effort=effort)
     checkpoint.forget(job)
     return result
-
-
-def _with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
-    """Charts cut for a fuller page, as ``pack_splits`` says."""
-    no_time = monitor.late and not np.isfinite(cascade.atlas.corners).all()
-    if monitor.expired or no_time:  # what has no layout yet is projected, in far too many charts
-        return cascade
-    if not options.fills_page:
-        return cascade
-    if options.texel_density is not None or options.pages not in (None, 1):
-        from circparam.pipeline.more_pages import fill_pages
-
-        return fill_pages(cascade, options, monitor)
-    from circparam.pipeline.advice import advised  # the FFT takes 0.1 s to import
-    from circparam.pipeline.fuller_page import fill_page
-
-    return advised(fill_page(cascade, options, monitor), cascade, options, monitor)
 
 
 def repack(

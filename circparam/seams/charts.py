@@ -60,7 +60,9 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     """
     mirror = None if options.symmetry is None else find_mirror(surface, options.symmetry)
     surface, forced, notes = constrain(surface, options)
-    hide = 0.0 if options.search.draft else options.hide_seams
+    hide = options.hide_seams
+    if hide is None and options.search.draft:
+        hide = 0.0
     if hide is None:  # seams that moved have no distortion left for tips to be held more strictly
         hide = HIDDEN if (options.max_stretch or STRETCH) >= STRETCH else 0.0
     if hide > 0:

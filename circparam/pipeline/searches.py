@@ -1,0 +1,149 @@
+"""The best of several searches for charts: each goes all the way to a page, and the cheapest layout is kept.
+
+A search depends on its number alone, so the same effort gives the same bytes on any number of cores, and more
+effort, which contains the searches of less, never gives a layout that costs more (``AtlasCost.finished``).
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.core.monitor import Monitor
+from circparam.core.workers import Worker
+from circparam.errors import CircparamError
+from circparam.geometry.distortion import face_stretch
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.surface import Surface
+from circparam.pipeline import fallback
+from circparam.pipeline.cascade import Cascade, KnownPacking
+from circparam.pipeline.configure import seam_options
+from circparam.pipeline.flatten import rules
+from circparam.pipeline.job import Job
+from circparam.pipeline.options import Options
+from circparam.pipeline.result import Effort
+from circparam.seams import SEAMS
+from circparam.seams.cost import COST
+from circparam.seams.options import SeamOptions, Search
+from circparam.seams.segmentation.weigh import share_over
+from circparam.seams.stretch import STRETCH
+from circparam.solvers.objective import chart_energies
+
+LIKELY = (
+    0.5  # share of the seconds of the last search that must be left for another one to be begun
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What one search sends back: seams (e,), layout (m, 3, 2), what it has to say, its packing, its cost."""
+
+    cut: BoolArray
+    corners: FloatArray
+    notes: tuple[str, ...]
+    packing: KnownPacking | None
+    cost: float
+
+
+def with_room(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
+    """Charts cut for a fuller page, as ``pack_splits`` says."""
+    no_time = monitor.late and not np.isfinite(cascade.atlas.corners).all()
+    if monitor.expired or no_time:  # what has no layout yet is projected, in far too many charts
+        return cascade
+    if not options.fills_page:
+        return cascade
+    if not options.fills_one_page:
+        from circparam.pipeline.more_pages import fill_pages
+
+        return fill_pages(cascade, options, monitor)
+    from circparam.pipeline.fuller_page import fill_page  # the FFT takes 0.1 s to import
+
+    return fill_page(cascade, options, monitor)
+
+
+def best_layout(first: Cascade, job: Job, monitor: Monitor) -> tuple[Cascade, Effort]:
+    """The cheapest of the layout at hand and those of further searches, as many as the effort asks for.
+
+    first: the layout of the first search, with its cuts for a fuller page. Where there is a deadline, searches
+    are begun as long as one is likely to end in time.
+    """
+    options = job.options
+    numbers = range(1, options.searches)
+    if not len(numbers):
+        return first, Effort()
+    with monitor.stage("search"):
+        first = _packed(first, options, monitor)
+        costs = [cost_of(first, options)]
+        asked = seam_options(job.document, job.surface, job.repair_report, options)
+        best, kept = first, 0
+        wave = len(numbers) if monitor.deadline is None else max(monitor.jobs, 1)
+        took = 0.0
+        while len(costs) <= len(numbers):
+            if monitor.short(LIKELY * took):
+                break
+            begun = time.monotonic()
+            some = numbers[len(costs) - 1 : len(costs) - 1 + wave]
+            tasks = [(job.surface, asked, options, number) for number in some]
+            for found in Worker(monitor.jobs).map(searched, tasks, monitor):
+                costs.append(np.inf if found is None else found.cost)
+                if found is not None and found.cost < costs[kept]:
+                    atlas = Atlas(job.surface, found.cut, found.corners)
+                    best = Cascade(atlas, rules(options), notes=found.notes, packing=found.packing)
+                    kept = len(costs) - 1
+            took = time.monotonic() - begun
+            monitor.update((len(costs) - 1) / len(numbers))
+    return best, Effort(len(costs), tuple(costs), kept, options.searches - len(costs))
+
+
+def searched(
+    surface: Surface, asked: SeamOptions, options: Options, number: int, monitor: Monitor
+) -> _Found | None:
+    """One more search, to its page; None where it leads nowhere, or is broken off."""
+    own = Monitor(
+        None, monitor.left, monitor.jobs
+    )  # what is late here is no fault of the first search
+    try:
+        asked = replace(asked, search=Search(asked.search.draft, number))
+        seams = SEAMS[options.cut].function(surface, asked, own)
+        atlas = Atlas(surface, seams.cut, seams.uv)
+        cascade = Cascade(atlas, rules(options), notes=tuple(seams.notes))
+        cascade = with_room(cascade, options, own)
+        cascade = _packed(cascade, options, own)
+    except (CircparamError, np.linalg.LinAlgError, ArithmeticError):
+        return None
+    finally:
+        for name, seconds in own.seconds.items():
+            monitor.seconds[name] = monitor.seconds.get(name, 0.0) + seconds
+    atlas = cascade.atlas
+    return _Found(
+        atlas.cut, atlas.corners, cascade.notes, cascade.packing, cost_of(cascade, options)
+    )
+
+
+def _packed(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
+    """The layout with its packing, which is part of its cost; pages of several atlases are no part of it."""
+    if cascade.packing is not None or not options.packed or options.grouped:
+        return cascade
+    from circparam.pipeline.fuller_page import packing
+
+    return replace(cascade, packing=packing(cascade, options, monitor))
+
+
+def cost_of(cascade: Cascade, options: Options) -> float:
+    """``AtlasCost.finished`` of a layout; infinite where a chart is faulty, or there are too many."""
+    cut_mesh, uv = cascade.open()
+    most = np.inf if options.max_charts is None else options.max_charts
+    if cascade.repairs or not np.isfinite(uv).all() or cut_mesh.n_charts > most:
+        return float(np.inf)
+    if (fallback.faults(cut_mesh, uv)[0] > 0).any():
+        return float(np.inf)
+    share = 1.0
+    if cascade.packing is not None:
+        share = float(cascade.packing.packed.share[: cascade.packing.packed.page.max() + 1].mean())
+    area = cut_mesh.chart_areas
+    distortion = float(chart_energies(cut_mesh, uv) @ area / area.sum())
+    tail = float(share_over(cut_mesh, face_stretch(cut_mesh, uv), STRETCH).sum())
+    return COST.finished(cascade.atlas.seam_length, cut_mesh.n_charts, distortion, tail, share)

@@ -1,0 +1,109 @@
+"""One dial for the search: a draft keeps all promises, more effort never costs more."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam import errors
+from circparam.pipeline.options import HOUR, Options
+from circparam.seams.cost import COST
+from tests.support import shapes
+
+PAGE = {"resolution": 256, "hide_seams": 0.0}
+
+
+def bumpy(level: int = 2) -> shapes.Shape:
+    """A ball with bumps, for which several searches come to different charts."""
+    points, faces = shapes.icosphere(level)
+    return points * (1 + 0.35 * np.sin(3 * points[:, :1]) * np.cos(4 * points[:, 1:2])), faces
+
+
+def unwrapped(shape: shapes.Shape, **options: Any) -> circparam.Result:
+    return circparam.unwrap(shape, **(PAGE | {"jobs": 1} | options))
+
+
+def cost(result: circparam.Result) -> float:
+    """What the layout costs as it was verified."""
+    m: dict[str, Any] = result.measures
+    return COST.finished(
+        m["seam_length"], m["charts"], m["distortion"], m["share_over_2"], m["pack"]
+    )
+
+
+@pytest.fixture(scope="module")
+def four() -> circparam.Result:
+    return unwrapped(bumpy(), effort="high")
+
+
+def test_more_effort_keeps_the_cheapest_of_all_searches(four: circparam.Result) -> None:
+    found = four.effort
+    assert found.searches == len(found.costs) == 4
+    assert found.more == 0
+    assert len(set(found.costs)) > 1  # else there is nothing to choose from
+    assert found.costs[found.best] == min(found.costs)
+    assert cost(four) == pytest.approx(min(found.costs), rel=0.02)  # the page is measured in texels
+
+
+def test_more_effort_contains_the_searches_of_less(four: circparam.Result) -> None:
+    two = unwrapped(bumpy(), effort=2)
+    assert two.effort.costs == four.effort.costs[:2]
+    assert min(four.effort.costs) <= min(two.effort.costs)
+
+
+def test_an_effort_has_the_same_bytes_on_any_number_of_processes(four: circparam.Result) -> None:
+    again = unwrapped(bumpy(), effort=4.0, jobs=2)
+    assert again.effort == four.effort
+    np.testing.assert_array_equal(again.uv, four.uv)
+    np.testing.assert_array_equal(again.uv_faces, four.uv_faces)
+
+
+@pytest.mark.parametrize(
+    "shape", [bumpy(3), shapes.cube(3), shapes.torus(24, 12), shapes.handles(2), shapes.grid()]
+)
+def test_a_draft_keeps_every_promise(shape: shapes.Shape) -> None:
+    result = unwrapped(shape, effort="draft")
+    measures: dict[str, Any] = result.measures
+    assert result.status == "ok"
+    assert measures["flips"] == measures["overlap"] == measures["mirrored"] == 0
+    assert measures["distortion_max_chart"] <= 1.05
+    assert measures["share_over_2"] <= 1e-3
+    assert measures["gap_texels"] is None or measures["gap_texels"] >= 4
+
+
+def test_time_chooses_the_effort_where_nothing_else_does() -> None:
+    start = time.monotonic()
+    result = unwrapped(shapes.icosphere(1), timeout=3.0)
+    found = result.effort
+    assert 1 < found.searches <= HOUR
+    assert found.searches + found.more == HOUR
+    assert time.monotonic() - start < 30
+    assert min(found.costs) == found.costs[found.best]
+
+
+def test_an_effort_beside_a_deadline_ends_with_the_earlier_one() -> None:
+    assert Options(effort=2, timeout=900.0).searches == 2
+    assert Options(timeout=900.0).searches == HOUR
+    assert Options().searches == 1
+    assert Options(effort=0.5, timeout=900.0).searches == 1
+
+
+def test_charts_stay_within_the_number_asked_for() -> None:
+    result = unwrapped(bumpy(), effort=3, max_charts=3, max_distortion=1.5)
+    assert result.measures["charts"] <= 3
+
+
+@pytest.mark.parametrize("word", ["fast", "drft", "nomal", -1, float("nan"), 1e9])
+def test_an_effort_that_is_none_is_told(word: Any) -> None:
+    with pytest.raises(errors.OptionError, match="--effort") as info:
+        Options(effort=word)
+    assert "draft" in str(info.value)
+
+
+def test_one_search_says_nothing_of_costs() -> None:
+    assert unwrapped(shapes.cube(2)).effort.costs == ()
+    assert circparam.summarise(unwrapped(shapes.cube(2), effort=2))["effort"]["searches"] == 2
