@@ -15,8 +15,7 @@ from circparam.core.monitor import Monitor
 from circparam.errors import OutOfTimeError
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
-from circparam.seams.hard.rival import component_costs
-from circparam.seams.segmentation.starts import CHART_COST
+from circparam.seams.cost import COST
 
 UNSOUND = 1e9  # cost that a layout has besides, which may have charts that flip or overlap
 
@@ -44,7 +43,7 @@ def in_time(
 class Reached:
     """The cheapest atlas so far of each component of a surface.
 
-    cost: (components,) by ``component_costs``, infinite where there is none yet.
+    cost: (components,) by ``AtlasCost.of_components``, infinite where there is none yet.
     """
 
     def __init__(self, surface: Surface) -> None:
@@ -69,9 +68,7 @@ class Reached:
         _, first = np.unique(component, return_index=True)
         there = whole.components[1][face[first]]
         complete = np.bincount(component, minlength=count) == self._size[there]
-        cost = component_costs(atlas, atlas.flat, self._unit, CHART_COST) + (
-            0 if sound else UNSOUND
-        )
+        cost = COST.of_components(atlas, atlas.flat, self._unit) + (0 if sound else UNSOUND)
         better = complete & (cost < self.cost[there])
         taken = better[component]
         self.cost[there[better]] = cost[better]
