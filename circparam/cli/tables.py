@@ -72,7 +72,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     row("input", plain(report["input"]))
     row("output", plain(report["output"] or "(in memory)"))
     row("method", f"{report['method']}, cut {report['cut']}")
-    if report["effort"]["searches"] > 1:
+    if report.get("effort", {}).get("searches", 1) > 1:
         row("searches", _searches(report["effort"]))
     row("charts", f"{report['charts']} of {counted(report['faces'], 'face')}")
     row("flips, overlaps", f"{report['flips']}, {report['overlap']}")

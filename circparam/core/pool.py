@@ -49,6 +49,11 @@ class Pool:
     _waiting: list[Callable[[], object]] = field(default_factory=list)
     _lock: Any = field(default_factory=threading.Lock)
 
+    @property
+    def lost(self) -> bool:
+        """Whether a process has ended otherwise than by itself."""
+        return any(p.exitcode not in (None, 0) for p in dict(self.executor._processes).values())
+
     def claim(self, waiting: Callable[[], object] | None = None) -> bool:
         """Whether a process has nothing to do; it is taken then, until ``release``.
 

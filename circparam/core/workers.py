@@ -34,6 +34,7 @@ PART_FACES = 4_000  # that a part has at least, if the charts allow it
 PARTS = 8  # at most: more than processes, so that none waits long for the last one
 LARGE = 8  # charts of more than such a part of a part are dealt out one by one
 LARGE_TASK = 16 << 20  # bytes, from which on its arrays are worth keeping for the next ones
+OVERLOOKED = 2.0  # seconds after which it is looked whether a process that should answer was killed
 MOST_SHARE = 0.9  # of the faces in one part, above which the others are not worth the trouble
 
 
@@ -208,11 +209,21 @@ def _answered(pool: Pool, future: Future[bytes] | None, m: Monitor) -> tuple[Any
         return None
     with contextlib.suppress(Exception):
         if future is not None:
-            answer = (pickle.loads(future.result()),)
+            answer = (pickle.loads(_waited(pool, future)),)
             m.late |= m.expired  # the process may have been told that time is up
             return answer
     stop()
     return None
+
+
+def _waited(pool: Pool, future: Future[bytes]) -> bytes:
+    """The result of a process. Raises TimeoutError where one was killed, which loky overlooks at times."""
+    while True:
+        try:
+            return future.result(OVERLOOKED)
+        except TimeoutError:
+            if not future.done() and pool.lost:
+                raise
 
 
 class _Shared:

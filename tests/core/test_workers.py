@@ -244,6 +244,7 @@ def test_where_no_worker_can_be_had_all_is_done_here(
         monkeypatch.setattr(sys, "executable", "/opt/modeller/modeller")
     else:
         monkeypatch.setenv(pool_module.INSIDE, "1")
+    workers.stop()  # that of a test before may still be there
     workers.start(2, HERE)
     assert current() is None
     got = Worker(2).map(square, [(k, "") for k in range(3)], Monitor())

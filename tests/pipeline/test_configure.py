@@ -71,7 +71,7 @@ def test_what_is_given_goes_to_its_stage() -> None:
     assert method_options(Options(method="abf", linear=True)).linear
     assert method_options(Options(method="lscm", lscm="pinned")).lscm == "pinned"
     assert method_options(Options(method="bff", bff_boundary="disk")).bff_boundary == "disk"
-    given = {"resolution": 512, "padding": 3, "rotate": "90", "effort": 2.0, "pages": 4}
+    given = {"resolution": 512, "padding": 3, "rotate": "90", "effort": 0.5, "pages": 4}
     for more in ({"texel_density": 8.0}, {"scale": False}):
         assert pack_options(Options(**given, **more)) == PackOptions(**given, **more)
 

@@ -25,7 +25,7 @@ from circparam.seams.hard.regions import DOUBTFUL
 from circparam.seams.segmentation import starts
 from tests.support import shapes
 
-QUICK = {"effort": 0.01}
+QUICK = {"effort": 1}
 ROOT = Path(__file__).parents[2]
 
 

@@ -34,7 +34,7 @@ def letters(count: int, long: int = LONG, wide: int = WIDE) -> shapes.Shape:
 def flat_atlas(shape: shapes.Shape) -> Atlas:
     points, faces = shape
     surface = prepare(from_arrays(points, faces), None, Options(), Monitor()).surface
-    corners = points[:, :2][faces[surface.source]]
+    corners = points[:, :2][surface.from_file(faces)]
     return Atlas(surface, np.zeros(len(surface.edges), bool), corners)
 
 

@@ -47,7 +47,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], tuple[Result, int]
 
     def unwrapped(limit: float) -> tuple[Result, int]:
         asked[0] = 0
-        options = Options(jobs=1, effort=0.01, pack_splits=0)
+        options = Options(jobs=1, effort=1, pack_splits=0)
         return unwrap_document(document, None, options, Monitor(timeout=limit)), asked[0]
 
     return unwrapped
