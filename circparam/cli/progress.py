@@ -99,7 +99,7 @@ class Forward:
                 self._come[stage] = max(min(fraction, 1.0), self._come.get(stage, 0.0))
         costs = [sum(group.values()) for group in self.groups]
         here = self.groups[self._at]
-        done = sum(costs[: self._at])
+        done = float(sum(costs[: self._at]))
         done += sum(here.get(name, 0) * come for name, come in self._come.items())
         self.fraction = max(self.fraction, done / sum(costs))
         return self.fraction

@@ -11,6 +11,7 @@ from PIL import Image
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.projection import own_frames
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.gltf.normals import with_frames
@@ -227,6 +228,13 @@ def test_surfaces_apart_or_mirrored_are_refused(tmp_path: Path):
     for source in (far, over):
         with pytest.raises(InputError, match="no ray meets the source"):
             bake_document(target, "normals", source=source, across=Across("nearest"), size=16)
+        heard: list[str] = []
+        monitor = Monitor(lambda stage, fraction, note: heard.append(stage))
+        with pytest.raises(InputError, match="no ray meets the source"):
+            bake_document(
+                target, "normals", source=source, across=Across("nearest"), size=16, monitor=monitor
+            )
+        assert "bake" not in heard, "told before the rays of all texels"
     across = Across(known_map(target.mesh, over.mesh))
     with pytest.raises(InputError, match="mirrored"):
         bake_document(target, "normals", source=over, across=across, size=16)
