@@ -225,11 +225,11 @@ def test_surfaces_apart_or_mirrored_are_refused(tmp_path: Path):
     target = stored(tmp_path, "a", Mesh(points, faces), layout)
     far = stored(tmp_path, "far", Mesh(points + np.array([0, 0, 9.0]), faces), layout)
     over = stored(tmp_path, "over", Mesh(points, faces[:, ::-1]), UVMap(layout.uv, faces[:, ::-1]))
+    heard: list[str] = []
+    monitor = Monitor(lambda stage, fraction, note: heard.append(stage))
     for source in (far, over):
         with pytest.raises(InputError, match="no ray meets the source"):
             bake_document(target, "normals", source=source, across=Across("nearest"), size=16)
-        heard: list[str] = []
-        monitor = Monitor(lambda stage, fraction, note: heard.append(stage))
         with pytest.raises(InputError, match="no ray meets the source"):
             bake_document(
                 target, "normals", source=source, across=Across("nearest"), size=16, monitor=monitor
