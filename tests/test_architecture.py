@@ -169,6 +169,7 @@ def test_tests_lie_where_the_code_lies() -> None:
         ("click", {"cli"}),
         ("rich", {"cli"}),
         ("trimesh", {"formats"}),
+        ("pxr", {"formats"}),
         ("fast_simplification", {"geometry"}),
         ("loky", {"core"}),
         ("PIL", {"render", "bake", "formats"}),

@@ -94,6 +94,11 @@ class Document:
         return self.source.path
 
     @property
+    def up(self) -> str:
+        """The axis that the file itself says to point up, y or z; '' where it does not."""
+        return ""
+
+    @property
     def instances(self) -> int:
         """How often a mesh of the file is shown again by a further node (0 where none is shared)."""
         return 0
