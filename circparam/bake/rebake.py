@@ -14,21 +14,23 @@ from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
 from circparam.bake.sharpness import Sharpness, blurred, needed_size, sharpness
 from circparam.bake.texels import Texels
+from circparam.core.limits import auto_padding
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import Written, check_place, check_target, format_of, write
 from circparam.formats.looks import Carried
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.configure import padding_note, target_format, write_options
+from circparam.pipeline.configure import target_format, write_options
 from circparam.pipeline.look_options import LookOptions
 from circparam.pipeline.options import AUTO, Options
-from circparam.pipeline.result import Result, verify_layout
+from circparam.pipeline.result import Result, promise, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.unwrap import unwrap_document
+from circparam.pipeline.verify import reasons
 
 # formats that can be written with the materials of each format
-HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf")}
+HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf"), "obj": ("obj",), "ply": ("ply",)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,37 +86,42 @@ def rebake_document(
         raise OptionError(
             f"--size {size} and --resolution {options.resolution} are one thing with --rebake: give one of them"
         )
-    padding = AUTO if options.padding is None and look.fixed_size is None else options.padding
+    free = look.fixed_size is None and options.resolution is None
+    grows = options.padding in (None, AUTO)
+    # a texel more, since half of a page has half of its padding and a coarser raster
+    padding = auto_padding(size) + 1 if free and grows else options.padding
     asked = replace(options, resolution=size, padding=padding, format=target)
     result = unwrap_document(document, None, asked, monitor)
     layout = UVMap(result.uv, result.uv_faces)
-    if look.fixed_size is None and options.resolution is None and padding == AUTO:
-        size = needed_size(source, layout)  # a padding that grows with the page is as good on any
+    if free:
+        result = _at_size(result, needed_size(source, layout), grows)
+    size = result.options.resolution or size
     number = options.target_set or 0
     how = CarryOptions(size, look.samples or 2, look.merge)
     carried, texels = carry(source, layout, number, how, monitor)
     told = _look(source, layout, carried, texels)
-    result = _at_size(replace(result, document=document.dressed(carried)), size, options.format)
-    saved = save(result, output, monitor)
+    back = replace(result.options, format=options.format)
+    dressed = replace(result, document=document.dressed(carried), options=back)
+    saved = save(dressed, output, monitor)
     warnings = [*saved.warnings, *told.notes]
     return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), told
 
 
-def _at_size(result: Result, size: int, format: str | None) -> Result:
-    """A result as it is on a page of another size, its padding in texels of that one."""
+def _at_size(result: Result, size: int, grows: bool) -> Result:
+    """A result on a page of another size, with what its padding is there; as it is where that is too little.
+
+    grows: the padding is that of ``--padding auto``, which a smaller page needs less of.
+    """
     old = result.options
-    new = replace(old, resolution=size, format=format)
-    if size == old.resolution:
-        return replace(result, options=new)
-    before, after = padding_note(old.padding_texels), padding_note(new.padding_texels)
-    return replace(
-        result,
-        options=new,
-        notes=[after if note == before else note for note in result.notes],
-        verification=verify_layout(
-            result.surface, UVMap(result.uv, result.uv_faces), new, result.tiles
-        ),
-    )
+    packed = old.resolution or size
+    if size == packed or (size < packed and not grows):
+        return result
+    new = replace(old, resolution=size, padding=old.padding_texels * size // packed)
+    layout = UVMap(result.uv, result.uv_faces)
+    verification = verify_layout(result.surface, layout, new, result.tiles)
+    if len(reasons(verification, promise(new))) > len(result.reasons):
+        return result
+    return replace(result, options=new, verification=verification)
 
 
 def bake_all(

@@ -18,7 +18,8 @@ KEPT = 0.9  # of the old density along a side, which no more than TAIL of the su
 TAIL = 0.01  # share of the surface that an image covers: slivers of old uv are no reason for a larger page
 FILLED = 0.7  # share of a page that packing covers, guessed before it
 SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
-TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern and decides no size
+PATTERN = 2048  # the side up to which images that repeat decide
+TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern that repeats
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,11 @@ def needed_size(source: Source, layout: UVMap | None) -> int:
     """The smallest power of two, SMALLEST to LARGEST, that keeps KEPT of the density of every image.
 
     layout: None before there is one; then the page is taken for FILLED by charts without distortion. Images
-    that repeat do not count: no page holds them as sharp as they are.
+    that repeat ask for no more than PATTERN: no page holds them as sharp as they are.
     """
-    sides = [KEPT * dense for _, dense, tiled in _densities(source, layout, 1) if not tiled]
-    side = max([SMALLEST, *sides])
+    side = float(SMALLEST)
+    for _, dense, tiled in _densities(source, layout, 1):
+        side = max(side, min(KEPT * dense, PATTERN if tiled else LARGEST))
     return min(1 << math.ceil(math.log2(side) - 1e-9), LARGEST)
 
 

@@ -1,11 +1,11 @@
-"""``python -m tests.bench [solve|atlas|packing|hard|speed|scale|batch|front|maps] ...``: one, or solve."""
+"""``python -m tests.bench [solve|atlas|packing|hard|speed|scale|batch|front|maps|look] ...``: one, or solve."""
 
 from __future__ import annotations
 
 import importlib
 import sys
 
-NAMES = ("solve", "atlas", "packing", "hard", "speed", "scale", "batch", "front", "maps")
+NAMES = ("solve", "atlas", "packing", "hard", "speed", "scale", "batch", "front", "maps", "look")
 
 
 def main() -> None:
