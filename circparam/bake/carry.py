@@ -29,6 +29,7 @@ from circparam.formats.looks import Carried, Group, Material, Slot, Use
 from circparam.geometry.shading import Frames, unit
 from circparam.mesh.mesh import UVMap
 
+MAGNIFIED = 0.5  # texels of an old image along a new one, below which samples hardly differ
 AT_ONCE = 250_000  # texels, a few hundred bytes each in every thread
 
 
@@ -46,9 +47,7 @@ class Work:
     """What is the same for all texels of a page."""
 
     source: Source
-    layout: UVMap
     texels: Texels
-    samples: int
     xy: FloatArray
     new: Frames | None
 
@@ -74,8 +73,9 @@ def carry(
         uv = layout.uv[np.maximum(layout.uv_faces, 0)]
         new = source.frames(uv) if turns else None
         xy = np.nan_to_num(corners_in_texels(layout, options.size))
-        work = Work(source, layout, texels, options.samples, xy, new)
-        pages = _painted(work, groups, slots, monitor)
+        work = Work(source, texels, xy, new)
+        parts = list(_parts(work, groups, options.samples))
+        pages = _painted(work, parts, slots, monitor)
     tangents = None
     if new is not None:
         sign = np.broadcast_to(new.sign[:, None, None], (*new.sign.shape, 3, 1))
@@ -83,16 +83,13 @@ def carry(
     return Carried(pages, groups, uv_set, tangents), texels
 
 
-def _painted(
-    work: Work, groups: tuple[Group, ...], slots: set[Slot], monitor: Monitor
-) -> dict[str, bytes]:
+def _painted(work: Work, parts: list[Part], slots: set[Slot], monitor: Monitor) -> dict[str, bytes]:
     """PNG bytes of every page."""
     size, texels = work.texels.size, work.texels
     width: dict[str, int] = {}
     for slot in slots:
         width[slot.page] = max(width.get(slot.page, 0), 3, 1 + max(slot.channels))
     images = {page: np.full((size * size, 4), 255, np.uint8) for page in sorted(width)}
-    parts = list(_parts(work, groups))
     for part in parts:  # what threads share is made before them
         _prepare(work.source, part)
     done = 0
@@ -113,26 +110,33 @@ def _painted(
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Texels of one material. at: their numbers in ``Texels``."""
+    """Texels of one material. at: their numbers in ``Texels``. samples: of each along a side."""
 
     group: Group
     material: Material
     at: IntArray
+    samples: int
 
 
-def _parts(work: Work, groups: tuple[Group, ...]) -> Iterator[Part]:
-    """The texels in parts of one material each."""
-    looks = work.source.looks
+def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part]:
+    """The texels in parts of one material each, those that old images magnify apart: one sample does for
+    them."""
+    looks, of = work.source.looks, work.texels.face
     group_of = {member: group for group in groups for member in group.members}
-    label = looks.face[work.texels.face]
+    fine = np.zeros(len(looks.face), bool)
+    for k, group in group_of.items():
+        for use in looks.materials[k].uses.values() if group.shown else ():
+            dense = density(work.source.in_texels(use), work.xy)
+            fine |= (looks.face == k) & ~(dense <= MAGNIFIED)
+    label = (2 * looks.face + fine)[of]
     order = np.argsort(label, kind="stable")
     first = np.flatnonzero(np.diff(label[order], prepend=-1))
     for a, b in zip(first, [*first[1:], len(order)], strict=True):
-        k = int(label[order[a]])
+        k, is_fine = divmod(int(label[order[a]]), 2)
         if group_of[k].shown:
             for start in range(a, b, AT_ONCE):
                 at = order[start : min(start + AT_ONCE, b)]
-                yield Part(group_of[k], looks.materials[k], at)
+                yield Part(group_of[k], looks.materials[k], at, samples if is_fine else 1)
 
 
 def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> int:
@@ -141,12 +145,12 @@ def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> 
     pixel, face = texels.pixel[part.at], texels.face[part.at]
     looked: dict[Any, FloatArray] = {}
     for slot in part.group.shown:
-        use, none = material.uses.get(slot), _without_image(slot)
+        use, none = material.uses.get(slot), without_image(slot)
         texel = np.broadcast_to(none, (len(face), len(none)))
         if use is not None:
             key = (use.image, use.uv_set, use.move.tobytes(), use.wrap, use.nearest, slot.srgb)
             if key not in looked:
-                looked[key] = _look_up(work, part, use, slot)
+                looked[key] = look_up(work, part, use, slot)
             has = work.source.places(use)[1][face]  # no uv, no texture: the factor alone
             texel = np.where(has[:, None], looked[key][:, slot.channels], none)
         own, common = material.factors[slot], part.group.factors[slot]
@@ -158,7 +162,7 @@ def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> 
     return len(part.at)
 
 
-def _without_image(slot: Slot) -> FloatArray:
+def without_image(slot: Slot) -> FloatArray:
     """The texel that stands for no image in a slot."""
     return np.array(FILL.get(slot.kind, (1.0,) * len(slot.channels)))
 
@@ -188,7 +192,7 @@ def _store(
         image[pixel, channel] = coded(value, slot.srgb and channel < 3)
 
 
-def _look_up(work: Work, part: Part, use: Use, slot: Slot) -> FloatArray:
+def look_up(work: Work, part: Part, use: Use, slot: Slot) -> FloatArray:
     """(p, 4) the mean of what an image shows at the samples of texels; of colours that are seen through, or
     not at all, by how much they are seen."""
     texels = work.texels
@@ -196,7 +200,7 @@ def _look_up(work: Work, part: Part, use: Use, slot: Slot) -> FloatArray:
     corners = np.nan_to_num(work.source.places(use)[0])[face]
     x, y = corners[:, :, 0].T.copy(), corners[:, :, 1].T.copy()
     image = work.source.sampled(use, slot.srgb)
-    dense = density(work.source.in_texels(use), work.xy)[face] / work.samples
+    dense = density(work.source.in_texels(use), work.xy)[face] / part.samples
     level = np.round(np.log2(np.maximum(np.nan_to_num(dense, nan=1.0), 1.0))).astype(np.int64)
     level = np.minimum(level, image.levels)
     numbers = np.unique(level).tolist()
@@ -204,7 +208,7 @@ def _look_up(work: Work, part: Part, use: Use, slot: Slot) -> FloatArray:
     material = part.material
     see_through = slot.covers and material.alpha != "OPAQUE"
     seen = np.zeros((len(face), 4))  # colours times weights, and weights
-    for u, v, w in places_in(work.xy, face, pixel, texels.size, work.samples):
+    for u, v, w in places_in(work.xy, face, pixel, texels.size, part.samples):
         px, py = u * x[0] + v * x[1] + w * x[2], u * y[0] + v * y[1] + w * y[2]
         for k in numbers:
             some = slice(None) if len(numbers) == 1 else level == k
@@ -214,7 +218,7 @@ def _look_up(work: Work, part: Part, use: Use, slot: Slot) -> FloatArray:
                 alpha = found[:, 3:]
                 weight = alpha if material.alpha == "BLEND" else (alpha >= material.cutoff) * 1.0
                 seen[some] += np.concatenate([found[:, :3] * weight, weight], 1)
-    total /= work.samples**2
+    total /= part.samples**2
     some = seen[:, 3] > 0
     total[some, :3] = seen[some, :3] / seen[some, 3:]
     return total
@@ -240,9 +244,14 @@ def _turned(
     if slot.kind == "normal":
         vector = (texel * 2 - 1) * [own[0], own[0], 1]
         return 0.5 + 0.5 * new.into(face, bary, old.out_of(face, bary, vector))
-    c, s = np.cos(own[1]), np.sin(own[1])
-    x, y = (texel[:, :2] * 2 - 1).T
-    flat = np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)
-    turned = unit(new.into(face, bary, old.out_of(face, bary, flat)) * [1, 1, 0])
+    flat = old.out_of(face, bary, rotated(texel * 2 - 1, own[1]))
+    turned = unit(new.into(face, bary, flat) * [1, 1, 0])
     strength = texel[:, 2] * (own[0] / common[0] if common[0] > 0 else 1.0)
     return np.column_stack([0.5 + 0.5 * turned[:, :2], strength])
+
+
+def rotated(vector: FloatArray, angle: float) -> FloatArray:
+    """Vectors (p, 3) flat in x and y, turned by an angle."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vector[:, 0], vector[:, 1]
+    return np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)

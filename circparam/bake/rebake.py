@@ -10,6 +10,7 @@ import numpy as np
 
 from circparam.bake.bake import tiles_of
 from circparam.bake.carry import CarryOptions, carry
+from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
 from circparam.bake.sharpness import Sharpness, blurred, needed_size, sharpness
@@ -18,7 +19,7 @@ from circparam.core.limits import auto_padding
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
-from circparam.formats.io import Written, check_place, check_target, format_of, write
+from circparam.formats.io import Written, check_place, check_target, format_of, read, write
 from circparam.formats.looks import Carried
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import target_format, write_options
@@ -47,6 +48,7 @@ class Look:
     sharp: list[Sharpness]
     covered: float
     notes: list[str] = field(default_factory=list)
+    checked: dict[str, Any] | None = None  # what --check-look found
 
     def as_dict(self) -> dict[str, Any]:
         """The figures for JSON."""
@@ -56,6 +58,7 @@ class Look:
             "materials_before": self.materials[0],
             "materials": self.materials[1],
             "covered": self.covered,
+            **({} if self.checked is None else {"check": self.checked}),
             "textures": [
                 {"name": s.name, "density_kept": s.kept, "tiled": s.tiled} for s in self.sharp
             ],
@@ -75,6 +78,8 @@ def rebake_document(
     images that can't be carried; all but the first before any work.
     """
     _check(options)
+    if look.check_look and os.fspath(output) == "-":
+        raise OptionError("--check-look reads the result back: give -o FILE in place of '-'")
     target = target_format(document, output, options)
     _check_home(document, target)
     check_target(document, target, write_options(options))
@@ -103,8 +108,18 @@ def rebake_document(
     back = replace(result.options, format=options.format)
     dressed = replace(result, document=document.dressed(carried), options=back)
     saved = save(dressed, output, monitor)
+    if look.check_look:
+        told = replace(told, checked=_checked(source, saved, monitor))
     warnings = [*saved.warnings, *told.notes]
     return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), told
+
+
+def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dict[str, Any]:
+    """What --check-look finds in a file that was written."""
+    faces = np.arange(len(source.looks.face))
+    face_map = faces if written.face_map is None else written.face_map
+    with monitor.stage("look"):
+        return check_look(source, Source.of(read(str(written.path))), face_map)
 
 
 def _at_size(result: Result, size: int, grows: bool) -> Result:
@@ -160,6 +175,8 @@ def bake_all(
     told = _look(found, layout, carried, texels)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     written = write(output, origin.dressed(carried), layout, options=options, overwrite=overwrite)
+    if look.check_look:
+        told = replace(told, checked=_checked(found, written, monitor or Monitor()))
     return written, told
 
 

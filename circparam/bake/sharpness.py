@@ -11,6 +11,7 @@ import numpy as np
 from circparam.bake.look_source import Source
 from circparam.bake.texels import corners_in_texels, density
 from circparam.core.arrays import FloatArray, cross2
+from circparam.core.limits import RESOLUTION
 from circparam.core.words import percent
 from circparam.mesh.mesh import UVMap
 
@@ -18,6 +19,7 @@ KEPT = 0.9  # of the old density along a side, which no more than TAIL of the su
 TAIL = 0.01  # share of the surface that an image covers: slivers of old uv are no reason for a larger page
 FILLED = 0.7  # share of a page that packing covers, guessed before it
 SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
+GROWN = 2.0  # a small part of a surface that an image magnifies is no reason for more
 PATTERN = 2048  # the side up to which images that repeat decide
 TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern that repeats
 
@@ -36,11 +38,12 @@ def needed_size(source: Source, layout: UVMap | None) -> int:
     """The smallest power of two, SMALLEST to LARGEST, that keeps KEPT of the density of every image.
 
     layout: None before there is one; then the page is taken for FILLED by charts without distortion. Images
-    that repeat ask for no more than PATTERN: no page holds them as sharp as they are.
+    that repeat ask for no more than PATTERN, others for GROWN times the side of a page with all their texels.
     """
+    whole = math.sqrt(sum(image.shape[0] * image.shape[1] for image in source.images))
     side = float(SMALLEST)
     for _, dense, tiled in _densities(source, layout, 1):
-        side = max(side, min(KEPT * dense, PATTERN if tiled else LARGEST))
+        side = max(side, min(KEPT * dense, PATTERN if tiled else GROWN * whole))
     return min(1 << math.ceil(math.log2(side) - 1e-9), LARGEST)
 
 
@@ -57,10 +60,11 @@ def blurred(found: list[Sharpness], size: int) -> list[str]:
     lines = []
     for one in found:
         if one.kept < KEPT:
+            side = 1 << math.ceil(math.log2(KEPT * size / one.kept) - 1e-9)
             why = (
                 "it repeats, so every copy needs texels of its own"
-                if one.tiled
-                else "--size is too small"
+                if one.tiled or side > RESOLUTION.high
+                else f"--size {side} keeps more than {percent(KEPT)}"
             )
             lines.append(
                 f"texture {one.name} keeps {percent(one.kept)} of its density at {size} texels: {why}"

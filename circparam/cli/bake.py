@@ -66,6 +66,7 @@ Examples:
 )
 @common.library_option("merge_materials", LookOptions)
 @common.library_option("samples", LookOptions)
+@common.library_option("check_look", LookOptions)
 @click.option(
     "--uv-set",
     type=click.IntRange(min=0),
@@ -122,6 +123,7 @@ def _check_words(given: dict[str, Any], look: LookOptions) -> None:
     for flag, value in {
         "--merge-materials": look.merge_materials,
         "--samples": look.samples,
+        "--check-look": look.check_look,
     }.items():
         if value is not None:
             raise OptionError(f"{flag} has no effect here: it needs --all; leave it out")

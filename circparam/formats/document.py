@@ -281,7 +281,7 @@ def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool)
     if number not in document.textured_sets():
         return Replaced(number, [text])
     keep = "" if only_first else ", or keep that set with --lightmap"
-    cure = f"carry them over with circparam bake --from texture{keep}"
+    cure = f"carry them over with circparam unwrap --rebake{keep}"
     return Replaced(number, [], [f"{text}, which its textures use: {cure}"])
 
 

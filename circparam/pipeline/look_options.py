@@ -29,6 +29,9 @@ class LookOptions:
         "look", "Samples of a texel along each side.", metavar="N", shown="2",
         bounds=Range(1, 16, "a number of samples along a side, 1 to 16"),
     )
+    check_look: bool | None = option(
+        "look", "Draw source and result from 12 directions: PSNR and SSIM of every channel."
+    )
     # fmt: on
 
     def __post_init__(self) -> None:

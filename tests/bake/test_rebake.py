@@ -68,13 +68,18 @@ def looks_alike(old: Path, new: Path) -> dict[str, float]:
 
 def test_a_model_keeps_its_look_in_its_new_uv(painted: Path) -> None:
     out = painted / "new.glb"
-    result = run("unwrap", painted / "model.glb", "--rebake", "-o", out, *FAST)
+    proof = ("--check-look", "--fail-if", "psnr<38,ssim<0.9")
+    result = run("unwrap", painted / "model.glb", "--rebake", "-o", out, *proof, *FAST)
     assert result.exit_code == 0, result.stderr
     report = json.loads(result.stdout)
     assert report["flips"] == 0
     assert report["overlap"] == 0
     look = report["look"]
     assert look["materials_before"] == 2
+    assert report["psnr"] == look["check"]["psnr"] >= 38
+    assert set(look["check"]["channels"]) == {
+        "base colour", "metallic-roughness", "occlusion", "emissive", "normal",
+    }  # fmt: skip
     assert look["materials"] == 1
     assert look["images"] == ["base_color", "emissive", "normal", "orm"]
     assert min(looks_alike(painted / "model.glb", out).values()) >= 40
@@ -89,6 +94,16 @@ def test_a_model_keeps_its_look_in_its_new_uv(painted: Path) -> None:
     assert unused_entries(new.tree.json) == (set(), set())
     assert "TEXCOORD_1" in new.pools[0].attributes
     assert validate(painted / "model.glb", out)[1] <= validate(painted / "model.glb")[0]
+
+
+def test_a_look_that_is_lost_is_told(painted: Path) -> None:
+    """16 texels for the whole model: the gate holds, and the file is there to look at."""
+    out = painted / "new.glb"
+    words = ("--rebake", "--size", 16, "--padding", 1, "--check-look", "--fail-if", "psnr<38")
+    result = run("unwrap", painted / "model.glb", *words, "-o", out, *FAST)
+    assert result.exit_code == 6, result.stderr
+    assert "psnr<38" in result.stderr
+    assert out.exists()
 
 
 def test_gltf_keeps_its_images_beside_it(painted: Path) -> None:

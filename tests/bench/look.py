@@ -89,6 +89,12 @@ def staged(name: str, folder: Path) -> Path:
         )
         target.write_text("mtllib spot.mtl\nusemtl skin\n" + target.read_text())
         marbled(folder / "spot_texture.png")
+    if name.startswith(
+        "fuze"
+    ):  # three.js takes tabs for parts of names, and Tr 1 for what is not seen
+        library = folder / "fuze.obj.mtl"
+        text = library.read_text().replace("\t", " ").replace("Tr 1.000000", "")
+        library.write_text("\n".join(line.strip() for line in text.splitlines()))
     if name.startswith("bunny"):
         marbled(folder / "TextureDouble_A.png")
     return target

@@ -15,7 +15,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
-from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, pixels
+from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, Wrap, pixels
 from circparam.formats.materials import linear, srgb
 from circparam.formats.obj.materials import named
 from circparam.formats.obj.reading import Scan
@@ -39,10 +39,11 @@ _BLUE = 0.25  # how far the mean of an image of normals may lie from (½, ½, 1)
 
 @dataclass
 class Statements:
-    """One material of a library: its name and its lines (keyword, rest), as they stand."""
+    """One material of a library: its name, the line of it, and those behind it: keyword, rest, the whole."""
 
     name: str
-    lines: list[tuple[str, str]] = field(default_factory=list)
+    head: str = ""
+    lines: list[tuple[str, str, str]] = field(default_factory=list)
 
 
 def libraries(scan: Scan, source: Source) -> list[Statements]:
@@ -61,9 +62,9 @@ def libraries(scan: Scan, source: Source) -> list[Statements]:
             word, *rest = [*line.strip().split(None, 1), ""][:2]
             value = rest[0].strip() if rest else ""
             if word.lower() == "newmtl":
-                out.append(Statements(value))
+                out.append(Statements(value, line))
             elif word and not word.startswith("#") and out:
-                out[-1].lines.append((word, value))
+                out[-1].lines.append((word, value, line))
     return out
 
 
@@ -104,8 +105,8 @@ class _Images:
     def material(self, m: Statements) -> Material:
         """One material with its images."""
         uses: dict[Slot, Use] = {}
-        values = {word.lower(): rest for word, rest in m.lines}
-        for word, rest in m.lines:
+        values = {word.lower(): rest for word, rest, _ in m.lines}
+        for word, rest, _ in m.lines:
             key = word.lower()
             if (key in SLOTS or key in NORMAL) and rest:
                 options, name = split_options(rest)
@@ -181,7 +182,7 @@ def split_options(text: str) -> tuple[dict[str, list[str]], str]:
     return options, " ".join(words[at:]).strip().strip('"').strip()
 
 
-def _placed(options: dict[str, list[str]]) -> tuple[FloatArray, tuple[str, str]]:
+def _placed(options: dict[str, list[str]]) -> tuple[FloatArray, tuple[Wrap, Wrap]]:
     """(map of uv with v down, wrap) of the options of a map: -s and -o with v up, -clamp."""
 
     def pair(name: str, default: float) -> FloatArray:
@@ -190,7 +191,7 @@ def _placed(options: dict[str, list[str]]) -> tuple[FloatArray, tuple[str, str]]
 
     scale, offset = pair("-s", 1.0), pair("-o", 0.0)
     move = np.array([[scale[0], 0, offset[0]], [0, scale[1], 1 - scale[1] - offset[1]]])
-    wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
+    wrap: Wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
     return move, (wrap, wrap)
 
 
@@ -215,11 +216,11 @@ def library_text(
     for m in given:
         if m.name in groups and groups[m.name] is None:
             continue
-        out += ["", f"newmtl {m.name}"] if out else [f"newmtl {m.name}"]
+        out += ["", m.head] if out else [m.head]
         group = groups.get(m.name)
         pages = {} if group is None else {slot.page: slot for slot in group.shown}
         tints = _tints(group)
-        for word, rest in m.lines:
+        for word, rest, line in m.lines:
             key = word.lower()
             if key in pages:
                 kept, _ = split_options(rest)
@@ -229,7 +230,7 @@ def library_text(
             elif key in tints:
                 out.append(f"{word} {tints.pop(key)}")
             else:
-                out.append(f"{word} {rest}".rstrip())
+                out.append(line)
         out += [f"{key.capitalize()} {value}" for key, value in tints.items()]
         out += [
             f"map_{key[4:].capitalize()} {names[key]}" for key in pages if key.startswith("map_")
