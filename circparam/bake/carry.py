@@ -66,16 +66,15 @@ def carry(
     """
     monitor = monitor or Monitor()
     groups = groups_of(source.looks, options.merge)
-    with monitor.stage("bake"):
-        texels = find_texels(layout, options.size)
-        slots = {slot for group in groups for slot in group.shown}
-        turns = any(slot.kind in ("normal", "direction") for slot in slots)
-        uv = layout.uv[np.maximum(layout.uv_faces, 0)]
-        new = source.frames(uv) if turns else None
-        xy = np.nan_to_num(corners_in_texels(layout, options.size))
-        work = Work(source, texels, xy, new)
-        parts = list(_parts(work, groups, options.samples))
-        pages = _painted(work, parts, slots, monitor)
+    texels = find_texels(layout, options.size)
+    slots = {slot for group in groups for slot in group.shown}
+    turns = any(slot.kind in ("normal", "direction") for slot in slots)
+    uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+    new = source.frames(uv) if turns else None
+    xy = np.nan_to_num(corners_in_texels(layout, options.size))
+    work = Work(source, texels, xy, new)
+    parts = list(_parts(work, groups, options.samples))
+    pages = _painted(work, parts, slots, monitor)
     tangents = None
     if new is not None:
         sign = np.broadcast_to(new.sign[:, None, None], (*new.sign.shape, 3, 1))

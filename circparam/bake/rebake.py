@@ -85,7 +85,8 @@ def rebake_document(
     check_target(document, target, write_options(options))
     if os.fspath(output) != "-":
         check_place(output, document, target, options.overwrite)
-    source = Source.of(document)
+    with monitor.stage("images"):
+        source = Source.of(document)
     size = look.fixed_size or options.resolution or needed_size(source, None)
     if options.resolution not in (None, size):
         raise OptionError(
@@ -103,7 +104,8 @@ def rebake_document(
     size = result.options.resolution or size
     number = options.target_set or 0
     how = CarryOptions(size, look.samples or 2, look.merge)
-    carried, texels = carry(source, layout, number, how, monitor)
+    with monitor.stage("textures"):
+        carried, texels = carry(source, layout, number, how, monitor)
     told = _look(source, layout, carried, texels)
     back = replace(result.options, format=options.format)
     dressed = replace(result, document=document.dressed(carried), options=back)
@@ -171,12 +173,14 @@ def bake_all(
     found = Source.of(origin)
     size = look.fixed_size or needed_size(found, layout)
     how = CarryOptions(size, look.samples or 2, look.merge)
-    carried, texels = carry(found, layout, uv_set, how, monitor)
+    monitor = monitor or Monitor()
+    with monitor.stage("bake"):
+        carried, texels = carry(found, layout, uv_set, how, monitor)
     told = _look(found, layout, carried, texels)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     written = write(output, origin.dressed(carried), layout, options=options, overwrite=overwrite)
     if look.check_look:
-        told = replace(told, checked=_checked(found, written, monitor or Monitor()))
+        told = replace(told, checked=_checked(found, written, monitor))
     return written, told
 
 

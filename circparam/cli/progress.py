@@ -44,7 +44,12 @@ OTHERS: dict[str, tuple[dict[str, int], ...]] = {
         {"write": 1},
     ),
     "": (*GROUPS[:3], {"": 70}),
-    "bake": ({"read": 5}, {"bake": 90}, {"write": 5}),
+    "images": (
+        *({"read": 1}, {"images": 2}),
+        *GROUPS[1:4],
+        *({"verify": 4}, {"textures": 60}, {"write": 2}, {"look": 10}),
+    ),
+    "bake": ({"read": 5}, {"bake": 90}, {"write": 5}, {"look": 20}),
     "draw": ({"read": 20}, {"draw": 80}),
 }
 

@@ -22,7 +22,7 @@ from circparam.formats.gltf.slots import (
     unlike,
 )
 from circparam.formats.looks import Carried, Group, Looks, Material, Use, Wrap
-from circparam.formats.source import found_beside
+from circparam.formats.source import found_beside, regular_bytes
 
 TRANSFORM, WEBP, VARIANTS = "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_variants"
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
@@ -138,7 +138,7 @@ class _Images:
         try:
             if path is None:
                 raise FileNotFoundError(2, "No such file or directory")
-            return uri, path.read_bytes()
+            return uri, regular_bytes(path)
         except OSError as error:
             raise self.tree.error(
                 f"the texture {uri} can't be read ({error.strerror}): put it beside the file"

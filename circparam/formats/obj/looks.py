@@ -19,7 +19,7 @@ from circparam.formats.looks import Carried, Group, Looks, Material, Slot, Use, 
 from circparam.formats.materials import linear, srgb
 from circparam.formats.obj.materials import named
 from circparam.formats.obj.reading import Scan
-from circparam.formats.source import Source, found_beside
+from circparam.formats.source import Source, found_beside, regular_bytes
 
 RGB = (0, 1, 2)
 BUMP = ("map_bump", "bump", "norm")
@@ -52,7 +52,7 @@ def libraries(scan: Scan, source: Source) -> list[Statements]:
     for library in (one for line in scan.libraries() for one in named(line, source.folder)):
         path = found_beside(source.folder, library)
         try:
-            text = "" if path is None else path.read_text("utf-8", "surrogateescape")
+            text = "" if path is None else regular_bytes(path).decode("utf-8", "surrogateescape")
         except OSError:
             path = None
         if path is None:
@@ -145,7 +145,7 @@ class _Images:
             if path is None:
                 raise self.source.error(f"texture {name} is missing: put it beside the mesh")
             try:
-                self.images.append(path.read_bytes())
+                self.images.append(regular_bytes(path))
             except OSError as error:
                 raise self.source.error(
                     f"texture {name} can't be read ({error.strerror})"

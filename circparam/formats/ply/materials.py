@@ -11,7 +11,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.formats.looks import Carried, Looks, Material, Slot, Use
 from circparam.formats.materials import ImageFiles, Textures
 from circparam.formats.ply.reading import Layout
-from circparam.formats.source import found_beside
+from circparam.formats.source import found_beside, regular_bytes
 
 CHANNELS = ("red", "green", "blue")
 
@@ -71,7 +71,7 @@ def looks(layout: Layout, m: int) -> Looks | None:
         )
     path = found_beside(layout.source.folder, names[0])
     try:
-        data = None if path is None else path.read_bytes()
+        data = None if path is None else regular_bytes(path)
     except OSError:
         data = None
     if data is None:
