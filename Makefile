@@ -47,12 +47,14 @@ dev: $(VENV)/.dev ## the same with everything that tests, lint and bench need
 
 demo: $(VENV)/.installed ## unwrap a sample mesh and say where the result is
 	@mkdir -p demo-output
-	@$(RUN) -m circparam samples creature -o demo-output/creature.ply --overwrite
-	@$(RUN) -m circparam unwrap demo-output/creature.ply -o demo-output/creature_uv.glb --overwrite \
-	  --preview demo-output/creature_uv.png
+	@$(RUN) -m circparam samples head-2 -o demo-output/head.ply --overwrite
+	@$(RUN) -m circparam unwrap demo-output/head.ply -o demo-output/head_uv.glb --overwrite \
+	  --pack-splits 10 --preview demo-output/head_uv.png
+	@$(RUN) -m circparam view demo-output/head_uv.glb -o demo-output/head_uv.html --overwrite -q
 	@echo
-	@echo "The unwrapped mesh:  $(CURDIR)/demo-output/creature_uv.glb"
-	@echo "How it looks:        $(CURDIR)/demo-output/creature_uv.png"
+	@echo "The unwrapped mesh:  $(CURDIR)/demo-output/head_uv.glb"
+	@echo "How it looks:        $(CURDIR)/demo-output/head_uv.png"
+	@echo "Turn it in a browser: $(CURDIR)/demo-output/head_uv.html"
 	@echo "Try your own:        $(VENV)/bin/circparam unwrap MESH"
 
 test: $(VENV)/.dev node ## all tests
