@@ -9,17 +9,16 @@ face covers takes the nearest colour.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.bake.look_source import Source
 from circparam.bake.merging import FILL, fitted, groups_of, with_cutoff
-from circparam.bake.source_image import coded
+from circparam.bake.source_image import Floats, coded
 from circparam.bake.texels import Texels, corners_in_texels, density, find_texels, places_in
 from circparam.bake.write import png
 from circparam.core.arrays import FloatArray, IntArray
@@ -142,16 +141,20 @@ def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> 
     """Write the texels of a part into the pages, in place; returns how many they are."""
     texels, material = work.texels, part.material
     pixel, face = texels.pixel[part.at], texels.face[part.at]
-    looked: dict[Any, FloatArray] = {}
+    looked: dict[Slot, FloatArray] = {}
+    alike: dict[tuple[object, ...], list[tuple[Use, Slot]]] = {}
+    for slot, image in material.uses.items():
+        if slot in part.group.shown:
+            alike.setdefault(layout_of(work.source, image), []).append((image, slot))
+    for wanted in alike.values():
+        found = look_up(work, part, wanted)
+        looked |= {slot: values for (_, slot), values in zip(wanted, found, strict=True)}
     for slot in part.group.shown:
         use, none = material.uses.get(slot), without_image(slot)
         texel = np.broadcast_to(none, (len(face), len(none)))
         if use is not None:
-            key = (use.image, use.uv_set, use.move.tobytes(), use.wrap, use.nearest, slot.srgb)
-            if key not in looked:
-                looked[key] = look_up(work, part, use, slot)
             has = work.source.places(use)[1][face]  # no uv, no texture: the factor alone
-            texel = np.where(has[:, None], looked[key][:, slot.channels], none)
+            texel = np.where(has[:, None], looked[slot][:, slot.channels], none)
         own, common = material.factors[slot], part.group.factors[slot]
         if slot.kind in ("normal", "direction"):
             texel = _turned(work, slot, use, own, common, (pixel, face, texel))
@@ -191,36 +194,52 @@ def _store(
         image[pixel, channel] = coded(value, slot.srgb and channel < 3)
 
 
-def look_up(work: Work, part: Part, use: Use, slot: Slot) -> FloatArray:
-    """(p, 4) the mean of what an image shows at the samples of texels; of colours that are seen through, or
-    not at all, by how much they are seen."""
-    texels = work.texels
+def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[FloatArray]:
+    """(p, 4) the mean of what each image shows at the samples of texels; of colours that are seen through, or
+    not at all, by how much they are seen.
+
+    wanted: uses that lie alike (``layout_of``), and their slots: they share the texels that they are looked up
+    at.
+    """
+    texels, use = work.texels, wanted[0][0]
     pixel, face = texels.pixel[part.at], texels.face[part.at]
     corners = np.nan_to_num(work.source.places(use)[0])[face]
     x, y = corners[:, :, 0].T.copy(), corners[:, :, 1].T.copy()
-    image = work.source.sampled(use, slot.srgb)
+    images = [work.source.sampled(u, slot.srgb) for u, slot in wanted]
     dense = density(work.source.in_texels(use), work.xy)[face] / part.samples
     level = np.round(np.log2(np.maximum(np.nan_to_num(dense, nan=1.0), 1.0))).astype(np.int64)
-    level = np.minimum(level, image.levels)
+    level = np.minimum(level, images[0].levels)
     numbers = np.unique(level).tolist()
-    total = np.zeros((len(face), 4))
-    material = part.material
-    see_through = slot.covers and material.alpha != "OPAQUE"
-    seen = np.zeros((len(face), 4))  # colours times weights, and weights
+    sums = [np.zeros((len(face), 4), np.float32) for _ in wanted]
+    seen = np.zeros((len(face), 4), np.float32)  # colours times weights, and weights
     for u, v, w in places_in(work.xy, face, pixel, texels.size, part.samples):
         px, py = u * x[0] + v * x[1] + w * x[2], u * y[0] + v * y[1] + w * y[2]
         for k in numbers:
             some = slice(None) if len(numbers) == 1 else level == k
-            found = image.sample(px[some], py[some], use, k)
-            total[some] += found
-            if see_through:
-                alpha = found[:, 3:]
-                weight = alpha if material.alpha == "BLEND" else (alpha >= material.cutoff) * 1.0
-                seen[some] += np.concatenate([found[:, :3] * weight, weight], 1)
-    total /= part.samples**2
-    some = seen[:, 3] > 0
-    total[some, :3] = seen[some, :3] / seen[some, 3:]
-    return total
+            taps = images[0].taps(px[some], py[some], use, k)
+            for image, total, (_, slot) in zip(images, sums, wanted, strict=True):
+                found = image.blend(taps, k)
+                total[some] += found
+                if slot.covers and part.material.alpha != "OPAQUE":
+                    weight = _weight(found[:, 3:], part.material)
+                    seen[some] += np.concatenate([found[:, :3] * weight, weight], 1)
+    for total, (_, slot) in zip(sums, wanted, strict=True):
+        total /= part.samples**2
+        if slot.covers:
+            shown = seen[:, 3] > 0
+            total[shown, :3] = seen[shown, :3] / seen[shown, 3:]
+    return [total.astype(np.float64) for total in sums]
+
+
+def _weight(alpha: Floats, material: Material) -> Floats:
+    """How much of a colour is seen where it has some alpha."""
+    return alpha if material.alpha == "BLEND" else (alpha >= material.cutoff).astype(np.float32)
+
+
+def layout_of(source: Source, use: Use) -> tuple[object, ...]:
+    """What uses have in common that are looked up at the same texels."""
+    shape = source.images[use.image].shape
+    return shape, use.uv_set, use.move.tobytes(), use.wrap, use.nearest
 
 
 def _turned(

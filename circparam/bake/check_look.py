@@ -113,7 +113,7 @@ def _values(work: Work, part: Part, slot: Slot, material: Material) -> FloatArra
     texel = np.tile(without_image(slot), (len(face), 1))
     if use is not None:
         has = work.source.places(use)[1][face]
-        texel[has] = look_up(work, part, use, slot)[has][:, slot.channels]
+        texel[has] = look_up(work, part, [(use, slot)])[0][has][:, slot.channels]
     if slot.kind in ("normal", "direction"):
         bary = next(places_in(work.xy, face, pixel, texels.size, 1)).T.astype(np.float64)
         frames, value = work.source.old_frames(use), texel * 2 - 1
