@@ -6,6 +6,9 @@ RUN := $(VENV)/bin/python
 WORKERS ?= 2
 FUZZ ?= 5000
 SEED ?= 1
+# address of the project, for the metadata of a release; interpreters on which the wheel is tried
+PROJECT_URL ?=
+PYTHONS ?= python3.11 python3.12 python3.13
 # options of bench-scale, such as --sizes 4.7
 SCALE ?=
 # options of the run of planted faults, such as --only packing/
@@ -125,17 +128,8 @@ docs: $(VENV)/.dev ## docs/cli.md out of the help texts, typed keywords out of t
 	$(RUN) -m tests.tools.reference
 	$(RUN) -m tests.tools.keywords
 
-dist: $(VENV)/.dev ## wheel and sdist in dist/; the wheel is tried in an environment of its own
-	rm -rf dist build
-	$(RUN) -m build --outdir dist . > /dev/null
-	$(PYTHON) -m venv dist/trial
-	dist/trial/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
-	cd dist && trial/bin/circparam samples creature -o trial/creature.ply \
-	  && trial/bin/circparam unwrap trial/creature.ply -o trial/creature_uv.glb --preview trial/creature.png \
-	  --fail-if 'flips>0,overlap>0,mirrored>0'
-	cd dist && trial/bin/circparam blender -o trial/addon.zip
-	rm -rf dist/trial build
-	@ls dist
+dist: $(VENV)/.dev ## wheel and sdist in dist/, tried on each Python that is here (PROJECT_URL=https://... for the links)
+	$(RUN) -m tests.tools.release --url '$(PROJECT_URL)' --pythons $(PYTHONS)
 
 clean: ## remove what make has made
 	rm -rf $(VENV) .venv-oldest demo-output test-artefacts build dist *.egg-info

@@ -56,7 +56,7 @@ _FOREIGN = {
     ".fbx": (
         "FBX is a closed format; Blender makes a GLB of it, unwrap that: blender -b --python-expr "
         '"import bpy; bpy.ops.wm.read_factory_settings(use_empty=True); '
-        "bpy.ops.import_scene.fbx(filepath='MESH.fbx'); bpy.ops.export_scene.gltf(filepath='MESH.glb')\""
+        "bpy.ops.wm.fbx_import(filepath='MESH.fbx'); bpy.ops.export_scene.gltf(filepath='MESH.glb')\""
     ),
     ".blend": f"a Blender file holds more than a mesh: open it in Blender, {_GLB}",
     ".dae": f"COLLADA is not read: open it in Blender, {_GLB}",
