@@ -22,6 +22,12 @@ def relative(text: str) -> list[str]:
     return [t for _, _, t in release.LINK.findall(text) if "://" not in t and not t.startswith("#")]
 
 
+in_repository = pytest.mark.skipif(
+    not (ROOT / ".git").exists(), reason="an unpacked sdist is a release already"
+)
+
+
+@in_repository
 def test_the_readme_of_a_release_has_no_relative_link() -> None:
     assert len(relative(README)) > 10
     for url in ("", URL):
@@ -37,6 +43,7 @@ def test_the_readme_of_a_release_has_no_relative_link() -> None:
     assert "Tutorial (`docs/tutorial.md`)" in plain
 
 
+@in_repository
 def test_the_addresses_stand_in_the_metadata() -> None:
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     assert release.with_urls(text, "") == text
@@ -59,9 +66,8 @@ def test_one_version_and_the_same_authors_everywhere() -> None:
     assert stable == (not __version__.startswith("0."))
 
 
+@in_repository
 def test_a_copy_for_the_build_has_docs_and_tests(tmp_path: Path) -> None:
-    if not (ROOT / ".git").exists():
-        pytest.skip("an unpacked sdist is no repository")
     release.stage(tmp_path, URL)
     kept = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
     for name in (
