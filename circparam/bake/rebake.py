@@ -15,16 +15,18 @@ from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
 from circparam.bake.sharpness import Sharpness, blurred, needed_size, sharpness
 from circparam.bake.texels import Texels
+from circparam.core.fields import specs
 from circparam.core.limits import auto_padding
-from circparam.core.monitor import Monitor
+from circparam.core.monitor import Listener, Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import Written, check_place, check_target, format_of, read, write
 from circparam.formats.looks import Carried
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.configure import target_format, write_options
+from circparam.pipeline.configure import open_source, target_format, write_options
+from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.look_options import LookOptions
-from circparam.pipeline.options import AUTO, Options
+from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.result import Result, promise, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.unwrap import unwrap_document
@@ -63,6 +65,32 @@ class Look:
                 {"name": s.name, "density_kept": s.kept, "tiled": s.tiled} for s in self.sharp
             ],
         }
+
+
+def rebake(
+    source: Any,
+    output: str | os.PathLike[str],
+    *,
+    listener: Listener | None = None,
+    options: Options | None = None,
+    **keywords: Any,
+) -> tuple[Result, Look]:
+    """Unwrap a textured mesh and write it with every texture of every material in the new uv.
+
+    source, listener, options: as for ``circparam.unwrap``. output: a file of the same family of formats.
+    keywords: the fields of ``Options`` and of ``LookOptions``: size, merge_materials, samples, check_look.
+
+    Returns the result of the unwrap and what became of images and materials. Raises what ``unwrap`` does, and
+    InputError for images that can't be carried.
+    """
+    names = specs(LookOptions)
+    look = LookOptions(**{k: v for k, v in keywords.items() if k in names})
+    rest = {k: v for k, v in keywords.items() if k not in names}
+    options = from_keywords(rest, options)
+    monitor = monitor_of(options, listener)
+    with monitor.stage("read"):
+        document = open_source(source, options)
+    return rebake_document(document, output, options, look, monitor)
 
 
 def rebake_document(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from pathlib import Path
@@ -9,8 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from PIL import Image
 
+import circparam
 from circparam.cli import cli
+from circparam.errors import InputError, OptionError
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import read
 from tests.bake.test_carry import all_maps
@@ -96,6 +100,22 @@ def test_a_model_keeps_its_look_in_its_new_uv(painted: Path) -> None:
     assert validate(painted / "model.glb", out)[1] <= validate(painted / "model.glb")[0]
 
 
+def test_rebake_in_python(painted: Path) -> None:
+    """Options of both kinds by name; a bake of one image leaves none behind there either."""
+    out = painted / "new.glb"
+    result, look = circparam.rebake(
+        painted / "model.glb", out, size=256, merge_materials="none", jobs=1, effort=0.02
+    )
+    assert result.path == str(out)
+    assert (look.size, look.materials) == (256, (2, 2))
+    with pytest.raises(InputError, match="bake --all"):
+        circparam.bake(
+            painted / "plain.glb", "texture", painted / "b.glb", source=painted / "model.glb"
+        )
+    with pytest.raises(OptionError, match="sise"):
+        circparam.rebake(painted / "model.glb", painted / "c.glb", sise=3)
+
+
 def test_a_look_that_is_lost_is_told(painted: Path) -> None:
     """16 texels for the whole model: the gate holds, and the file is there to look at."""
     out = painted / "new.glb"
@@ -163,6 +183,31 @@ def test_a_bake_of_one_image_leaves_none_behind_in_silence(painted: Path) -> Non
     result = run(*words, "-o", painted / "new.png")
     assert result.exit_code == 0, result.stderr
     assert "bake --all" in result.stderr
+
+
+def test_what_images_can_be_wrong(painted: Path) -> None:
+    """Each is one line, code 3, before any work, and no file is made."""
+    huge = io.BytesIO()
+    Image.new("1", (20_000, 20_000)).save(huge, "PNG")
+    wrong = {
+        "is too large (Image size (400000000 pixels)": huge.getvalue(),
+        "KTX2": b"\xabKTX 20\xbb\r\n",
+        "a video": b"\0\0\0 ftypmp42",
+    }
+    for says, data in wrong.items():
+        g = Painted()
+        broken = model([{"emissiveTexture": {"index": g.texture(data)}}], g)
+        (painted / "broken.glb").write_bytes(broken.glb())
+        result = run("unwrap", painted / "broken.glb", "--rebake", "-o", painted / "new.glb")
+        assert (result.exit_code, says in result.stderr) == (3, True), result.stderr
+        assert result.stderr.count("\n") == 1
+        assert not (painted / "new.glb").exists()
+    g = Painted()
+    beside = model([{"emissiveTexture": {"index": g.texture(waves(1))}}], g)
+    beside.tree["images"] = [{"uri": "gone.png"}]
+    (painted / "broken.gltf").write_bytes(beside.gltf())
+    result = run("unwrap", painted / "broken.gltf", "--rebake")
+    assert (result.exit_code, "gone.png" in result.stderr) == (3, True)
 
 
 REFUSED = {
