@@ -109,12 +109,12 @@ def rebake_document(
     if look.check_look and os.fspath(output) == "-":
         raise OptionError("--check-look reads the result back: give -o FILE in place of '-'")
     target = target_format(document, output, options)
-    _check_home(document, target)
+    _check_home(document, target, look)
     check_target(document, target, write_options(options))
     if os.fspath(output) != "-":
         check_place(output, document, target, options.overwrite)
     with monitor.stage("images"):
-        source = Source.of(document)
+        source = Source.of(document, bool(look.keep_tiled))
     size = look.fixed_size or options.resolution or needed_size(source, None)
     if options.resolution not in (None, size):
         raise OptionError(
@@ -188,7 +188,7 @@ def bake_all(
     layout = document.require_uv(uv_set)
     origin = source or document
     name = format_of(output)
-    _check_home(origin, name)
+    _check_home(origin, name, look)
     check_place(output, origin, name, overwrite)
     if source is not None and not same_surface(document.mesh, source.mesh):
         raise InputError(
@@ -198,7 +198,7 @@ def bake_all(
     tiles = tiles_of(layout)
     if (tiles > 0).any():
         raise document.source.error("its layout has several tiles: --all carries into one page")
-    found = Source.of(origin)
+    found = Source.of(origin, bool(look.keep_tiled))
     size = look.fixed_size or needed_size(found, layout)
     how = CarryOptions(size, look.samples or 2, look.merge)
     monitor = monitor or Monitor()
@@ -222,7 +222,7 @@ def _check(options: Options) -> None:
         raise OptionError("--rebake draws one page: give its --size in place of --texel-density")
 
 
-def _check_home(document: Document, target: str) -> None:
+def _check_home(document: Document, target: str, look: LookOptions) -> None:
     """Raise OptionError where a format can't hold the materials of a file."""
     homes = HOMES.get(document.format, ())
     if target not in homes:
@@ -230,6 +230,10 @@ def _check_home(document: Document, target: str) -> None:
         raise OptionError(
             f"{document.source.name}: textures of {document.format.upper()} are not carried into "
             f"{target.upper()}, only {known}: write one of these"
+        )
+    if look.keep_tiled and target not in ("glb", "gltf"):
+        raise OptionError(
+            f"--keep-tiled has no effect here: {target.upper()} holds one uv set; leave it out"
         )
 
 

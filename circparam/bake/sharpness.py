@@ -10,7 +10,7 @@ import numpy as np
 
 from circparam.bake.look_source import Source
 from circparam.bake.texels import corners_in_texels, density
-from circparam.core.arrays import FloatArray, cross2
+from circparam.core.arrays import FloatArray
 from circparam.core.limits import RESOLUTION
 from circparam.core.words import percent
 from circparam.mesh.mesh import UVMap
@@ -21,7 +21,6 @@ FILLED = 0.7  # share of a page that packing covers, guessed before it
 SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
 GROWN = 2.0  # a small part of a surface that an image magnifies is no reason for more
 PATTERN = 2048  # the side up to which images that repeat decide
-TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern that repeats
 
 
 @dataclass(frozen=True)
@@ -81,13 +80,13 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
     new = _flat(area) if layout is None else corners_in_texels(layout, size)
     worst: dict[int, tuple[float, bool]] = {}
     for k in np.unique(looks.face).tolist():
+        if k in source.kept:
+            continue
         mine = looks.face == k
         for use in looks.materials[k].uses.values():
-            places, has = source.places(use)
-            some = mine & has
+            some = mine & source.places(use)[1]
             dense = density(source.in_texels(use), new)[some]
-            side1, side2 = places[some, 1] - places[some, 0], places[some, 2] - places[some, 0]
-            tiled = bool(np.abs(cross2(side1, side2)).sum() / 2 > TILES)
+            tiled = source.repeats(use, mine)
             value = _quantile(dense, area[some])
             before, repeats = worst.get(use.image, (0.0, False))
             worst[use.image] = max(before, value), repeats or tiled

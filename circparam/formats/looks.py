@@ -103,13 +103,15 @@ class Carried:
     """Images in one layout, in place of those of ``Looks``.
 
     pages: PNG bytes by the name of the page. uv_set: the layout. tangents: (m, 3, 4) of corners with w last,
-    those that normals and directions are told in; None where there are none.
+    those that normals and directions are told in; None where there are none. kept: materials that stay
+    as they are, with the uv that they had.
     """
 
     pages: dict[str, bytes]
     groups: tuple[Group, ...]
     uv_set: int
     tangents: FloatArray | None = None
+    kept: frozenset[int] = frozenset()
 
 
 def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:

@@ -256,6 +256,38 @@ def test_a_pattern_that_repeats_is_named_with_what_it_loses(tmp_path: Path) -> N
     assert "repeats" in result.stderr
 
 
+def test_patterns_that_repeat_can_stay_as_they_are(tmp_path: Path) -> None:
+    """Their material keeps its texture, transform and tangents in a uv set of its own; the other is carried."""
+    g = Painted()
+    moved = {"KHR_texture_transform": {"scale": [30.0, 30.0]}}
+    pattern = {"index": g.texture(waves(1)), "extensions": moved}
+    bump = {"index": g.texture(bumps(2)), "extensions": moved}
+    once = {"baseColorTexture": {"index": g.texture(waves(3))}}
+    tiled = {"pbrMetallicRoughness": {"baseColorTexture": pattern}, "normalTexture": bump}
+    made = model([tiled, {"pbrMetallicRoughness": once}], g)
+    made.tree["extensionsUsed"] = ["KHR_texture_transform"]
+    (tmp_path / "m.glb").write_bytes(made.glb())
+    out = tmp_path / "n.glb"
+    words = ("--rebake", "--keep-tiled", "--check-look", "-o", out)
+    result = run("unwrap", tmp_path / "m.glb", *words, *FAST)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert report["psnr"] >= 50
+    assert not any(t["tiled"] for t in report["look"]["textures"])
+    assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
+    new = read(out)
+    assert isinstance(new, GltfDocument)
+    kept, carried = new.tree.json["materials"]
+    assert kept["normalTexture"]["texCoord"] == 2
+    assert kept["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] == moved
+    assert "texCoord" not in carried["pbrMetallicRoughness"]["baseColorTexture"]
+    assert validate(out)[0] <= validate(tmp_path / "m.glb")[0]
+    only = model([{"pbrMetallicRoughness": {"baseColorTexture": pattern}}], g)
+    (tmp_path / "o.glb").write_bytes(only.glb())
+    result = run("unwrap", tmp_path / "o.glb", "--rebake", "--keep-tiled")
+    assert (result.exit_code, "all its textures repeat" in result.stderr) == (3, True)
+
+
 def test_auto_takes_the_smallest_page_that_keeps_nine_tenths(tmp_path: Path) -> None:
     """An image of 700 texels a side over the whole sheet, once: 1024 keep it, and one half of that would
     not."""
