@@ -148,6 +148,8 @@ def main() -> None:
                 "-o",
                 bill,
             )
+            text = bill.read_text("utf-8")  # names the wheel by its place on this machine
+            bill.write_text(text.replace(f"{given.out.resolve().as_uri()}/", ""), "utf-8")
     print(*sorted(p.name for p in given.out.iterdir()), sep="\n")
 
 

@@ -241,8 +241,11 @@ def test_faces_are_wound_as_they_are_seen(tmp_path: Path) -> None:
     mesh = read(tmp_path / "w.usda").mesh
     a, b, c = np.moveaxis(mesh.points[mesh.faces] - mesh.points.mean(0), 1, 0)
     volume = np.einsum("ij,ij->i", a, np.cross(b, c)).reshape(4, -1).sum(1) / 6
-    # the cube is wound inwards here: USD is right-handed
-    np.testing.assert_allclose(volume * np.sign(volume[0]), [1, -1, 1, -1], rtol=1e-6)
+    quads = np.array(QUADS).reshape(-1, 4)
+    box_points = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]) - 0.5
+    a, b, c = np.moveaxis(box_points[quads[:, :3]], 1, 0)
+    sign = np.sign(np.einsum("ij,ij->i", a, np.cross(b, c)).sum())  # as the file lists the corners
+    np.testing.assert_allclose(volume, sign * np.array([1, -1, 1, -1]), rtol=1e-6)
 
 
 def test_what_moves_and_what_is_missing_is_said(tmp_path: Path) -> None:
