@@ -111,10 +111,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_invocation_runs_as_typed(
     typed: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if "--rebake" in typed:
-        pytest.xfail(
-            "--rebake ends with IndexError: tuple index out of range on this small GLB with two sets"
-        )
     if "xatlas" in typed:
         pytest.importorskip("xatlas")
     here = tmp_path / "here"

@@ -174,3 +174,16 @@ def test_a_coloured_bump_map_holds_normals(folder: Path) -> None:
     assert looks is not None
     kinds = {s.kind for m in looks.materials for s in m.uses if s.page == "map_bump"}
     assert kinds == {"product"}
+
+
+@pytest.mark.parametrize("suffix", ["glb", "png"])
+def test_the_colour_that_one_image_carries_is_not_left_behind(folder: Path, suffix: str) -> None:
+    """``map_Kd`` is the base colour of OBJ: it neither hinders a GLB nor is it called lost."""
+    (folder / "m.mtl").write_text("newmtl m\nmap_Kd a.png\nnewmtl second\nmap_Kd b.png\n")
+    new = folder / "new.obj"
+    points, faces = sheet(8)
+    write_obj(new, points, UVMap(0.1 + 0.8 * points[:, :2], faces), faces, mtl="m.mtl")
+    words = ("--from", "texture", "--source", folder / "m.obj", "--size", 32)
+    result = run("bake", new, *words, "-o", folder / f"out.{suffix}")
+    assert result.exit_code == 0, result.stderr
+    assert "bake --all" not in result.stderr
