@@ -10,6 +10,7 @@ import numpy as np
 
 from circparam.bake.bake import tiles_of
 from circparam.bake.carry import CarryOptions, carry
+from circparam.bake.chart_sizes import by_density
 from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
@@ -29,9 +30,14 @@ from circparam.pipeline.look_options import LookOptions
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.result import Result, promise, verify_layout
 from circparam.pipeline.save import save
-from circparam.pipeline.unwrap import unwrap_document
+from circparam.pipeline.unwrap import repack_document, unwrap_document
 from circparam.pipeline.verify import reasons
 
+# options that a second packing of the same charts has in common with the first
+PACKING = (
+    *("resolution", "padding", "rotate", "effort", "uv_set", "overwrite_uv", "ply_uv", "lightmap"),
+    *("copy_assets", "repair", "weld", "overwrite", "jobs", "timeout", "format"),
+)
 # formats that can be written with the materials of each format
 HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf"), "obj": ("obj",), "ply": ("ply",)}
 
@@ -105,7 +111,7 @@ def rebake_document(
     Raises what ``unwrap_document`` does, OptionError where an option leaves no single page, InputError for
     images that can't be carried; all but the first before any work.
     """
-    _check(options)
+    _check(options, look)
     if look.check_look and os.fspath(output) == "-":
         raise OptionError("--check-look reads the result back: give -o FILE in place of '-'")
     target = target_format(document, output, options)
@@ -126,6 +132,11 @@ def rebake_document(
     padding = auto_padding(size) + 1 if free and grows else options.padding
     asked = replace(options, resolution=size, padding=padding, format=target)
     result = unwrap_document(document, None, asked, monitor)
+    if look.density == "source":
+        sized = by_density(source, UVMap(result.uv, result.uv_faces))
+        packing = Options(**{name: getattr(asked, name) for name in PACKING}, cut="none")
+        again = repack_document(document, sized, None, packing, monitor)
+        result = replace(again, work="unwrap", repairs=[*result.repairs, *again.repairs])
     layout = UVMap(result.uv, result.uv_faces)
     if free:
         result = _at_size(result, needed_size(source, layout), grows)
@@ -185,6 +196,8 @@ def bake_all(
     output can't hold the materials, InputError where the two are not the same triangles or images can't be
     carried.
     """
+    if look.density is not None:
+        raise OptionError("--density has no effect here: the layout is there; leave it out")
     layout = document.require_uv(uv_set)
     origin = source or document
     name = format_of(output)
@@ -212,12 +225,16 @@ def bake_all(
     return written, told
 
 
-def _check(options: Options) -> None:
+def _check(options: Options, look: LookOptions) -> None:
     """Raise OptionError where the layout would not be one packed page."""
     if not options.packed:
         raise OptionError("--rebake needs a packed page: leave --no-normalize out")
     if options.grouped or options.pages not in (None, 1) or options.scale is False:
         raise OptionError("--rebake draws one page: leave --pages, --group-by and --no-scale out")
+    if look.density == "source" and options.drop_floaters is not None:
+        raise OptionError(
+            "--density source has no effect on what --drop-floaters leaves out: leave one out"
+        )
     if options.texel_density is not None:
         raise OptionError("--rebake draws one page: give its --size in place of --texel-density")
 

@@ -25,6 +25,10 @@ class LookOptions:
         "look", "Materials that differ in textures and factors only become one.", choices=("auto", "none"),
         shown="auto",
     )
+    density: str | None = option(
+        "look", "Sizes of charts: one density, or that of the images that they show.",
+        choices=("even", "source"), shown="even",
+    )
     keep_tiled: bool | None = option(
         "look", "Leave materials whose textures repeat as they are, in a uv set of their own (glTF)."
     )

@@ -153,6 +153,17 @@ def repack(
     with monitor.stage("read"):
         document = open_source(source, options)
         uvmap = document.require_uv(options.uv_set or 0)
+    return repack_document(document, uvmap, output, options, monitor)
+
+
+def repack_document(
+    document: Document,
+    uvmap: UVMap,
+    output: str | os.PathLike[str] | None,
+    options: Options,
+    monitor: Monitor,
+) -> Result:
+    """Pack the charts of a layout over the faces of a document; see ``repack``. options: of ``--cut none``."""
     job = prepare(document, output, options, monitor, uvmap)
     cascade = Cascade(_as_given(job, uvmap))
     cut_mesh, uv = cascade.open()

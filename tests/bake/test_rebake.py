@@ -211,6 +211,9 @@ def test_what_images_can_be_wrong(painted: Path) -> None:
 
 
 REFUSED = {
+    "density of a layout that is there": (
+        ("bake", "model.glb", "--all", "--density", "source", "-o", "x.glb"), 2, "--density"
+    ),
     "size without rebake": (("unwrap", "model.glb", "--size", "64"), 2, "--rebake"),
     "pages": (("unwrap", "model.glb", "--rebake", "--pages", "2"), 2, "--pages"),
     "unpacked": (("unwrap", "model.glb", "--rebake", "--no-normalize"), 2, "--no-normalize"),
@@ -286,6 +289,33 @@ def test_patterns_that_repeat_can_stay_as_they_are(tmp_path: Path) -> None:
     (tmp_path / "o.glb").write_bytes(only.glb())
     result = run("unwrap", tmp_path / "o.glb", "--rebake", "--keep-tiled")
     assert (result.exit_code, "all its textures repeat" in result.stderr) == (3, True)
+
+
+def test_charts_get_texels_by_what_they_show(tmp_path: Path) -> None:
+    """A sharp sheet, one of an eighth of its texels a side, and one without an image."""
+    g = Painted()
+    sharp, blurred = (
+        {"baseColorTexture": {"index": g.texture(waves(k, n))}} for k, n in ((1, 512), (2, 64))
+    )
+    plain = {"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.3, 0.4, 1.0]}}
+    materials = [{"pbrMetallicRoughness": sharp}, {"pbrMetallicRoughness": blurred}, plain]
+    (tmp_path / "m.glb").write_bytes(model(materials, g).glb())
+    out = tmp_path / "n.glb"
+    words = ("--rebake", "--density", "source", "--check-look", "-o", out)
+    result = run("unwrap", tmp_path / "m.glb", *words, *FAST)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert (report["flips"], report["overlap"]) == (0, 0)
+    assert report["psnr"] >= 40
+    assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
+    new = read(out)
+    layout = new.uv()
+    assert layout is not None
+    corners = layout.uv[layout.uv_faces]
+    side1, side2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.abs(side1[:, 0] * side2[:, 1] - side1[:, 1] * side2[:, 0]).reshape(3, -1).sum(1)
+    np.testing.assert_allclose(np.sqrt(area[0] / area[1]), 8, rtol=0.1)
+    assert area[2] < area[1]
 
 
 def test_auto_takes_the_smallest_page_that_keeps_nine_tenths(tmp_path: Path) -> None:
