@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -125,10 +126,12 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
 
     Raises InputError where usd-core is missing, where it can't open the file, and where there are no meshes.
     """
+    kind = kind_of(data)
     with opened(data, source) as stage:
+        if kind != PACKAGE and source.path is None:
+            _check_alone(stage, source)
         arrays = read_stage(stage, source)
         del stage
-    kind = kind_of(data)
     layers, assets, outside, missing = _files(source) if kind != PACKAGE else ([], [], [], [])
     several = len(arrays.names) > 1
     mesh = Mesh(
@@ -164,6 +167,20 @@ def _told(arrays: Arrays, missing: list[str]) -> list[str]:
     if missing:
         out.append(f"it refers to files that are not there: {', '.join(missing[:3])}")
     return out
+
+
+def _check_alone(stage: Any, source: Source) -> None:
+    """Raise InputError where bytes without a folder refer to other layers: what they hold depends on those."""
+    _, _, missing = referred(Path(stage.GetRootLayer().realPath))
+    layers = [
+        Path(name).name
+        for name in missing
+        if Path(name).suffix.lower() in (".usd", ".usda", ".usdc", ".usdz")
+    ]
+    if layers:
+        raise source.error(
+            f"it refers to other layers ({', '.join(layers[:3])}), which are not found from here: give its path"
+        )
 
 
 def _files(source: Source) -> tuple[list[str], list[str], list[str], list[str]]:

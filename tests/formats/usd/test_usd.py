@@ -353,6 +353,17 @@ def test_without_usd_core_it_says_what_to_install(tmp_path: Path) -> None:
         assert not (tmp_path / "m2.usdc").exists()
 
 
+def test_a_layer_from_a_pipe_holds_all_that_it_shows(tmp_path: Path) -> None:
+    """What it refers to lies in a folder that nobody names: one line, in place of half a scene."""
+    with pytest.raises(InputError, match=r"other layers \(part\.usda\).*give its path"):
+        read_data(scene(tmp_path).read_bytes())
+    stage = Usd.Stage.CreateInMemory()
+    box(stage, "/m")
+    document = read_data(stage.GetRootLayer().ExportToString().encode())
+    circparam.unwrap(document, tmp_path / "o.usda", **QUICK)
+    assert list(shown(tmp_path / "o.usda")) == ["/m"]
+
+
 def test_a_usdz_from_a_pipe_is_written_as_one(tmp_path: Path) -> None:
     source = scene(tmp_path)
     UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(source)), str(tmp_path / "in.usdz"))
