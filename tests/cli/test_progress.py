@@ -28,6 +28,24 @@ def test_no_bar_without_a_terminal() -> None:
         assert isinstance(listener, progress.Status)
 
 
+def test_a_program_hears_each_per_cent_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CIRCPARAM_PROGRESS", "1")
+    with progress.listener("m.obj", False) as listener:
+        for stage in ("read", "charts", "charts", "write"):
+            for share in (0.0, 0.001, 0.5, 1.0):
+                listener(stage, share, "")
+    lines = capsys.readouterr().err.splitlines()
+    told = [int(line.split()[2]) for line in lines]
+    assert told == sorted(set(told))
+    assert told[-1] >= 99
+    assert all(line.startswith("circparam: progress: ") for line in lines)
+    with progress.listener("m.obj", True) as listener:
+        listener("write", 1.0, "")
+    assert capsys.readouterr().err == ""
+
+
 def test_a_bar_appears_on_a_terminal_after_the_delay(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
