@@ -6,6 +6,9 @@ RUN := $(VENV)/bin/python
 WORKERS ?= 2
 FUZZ ?= 5000
 SEED ?= 1
+# address of the project, for the metadata of a release; interpreters on which the wheel is tried
+PROJECT_URL ?=
+PYTHONS ?= python3.11 python3.12 python3.13
 # options of bench-scale, such as --sizes 4.7
 SCALE ?=
 # options of bench-noise, such as --base REV --turns 3 --bed FOLDER
@@ -17,7 +20,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev node demo test test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps bench-noise fuzz mutants figures docs dist clean
+.PHONY: help venv dev node demo test test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps bench-look bench-noise fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -49,12 +52,14 @@ dev: $(VENV)/.dev ## the same with everything that tests, lint and bench need
 
 demo: $(VENV)/.installed ## unwrap a sample mesh and say where the result is
 	@mkdir -p demo-output
-	@$(RUN) -m circparam samples creature -o demo-output/creature.ply --overwrite
-	@$(RUN) -m circparam unwrap demo-output/creature.ply -o demo-output/creature_uv.glb --overwrite \
-	  --preview demo-output/creature_uv.png
+	@$(RUN) -m circparam samples head-2 -o demo-output/head.ply --overwrite
+	@$(RUN) -m circparam unwrap demo-output/head.ply -o demo-output/head_uv.glb --overwrite \
+	  --pack-splits 10 --preview demo-output/head_uv.png
+	@$(RUN) -m circparam view demo-output/head_uv.glb -o demo-output/head_uv.html --overwrite -q
 	@echo
-	@echo "The unwrapped mesh:  $(CURDIR)/demo-output/creature_uv.glb"
-	@echo "How it looks:        $(CURDIR)/demo-output/creature_uv.png"
+	@echo "The unwrapped mesh:  $(CURDIR)/demo-output/head_uv.glb"
+	@echo "How it looks:        $(CURDIR)/demo-output/head_uv.png"
+	@echo "Turn it in a browser: $(CURDIR)/demo-output/head_uv.html"
 	@echo "Try your own:        $(VENV)/bin/circparam unwrap MESH"
 
 test: $(VENV)/.dev node ## all tests
@@ -99,6 +104,9 @@ bench-noise: $(VENV)/.dev ## what a change is worth, over many meshes in several
 bench-maps: $(VENV)/.dev ## maps between pairs of surfaces: inversions, landmarks, known answers, weights
 	$(RUN) -m tests.bench maps
 
+bench-look: $(VENV)/.dev ## textured models before and after --rebake, drawn by three.js (node and Chromium)
+	$(RUN) -m tests.bench look
+
 bench-packing: $(VENV)/.dev ## covered share on identical charts
 	$(RUN) -m tests.bench packing
 
@@ -125,17 +133,8 @@ docs: $(VENV)/.dev ## docs/cli.md out of the help texts, typed keywords out of t
 	$(RUN) -m tests.tools.reference
 	$(RUN) -m tests.tools.keywords
 
-dist: $(VENV)/.dev ## wheel and sdist in dist/; the wheel is tried in an environment of its own
-	rm -rf dist build
-	$(RUN) -m build --outdir dist . > /dev/null
-	$(PYTHON) -m venv dist/trial
-	dist/trial/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
-	cd dist && trial/bin/circparam samples creature -o trial/creature.ply \
-	  && trial/bin/circparam unwrap trial/creature.ply -o trial/creature_uv.glb --preview trial/creature.png \
-	  --fail-if 'flips>0,overlap>0,mirrored>0'
-	cd dist && trial/bin/circparam blender -o trial/addon.zip
-	rm -rf dist/trial build
-	@ls dist
+dist: $(VENV)/.dev ## wheel and sdist in dist/, tried on each Python that is here (PROJECT_URL=https://... for the links)
+	$(RUN) -m tests.tools.release --url '$(PROJECT_URL)' --pythons $(PYTHONS)
 
 clean: ## remove what make has made
 	rm -rf $(VENV) .venv-oldest demo-output test-artefacts build dist *.egg-info

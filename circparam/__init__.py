@@ -28,6 +28,7 @@ from circparam.errors import (
 )
 
 if TYPE_CHECKING:
+    from circparam.bake.rebake import rebake
     from circparam.formats.document import Document
     from circparam.integrations.parametrize import parametrize
     from circparam.integrations.python import (
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "unwrap": "circparam.integrations.python",
+    "rebake": "circparam.bake.rebake",
     "repack": "circparam.integrations.python",
     "inspect": "circparam.integrations.python",
     "map_surfaces": "circparam.integrations.python",
@@ -91,6 +93,7 @@ __all__ = [
     "map_surfaces",
     "parametrize",
     "read",
+    "rebake",
     "repack",
     "save",
     "save_map",

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from implicit import creature_field, marching_tetrahedra, relaxed
+from lantern import lantern
 from pairs import cover_coarse, cover_dense, creature_pose, head_1, head_2
 from samplekit import (
     Sample,
@@ -26,6 +27,7 @@ from samplekit import (
     grid_quads,
     number,
     obj,
+    plain_material,
     png,
     rounded,
     split,
@@ -263,7 +265,8 @@ def vase() -> Sample:
     p = np.concatenate([body[0], ring[0] + [0, 10, 0]])
     f = np.concatenate([body[2], ring[2] + len(body[0])])
     s = Sample("vase", "a textured GLB: two nodes, own uv", p, tuples(f))
-    s.files["vase.glb"] = gltf(parts, png(np.clip(glaze, 0, 255).astype(np.uint8)))
+    image = png(np.clip(glaze, 0, 255).astype(np.uint8))
+    s.files["vase.glb"] = gltf(parts, [image], [plain_material("glaze")])
     return s
 
 
@@ -311,7 +314,7 @@ def other_pose() -> Sample:
 
 
 MAKERS = (
-    bumped_disk, ribbon, terrain, bracket, creature, knot, vase, messy,
+    bumped_disk, ribbon, terrain, bracket, creature, knot, vase, lantern, messy,
     head_1, head_2, other_pose, cover_dense, cover_coarse,
 )  # fmt: skip
 

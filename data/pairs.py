@@ -11,6 +11,7 @@ from samplekit import (
     grid_quads,
     number,
     obj,
+    plain_material,
     ply,
     png,
     rounded,
@@ -99,7 +100,9 @@ def head_1() -> Sample:
     p = head(FIRST, NECK * radius, angle)
     uv = np.stack([0.5 + 0.5 * radius * np.cos(angle), 0.5 - 0.5 * radius * np.sin(angle)], 1)
     s = Sample("head-1", "a painted head, to give its looks to head-2", p, tuples(f), pair="head-2")
-    s.files["head-1.glb"] = gltf([("head", p, np.round(uv, 5), f, {})], png(paint(96)), "skin")
+    s.files["head-1.glb"] = gltf(
+        [("head", p, np.round(uv, 5), f, {})], [png(paint(96))], [plain_material("skin")]
+    )
     pairs = np.stack([marks(FIRST, p), marks(SECOND, head_2_points()[0])], 1)
     s.files["head-1.landmarks.txt"] = lines(pairs)
     return s

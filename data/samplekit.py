@@ -132,8 +132,17 @@ def ply(name: str, points: np.ndarray, faces: np.ndarray) -> bytes:
     return "\n".join(head).encode() + vertex.tobytes() + face.tobytes()
 
 
-def gltf(parts: list[Part], image: bytes, material: str = "glaze") -> bytes:
-    """A GLB with one textured material; parts: (name, points, uv, faces, node transform)."""
+def gltf(
+    parts: list[Part],
+    images: list[bytes],
+    materials: list[dict[str, object]],
+    normals: list[np.ndarray] | None = None,
+) -> bytes:
+    """A GLB with textured materials; parts: (name, points, uv, faces, node transform).
+
+    images: PNG bytes, the texture of each has its number. materials: one for all parts, or one each. normals:
+    of the points of each part.
+    """
     blob = b""
     views: list[dict[str, int]] = []
     accessors: list[dict[str, object]] = []
@@ -147,11 +156,12 @@ def gltf(parts: list[Part], image: bytes, material: str = "glaze") -> bytes:
         return len(views) - 1
 
     meshes, nodes = [], []
-    for name, p, uv, f, transform in parts:
+    for number, (name, p, uv, f, transform) in enumerate(parts):
         p32 = p.astype("<f4")
         attributes = {}
         for key, array, kind in (
             ("POSITION", p32, "VEC3"),
+            *([("NORMAL", normals[number].astype("<f4"), "VEC3")] if normals else []),
             ("TEXCOORD_0", uv.astype("<f4"), "VEC2"),
         ):
             accessor: dict[str, object] = {"bufferView": add(array.tobytes(), 34962)}
@@ -169,27 +179,33 @@ def gltf(parts: list[Part], image: bytes, material: str = "glaze") -> bytes:
                 "type": "SCALAR",
             }
         )
-        primitive = {"attributes": attributes, "indices": len(accessors) - 1, "material": 0}
+        material = number if len(materials) > 1 else 0
+        primitive = {"attributes": attributes, "indices": len(accessors) - 1, "material": material}
         nodes.append({"name": name, "mesh": len(meshes)} | transform)
         meshes.append({"name": name, "primitives": [primitive]})
-    picture = add(image)
+    pictures = [add(image) for image in images]
     document = {
         "asset": {"version": "2.0", "generator": "circparam sample"},
         "scene": 0,
         "scenes": [{"nodes": list(range(len(nodes)))}],
         "nodes": nodes,
         "meshes": meshes,
-        "materials": [
-            {"name": material, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
-        ],
-        "textures": [{"source": 0, "sampler": 0}],
+        "materials": materials,
+        "textures": [{"source": k, "sampler": 0} for k in range(len(images))],
         "samplers": [{"wrapS": 10497, "wrapT": 10497}],
-        "images": [{"bufferView": picture, "mimeType": "image/png"}],
+        "images": [{"bufferView": k, "mimeType": "image/png"} for k in pictures],
         "accessors": accessors,
         "bufferViews": views,
         "buffers": [{"byteLength": len(blob)}],
     }
+    if "KHR_texture_transform" in json.dumps(materials):
+        document["extensionsUsed"] = ["KHR_texture_transform"]
     return glb(document, blob)
+
+
+def plain_material(name: str) -> dict[str, object]:
+    """A material that shows image 0."""
+    return {"name": name, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
 
 
 def glb(document: dict[str, object], blob: bytes) -> bytes:

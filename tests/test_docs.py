@@ -58,7 +58,9 @@ def console_commands(path: Path) -> list[list[str]]:
     return out
 
 
-@pytest.mark.parametrize(("page", "least"), [("tutorial.md", 11), ("two-surfaces.md", 16)])
+@pytest.mark.parametrize(
+    ("page", "least"), [("tutorial.md", 11), ("two-surfaces.md", 16), ("rebake.md", 4)]
+)
 def test_a_page_of_commands_runs(
     page: str, least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -92,7 +94,7 @@ def test_options_in_prose_exist() -> None:
     """An option that README, tutorial or guarantees name is an option of some command."""
     known = set(re.findall(r"--[a-z][a-z-]*", reference.page()))
     pages = ("README.md", "docs/index.md", "docs/tutorial.md", "docs/guarantees.md")
-    for name in (*pages, "docs/two-surfaces.md"):
+    for name in (*pages, "docs/two-surfaces.md", "docs/rebake.md"):
         named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", (ROOT / name).read_text("utf-8")))
         assert not named - known, (name, named - known)
 

@@ -6,6 +6,7 @@ filtering at a chart's boundary never takes in background.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
@@ -94,12 +95,14 @@ def bake(
     with monitor.stage("bake"):
         for k, (u, v) in enumerate(names):
             here = (tile == (u, v)).all(1)
-            image, mask, tried, twice = _bake_tile(layout, here, np.array([u, v]), paint, form)
+            image, mask, tried, twice = _bake_tile(
+                layout, here, np.array([u, v]), paint, form,
+                lambda done, k=k: monitor.update((k + done) / len(names)),  # type: ignore[misc]
+            )  # fmt: skip
             covered += int(mask.sum())
             sought += tried
             doubled += twice
             images[u, v] = dilate(image, mask)
-            monitor.update((k + 1) / len(names))
     notes = []
     if doubled > 0.001 * max(covered, 1):
         share = 100 * doubled / covered
@@ -134,9 +137,11 @@ def tiles_of(layout: UVMap) -> IntArray:
 
 
 def _bake_tile(
-    layout: UVMap, here: BoolArray, tile: IntArray, paint: Paint, form: tuple[int, int, int]
-) -> tuple[Texels, BoolArray, int, int]:
-    """One tile: (image, covered texels, texels in faces, texels painted twice); form: size, channels, bits."""
+    layout: UVMap, here: BoolArray, tile: IntArray, paint: Paint, form: tuple[int, int, int],
+    told: Callable[[float], None],
+) -> tuple[Texels, BoolArray, int, int]:  # fmt: skip
+    """One tile: (image, covered texels, texels in faces, texels painted twice); form: size, channels, bits;
+    told: the share of the faces that are done."""
     size, channels, bits = form
     kind = np.dtype(np.uint8 if bits == 8 else np.uint16)
     image = np.zeros((size * size, channels), kind)
@@ -155,6 +160,7 @@ def _bake_tile(
         image[pixel] = code  # whole numbers within the range of the type
         before = int(np.count_nonzero(mask))
         mask[pixel] = True
+        told(float(part.face.max(initial=0) + 1) / len(face_of))
         twice += len(pixel) - (int(np.count_nonzero(mask)) - before)
     return image.reshape(size, size, channels), mask.reshape(size, size), tried, twice
 
@@ -263,6 +269,7 @@ def _bake_across(
     if mapped is not None:
         mapped = oriented(mapped, document, source)
     projection = Projection(document.mesh, source.mesh, across.cage, mapped)
+    projection.probe()
     notes: list[str] = []
     bits, channels = 8, 3
     report: dict[str, Any] = {"map": "nearest" if mapped is None else "map"}

@@ -9,17 +9,16 @@ face covers takes the nearest colour.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.bake.look_source import Source
 from circparam.bake.merging import FILL, fitted, groups_of, with_cutoff
-from circparam.bake.source_image import coded
+from circparam.bake.source_image import Floats, coded
 from circparam.bake.texels import Texels, corners_in_texels, density, find_texels, places_in
 from circparam.bake.write import png
 from circparam.core.arrays import FloatArray, IntArray
@@ -29,6 +28,8 @@ from circparam.formats.looks import Carried, Group, Material, Slot, Use
 from circparam.geometry.shading import Frames, unit
 from circparam.mesh.mesh import UVMap
 
+MAGNIFIED = 0.5  # texels of an old image along a new one, below which samples hardly differ
+LEVEL = 4  # of compression: 5 % more bytes than 7 in two fifths of its time
 AT_ONCE = 250_000  # texels, a few hundred bytes each in every thread
 
 
@@ -46,9 +47,7 @@ class Work:
     """What is the same for all texels of a page."""
 
     source: Source
-    layout: UVMap
     texels: Texels
-    samples: int
     xy: FloatArray
     new: Frames | None
 
@@ -66,33 +65,30 @@ def carry(
     in a face.
     """
     monitor = monitor or Monitor()
-    groups = groups_of(source.looks, options.merge)
-    with monitor.stage("bake"):
-        texels = find_texels(layout, options.size)
-        slots = {slot for group in groups for slot in group.shown}
-        turns = any(slot.kind in ("normal", "direction") for slot in slots)
-        uv = layout.uv[np.maximum(layout.uv_faces, 0)]
-        new = source.frames(uv) if turns else None
-        xy = np.nan_to_num(corners_in_texels(layout, options.size))
-        work = Work(source, layout, texels, options.samples, xy, new)
-        pages = _painted(work, groups, slots, monitor)
+    groups = groups_of(source.looks, options.merge, source.kept)
+    texels = find_texels(layout, options.size)
+    slots = {slot for group in groups for slot in group.shown}
+    turns = any(slot.kind in ("normal", "direction") for slot in slots)
+    uv = layout.uv[np.maximum(layout.uv_faces, 0)]
+    new = source.frames(uv) if turns else None
+    xy = np.nan_to_num(corners_in_texels(layout, options.size))
+    work = Work(source, texels, xy, new)
+    parts = list(_parts(work, groups, options.samples))
+    pages = _painted(work, parts, slots, monitor)
     tangents = None
     if new is not None:
         sign = np.broadcast_to(new.sign[:, None, None], (*new.sign.shape, 3, 1))
         tangents = np.concatenate([new.tangent, sign], 2)
-    return Carried(pages, groups, uv_set, tangents), texels
+    return Carried(pages, groups, uv_set, tangents, source.kept), texels
 
 
-def _painted(
-    work: Work, groups: tuple[Group, ...], slots: set[Slot], monitor: Monitor
-) -> dict[str, bytes]:
+def _painted(work: Work, parts: list[Part], slots: set[Slot], monitor: Monitor) -> dict[str, bytes]:
     """PNG bytes of every page."""
     size, texels = work.texels.size, work.texels
     width: dict[str, int] = {}
     for slot in slots:
         width[slot.page] = max(width.get(slot.page, 0), 3, 1 + max(slot.channels))
     images = {page: np.full((size * size, 4), 255, np.uint8) for page in sorted(width)}
-    parts = list(_parts(work, groups))
     for part in parts:  # what threads share is made before them
         _prepare(work.source, part)
     done = 0
@@ -105,7 +101,7 @@ def _painted(
             image = images.pop(page)
             channels = 4 if width[page] == 4 and (image[texels.pixel, 3] < 255).any() else 3
             grown = image[texels.nearest, :channels]
-            return png(grown.reshape(size, size, channels))
+            return png(grown.reshape(size, size, channels), LEVEL)
 
         names = list(images)
         return dict(zip(names, pool.map(encoded, names), strict=True))
@@ -113,42 +109,53 @@ def _painted(
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Texels of one material. at: their numbers in ``Texels``."""
+    """Texels of one material. at: their numbers in ``Texels``. samples: of each along a side."""
 
     group: Group
     material: Material
     at: IntArray
+    samples: int
 
 
-def _parts(work: Work, groups: tuple[Group, ...]) -> Iterator[Part]:
-    """The texels in parts of one material each."""
-    looks = work.source.looks
+def _parts(work: Work, groups: tuple[Group, ...], samples: int) -> Iterator[Part]:
+    """The texels in parts of one material each, those that old images magnify apart: one sample does for
+    them."""
+    looks, of = work.source.looks, work.texels.face
     group_of = {member: group for group in groups for member in group.members}
-    label = looks.face[work.texels.face]
+    fine = np.zeros(len(looks.face), bool)
+    for k, group in group_of.items():
+        for use in looks.materials[k].uses.values() if group.shown else ():
+            dense = density(work.source.in_texels(use), work.xy)
+            fine |= (looks.face == k) & ~(dense <= MAGNIFIED)
+    label = (2 * looks.face + fine)[of]
     order = np.argsort(label, kind="stable")
     first = np.flatnonzero(np.diff(label[order], prepend=-1))
     for a, b in zip(first, [*first[1:], len(order)], strict=True):
-        k = int(label[order[a]])
+        k, is_fine = divmod(int(label[order[a]]), 2)
         if group_of[k].shown:
             for start in range(a, b, AT_ONCE):
                 at = order[start : min(start + AT_ONCE, b)]
-                yield Part(group_of[k], looks.materials[k], at)
+                yield Part(group_of[k], looks.materials[k], at, samples if is_fine else 1)
 
 
 def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> int:
     """Write the texels of a part into the pages, in place; returns how many they are."""
     texels, material = work.texels, part.material
     pixel, face = texels.pixel[part.at], texels.face[part.at]
-    looked: dict[Any, FloatArray] = {}
+    looked: dict[Slot, FloatArray] = {}
+    alike: dict[tuple[object, ...], list[tuple[Use, Slot]]] = {}
+    for slot, image in material.uses.items():
+        if slot in part.group.shown:
+            alike.setdefault(layout_of(work.source, image), []).append((image, slot))
+    for wanted in alike.values():
+        found = look_up(work, part, wanted)
+        looked |= {slot: values for (_, slot), values in zip(wanted, found, strict=True)}
     for slot in part.group.shown:
-        use, none = material.uses.get(slot), _without_image(slot)
+        use, none = material.uses.get(slot), without_image(slot)
         texel = np.broadcast_to(none, (len(face), len(none)))
         if use is not None:
-            key = (use.image, use.uv_set, use.move.tobytes(), use.wrap, use.nearest, slot.srgb)
-            if key not in looked:
-                looked[key] = _look_up(work, part, use, slot)
             has = work.source.places(use)[1][face]  # no uv, no texture: the factor alone
-            texel = np.where(has[:, None], looked[key][:, slot.channels], none)
+            texel = np.where(has[:, None], looked[slot][:, slot.channels], none)
         own, common = material.factors[slot], part.group.factors[slot]
         if slot.kind in ("normal", "direction"):
             texel = _turned(work, slot, use, own, common, (pixel, face, texel))
@@ -158,7 +165,7 @@ def _paint(work: Work, part: Part, images: dict[str, npt.NDArray[np.uint8]]) -> 
     return len(part.at)
 
 
-def _without_image(slot: Slot) -> FloatArray:
+def without_image(slot: Slot) -> FloatArray:
     """The texel that stands for no image in a slot."""
     return np.array(FILL.get(slot.kind, (1.0,) * len(slot.channels)))
 
@@ -188,36 +195,52 @@ def _store(
         image[pixel, channel] = coded(value, slot.srgb and channel < 3)
 
 
-def _look_up(work: Work, part: Part, use: Use, slot: Slot) -> FloatArray:
-    """(p, 4) the mean of what an image shows at the samples of texels; of colours that are seen through, or
-    not at all, by how much they are seen."""
-    texels = work.texels
+def look_up(work: Work, part: Part, wanted: Sequence[tuple[Use, Slot]]) -> list[FloatArray]:
+    """(p, 4) the mean of what each image shows at the samples of texels; of colours that are seen through, or
+    not at all, by how much they are seen.
+
+    wanted: uses that lie alike (``layout_of``), and their slots: they share the texels that they are looked up
+    at.
+    """
+    texels, use = work.texels, wanted[0][0]
     pixel, face = texels.pixel[part.at], texels.face[part.at]
     corners = np.nan_to_num(work.source.places(use)[0])[face]
     x, y = corners[:, :, 0].T.copy(), corners[:, :, 1].T.copy()
-    image = work.source.sampled(use, slot.srgb)
-    dense = density(work.source.in_texels(use), work.xy)[face] / work.samples
+    images = [work.source.sampled(u, slot.srgb) for u, slot in wanted]
+    dense = density(work.source.in_texels(use), work.xy)[face] / part.samples
     level = np.round(np.log2(np.maximum(np.nan_to_num(dense, nan=1.0), 1.0))).astype(np.int64)
-    level = np.minimum(level, image.levels)
+    level = np.minimum(level, images[0].levels)
     numbers = np.unique(level).tolist()
-    total = np.zeros((len(face), 4))
-    material = part.material
-    see_through = slot.covers and material.alpha != "OPAQUE"
-    seen = np.zeros((len(face), 4))  # colours times weights, and weights
-    for u, v, w in places_in(work.xy, face, pixel, texels.size, work.samples):
+    sums = [np.zeros((len(face), 4), np.float32) for _ in wanted]
+    seen = np.zeros((len(face), 4), np.float32)  # colours times weights, and weights
+    for u, v, w in places_in(work.xy, face, pixel, texels.size, part.samples):
         px, py = u * x[0] + v * x[1] + w * x[2], u * y[0] + v * y[1] + w * y[2]
         for k in numbers:
             some = slice(None) if len(numbers) == 1 else level == k
-            found = image.sample(px[some], py[some], use, k)
-            total[some] += found
-            if see_through:
-                alpha = found[:, 3:]
-                weight = alpha if material.alpha == "BLEND" else (alpha >= material.cutoff) * 1.0
-                seen[some] += np.concatenate([found[:, :3] * weight, weight], 1)
-    total /= work.samples**2
-    some = seen[:, 3] > 0
-    total[some, :3] = seen[some, :3] / seen[some, 3:]
-    return total
+            taps = images[0].taps(px[some], py[some], use, k)
+            for image, total, (_, slot) in zip(images, sums, wanted, strict=True):
+                found = image.blend(taps, k)
+                total[some] += found
+                if slot.covers and part.material.alpha != "OPAQUE":
+                    weight = _weight(found[:, 3:], part.material)
+                    seen[some] += np.concatenate([found[:, :3] * weight, weight], 1)
+    for total, (_, slot) in zip(sums, wanted, strict=True):
+        total /= part.samples**2
+        if slot.covers:
+            shown = seen[:, 3] > 0
+            total[shown, :3] = seen[shown, :3] / seen[shown, 3:]
+    return [total.astype(np.float64) for total in sums]
+
+
+def _weight(alpha: Floats, material: Material) -> Floats:
+    """How much of a colour is seen where it has some alpha."""
+    return alpha if material.alpha == "BLEND" else (alpha >= material.cutoff).astype(np.float32)
+
+
+def layout_of(source: Source, use: Use) -> tuple[object, ...]:
+    """What uses have in common that are looked up at the same texels."""
+    shape = source.images[use.image].shape
+    return shape, use.uv_set, use.move.tobytes(), use.wrap, use.nearest
 
 
 def _turned(
@@ -240,9 +263,14 @@ def _turned(
     if slot.kind == "normal":
         vector = (texel * 2 - 1) * [own[0], own[0], 1]
         return 0.5 + 0.5 * new.into(face, bary, old.out_of(face, bary, vector))
-    c, s = np.cos(own[1]), np.sin(own[1])
-    x, y = (texel[:, :2] * 2 - 1).T
-    flat = np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)
-    turned = unit(new.into(face, bary, old.out_of(face, bary, flat)) * [1, 1, 0])
+    flat = old.out_of(face, bary, rotated(texel * 2 - 1, own[1]))
+    turned = unit(new.into(face, bary, flat) * [1, 1, 0])
     strength = texel[:, 2] * (own[0] / common[0] if common[0] > 0 else 1.0)
     return np.column_stack([0.5 + 0.5 * turned[:, :2], strength])
+
+
+def rotated(vector: FloatArray, angle: float) -> FloatArray:
+    """Vectors (p, 3) flat in x and y, turned by an angle."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vector[:, 0], vector[:, 1]
+    return np.stack([c * x - s * y, s * x + c * y, np.zeros(len(x))], 1)

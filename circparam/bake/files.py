@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from circparam.bake.bake import Across, Baked, bake_document
+from circparam.bake.left_behind import check_left_behind
 from circparam.bake.write import check_target, write_baked
 from circparam.errors import OptionError
 from circparam.formats.document import Document
@@ -39,7 +41,9 @@ def bake_mesh(
             raise OptionError(f"{target}: the file exists; replace it with --overwrite")
     document = mesh if isinstance(mesh, Document) else read(mesh)
     other = source if source is None or isinstance(source, Document) else read(source)
+    number = keywords.get("uv_set", 0)
+    left = [] if target is None else check_left_behind(target, document, other, kind, number)
     baked = bake_document(document, kind, source=other, across=across, **keywords)
     if target is not None:
-        write_baked(target, baked, document, keywords.get("uv_set", 0), kind)
-    return baked
+        write_baked(target, baked, document, number, kind)
+    return replace(baked, notes=[*baked.notes, *left])

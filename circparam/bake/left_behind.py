@@ -9,7 +9,8 @@ import numpy as np
 from circparam.errors import CircparamError, InputError
 from circparam.formats.document import Document
 
-ONE = ("base colour", "diffuse")  # what --from texture carries
+# what --from texture carries, as glTF, OBJ and PLY call it
+ONE = ("base colour", "diffuse", "map_kd", "texture")
 HOW = "carry all of them with circparam bake --all, or with circparam unwrap --rebake"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -10,29 +10,35 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.bake.source_image import SourceImage
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray, cross2
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.looks import Looks, Use, pixels
 from circparam.geometry.shading import Frames, corner_normals, frames
 from circparam.render.scene import row_labels
 
+TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern that repeats
+
 
 @dataclass(frozen=True, eq=False)
 class Source:
     """A file whose looks are carried: its materials, decoded images, and the old uv of each slot.
 
-    images: (h, w, 4) codes. Every method answers for all m faces.
+    images: (h, w, 4) codes. kept: materials that are not carried. Every method answers for all m faces.
     """
 
     document: Document
     looks: Looks
     images: tuple[npt.NDArray[Any], ...]
+    kept: frozenset[int] = frozenset()
     _known: dict[Any, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, document: Document) -> Source:
-        """What a document shows. Raises InputError where images or uv are missing, broken or not finite."""
+    def of(cls, document: Document, keep_tiled: bool = False) -> Source:
+        """What a document shows; keep_tiled: without the materials whose images repeat.
+
+        Raises InputError where images or uv are missing, broken or not finite.
+        """
         looks = document.looks()
         if looks is None or not looks.textured:
             raise document.source.error("its materials show no image: there is nothing to carry")
@@ -44,7 +50,22 @@ class Source:
         for k in np.unique(looks.face).tolist():
             for use in looks.materials[k].uses.values():
                 out.check(use, looks.face == k)
-        return out
+        if not keep_tiled:
+            return out
+        uses = {k: m.uses.values() for k, m in enumerate(looks.materials)}
+        kept = {
+            k for k, some in uses.items() if any(out.repeats(use, looks.face == k) for use in some)
+        }
+        if not any(uses[k] for k in np.unique(looks.face).tolist() if k not in kept):
+            raise document.source.error("all its textures repeat: leave --keep-tiled out")
+        return replace(out, kept=frozenset(kept))
+
+    def repeats(self, use: Use, faces: npt.NDArray[np.bool_]) -> bool:
+        """Whether an image lies more than TILES times over some faces."""
+        places, has = self.places(use)
+        some = places[faces & has]
+        sides = some[:, 1:] - some[:, :1]
+        return bool(np.abs(cross2(sides[:, 0], sides[:, 1])).sum() / 2 > TILES)
 
     def check(self, use: Use, faces: npt.NDArray[np.bool_]) -> None:
         """Raise InputError where faces have uv for a texture that are not finite."""

@@ -19,7 +19,7 @@ FILL = {
 }  # texels where a material has no image
 
 
-def groups_of(looks: Looks, merge: bool) -> tuple[Group, ...]:
+def groups_of(looks: Looks, merge: bool, kept: frozenset[int] = frozenset()) -> tuple[Group, ...]:
     """The materials that faces show, each on its own or with those that differ from it in textures and factors
     only.
 
@@ -29,6 +29,8 @@ def groups_of(looks: Looks, merge: bool) -> tuple[Group, ...]:
     sets: dict[object, list[int]] = {}
     for k in used:
         material = looks.materials[k]
+        if k in kept:
+            continue
         sets.setdefault((material.alpha, material.alike) if merge else k, []).append(k)
     out = []
     for members in sets.values():
@@ -36,7 +38,7 @@ def groups_of(looks: Looks, merge: bool) -> tuple[Group, ...]:
             out.append(_group(members, [looks.materials[k] for k in members]))
         else:
             out += [_group([k], [looks.materials[k]]) for k in members]
-    return tuple(out)
+    return (*out, *(Group((k,), {}, ()) for k in used if k in kept))
 
 
 def _group(numbers: list[int], members: list[Material]) -> Group:

@@ -10,25 +10,36 @@ import numpy as np
 
 from circparam.bake.bake import tiles_of
 from circparam.bake.carry import CarryOptions, carry
+from circparam.bake.chart_sizes import by_density
+from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
 from circparam.bake.sharpness import Sharpness, blurred, needed_size, sharpness
 from circparam.bake.texels import Texels
-from circparam.core.monitor import Monitor
+from circparam.core.fields import specs
+from circparam.core.limits import auto_padding
+from circparam.core.monitor import Listener, Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
-from circparam.formats.io import Written, check_place, check_target, format_of, write
+from circparam.formats.io import Written, check_place, check_target, format_of, read, write
 from circparam.formats.looks import Carried
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.configure import padding_note, target_format, write_options
+from circparam.pipeline.configure import open_source, target_format, write_options
+from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.look_options import LookOptions
-from circparam.pipeline.options import AUTO, Options
-from circparam.pipeline.result import Result, verify_layout
+from circparam.pipeline.options import AUTO, Options, from_keywords
+from circparam.pipeline.result import Result, promise, verify_layout
 from circparam.pipeline.save import save
-from circparam.pipeline.unwrap import unwrap_document
+from circparam.pipeline.unwrap import repack_document, unwrap_document
+from circparam.pipeline.verify import reasons
 
+# options that a second packing of the same charts has in common with the first
+PACKING = (
+    *("resolution", "padding", "rotate", "effort", "uv_set", "overwrite_uv", "ply_uv", "lightmap"),
+    *("copy_assets", "repair", "weld", "overwrite", "jobs", "timeout", "format"),
+)
 # formats that can be written with the materials of each format
-HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf")}
+HOMES = {"glb": ("glb", "gltf"), "gltf": ("glb", "gltf"), "obj": ("obj",), "ply": ("ply",)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +56,7 @@ class Look:
     sharp: list[Sharpness]
     covered: float
     notes: list[str] = field(default_factory=list)
+    checked: dict[str, Any] | None = None  # what --check-look found
 
     def as_dict(self) -> dict[str, Any]:
         """The figures for JSON."""
@@ -54,10 +66,37 @@ class Look:
             "materials_before": self.materials[0],
             "materials": self.materials[1],
             "covered": self.covered,
+            **({} if self.checked is None else {"check": self.checked}),
             "textures": [
                 {"name": s.name, "density_kept": s.kept, "tiled": s.tiled} for s in self.sharp
             ],
         }
+
+
+def rebake(
+    source: Any,
+    output: str | os.PathLike[str],
+    *,
+    listener: Listener | None = None,
+    options: Options | None = None,
+    **keywords: Any,
+) -> tuple[Result, Look]:
+    """Unwrap a textured mesh and write it with every texture of every material in the new uv.
+
+    source, listener, options: as for ``circparam.unwrap``. output: a file of the same family of formats.
+    keywords: the fields of ``Options`` and of ``LookOptions``: size, merge_materials, samples, check_look.
+
+    Returns the result of the unwrap and what became of images and materials. Raises what ``unwrap`` does, and
+    InputError for images that can't be carried.
+    """
+    names = specs(LookOptions)
+    look = LookOptions(**{k: v for k, v in keywords.items() if k in names})
+    rest = {k: v for k, v in keywords.items() if k not in names}
+    options = from_keywords(rest, options)
+    monitor = monitor_of(options, listener)
+    with monitor.stage("read"):
+        document = open_source(source, options)
+    return rebake_document(document, output, options, look, monitor)
 
 
 def rebake_document(
@@ -72,49 +111,73 @@ def rebake_document(
     Raises what ``unwrap_document`` does, OptionError where an option leaves no single page, InputError for
     images that can't be carried; all but the first before any work.
     """
-    _check(options)
+    _check(options, look)
+    if look.check_look and os.fspath(output) == "-":
+        raise OptionError("--check-look reads the result back: give -o FILE in place of '-'")
     target = target_format(document, output, options)
-    _check_home(document, target)
+    _check_home(document, target, look)
     check_target(document, target, write_options(options))
     if os.fspath(output) != "-":
         check_place(output, document, target, options.overwrite)
-    source = Source.of(document)
+    with monitor.stage("images"):
+        source = Source.of(document, bool(look.keep_tiled))
     size = look.fixed_size or options.resolution or needed_size(source, None)
     if options.resolution not in (None, size):
         raise OptionError(
             f"--size {size} and --resolution {options.resolution} are one thing with --rebake: give one of them"
         )
-    padding = AUTO if options.padding is None and look.fixed_size is None else options.padding
+    free = look.fixed_size is None and options.resolution is None
+    grows = options.padding in (None, AUTO)
+    # a texel more, since half of a page has half of its padding and a coarser raster
+    padding = auto_padding(size) + 1 if free and grows else options.padding
     asked = replace(options, resolution=size, padding=padding, format=target)
     result = unwrap_document(document, None, asked, monitor)
+    if look.density == "source":
+        sized = by_density(source, UVMap(result.uv, result.uv_faces))
+        packing = Options(**{name: getattr(asked, name) for name in PACKING}, cut="none")
+        again = repack_document(document, sized, None, packing, monitor)
+        result = replace(again, work="unwrap", repairs=[*result.repairs, *again.repairs])
     layout = UVMap(result.uv, result.uv_faces)
-    if look.fixed_size is None and options.resolution is None and padding == AUTO:
-        size = needed_size(source, layout)  # a padding that grows with the page is as good on any
+    if free:
+        result = _at_size(result, needed_size(source, layout), grows)
+    size = result.options.resolution or size
     number = options.target_set or 0
     how = CarryOptions(size, look.samples or 2, look.merge)
-    carried, texels = carry(source, layout, number, how, monitor)
+    with monitor.stage("textures"):
+        carried, texels = carry(source, layout, number, how, monitor)
     told = _look(source, layout, carried, texels)
-    result = _at_size(replace(result, document=document.dressed(carried)), size, options.format)
-    saved = save(result, output, monitor)
+    back = replace(result.options, format=options.format)
+    dressed = replace(result, document=document.dressed(carried), options=back)
+    saved = save(dressed, output, monitor)
+    if look.check_look:
+        told = replace(told, checked=_checked(source, saved, monitor))
     warnings = [*saved.warnings, *told.notes]
     return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), told
 
 
-def _at_size(result: Result, size: int, format: str | None) -> Result:
-    """A result as it is on a page of another size, its padding in texels of that one."""
+def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dict[str, Any]:
+    """What --check-look finds in a file that was written."""
+    faces = np.arange(len(source.looks.face))
+    face_map = faces if written.face_map is None else written.face_map
+    with monitor.stage("look"):
+        return check_look(source, Source.of(read(str(written.path))), face_map)
+
+
+def _at_size(result: Result, size: int, grows: bool) -> Result:
+    """A result on a page of another size, with what its padding is there; as it is where that is too little.
+
+    grows: the padding is that of ``--padding auto``, which a smaller page needs less of.
+    """
     old = result.options
-    new = replace(old, resolution=size, format=format)
-    if size == old.resolution:
-        return replace(result, options=new)
-    before, after = padding_note(old.padding_texels), padding_note(new.padding_texels)
-    return replace(
-        result,
-        options=new,
-        notes=[after if note == before else note for note in result.notes],
-        verification=verify_layout(
-            result.surface, UVMap(result.uv, result.uv_faces), new, result.tiles
-        ),
-    )
+    packed = old.resolution or size
+    if size == packed or (size < packed and not grows):
+        return result
+    new = replace(old, resolution=size, padding=old.padding_texels * size // packed)
+    layout = UVMap(result.uv, result.uv_faces)
+    verification = verify_layout(result.surface, layout, new, result.tiles)
+    if len(reasons(verification, promise(new))) > len(result.reasons):
+        return result
+    return replace(result, options=new, verification=verification)
 
 
 def bake_all(
@@ -133,10 +196,12 @@ def bake_all(
     output can't hold the materials, InputError where the two are not the same triangles or images can't be
     carried.
     """
+    if look.density is not None:
+        raise OptionError("--density has no effect here: the layout is there; leave it out")
     layout = document.require_uv(uv_set)
     origin = source or document
     name = format_of(output)
-    _check_home(origin, name)
+    _check_home(origin, name, look)
     check_place(output, origin, name, overwrite)
     if source is not None and not same_surface(document.mesh, source.mesh):
         raise InputError(
@@ -146,27 +211,35 @@ def bake_all(
     tiles = tiles_of(layout)
     if (tiles > 0).any():
         raise document.source.error("its layout has several tiles: --all carries into one page")
-    found = Source.of(origin)
+    found = Source.of(origin, bool(look.keep_tiled))
     size = look.fixed_size or needed_size(found, layout)
     how = CarryOptions(size, look.samples or 2, look.merge)
-    carried, texels = carry(found, layout, uv_set, how, monitor)
+    monitor = monitor or Monitor()
+    with monitor.stage("bake"):
+        carried, texels = carry(found, layout, uv_set, how, monitor)
     told = _look(found, layout, carried, texels)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     written = write(output, origin.dressed(carried), layout, options=options, overwrite=overwrite)
+    if look.check_look:
+        told = replace(told, checked=_checked(found, written, monitor))
     return written, told
 
 
-def _check(options: Options) -> None:
+def _check(options: Options, look: LookOptions) -> None:
     """Raise OptionError where the layout would not be one packed page."""
     if not options.packed:
         raise OptionError("--rebake needs a packed page: leave --no-normalize out")
     if options.grouped or options.pages not in (None, 1) or options.scale is False:
         raise OptionError("--rebake draws one page: leave --pages, --group-by and --no-scale out")
+    if look.density == "source" and options.drop_floaters is not None:
+        raise OptionError(
+            "--density source has no effect on what --drop-floaters leaves out: leave one out"
+        )
     if options.texel_density is not None:
         raise OptionError("--rebake draws one page: give its --size in place of --texel-density")
 
 
-def _check_home(document: Document, target: str) -> None:
+def _check_home(document: Document, target: str, look: LookOptions) -> None:
     """Raise OptionError where a format can't hold the materials of a file."""
     homes = HOMES.get(document.format, ())
     if target not in homes:
@@ -174,6 +247,10 @@ def _check_home(document: Document, target: str) -> None:
         raise OptionError(
             f"{document.source.name}: textures of {document.format.upper()} are not carried into "
             f"{target.upper()}, only {known}: write one of these"
+        )
+    if look.keep_tiled and target not in ("glb", "gltf"):
+        raise OptionError(
+            f"--keep-tiled has no effect here: {target.upper()} holds one uv set; leave it out"
         )
 
 

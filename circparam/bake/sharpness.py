@@ -10,7 +10,8 @@ import numpy as np
 
 from circparam.bake.look_source import Source
 from circparam.bake.texels import corners_in_texels, density
-from circparam.core.arrays import FloatArray, cross2
+from circparam.core.arrays import FloatArray
+from circparam.core.limits import RESOLUTION
 from circparam.core.words import percent
 from circparam.mesh.mesh import UVMap
 
@@ -18,7 +19,8 @@ KEPT = 0.9  # of the old density along a side, which no more than TAIL of the su
 TAIL = 0.01  # share of the surface that an image covers: slivers of old uv are no reason for a larger page
 FILLED = 0.7  # share of a page that packing covers, guessed before it
 SMALLEST, LARGEST = 512, 8192  # sides that auto chooses from: below, a padding of 1/512 is no texel
-TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern and decides no size
+GROWN = 2.0  # a small part of a surface that an image magnifies is no reason for more
+PATTERN = 2048  # the side up to which images that repeat decide
 
 
 @dataclass(frozen=True)
@@ -35,10 +37,12 @@ def needed_size(source: Source, layout: UVMap | None) -> int:
     """The smallest power of two, SMALLEST to LARGEST, that keeps KEPT of the density of every image.
 
     layout: None before there is one; then the page is taken for FILLED by charts without distortion. Images
-    that repeat do not count: no page holds them as sharp as they are.
+    that repeat ask for no more than PATTERN, others for GROWN times the side of a page with all their texels.
     """
-    sides = [KEPT * dense for _, dense, tiled in _densities(source, layout, 1) if not tiled]
-    side = max([SMALLEST, *sides])
+    whole = math.sqrt(sum(image.shape[0] * image.shape[1] for image in source.images))
+    side = float(SMALLEST)
+    for _, dense, tiled in _densities(source, layout, 1):
+        side = max(side, min(KEPT * dense, PATTERN if tiled else GROWN * whole))
     return min(1 << math.ceil(math.log2(side) - 1e-9), LARGEST)
 
 
@@ -55,10 +59,11 @@ def blurred(found: list[Sharpness], size: int) -> list[str]:
     lines = []
     for one in found:
         if one.kept < KEPT:
+            side = 1 << math.ceil(math.log2(KEPT * size / one.kept) - 1e-9)
             why = (
                 "it repeats, so every copy needs texels of its own"
-                if one.tiled
-                else "--size is too small"
+                if one.tiled or side > RESOLUTION.high
+                else f"--size {side} keeps more than {percent(KEPT)}"
             )
             lines.append(
                 f"texture {one.name} keeps {percent(one.kept)} of its density at {size} texels: {why}"
@@ -75,13 +80,13 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
     new = _flat(area) if layout is None else corners_in_texels(layout, size)
     worst: dict[int, tuple[float, bool]] = {}
     for k in np.unique(looks.face).tolist():
+        if k in source.kept:
+            continue
         mine = looks.face == k
         for use in looks.materials[k].uses.values():
-            places, has = source.places(use)
-            some = mine & has
+            some = mine & source.places(use)[1]
             dense = density(source.in_texels(use), new)[some]
-            side1, side2 = places[some, 1] - places[some, 0], places[some, 2] - places[some, 0]
-            tiled = bool(np.abs(cross2(side1, side2)).sum() / 2 > TILES)
+            tiled = source.repeats(use, mine)
             value = _quantile(dense, area[some])
             before, repeats = worst.get(use.image, (0.0, False))
             worst[use.image] = max(before, value), repeats or tiled

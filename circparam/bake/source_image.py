@@ -6,6 +6,7 @@ Samples blend the four texels round a place in linear light, as graphics hardwar
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
 
@@ -20,6 +21,16 @@ Floats = npt.NDArray[np.float32]
 # linear light in so many steps → code of 8 bit; the steepest part of the curve, 12.92, moves 0.05 codes a step
 STEPS = 65535
 FLOATS = 1 << 22  # pixels up to which an image is decoded as a whole, in 64 MB
+
+
+@dataclass(frozen=True, eq=False)
+class Taps:
+    """Texels (p,) to blend: one, or upper left, upper right, lower left and lower right with the shares (p, 1)
+    of the right and the lower ones."""
+
+    texels: list[IntArray]
+    right: Floats | None = None
+    below: Floats | None = None
 
 
 class SourceImage:
@@ -64,33 +75,42 @@ class SourceImage:
         """The number of the smallest level."""
         return int(np.ceil(np.log2(max(self.width, self.height, 1))))
 
-    def sample(self, x: FloatArray, y: FloatArray, use: Use, level: int) -> Floats:
-        """(p, 4) linear values at places (p,) in the image, 0..1, y down."""
+    def taps(self, x: FloatArray, y: FloatArray, use: Use, level: int) -> Taps:
+        """The texels round places (p,) in the image, 0..1, y down; those of any image of the same size."""
         size = 1 << level
         h, w = -(-self.height // size), -(-self.width // size)
         x, y = x * (self.width / size), y * (self.height / size)
         if use.nearest:
             i, j = wrapped(np.floor(x), w, use.wrap[0]), wrapped(np.floor(y), h, use.wrap[1])
-            return self._take(j * w + i, level)
+            return Taps([j * w + i])
         x0, y0 = np.floor(x - 0.5), np.floor(y - 0.5)
-        fx = (x - 0.5 - x0).astype(np.float32)[:, None]
-        fy = (y - 0.5 - y0).astype(np.float32)[:, None]
+        right = (x - 0.5 - x0).astype(np.float32)[:, None]
+        below = (y - 0.5 - y0).astype(np.float32)[:, None]
         i0, i1 = (wrapped(x0 + k, w, use.wrap[0]) for k in (0, 1))
         j0, j1 = (wrapped(y0 + k, h, use.wrap[1]) * w for k in (0, 1))
-        out = self._blend(j0 + i0, j0 + i1, fx, level)
-        below = self._blend(j1 + i0, j1 + i1, fx, level)
-        below -= out
-        below *= fy
-        out += below
-        return out
+        return Taps([j0 + i0, j0 + i1, j1 + i0, j1 + i1], right, below)
 
-    def _blend(self, left: IntArray, right: IntArray, share: Floats, level: int) -> Floats:
-        """(p, 4) between two texels each."""
-        out, other = self._take(left, level), self._take(right, level)
-        other -= out
-        other *= share
-        out += other
-        return out
+    def blend(self, taps: Taps, level: int) -> Floats:
+        """(p, 4) linear values between the texels of taps."""
+        first = self._take(taps.texels[0], level)
+        if taps.right is None or taps.below is None:
+            return first
+        rows = []
+        for k in (0, 2):
+            left, other = first if k == 0 else self._take(taps.texels[2], level), taps.texels[k + 1]
+            step = self._take(other, level)
+            step -= left
+            step *= taps.right
+            left += step
+            rows.append(left)
+        rows[1] -= rows[0]
+        rows[1] *= taps.below
+        rows[0] += rows[1]
+        return rows[0]
+
+    def sample(self, x: FloatArray, y: FloatArray, use: Use, level: int) -> Floats:
+        """(p, 4) linear values at places (p,) in the image, 0..1, y down."""
+        return self.blend(self.taps(x, y, use, level), level)
 
     def _take(self, at: IntArray, level: int) -> Floats:
         """(p, 4) linear values of texels by their numbers."""

@@ -56,6 +56,11 @@ def find_texels(layout: UVMap, size: int) -> Texels:
     for part in fragments(xy, size, size):
         owner[part.pixel] = part.face
         tried += len(part.pixel)
+    middle = xy.mean(1)
+    at = np.flatnonzero(np.isfinite(middle).all(1) & ((middle >= 0) & (middle < size)).all(1))
+    texel = middle[at, 1].astype(np.int64) * size + middle[at, 0].astype(np.int64)
+    bare = owner[texel] < 0  # a chart between the centres of texels has a texel all the same
+    owner[texel[bare]] = at[bare]
     inside = (owner >= 0).reshape(size, size)
     covered = int(np.count_nonzero(inside))
     if covered == 0:

@@ -117,10 +117,10 @@ def _images(path: Path, baked: Baked) -> dict[Path, bytes]:
     }
 
 
-def png(array: Texels) -> bytes:
-    """A tile as PNG bytes."""
+def png(array: Texels, level: int = 7) -> bytes:
+    """A tile as PNG bytes; level: of compression, 0 to 9."""
     out = io.BytesIO()
-    to_image(array).save(out, "PNG", compress_level=7)
+    to_image(array).save(out, "PNG", compress_level=level)
     return out.getvalue()
 
 

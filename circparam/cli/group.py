@@ -50,6 +50,9 @@ COMMANDS = {
     ),
     "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or one page."),
     "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark on landmark."),
+    "transfer": Entry(
+        _HERE + "transfer", "Lay the uv of one mesh on its coarser or finer levels of detail."
+    ),
     "bake": Entry(
         _HERE + "bake", "Carry colours, textures, normals or heights into the uv of a mesh."
     ),

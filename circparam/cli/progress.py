@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -14,29 +15,44 @@ from circparam.cli import signals
 from circparam.core.memory import resident
 from circparam.core.monitor import Listener
 
+AS_LINES = "CIRCPARAM_PROGRESS"  # in the environment: a program reads stderr and wants a line for each per cent
 DELAY = 2.0  # seconds before a bar appears
 SURE = 0.1  # of the run: before that no time that is left is told
-# Stages in their order and what each takes of a run, in hundredths: means over the meshes of the benchmarks.
-# What compare does method by method, with no stage of its own, comes after the cut.
-COSTS = {
-    **{
-        "read": 1,
-        "repair": 1,
-        "visibility": 2,
-        "charts": 38,
-        "carry": 6,
-        "relax": 4,
-        "enforce": 16,
-        "stretch": 4,
+# Stages and what each takes of a run, in hundredths: processor seconds, means over meshes of 1,600 to 90,000
+# faces. Groups follow each other; the stages of a group come again and stand inside each other.
+GROUPS: tuple[dict[str, int], ...] = (
+    {"read": 1},
+    {"repair": 1},
+    {
+        **{"seams": 1, "visibility": 6, "charts": 40, "carry": 3, "relax": 4, "enforce": 8},
+        **{"stretch": 4, "weights": 1, "solve": 1, "unfold": 1, "flatten": 1},
     },
-    **{"seams": 1, "weights": 1, "solve": 1, "unfold": 1, "flatten": 1, "": 10, "check": 1},
-    **{"repair layout": 1, "pack": 20, "bake": 10, "verify": 5, "write": 1},
-}
-LEVEL = "level"  # what a mesh goes through that gets its charts on a smaller surface; then these are the costs
-LARGE_COSTS = {
-    **{"read": 1, "repair": 4, "visibility": 1, "charts": 4, LEVEL: 40, "carry": 14, "relax": 9},
-    **{"enforce": 9, "stretch": 2, "seams": 4, "flatten": 1, "check": 2, "repair layout": 1},
-    **{"pack": 4, "verify": 6, "write": 1},
+    {"check": 2, "repair layout": 1, "pack": 28},
+    {"verify": 4},
+    {"write": 1},
+)
+LEVEL = "level"  # what a mesh goes through that gets its charts on a smaller surface
+# other kinds of runs, by the stage that tells them; compare has no name for what it does method by method
+OTHERS: dict[str, tuple[dict[str, int], ...]] = {
+    LEVEL: (
+        {"read": 1},
+        {"repair": 4},
+        {
+            **{"seams": 4, "visibility": 1, "charts": 4, LEVEL: 40, "carry": 14, "relax": 9},
+            **{"enforce": 9, "stretch": 2, "flatten": 1},
+        },
+        {"check": 2, "repair layout": 1, "pack": 4},
+        {"verify": 6},
+        {"write": 1},
+    ),
+    "": (*GROUPS[:3], {"": 70}),
+    "images": (
+        *({"read": 1}, {"images": 2}),
+        *GROUPS[1:4],
+        *({"verify": 4}, {"textures": 60}, {"write": 2}, {"look": 10}),
+    ),
+    "bake": ({"read": 5}, {"bake": 90}, {"write": 5}, {"look": 20}),
+    "draw": ({"read": 20}, {"draw": 80}),
 }
 
 
@@ -58,7 +74,8 @@ def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterat
     if place[1] > 1:
         label = f"{label} ({place[0]} of {place[1]})"
     bar = None if quiet or not sys.stderr.isatty() else _Bar(label)
-    status = Status(label) if bar is None else bar.status
+    as_lines = os.environ.get(AS_LINES) and not quiet
+    status = bar.status if bar else Lines(label) if as_lines else Status(label)
     with signals.answering(status.line):
         try:
             yield status if bar is None else bar
@@ -70,23 +87,29 @@ def listener(label: str, quiet: bool, place: tuple[int, int] = (1, 1)) -> Iterat
 class Forward:
     """How far the whole run is, out of how far its stages are: by what they take, and never back.
 
-    Stages come again and stand inside each other: the furthest place so far is what counts.
+    A group is done when a stage of a later one has begun. Within a group each stage counts by the furthest it
+    has come, whatever has been heard of the others: that one has begun says nothing of those before it.
     """
 
     def __init__(self) -> None:
         self.fraction = 0.0
-        self.costs = COSTS
+        self.groups = GROUPS
+        self._at, self._come = 0, dict[str, float]()
 
     def __call__(self, stage: str, fraction: float) -> float:
         """The share of the run, 0..1, that is done when a stage has come so far; unknown ones move nothing."""
-        if stage == LEVEL and self.costs is COSTS:
-            self.costs, self.fraction = LARGE_COSTS, 0.0
-        before, whole = 0.0, float(sum(self.costs.values()))
-        for name, cost in self.costs.items():
-            if name == stage:
-                done = before + cost * min(max(fraction, 0.0), 1.0)
-                self.fraction = max(self.fraction, done / whole)
-            before += cost
+        if stage in OTHERS and self.groups is GROUPS:
+            self.groups, self.fraction = OTHERS[stage], 0.0
+        for number, group in enumerate(self.groups):
+            if stage in group and number >= self._at:
+                self._come = self._come if number == self._at else {}
+                self._at = number
+                self._come[stage] = max(min(fraction, 1.0), self._come.get(stage, 0.0))
+        costs = [sum(group.values()) for group in self.groups]
+        here = self.groups[self._at]
+        done = float(sum(costs[: self._at]))
+        done += sum(here.get(name, 0) * come for name, come in self._come.items())
+        self.fraction = max(self.fraction, done / sum(costs))
         return self.fraction
 
 
@@ -121,6 +144,20 @@ def memory() -> int:
         unit = 1 if sys.platform == "darwin" else 1024
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
     return 0
+
+
+class Lines(Status):
+    """A line on stderr for each per cent that is done, for programs that draw a bar of their own."""
+
+    told = -1
+
+    def __call__(self, stage: str, fraction: float, note: str) -> None:
+        """Tell it where the whole per cent has changed."""
+        super().__call__(stage, fraction, note)
+        percent = int(100 * self.forward.fraction)
+        if percent > self.told:
+            self.told = percent
+            click.echo(f"circparam: progress: {percent} % {self.stage}", err=True)
 
 
 class _Bar:

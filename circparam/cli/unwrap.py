@@ -206,6 +206,7 @@ class _Run:
         report = summarise(result)
         if look is not None:
             report["look"] = look.as_dict()
+            report |= {k: v for k, v in (look.checked or {}).items() if k in ("psnr", "ssim")}
         self.reports.append(report)
         for line in report["warnings"]:
             progress.warn(f"{mesh}: {line}", self.quiet)

@@ -68,6 +68,7 @@ def command(mesh: str, **given: Any) -> None:
     Works for any mesh with uv, made by circparam or not. A page (.html) is one file that needs no network:
     turn and zoom the surface, point at a chart to find it in both views, see the mesh's own texture.
     """
+    from circparam.core.monitor import Monitor
     from circparam.formats.io import read
     from circparam.render.show import check_kind, view_document
 
@@ -76,9 +77,13 @@ def command(mesh: str, **given: Any) -> None:
     path = Path(given["output"] or beside(Path(mesh), "_view", ".png"))
     check_kind(path)
     check_place(str(path), given["overwrite"])
-    document = read(mesh, format=given["format"], reader=given["reader"])
     look = {name: given[name] for name in ("uv_set", "padding", "up", "group_by")}
-    view_document(document, path, **look, scale_end=given["scale"])
+    with progress.listener(Path(mesh).name, given["quiet"]) as listener:
+        monitor = Monitor(listener)
+        with monitor.stage("read"):
+            document = read(mesh, format=given["format"], reader=given["reader"])
+        with monitor.stage("draw"):
+            view_document(document, path, **look, scale_end=given["scale"])
     for line in document.warnings:
         progress.warn(f"{mesh}: {line}", given["quiet"])
     for line in document.notes:

@@ -32,7 +32,7 @@ class Monitor:
     ) -> None:
         self.jobs = jobs
         self._listener = listener
-        self._stage = ""
+        self._stage, self._fraction = "", 0.0
         self._shown: str | None = None  # in place of the stages, while they are part of another
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.timeout = timeout
@@ -44,7 +44,7 @@ class Monitor:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Measure a stage; its seconds add up under its name. Inner stages count for themselves only."""
-        outer, self._stage = self._stage, name
+        outer, self._stage = (self._stage, self._fraction), name
         start = time.perf_counter()
         inner_before = sum(self.seconds.values())
         self.update(0.0)
@@ -54,13 +54,20 @@ class Monitor:
             inner = sum(self.seconds.values()) - inner_before
             own = time.perf_counter() - start - inner
             self.seconds[name] = self.seconds.get(name, 0.0) + own
-            self._stage = outer
+            self._stage, fraction = outer
+            if self._stage:  # what goes on now is of the outer stage again
+                self.update(fraction)
 
     def update(self, fraction: float, note: str = "") -> None:
         """Tell the listener how far the current stage is."""
+        self._fraction = fraction
         if self._listener is not None:
             inside = self._shown is not None
             self._listener(self._shown or self._stage, 0.5 if inside else fraction, note)
+
+    def note(self, note: str) -> None:
+        """Tell the listener a word on what goes on inside the current stage, which is as far as it was."""
+        self.update(self._fraction, note)
 
     @property
     def expired(self) -> bool:

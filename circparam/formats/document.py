@@ -94,6 +94,11 @@ class Document:
         return self.source.path
 
     @property
+    def up(self) -> str:
+        """The axis that the file itself says to point up, y or z; '' where it does not."""
+        return ""
+
+    @property
     def instances(self) -> int:
         """How often a mesh of the file is shown again by a further node (0 where none is shared)."""
         return 0
@@ -276,7 +281,7 @@ def check_uv_set(document: Document, options: WriteOptions, *, only_first: bool)
     if number not in document.textured_sets():
         return Replaced(number, [text])
     keep = "" if only_first else ", or keep that set with --lightmap"
-    cure = f"carry them over with circparam bake --from texture{keep}"
+    cure = f"carry them over with circparam unwrap --rebake{keep}"
     return Replaced(number, [], [f"{text}, which its textures use: {cure}"])
 
 

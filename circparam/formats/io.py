@@ -53,11 +53,11 @@ class Written:
 _GLB = "export a .glb (or .obj) there, and unwrap that"
 # what people have in place of a mesh that can be read → what to do with it
 _FOREIGN = {
-    ".fbx": f"FBX is a closed format: open it in Blender, Maya or FBX2glTF, {_GLB}",
-    ".usdz": f"USD is not read: open it in Blender or with usdcat, {_GLB}",
-    ".usd": f"USD is not read: open it in Blender, {_GLB}",
-    ".usda": f"USD is not read: open it in Blender, {_GLB}",
-    ".usdc": f"USD is not read: open it in Blender, {_GLB}",
+    ".fbx": (
+        "FBX is a closed format; Blender makes a GLB of it, unwrap that: blender -b --python-expr "
+        '"import bpy; bpy.ops.wm.read_factory_settings(use_empty=True); '
+        "bpy.ops.wm.fbx_import(filepath='MESH.fbx'); bpy.ops.export_scene.gltf(filepath='MESH.glb')\""
+    ),
     ".blend": f"a Blender file holds more than a mesh: open it in Blender, {_GLB}",
     ".dae": f"COLLADA is not read: open it in Blender, {_GLB}",
     ".3ds": f"3DS is not read: open it in Blender, {_GLB}",
@@ -171,7 +171,12 @@ def _format_of_content(data: bytes, source: Source) -> str:
             raise InputError(
                 f"{source.name}: {_FOREIGN[kind]}" if kind in _FOREIGN else str(error)
             ) from None
-    if name and by_suffix and name != by_suffix:
+    shared = (
+        name is not None
+        and source.path is not None
+        and (source.path.suffix.lower() in FORMATS[name].function.also)
+    )
+    if name and by_suffix and name != by_suffix and not shared:
         raise source.error(
             f"the name says {by_suffix.upper()}, the content is {name.upper()}: "
             "rename it to what it holds"
@@ -226,7 +231,7 @@ def encode(
         return encoded
     if export is None:
         raise _no_place(format)
-    up = options.up or up_of(document.format) or "y"
+    up = options.up or document.up or up_of(document.format) or "y"
     return export(document, uvmap, replace(options, up=up), stem)
 
 
@@ -279,8 +284,11 @@ def check_target(document: Document, format: str, options: WriteOptions) -> None
         if options.up is not None:
             raise OptionError("--up has no effect here: a glTF stays as it stands; leave it out")
         return
-    if FORMATS[format].function.export is None:
+    row = FORMATS[format].function
+    if row.export is None:
         raise _no_place(format)
+    if row.require is not None:
+        row.require()
     check_new_set(options, format)
 
 

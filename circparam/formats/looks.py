@@ -9,6 +9,7 @@ layout. Colours are linear light, and v points down, as rows of images do.
 from __future__ import annotations
 
 import io
+import warnings
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -22,7 +23,6 @@ Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]
 # how texel t and factor f make a value: f·t, 1 + f·(t − 1), f₀ + (f₁ − f₀)·t, a normal whose x and y f
 # scales, a direction in x and y with a strength f₀, turned by f₁ radians
 Kind: TypeAlias = Literal["product", "occlusion", "range", "normal", "direction"]
-PIXELS = 178_956_970  # of an image, beyond which Pillow refuses to decode it
 
 
 @dataclass(frozen=True)
@@ -103,13 +103,15 @@ class Carried:
     """Images in one layout, in place of those of ``Looks``.
 
     pages: PNG bytes by the name of the page. uv_set: the layout. tangents: (m, 3, 4) of corners with w last,
-    those that normals and directions are told in; None where there are none.
+    those that normals and directions are told in; None where there are none. kept: materials that stay
+    as they are, with the uv that they had.
     """
 
     pages: dict[str, bytes]
     groups: tuple[Group, ...]
     uv_set: int
     tangents: FloatArray | None = None
+    kept: frozenset[int] = frozenset()
 
 
 def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
@@ -122,11 +124,10 @@ def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uin
     if not data:
         raise InputError(f"the texture {name} is empty (0 bytes): export it again")
     try:
-        image = Image.open(io.BytesIO(data))
-        if image.width * image.height > PIXELS:
-            size = f"{image.width} x {image.height}"
-            raise InputError(f"the texture {name} has {size} pixels: scale it down")
-        image.load()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # large, and read
+            image = Image.open(io.BytesIO(data))
+            image.load()
     except Image.DecompressionBombError as error:
         raise InputError(f"the texture {name} is too large ({error}): scale it down") from None
     except (OSError, ValueError, SyntaxError) as error:

@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from circparam.core.arrays import FloatArray
 from circparam.core.registry import Row, Table
 from circparam.formats.document import Document, Encoded, WriteOptions
@@ -22,6 +24,9 @@ from circparam.formats.ply.reading import look_ahead
 from circparam.formats.source import Source
 from circparam.formats.stl import read_stl
 from circparam.formats.tokens import BYTE_ORDER_MARK
+from circparam.formats.usd.document import read_usd
+from circparam.formats.usd.export import to_usda, to_usdc, to_usdz
+from circparam.formats.usd.stage import is_crate, is_package, is_text, require_usd
 from circparam.mesh.mesh import UVMap
 
 HEAD = 2048  # bytes at the beginning that most formats are recognised by
@@ -46,7 +51,8 @@ class Format:
     meshes that several nodes use copied for each; None where meshes of the format cannot be shared. foreign: it
     is read through trimesh, which keeps geometry and uv only. peek: (first bytes, last bytes, size, source),
     raises InputError where these tell that a large file is not worth reading. up: the axis that points up in
-    meshes of the format, '' where nothing says which.
+    meshes of the format, '' where nothing says which. also: suffixes of other rows that files of this content
+    may have too. require: raises OptionError where a package is missing that writes the format.
     """
 
     read: Read
@@ -61,6 +67,8 @@ class Format:
     foreign: bool = False
     peek: Callable[[bytes, bytes, int, Source], None] | None = None
     up: str = ""
+    also: tuple[str, ...] = ()
+    require: Callable[[], None] | None = None
 
     def __call__(self, data: bytes, source: Source) -> Document:
         """Read a file of this format."""
@@ -127,6 +135,10 @@ def _as_it_is(uv: FloatArray, document: Document | None) -> FloatArray:
     return uv
 
 
+def _as_float32(uv: FloatArray, document: Document | None) -> FloatArray:
+    return uv.astype(np.float32).astype(np.float64)
+
+
 def _as_gltf(uv: FloatArray, document: Document | None) -> FloatArray:
     return stored_uv(uv)
 
@@ -148,6 +160,15 @@ FORMATS: Table[Format] = Table(
     Row("glb", Format(read_gltf, (".glb", ".vrm"), _is_glb, export=to_glb, round_uv=_as_gltf,
                       unshare=_read_unshared, up="y"),
         "binary glTF 2.0: TEXCOORD_n; the whole tree kept"),
+    Row("usda", Format(read_usd, (".usda",), is_text, export=to_usda, round_uv=_as_float32,
+                       also=(".usd",), require=require_usd),
+        "USD as text, with usd-core: primvars:st in a layer over the layers of the file"),
+    Row("usdc", Format(read_usd, (".usdc", ".usd"), is_crate, export=to_usdc, round_uv=_as_float32,
+                       require=require_usd),
+        "binary USD: the same"),
+    Row("usdz", Format(read_usd, (".usdz",), is_package, export=to_usdz, round_uv=_as_float32,
+                       require=require_usd),
+        "a package of USD: the same, in a package with all that was in it"),
     Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), _is_stl, rank=2, output="glb", up="z"),
         "STL: no place for uv, written as GLB"),
     Row("off", Format(read_off, (".off", ".coff"), _is_off, output="glb"),

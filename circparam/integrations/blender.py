@@ -27,9 +27,11 @@ FOLDER = "circparam_addon"  # as extensions and older add-ons have it
 
 def addon_zip() -> bytes:
     """The zip file, the same bytes each time."""
-    code = resources.files("circparam.integrations").joinpath("blender_addon.py").read_bytes()
+    source = resources.files("circparam.integrations") / "blender_addon"
+    files = {f.name: f.read_bytes() for f in source.iterdir() if f.name.endswith(".py")}
+    files["blender_manifest.toml"] = MANIFEST.encode()
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in (("__init__.py", code), ("blender_manifest.toml", MANIFEST.encode())):
+        for name, data in sorted(files.items()):
             archive.writestr(zipfile.ZipInfo(f"{FOLDER}/{name}", (2026, 1, 1, 0, 0, 0)), data)
     return buffer.getvalue()

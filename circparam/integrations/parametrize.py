@@ -49,6 +49,10 @@ def parametrize(
     out. Raises OptionError, InputError, NoResultError, OutOfTimeError: see ``circparam.errors``.
     """
     for name in keywords:
+        if name in ("chart_options", "pack_options"):
+            raise OptionError(
+                f"{name} is an option of xatlas: circparam.xatlas.parametrize takes it"
+            )
         if name in FILES:
             raise OptionError(f"{name} concerns files, parametrize returns arrays: leave it out")
     document = from_arrays(vertices, faces)

@@ -64,6 +64,7 @@ ENOUGH_OF_MANY, FEW, LARGE = 0.66, 12, 100_000
 NEARLY, SURE = 0.86, 0.12
 # what a plan may be worth less than the best one by its sketch, and be packed beside it
 CLOSE = 0.05
+SKETCHED, PLANNED = 0.2, 0.6  # share of the packing that has been done then
 CUTS, ARMS = 8, 64  # at most: of plans, and arms of charts that are not sketched
 DRAWN = 9  # charts that a sketch shows well
 # what arms that are cut off must be worth, as boxes tell, for the page to be packed; and from where on it is
@@ -105,6 +106,7 @@ def _cut(uncut: _Uncut, carver: Carver, most: float) -> Cascade | None:
     first = None
     if not options.draft:
         first = first_plan(carver, budget, TOLD if asked is None else 0.0)
+    monitor.update(SKETCHED)
     costly = cut_mesh.n_charts > FEW and len(cut_mesh.faces) > LARGE
     enough = ENOUGH_OF_MANY if costly else ENOUGH
     if first is None or len(first.pieces) > DRAWN:
@@ -114,6 +116,7 @@ def _cut(uncut: _Uncut, carver: Carver, most: float) -> Cascade | None:
         return None
     cuts = int(min(CUTS if asked is None else asked, most))
     plans = _plans(first, carver, cuts, asked is None, budget, monitor)
+    monitor.update(PLANNED)
     return _Contest(cascade, carver, options, monitor).winner(plans, uncut)
 
 

@@ -22,7 +22,7 @@ LAYOUT = (
 # what unwrap and pack report besides
 RUN = (
     *("vertices", "faces", "dropped_components", "dropped_faces", "padding", "mip_level"),
-    "seconds",
+    *("seconds", "psnr", "ssim"),  # the last two with --check-look
 )
 # what check reports of the mesh, and of its uv besides
 TOPOLOGY = (

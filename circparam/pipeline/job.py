@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
+from circparam.core.words import counted
+from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.io import check_place, check_target, rounding, stored
+from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.repair import RepairOptions, RepairReport, repair
@@ -24,6 +27,7 @@ from circparam.pipeline.configure import (
 )
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
 from circparam.pipeline.options import Options
+from circparam.pipeline.verify import corners_of, uv_seams
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,3 +96,13 @@ def prepare(
         group_by = document.group_by(options.uv_set or 0)
     tiles = tiles_of(document, group_by, options)
     return Job(document, options, target, surface, report, tiles, floaters, group_by)
+
+
+def given_atlas(surface: Surface, uvmap: UVMap, name: str) -> Atlas:
+    """The atlas of the layout of a file. Raises InputError, with its name, where a face has no uv."""
+    corners, ok = corners_of(surface, uvmap)
+    if not ok.all():
+        raise InputError(
+            f"{name}: {counted(int((~ok).sum()), 'face')} without uv: circparam unwrap makes some"
+        )
+    return Atlas(surface, uv_seams(surface, uvmap), corners)

@@ -16,8 +16,6 @@ from circparam.core import workers
 from circparam.core.arrays import FloatArray, group_sum
 from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Listener, Monitor
-from circparam.core.words import counted
-from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.geometry.overlap import signs
 from circparam.mesh.atlas import Atlas
@@ -29,7 +27,7 @@ from circparam.pipeline.configure import open_source, padding_note
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.floaters import told
-from circparam.pipeline.job import Job, prepare
+from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
@@ -41,7 +39,6 @@ from circparam.pipeline.save import save
 from circparam.pipeline.searches import best_layout, with_room
 from circparam.pipeline.seen import SeenBeside
 from circparam.pipeline.stored_fit import Fitted, fit_stored, hold
-from circparam.pipeline.verify import corners_of, uv_seams
 
 # What comes after a stage over the seconds of the repair, which go through the same mesh on the same machine:
 # charts that are only projected, and all that follows; packing in rows, writing, verifying; all but packing.
@@ -121,7 +118,7 @@ def _unwrapped(
             with monitor.stage("pack"):
                 best = advised(filled, cascade, options, monitor)
         fitted = fit_stored(job, best, monitor)
-    result = replace(_finish(job, fitted, output, monitor), effort=effort)
+    result = replace(finish(job, fitted, output, monitor), effort=effort)
     checkpoint.forget(job)
     return result
 
@@ -146,6 +143,17 @@ def repack(
     with monitor.stage("read"):
         document = open_source(source, options)
         uvmap = document.require_uv(options.uv_set or 0)
+    return repack_document(document, uvmap, output, options, monitor)
+
+
+def repack_document(
+    document: Document,
+    uvmap: UVMap,
+    output: str | os.PathLike[str] | None,
+    options: Options,
+    monitor: Monitor,
+) -> Result:
+    """Pack the charts of a layout over the faces of a document; see ``repack``. options: of ``--cut none``."""
     job = prepare(document, output, options, monitor, uvmap)
     cascade = Cascade(_as_given(job, uvmap))
     cut_mesh, uv = cascade.open()
@@ -153,7 +161,7 @@ def repack(
         group = None if job.tiles is None else chart_tiles(cut_mesh, job.tiles[job.surface.source])
         packed = pack_groups(cut_mesh, uv, options, monitor, group)
     fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, packed.uv)
-    return _finish(job, fitted, output, monitor, "pack")
+    return finish(job, fitted, output, monitor, "pack")
 
 
 def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray) -> Fitted:
@@ -173,17 +181,11 @@ def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray)
 
 def _as_given(job: Job, uvmap: UVMap) -> Atlas:
     """The atlas that a file's own uv make. Raises InputError where a face has none."""
-    corners, ok = corners_of(job.surface, uvmap)
-    if not ok.all():
-        raise InputError(
-            f"{job.document.source.name}: {counted(int((~ok).sum()), 'face')} without uv: "
-            "circparam unwrap makes some"
-        )
-    cut = uv_seams(job.surface, uvmap)
+    atlas = given_atlas(job.surface, uvmap, job.document.source.name)
     if job.tiles is not None:
         tile = job.tiles[job.surface.source][job.surface.edges // 3]
-        cut |= tile[:, 0] != tile[:, 1]
-    return Atlas(job.surface, cut, corners)
+        atlas.cut |= tile[:, 0] != tile[:, 1]
+    return atlas
 
 
 def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
@@ -226,7 +228,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     )
 
 
-def _finish(
+def finish(
     job: Job,
     fitted: Fitted,
     output: str | os.PathLike[str] | None,

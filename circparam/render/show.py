@@ -88,7 +88,7 @@ def view_document(
     if (
         up == "auto"
     ):  # what the format means, as new glTF files have it; else what the shape stands on
-        up = up_of(document.format) or up
+        up = document.up or up_of(document.format) or up
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
         padding=padding, scale_end=scale_end or END, repairs=tuple(notes), images=images, image_note=note,

@@ -133,7 +133,7 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
         keep = ~_flown_apart(region, x)[region.cut_mesh.vertex_chart]
         out[source[keep]] = x[keep]
         if monitor is not None:
-            monitor.update(0.5, f"{int(left.sum())} regions to untangle")
+            monitor.note(f"{int(left.sum())} regions to untangle")
     return out
 
 

@@ -108,7 +108,7 @@ def relax(
         state.step(number)
         if monitor is not None:
             highest = state.energy[np.isfinite(state.energy)].max(initial=0)
-            monitor.update(1 - state.active.mean(), f"energy {highest:.5g}")
+            monitor.note(f"energy {highest:.5g}")
     out = state.uv * scale
     if options.fixed is not None:  # to scale and back changes last bits
         out[options.fixed] = uv[options.fixed]

@@ -11,6 +11,7 @@ from PIL import Image
 from circparam.bake.bake import Across, Baked, bake_document
 from circparam.bake.projection import own_frames
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.gltf.normals import with_frames
@@ -224,9 +225,16 @@ def test_surfaces_apart_or_mirrored_are_refused(tmp_path: Path):
     target = stored(tmp_path, "a", Mesh(points, faces), layout)
     far = stored(tmp_path, "far", Mesh(points + np.array([0, 0, 9.0]), faces), layout)
     over = stored(tmp_path, "over", Mesh(points, faces[:, ::-1]), UVMap(layout.uv, faces[:, ::-1]))
+    heard: list[str] = []
+    monitor = Monitor(lambda stage, fraction, note: heard.append(stage))
     for source in (far, over):
         with pytest.raises(InputError, match="no ray meets the source"):
             bake_document(target, "normals", source=source, across=Across("nearest"), size=16)
+        with pytest.raises(InputError, match="no ray meets the source"):
+            bake_document(
+                target, "normals", source=source, across=Across("nearest"), size=16, monitor=monitor
+            )
+        assert "bake" not in heard, "told before the rays of all texels"
     across = Across(known_map(target.mesh, over.mesh))
     with pytest.raises(InputError, match="mirrored"):
         bake_document(target, "normals", source=over, across=across, size=16)

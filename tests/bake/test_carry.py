@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from circparam.bake.carry import CarryOptions, carry
 from circparam.bake.look_source import Source
+from circparam.bake.merging import with_cutoff
 from circparam.core.arrays import FloatArray
 from circparam.errors import InputError
 from circparam.formats.document import WriteOptions
@@ -217,6 +220,25 @@ def test_a_cut_out_keeps_its_edge() -> None:
     assert np.percentile(new["base"][clear, 0], 99) < 60 / 255
 
 
+@pytest.mark.parametrize("mode", ["MASK", "BLEND"])
+def test_what_is_not_seen_gives_no_colour(mode: str) -> None:
+    """A texel over pixels some of which are not seen has the colour of the others."""
+    g = Painted()
+    rng = np.random.default_rng(2)
+    image = np.full((64, 64, 4), 40, np.uint8)
+    hidden = rng.random((64, 64)) < 0.4
+    image[..., 3] = 255
+    image[hidden] = [255, 255, 255, 0]
+    texture = {"index": g.texture(image, magFilter=9728)}
+    material = {"pbrMetallicRoughness": {"baseColorTexture": texture}, "alphaMode": mode}
+    before = read_model([material, dict(material)], g)
+    made, _ = carry(Source.of(before), page(before), 0, CarryOptions(128))
+    out = np.asarray(Image.open(BytesIO(made.pages["base_color"])))
+    some = (out[..., 3] > 0) & (out[..., 3] < 255)
+    assert some.mean() > 0.2
+    assert (out[some, 0] == 40).all()
+
+
 def test_materials_that_differ_in_more_stay_apart() -> None:
     g = Painted()
     colour = {"pbrMetallicRoughness": {"baseColorTexture": {"index": g.texture(waves(1))}}}
@@ -282,10 +304,6 @@ def test_the_whole_page_is_filled() -> None:
     colour = {"baseColorTexture": {"index": g.texture(red)}}
     before = read_model([{"pbrMetallicRoughness": colour}], g)
     made, texels = carry(Source.of(before), page(before), 0, CarryOptions(64))
-    from io import BytesIO
-
-    from PIL import Image
-
     image = np.asarray(Image.open(BytesIO(made.pages["base_color"])))
     assert texels.covered < 64 * 64
     assert (image == [200, 30, 40]).all()
@@ -319,3 +337,10 @@ def test_a_texture_that_is_not_known_is_named() -> None:
     odd = {"VENDOR_paint": {"sparkleTexture": {"index": g.texture(waves(1))}}}
     with pytest.raises(InputError, match="sparkleTexture"):
         Source.of(read_model([{"extensions": odd}], g))
+
+
+def test_cut_offs_meet_at_one_value() -> None:
+    """0 and 1 stay, the old edge lies at the new one, and nothing jumps there."""
+    alpha = np.array([0.0, 0.35, 0.7 - 1e-9, 0.7, 0.85, 1.0])
+    wanted = [0.0, 0.15, 0.3, 0.3, 0.65, 1.0]
+    np.testing.assert_allclose(with_cutoff(alpha, 0.7, 0.3), wanted, atol=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from pathlib import Path
@@ -9,8 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from PIL import Image
 
+import circparam
 from circparam.cli import cli
+from circparam.errors import InputError, OptionError
 from circparam.formats.gltf.document import GltfDocument
 from circparam.formats.io import read
 from tests.bake.test_carry import all_maps
@@ -68,13 +72,18 @@ def looks_alike(old: Path, new: Path) -> dict[str, float]:
 
 def test_a_model_keeps_its_look_in_its_new_uv(painted: Path) -> None:
     out = painted / "new.glb"
-    result = run("unwrap", painted / "model.glb", "--rebake", "-o", out, *FAST)
+    proof = ("--check-look", "--fail-if", "psnr<38,ssim<0.9")
+    result = run("unwrap", painted / "model.glb", "--rebake", "-o", out, *proof, *FAST)
     assert result.exit_code == 0, result.stderr
     report = json.loads(result.stdout)
     assert report["flips"] == 0
     assert report["overlap"] == 0
     look = report["look"]
     assert look["materials_before"] == 2
+    assert report["psnr"] == look["check"]["psnr"] >= 38
+    assert set(look["check"]["channels"]) == {
+        "base colour", "metallic-roughness", "occlusion", "emissive", "normal",
+    }  # fmt: skip
     assert look["materials"] == 1
     assert look["images"] == ["base_color", "emissive", "normal", "orm"]
     assert min(looks_alike(painted / "model.glb", out).values()) >= 40
@@ -89,6 +98,32 @@ def test_a_model_keeps_its_look_in_its_new_uv(painted: Path) -> None:
     assert unused_entries(new.tree.json) == (set(), set())
     assert "TEXCOORD_1" in new.pools[0].attributes
     assert validate(painted / "model.glb", out)[1] <= validate(painted / "model.glb")[0]
+
+
+def test_rebake_in_python(painted: Path) -> None:
+    """Options of both kinds by name; a bake of one image leaves none behind there either."""
+    out = painted / "new.glb"
+    result, look = circparam.rebake(
+        painted / "model.glb", out, size=256, merge_materials="none", jobs=1, effort=0.02
+    )
+    assert result.path == str(out)
+    assert (look.size, look.materials) == (256, (2, 2))
+    with pytest.raises(InputError, match="bake --all"):
+        circparam.bake(
+            painted / "plain.glb", "texture", painted / "b.glb", source=painted / "model.glb"
+        )
+    with pytest.raises(OptionError, match="sise"):
+        circparam.rebake(painted / "model.glb", painted / "c.glb", sise=3)
+
+
+def test_a_look_that_is_lost_is_told(painted: Path) -> None:
+    """16 texels for the whole model: the gate holds, and the file is there to look at."""
+    out = painted / "new.glb"
+    words = ("--rebake", "--size", 16, "--padding", 1, "--check-look", "--fail-if", "psnr<38")
+    result = run("unwrap", painted / "model.glb", *words, "-o", out, *FAST)
+    assert result.exit_code == 6, result.stderr
+    assert "psnr<38" in result.stderr
+    assert out.exists()
 
 
 def test_gltf_keeps_its_images_beside_it(painted: Path) -> None:
@@ -150,7 +185,35 @@ def test_a_bake_of_one_image_leaves_none_behind_in_silence(painted: Path) -> Non
     assert "bake --all" in result.stderr
 
 
+def test_what_images_can_be_wrong(painted: Path) -> None:
+    """Each is one line, code 3, before any work, and no file is made."""
+    huge = io.BytesIO()
+    Image.new("1", (20_000, 20_000)).save(huge, "PNG")
+    wrong = {
+        "is too large (Image size (400000000 pixels)": huge.getvalue(),
+        "KTX2": b"\xabKTX 20\xbb\r\n",
+        "a video": b"\0\0\0 ftypmp42",
+    }
+    for says, data in wrong.items():
+        g = Painted()
+        broken = model([{"emissiveTexture": {"index": g.texture(data)}}], g)
+        (painted / "broken.glb").write_bytes(broken.glb())
+        result = run("unwrap", painted / "broken.glb", "--rebake", "-o", painted / "new.glb")
+        assert (result.exit_code, says in result.stderr) == (3, True), result.stderr
+        assert result.stderr.count("\n") == 1
+        assert not (painted / "new.glb").exists()
+    g = Painted()
+    beside = model([{"emissiveTexture": {"index": g.texture(waves(1))}}], g)
+    beside.tree["images"] = [{"uri": "gone.png"}]
+    (painted / "broken.gltf").write_bytes(beside.gltf())
+    result = run("unwrap", painted / "broken.gltf", "--rebake")
+    assert (result.exit_code, "gone.png" in result.stderr) == (3, True)
+
+
 REFUSED = {
+    "density of a layout that is there": (
+        ("bake", "model.glb", "--all", "--density", "source", "-o", "x.glb"), 2, "--density"
+    ),
     "size without rebake": (("unwrap", "model.glb", "--size", "64"), 2, "--rebake"),
     "pages": (("unwrap", "model.glb", "--rebake", "--pages", "2"), 2, "--pages"),
     "unpacked": (("unwrap", "model.glb", "--rebake", "--no-normalize"), 2, "--no-normalize"),
@@ -194,6 +257,65 @@ def test_a_pattern_that_repeats_is_named_with_what_it_loses(tmp_path: Path) -> N
     assert texture["tiled"]
     assert texture["density_kept"] < 0.5
     assert "repeats" in result.stderr
+
+
+def test_patterns_that_repeat_can_stay_as_they_are(tmp_path: Path) -> None:
+    """Their material keeps its texture, transform and tangents in a uv set of its own; the other is carried."""
+    g = Painted()
+    moved = {"KHR_texture_transform": {"scale": [30.0, 30.0]}}
+    pattern = {"index": g.texture(waves(1)), "extensions": moved}
+    bump = {"index": g.texture(bumps(2)), "extensions": moved}
+    once = {"baseColorTexture": {"index": g.texture(waves(3))}}
+    tiled = {"pbrMetallicRoughness": {"baseColorTexture": pattern}, "normalTexture": bump}
+    made = model([tiled, {"pbrMetallicRoughness": once}], g)
+    made.tree["extensionsUsed"] = ["KHR_texture_transform"]
+    (tmp_path / "m.glb").write_bytes(made.glb())
+    out = tmp_path / "n.glb"
+    words = ("--rebake", "--keep-tiled", "--check-look", "-o", out)
+    result = run("unwrap", tmp_path / "m.glb", *words, *FAST)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert report["psnr"] >= 50
+    assert not any(t["tiled"] for t in report["look"]["textures"])
+    assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
+    new = read(out)
+    assert isinstance(new, GltfDocument)
+    kept, carried = new.tree.json["materials"]
+    assert kept["normalTexture"]["texCoord"] == 2
+    assert kept["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] == moved
+    assert "texCoord" not in carried["pbrMetallicRoughness"]["baseColorTexture"]
+    assert validate(out)[0] <= validate(tmp_path / "m.glb")[0]
+    only = model([{"pbrMetallicRoughness": {"baseColorTexture": pattern}}], g)
+    (tmp_path / "o.glb").write_bytes(only.glb())
+    result = run("unwrap", tmp_path / "o.glb", "--rebake", "--keep-tiled")
+    assert (result.exit_code, "all its textures repeat" in result.stderr) == (3, True)
+
+
+def test_charts_get_texels_by_what_they_show(tmp_path: Path) -> None:
+    """A sharp sheet, one of an eighth of its texels a side, and one without an image."""
+    g = Painted()
+    sharp, blurred = (
+        {"baseColorTexture": {"index": g.texture(waves(k, n))}} for k, n in ((1, 512), (2, 64))
+    )
+    plain = {"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.3, 0.4, 1.0]}}
+    materials = [{"pbrMetallicRoughness": sharp}, {"pbrMetallicRoughness": blurred}, plain]
+    (tmp_path / "m.glb").write_bytes(model(materials, g).glb())
+    out = tmp_path / "n.glb"
+    words = ("--rebake", "--density", "source", "--check-look", "-o", out)
+    result = run("unwrap", tmp_path / "m.glb", *words, *FAST)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert (report["flips"], report["overlap"]) == (0, 0)
+    assert report["psnr"] >= 40
+    assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
+    new = read(out)
+    layout = new.uv()
+    assert layout is not None
+    corners = layout.uv[layout.uv_faces]
+    side1, side2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.abs(side1[:, 0] * side2[:, 1] - side1[:, 1] * side2[:, 0]).reshape(3, -1).sum(1)
+    np.testing.assert_allclose(np.sqrt(area[0] / area[1]), 8, rtol=0.1)
+    assert area[2] < area[1]
 
 
 def test_auto_takes_the_smallest_page_that_keeps_nine_tenths(tmp_path: Path) -> None:

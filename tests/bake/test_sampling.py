@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from circparam.bake.sampling import Closest, closest_on_triangles
+from circparam.bake.sampling import Closest
+from circparam.geometry.closest import closest_on_triangles
 from circparam.render.texture import bilinear
 from tests.support.baking import (
     sheet,

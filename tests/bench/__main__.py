@@ -5,7 +5,19 @@ from __future__ import annotations
 import importlib
 import sys
 
-NAMES = ("solve", "atlas", "packing", "hard", "speed", "scale", "batch", "front", "maps", "noise")
+NAMES = (
+    "solve",
+    "atlas",
+    "packing",
+    "hard",
+    "speed",
+    "scale",
+    "batch",
+    "front",
+    "maps",
+    "look",
+    "noise",
+)
 
 
 def main() -> None:

@@ -28,6 +28,24 @@ def test_no_bar_without_a_terminal() -> None:
         assert isinstance(listener, progress.Status)
 
 
+def test_a_program_hears_each_per_cent_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CIRCPARAM_PROGRESS", "1")
+    with progress.listener("m.obj", False) as listener:
+        for stage in ("read", "charts", "charts", "write"):
+            for share in (0.0, 0.001, 0.5, 1.0):
+                listener(stage, share, "")
+    lines = capsys.readouterr().err.splitlines()
+    told = [int(line.split()[2]) for line in lines]
+    assert told == sorted(set(told))
+    assert told[-1] >= 99
+    assert all(line.startswith("circparam: progress: ") for line in lines)
+    with progress.listener("m.obj", True) as listener:
+        listener("write", 1.0, "")
+    assert capsys.readouterr().err == ""
+
+
 def test_a_bar_appears_on_a_terminal_after_the_delay(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -54,53 +72,76 @@ def test_a_bar_appears_on_a_terminal_after_the_delay(
     assert capsys.readouterr().out == ""
 
 
-@given(st.lists(st.tuples(st.sampled_from([*progress.COSTS, "?"]), st.floats(-1, 2)), max_size=30))
+STAGES = [name for group in progress.GROUPS for name in group]
+
+
+@given(st.lists(st.tuples(st.sampled_from([*STAGES, "?"]), st.floats(-1, 2)), max_size=30))
 def test_progress_never_runs_back(steps: list[tuple[str, float]]) -> None:
     forward = progress.Forward()
     told = [0.0] + [forward(*step) for step in steps]
     assert told == sorted(told)
     assert told[-1] <= 1
-    names = list(progress.COSTS)
-    late = max((names.index(s) for s, f in steps if s in names), default=0)
-    before = sum(list(progress.COSTS.values())[:late])
-    assert told[-1] * sum(progress.COSTS.values()) >= before - 1e-9, "every stage before it is done"
 
 
-def test_every_stage_of_an_unwrap_has_a_cost() -> None:
-    forward, heard, told = progress.Forward(), [], []
+@given(st.lists(st.sampled_from(STAGES), min_size=1, max_size=30))
+def test_a_stage_that_begins_says_that_earlier_groups_are_done_and_no_more(
+    stages: list[str],
+) -> None:
+    """The stage round all seams begins first; it told 56 % of the run at once."""
+    forward = progress.Forward()
+    costs = [sum(group.values()) for group in progress.GROUPS]
+    last = 0
+    for stage in stages:
+        last = max(last, next(k for k, g in enumerate(progress.GROUPS) if stage in g))
+        assert forward(stage, 0.0) == pytest.approx(sum(costs[:last]) / sum(costs))
+
+
+def test_what_is_told_follows_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that goes on with each step of the work, no share of it is told far too early."""
+    asked = [0.0]
+
+    def ticking() -> float:
+        asked[0] += 1
+        return asked[0]
+
+    monkeypatch.setattr(progress.time, "monotonic", ticking)
+    forward, steps = progress.Forward(), [(0.0, 0.0)]
 
     def listen(stage: str, fraction: float, note: str) -> None:
-        heard.append(stage)
-        told.append(forward(stage, fraction))
+        steps.append((asked[0], forward(stage, fraction)))
 
-    circparam.unwrap(shapes.icosphere(2), listener=listen, effort=0.01)
-    assert set(heard) <= set(progress.COSTS)
-    assert {"charts", "pack", "verify"} <= set(heard)
-    assert told[-1] > 0.8
+    points, faces = shapes.icosphere(3)
+    rough = points * (1 + 0.3 * np.sin(5 * points[:, :1]))
+    circparam.unwrap((rough, faces), listener=listen, timeout=1e9, jobs=1, effort=0.05)
+    work, told = np.array(steps).T
+    work /= work[-1]
+    assert (told - work).max() < 0.2
+    assert told[-1] > 0.9
 
 
-@pytest.mark.parametrize("costs", [progress.COSTS, progress.LARGE_COSTS])
+@pytest.mark.parametrize("groups", [progress.GROUPS, progress.OTHERS["level"]])
 def test_the_time_left_is_right_where_stages_take_what_they_should(
-    costs: dict[str, int], monkeypatch: pytest.MonkeyPatch
+    groups: tuple[dict[str, int], ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After the first fifth it is within a factor of two, also where a stage takes half as long again."""
     rng, now = np.random.default_rng(0), [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    costs = {name: cost for group in groups for name, cost in group.items()}
     for _ in range(20):
         now[0] = 0.0
         status = progress.Status("m.ply")
         taken = {name: cost * rng.uniform(0.7, 1.4) for name, cost in costs.items()}
         whole = sum(taken.values())
         for name, seconds in taken.items():
-            for part in (0.0, 0.5):
+            for part in (0.0, 0.5, 1.0):
                 status(name, part, "")
                 share = status.forward.fraction
-                known = costs is progress.COSTS or status.forward.costs is costs
+                known = groups is progress.GROUPS or status.forward.groups is groups
                 if now[0] >= whole / 5 and known and whole - now[0] > 0.05 * whole:
                     left = now[0] * (1 - share) / share
                     assert 0.5 <= left / (whole - now[0]) <= 2
                     assert f"about {left:.0f} s left" in status.line()
-                now[0] += seconds / 2
+                now[0] += seconds / 2 if part < 1 else 0.0
 
 
 def test_no_time_is_told_before_anything_is_known(monkeypatch: pytest.MonkeyPatch) -> None:

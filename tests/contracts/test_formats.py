@@ -18,7 +18,7 @@ NAMES = FORMATS.names()
 
 
 def test_writable_rows_are_the_ones_with_a_place_for_uv() -> None:
-    assert WRITABLE == ["obj", "ply", "gltf", "glb"]
+    assert WRITABLE == ["obj", "ply", "gltf", "glb", "usda", "usdc", "usdz"]
     for row in FORMATS:
         assert (row.function.export is None) == (row.function.round_uv is None), row.name
         assert DEFAULT_OUTPUT[row.name] in WRITABLE
@@ -58,7 +58,7 @@ def test_messages_name_it(name: str) -> None:
 @pytest.mark.parametrize("name", [n for n in NAMES if n not in WRITABLE])
 def test_no_place_for_uv(name: str) -> None:
     doc = contract.document()
-    says = f"{name.upper()} has no place for uv: write obj, ply, gltf or glb"
+    says = f"{name.upper()} has no place for uv: write obj, ply, gltf, glb, usda, usdc or usdz"
     with pytest.raises(OptionError, match=says):
         encode(doc, smooth_layout(doc), name)
     with pytest.raises(OptionError, match=says):

@@ -32,7 +32,8 @@ def test_progress_goes_to_the_listener_under_the_name_of_its_stage() -> None:
             monitor.update(1.0)
         monitor.update(0.75)
     assert heard == [
-        ("a", 0.0, ""), ("a", 0.5, "half"), ("b", 0.0, ""), ("b", 1.0, ""), ("a", 0.75, ""),
+        ("a", 0.0, ""), ("a", 0.5, "half"), ("b", 0.0, ""), ("b", 1.0, ""),
+        ("a", 0.5, ""), ("a", 0.75, ""),
     ]  # fmt: skip
     Monitor().update(0.5)
 

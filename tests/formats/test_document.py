@@ -109,7 +109,7 @@ def test_uv_that_a_texture_uses_are_not_replaced_in_silence(tmp_path: Path) -> N
     obj = read(tmp_path / "m.obj")
     (warning,) = check_uv_set(obj, WriteOptions(), only_first=True).warnings
     assert "uv set 0" in warning
-    assert "bake" in warning
+    assert "--rebake" in warning
     assert "--lightmap" not in warning  # OBJ has one set only
     glb = read_data(full_mesh().glb())  # a normal map on set 0, nothing on set 1
     (warning,) = check_uv_set(glb, WriteOptions(), only_first=False).warnings

@@ -165,7 +165,7 @@ def test_the_file_itself_is_named_first_and_written_last(tmp_path: Path) -> None
 
 @pytest.mark.parametrize(
     ("name", "cure"),
-    [("a.fbx", "export a .glb"), ("a.USDZ", "export a .glb"), ("a.blend", "export a .glb"),
+    [("a.fbx", "Blender makes a GLB"), ("a.ABC", "export a .glb"), ("a.blend", "export a .glb"),
      ("a.iges", "export an .stl or .obj"), ("a.mtl", "give the .obj"), ("a.zip", "unpack")],
 )  # fmt: skip
 def test_formats_of_other_programs_are_told_what_to_export(

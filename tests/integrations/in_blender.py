@@ -1,18 +1,22 @@
-"""Runs inside Blender: installs the add-on from its zip file, unwraps a scene and prints what became of it.
+"""Runs inside Blender: installs the add-on from its zip file, plays scenarios, prints their ends as JSON.
 
 usage, with a Python that has bpy: in_blender.py ZIP PROGRAM
 """
 
 import json
+import os
 import sys
+import time
 
 import bpy
 import numpy as np
 
+DRAFT = {"effort": "DRAFT", "max_distortion": 1.3}
+
 
 def corners(mesh, layer):
     uv = np.empty(2 * len(mesh.loops), np.float32)
-    layer.data.foreach_get("uv", uv)
+    layer.uv.foreach_get("vector", uv)
     return uv.reshape(-1, 2)
 
 
@@ -29,16 +33,68 @@ def state(ob):
         "active": mesh.uv_layers.active.name if mesh.uv_layers else None,
         "edges": edges.reshape(-1, 2).tolist(),
         "seams": [e.use_seam for e in mesh.edges],
+        "selected": [p.select for p in mesh.polygons],
+        "scale": list(ob.scale),
     }
 
 
-def scene():
+def clear():
+    if bpy.context.object and bpy.context.object.mode == "EDIT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.ops.wm.read_homefile(use_empty=True)
+
+
+def cube(x=0.0, scale=(1, 1, 1), cuts=0):
+    bpy.ops.mesh.primitive_cube_add(location=(x, 0, 0))
+    ob = bpy.context.object
+    if cuts:
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.subdivide(number_cuts=cuts)
+        bpy.ops.object.mode_set(mode="OBJECT")
+    ob.scale = scale
+    bpy.context.view_layer.update()
+    return ob
+
+
+def select(*objects):
+    for ob in bpy.context.view_layer.objects:
+        ob.select_set(ob in objects)
+    bpy.context.view_layer.objects.active = objects[0]
+
+
+def pick(ob, faces):
+    """Select these polygons and no others, and edit the object."""
+    bpy.context.tool_settings.mesh_select_mode = (False, False, True)
+    mesh = ob.data
+    for collection in (mesh.vertices, mesh.edges):
+        collection.foreach_set("select", np.zeros(len(collection), bool))
+    chosen = np.zeros(len(mesh.polygons), bool)
+    chosen[faces] = True
+    mesh.polygons.foreach_set("select", chosen)
+    select(ob)
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
+def edit_state(ob):
+    """The state of an object and the mode in which it was; only outside of Edit mode uv are shown."""
+    mode = ob.mode
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return {**state(ob), "mode": mode}
+
+
+def attempt(**options):
+    try:
+        return list(bpy.ops.object.circparam_unwrap(**{**DRAFT, **options}))
+    except RuntimeError as error:  # a report of kind ERROR
+        return [str(error)]
+
+
+def everything_stays():
     """Quads and triangles, two materials, an existing uv map, an object that is scaled and mirrored."""
-    bpy.ops.mesh.primitive_cube_add(location=(4, 0, 0))
-    cube = bpy.context.object
+    box = cube(4)
     for name in ("paint", "metal"):
-        cube.data.materials.append(bpy.data.materials.new(name))
-    cube.data.polygons[2].material_index = 1
+        box.data.materials.append(bpy.data.materials.new(name))
+    box.data.polygons[2].material_index = 1
     bpy.ops.mesh.primitive_cylinder_add(vertices=12)
     cylinder = bpy.context.object
     cylinder.scale = (-1, 2, 1)
@@ -47,45 +103,261 @@ def scene():
     while monkey.data.uv_layers:
         monkey.data.uv_layers.remove(monkey.data.uv_layers[0])
     bpy.context.view_layer.update()
-    return {"cube": cube, "cylinder": cylinder, "monkey": monkey}
+    objects = {"cube": box, "cylinder": cylinder, "monkey": monkey}
+    select(*objects.values())
+    before = {name: state(ob) for name, ob in objects.items()}
+    answer = attempt(mark_seams=True)
+    return {
+        "before": before,
+        "answer": answer,
+        "after": {n: state(ob) for n, ob in objects.items()},
+    }
 
 
-def attempt(**options):
+def refused():
+    select(cube())
+    return attempt(padding=4000, resolution=128)
+
+
+def selected_faces():
+    ob = cube(cuts=3)
+    attempt()
+    before = state(ob)
+    pick(ob, range(16))
+    answer = attempt(replace=True)
+    return {"before": before, "answer": answer, "after": edit_state(ob)}
+
+
+def no_room():
+    """The others cover the whole page."""
+    ob = cube(cuts=1)
+    uv = np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (24, 1))
+    ob.data.uv_layers.active.uv.foreach_set("vector", uv.ravel())
+    before = state(ob)
+    pick(ob, [0, 1])
+    return {"before": before, "answer": attempt(replace=True), "after": edit_state(ob)}
+
+
+def nothing_selected():
+    ob = cube()
+    pick(ob, [])
+    return {"answer": attempt(), "mode": ob.mode}
+
+
+def islands():
+    """One face of an island stands for the whole of it."""
+    ob = cube(cuts=1)
+    before = state(ob)
+    pick(ob, [0])
+    answer = attempt(action="ISLANDS", replace=True)
+    return {"before": before, "answer": answer, "after": edit_state(ob)}
+
+
+def marked(seams):
+    """A flat grid with one marked edge path across it, which no layout needs."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4)
+    ob = bpy.context.object
+    for edge in ob.data.edges:
+        a, b = (ob.data.vertices[v].co for v in edge.vertices)
+        edge.use_seam = abs(a.x) < 1e-6 and abs(b.x) < 1e-6
+    select(ob)
+    answer = attempt(seams=seams)
+    return {"answer": answer, "after": state(ob)}
+
+
+def pinned():
+    """Islands with a pin stay, to the bit; the others go round them."""
+    ob = cube(cuts=2)
+    attempt(sharp=np.radians(80), mark_seams=False)
+    layer = ob.data.uv_layers.active
+    layer.pin_ensure()
+    layer.pin[0].value = True
+    before = state(ob)
+    select(ob)
+    answer = attempt(replace=True)
+    return {"before": before, "answer": answer, "after": state(ob), "kept": layer.pin[0].value}
+
+
+def points():
+    """Four pinned corners of a grid hold."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4)
+    ob = bpy.context.object
+    layer = ob.data.uv_layers.active
+    uv = corners(ob.data, layer) * 0.25 + 0.5
+    layer.uv.foreach_set("vector", uv.ravel())
+    vertex = np.array([loop.vertex_index for loop in ob.data.loops])
+    held = np.isin(
+        vertex, np.flatnonzero([abs(v.co.x) + abs(v.co.y) > 1.9 for v in ob.data.vertices])
+    )
+    layer.pin_ensure()
+    layer.pin.foreach_set("value", held)
+    before = state(ob)
+    select(ob)
+    answer = attempt(pins="POINTS", replace=True)
+    return {"before": before, "answer": answer, "after": state(ob), "held": held.tolist()}
+
+
+def together():
+    """Two linked copies at scales 1 and 3, and another cube: one page, one density."""
+    one, other = cube(), cube(5)
+    copy = bpy.data.objects.new("copy", one.data)
+    bpy.context.collection.objects.link(copy)
+    copy.scale = (3, 3, 3)
+    bpy.context.view_layer.update()
+    select(one, copy, other)
+    answer = attempt(together=True)
+    return {"answer": answer, "linked": state(one), "single": state(other)}
+
+
+def pack():
+    ob = cube(cuts=1)
+    attempt()
+    layer = ob.data.uv_layers.active
+    layer.uv.foreach_set("vector", (corners(ob.data, layer) * 0.3).ravel())
+    before = state(ob)
+    select(ob)
+    return {"before": before, "answer": attempt(action="PACK", replace=True), "after": state(ob)}
+
+
+def density():
+    ob = cube(scale=(2, 2, 2))
+    select(ob)
+    return {"answer": attempt(density=50.0, resolution=1024), "after": state(ob)}
+
+
+def bad_objects():
+    """Without faces, in another scene, from a library: a line for each, and the good one is unwrapped."""
+    good, linked = cube(), cube(3)
+    empty = bpy.data.objects.new("empty mesh", bpy.data.meshes.new("empty mesh"))
+    bpy.context.collection.objects.link(empty)
+    far = bpy.data.objects.new("far away", bpy.data.meshes.new("far away"))
+    bpy.data.scenes.new("other").collection.objects.link(far)
+    path = os.path.join(bpy.app.tempdir, "library.blend")
+    linked.name = linked.data.name = "borrowed"
+    bpy.data.libraries.write(path, {linked})
+    bpy.data.objects.remove(linked)
+    with bpy.data.libraries.load(path, link=True) as (_, loaded):
+        loaded.objects = ["borrowed"]
+    bpy.context.collection.objects.link(loaded.objects[0])
+    bpy.context.view_layer.update()
+    with bpy.context.temp_override(selected_objects=[good, empty, far, loaded.objects[0]]):
+        answer = attempt()
+    return {"answer": answer, "after": state(good)}
+
+
+def changed_meanwhile(change):
+    """What a timer of the user does while the program runs; steps as the window's timer makes them."""
+    from bl_ext.user_default.circparam_addon import job as module
+
+    ob = cube(cuts=1)
+    before = state(ob)
+    select(ob)
+    real = module.Job.words
+
+    def words(self, stem):
+        out = real(self, stem)
+        change(ob)
+        return out
+
+    module.Job.words = words
     try:
-        return list(bpy.ops.object.circparam_unwrap(**options))
-    except RuntimeError as error:  # a report of kind ERROR
-        return [str(error)]
+        answer = attempt()
+    finally:
+        module.Job.words = real
+    left = [o.name for o in bpy.data.objects]
+    return {
+        "before": before,
+        "answer": answer,
+        "objects": left,
+        "maps": [len(m.uv_layers) for m in bpy.data.meshes],
+    }
 
 
-def main(zip_file, program):
+def deleted():
+    return changed_meanwhile(lambda ob: bpy.data.meshes.remove(ob.data))
+
+
+def edited():
+    def move(ob):
+        ob.data.vertices[0].co.x += 1
+
+    return changed_meanwhile(move)
+
+
+def page():
+    select(cube())
+    answer = attempt(look=True)
+    path = os.path.join(bpy.app.tempdir, "circparam.html")
+    with open(path, encoding="utf-8") as file:
+        return {"answer": answer, "page": file.read()[:20]}
+
+
+def cancelled():
+    """The steps of a window: per cents on the way, then Esc; and what is left of it."""
+    from bl_ext.user_default.circparam_addon import operator as module
+
+    bpy.ops.mesh.primitive_monkey_add()
+    ob = bpy.context.object
+    before, seen = state(ob), []
+    real = module.OBJECT_OT_circparam._step
+
+    def step(self, context):
+        on = real(self, context)
+        seen.append(self.percent())
+        self.folder = self._folder
+        if self.percent() > 0 and on:
+            process = self._run._process
+            self._stop()
+            seen.append(process.poll() is not None)
+            return False
+        return on
+
+    module.OBJECT_OT_circparam._step = step
+    try:
+        answer = attempt(effort="HIGH")
+    finally:
+        module.OBJECT_OT_circparam._step = real
+    return {"before": before, "answer": answer, "after": state(ob), "seen": seen[-2:]}
+
+
+def seconds():
+    ob = cube()
+    select(ob)
+    times = []
+    for _ in range(2):
+        start = time.perf_counter()
+        attempt()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def main(zip_file, program, *names):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.extensions.package_install_files(
         filepath=zip_file, repo="user_default", enable_on_install=True
     )
     addons = bpy.context.preferences.addons
     addon = next(name for name in addons.keys() if name.endswith("circparam_addon"))  # noqa: SIM118
-    objects = scene()
-    for ob in objects.values():
-        ob.select_set(True)
-    before = {name: state(ob) for name, ob in objects.items()}
-    addons[addon].preferences.path = "/no/such/program"
-    missing = attempt()
-    addons[addon].preferences.path = program
-    answer = attempt(effort=0.1)
-    after = {name: state(ob) for name, ob in objects.items()}
-    refused = attempt(padding=4000, resolution=128)
-    print(
-        "RESULT "
-        + json.dumps(
-            {
-                "before": before,
-                "after": after,
-                "answer": answer,
-                "missing": missing,
-                "refused": refused,
-            }
+    if program:
+        addons[addon].preferences.path = "/no/such/program"
+        select(cube())
+        out = {"missing": attempt()}
+        addons[addon].preferences.path = program
+    else:
+        out = {}
+    scenarios = {
+        f.__name__: f
+        for f in (
+            everything_stays, refused, selected_faces, no_room, nothing_selected, islands, pinned, points,
+            together, pack, density, bad_objects, deleted, edited, page, cancelled, seconds,
         )
-    )
+    } | {seams: lambda seams=seams: marked(seams) for seams in ("MUST", "HINT", "IGNORE")}  # fmt: skip
+    if not names:
+        scenarios.pop("seconds")
+    for name in names or scenarios:
+        clear()
+        out[name] = scenarios[name]()
+    print("RESULT " + json.dumps(out))
 
 
 if __name__ == "__main__":

@@ -33,21 +33,22 @@ def test_the_zip_is_what_blender_installs() -> None:
     data = addon_zip()
     assert data == addon_zip()
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        assert sorted(archive.namelist()) == [
-            f"{FOLDER}/__init__.py", f"{FOLDER}/blender_manifest.toml"
-        ]  # fmt: skip
-        manifest = tomllib.loads(archive.read(f"{FOLDER}/blender_manifest.toml").decode())
-        code = archive.read(f"{FOLDER}/__init__.py").decode()
+        files = {Path(name).name: archive.read(name).decode() for name in archive.namelist()}
+        assert all(name.startswith(f"{FOLDER}/") for name in archive.namelist())
+    manifest = tomllib.loads(files.pop("blender_manifest.toml"))
     assert (manifest["id"], manifest["version"]) == (FOLDER, __version__)
-    modules = {
-        (node.module or "").split(".")[0]
-        if isinstance(node, ast.ImportFrom)
-        else alias.name.split(".")[0]
-        for node in ast.walk(ast.parse(code))
-        if isinstance(node, (ast.Import, ast.ImportFrom))
-        for alias in node.names
-    }
-    assert modules <= {"bpy", "numpy", *sys.stdlib_module_names}
+    assert "__init__.py" in files
+    for name, code in files.items():
+        modules = {
+            (node.module or "").split(".")[0]
+            if isinstance(node, ast.ImportFrom)
+            else alias.name.split(".")[0]
+            for node in ast.walk(ast.parse(code))
+            if isinstance(node, (ast.Import, ast.ImportFrom))
+            for alias in node.names
+            if not getattr(node, "level", 0)
+        }
+        assert modules <= {"bpy", "numpy", *sys.stdlib_module_names}, name
 
 
 def test_the_command_saves_it(tmp_path: Path) -> None:
@@ -93,54 +94,200 @@ def answer(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 NAMES = ("cube", "cylinder", "monkey")
 
 
+def layout(after: dict[str, Any], name: str | None = None) -> list[np.ndarray]:
+    """The uv of each polygon."""
+    uv = np.array(after["maps"][name or after["active"]])
+    return np.split(uv, np.cumsum([len(p) for p in after["polygons"]])[:-1])
+
+
+def signed_areas(rings: list[np.ndarray]) -> np.ndarray:
+    return np.array([
+        0.5 * (r[:, 0] * np.roll(r[:, 1], -1) - r[:, 1] * np.roll(r[:, 0], -1)).sum() for r in rings
+    ])  # fmt: skip
+
+
+def cut_edges(after: dict[str, Any]) -> set[tuple[int, int]]:
+    """Edges at which the uv of two polygons differ."""
+    sides: dict[tuple[int, int], set[tuple[float, ...]]] = {}
+    for polygon, ring in zip(after["polygons"], layout(after), strict=True):
+        k = len(polygon)
+        for i in range(k):
+            a, b = polygon[i], polygon[(i + 1) % k]
+            at = [i, (i + 1) % k] if a < b else [(i + 1) % k, i]
+            sides.setdefault((min(a, b), max(a, b)), set()).add(tuple(ring[at].ravel()))
+    return {edge for edge, values in sides.items() if len(values) > 1}
+
+
+def marked_edges(after: dict[str, Any]) -> set[tuple[int, int]]:
+    return {(min(e), max(e)) for e, s in zip(after["edges"], after["seams"], strict=True) if s}
+
+
+def covered(rings: list[np.ndarray]) -> np.ndarray:
+    """(1024, 1024) how many polygons, all convex, hold the middle of a texel."""
+    out = np.zeros((1024, 1024), int)
+    for ring in rings:
+        low = np.clip(np.floor(ring.min(0) * 1024).astype(int), 0, 1023)
+        high = np.clip(np.ceil(ring.max(0) * 1024).astype(int) + 1, 0, 1024)
+        u, v = np.meshgrid(
+            *((np.arange(a, b) + 0.5) / 1024 for a, b in zip(low, high, strict=True))
+        )
+        inside = np.ones(u.shape, bool)
+        for p, q in zip(ring, np.roll(ring, -1, 0), strict=True):
+            inside &= (q[0] - p[0]) * (v - p[1]) - (q[1] - p[1]) * (u - p[0]) > 0
+        out[low[1] : high[1], low[0] : high[0]] += inside
+    return out
+
+
+def kept_to_the_bit(case: dict[str, Any], polygons: set[int]) -> None:
+    """These polygons have the uv that they had, the others have new ones beside them, not mirrored."""
+    before, after = layout(case["before"]), layout(case["after"])
+    for k, (old, new) in enumerate(zip(before, after, strict=True)):
+        assert (old == new).all() == (k in polygons), k
+    assert min(signed_areas(after)) > 0
+    assert min(r.min() for r in after) >= 0
+    assert max(r.max() for r in after) <= 1
+    kept = covered([after[k] for k in polygons])
+    new = covered([r for k, r in enumerate(after) if k not in polygons])
+    assert not (kept.astype(bool) & new.astype(bool)).any()
+    assert kept.any()
+    assert new.max() == 1
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_everything_else_of_the_object_stays(answer: dict[str, Any], name: str) -> None:
-    before, after = answer["before"][name], answer["after"][name]
-    for what in ("polygons", "materials", "names", "points", "edges"):
+    case = answer["everything_stays"]
+    before, after = case["before"][name], case["after"][name]
+    for what in ("polygons", "materials", "names", "points", "edges", "selected"):
         assert before[what] == after[what], what
     for other, uv in before["maps"].items():
         assert after["maps"][other] == uv
     assert after["active"] == "circparam"
-    assert answer["answer"] == ["FINISHED"]
+    assert case["answer"] == ["FINISHED"]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_layout_is_one_to_one_and_in_the_page(answer: dict[str, Any], name: str) -> None:
-    after = answer["after"][name]
+    after = answer["everything_stays"]["after"][name]
     uv = np.array(after["maps"]["circparam"])
     assert uv.min() >= 0
     assert uv.max() <= 1
-    size = [len(p) for p in after["polygons"]]
-    rings = np.split(uv, np.cumsum(size)[:-1])
-    areas = np.array([
-        0.5 * (r[:, 0] * np.roll(r[:, 1], -1) - r[:, 1] * np.roll(r[:, 0], -1)).sum() for r in rings
-    ])  # fmt: skip
-    assert (
-        areas > 0
-    ).all()  # as Blender's own unwrapping: in the data, whatever the object's scale
+    # as Blender's own unwrapping: in the data, whatever the object's scale
+    assert (signed_areas(layout(after)) > 0).all()
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_seams_are_marked_where_the_uv_part(answer: dict[str, Any], name: str) -> None:
-    after = answer["after"][name]
-    uv = np.array(after["maps"]["circparam"])
-    sides: dict[tuple[int, int], set[tuple[float, ...]]] = {}
-    start = 0
-    for polygon in after["polygons"]:
-        k = len(polygon)
-        for i in range(k):
-            a, b = polygon[i], polygon[(i + 1) % k]
-            at = [start + i, start + (i + 1) % k]
-            at = at if a < b else at[::-1]
-            sides.setdefault((min(a, b), max(a, b)), set()).add(tuple(uv[at].ravel()))
-        start += k
-    marked = {
-        tuple(sorted(e)) for e, seam in zip(after["edges"], after["seams"], strict=True) if seam
-    }
-    assert marked == {edge for edge, values in sides.items() if len(values) > 1}
-    assert marked
+    after = answer["everything_stays"]["after"][name]
+    assert marked_edges(after) == cut_edges(after)
+    assert marked_edges(after)
 
 
 def test_what_is_wrong_is_said_in_one_line(answer: dict[str, Any]) -> None:
     assert "no such program" in answer["missing"][0]
     assert "--padding 4000" in answer["refused"][0]
+    assert "no face is selected" in answer["nothing_selected"]["answer"][0]
+    assert answer["nothing_selected"]["mode"] == "EDIT"
+
+
+def test_only_selected_faces_get_new_uv_beside_the_others(answer: dict[str, Any]) -> None:
+    case = answer["selected_faces"]
+    assert case["after"]["mode"] == "EDIT"
+    assert case["after"]["selected"] == [k < 16 for k in range(len(case["after"]["polygons"]))]
+    kept_to_the_bit(case, set(range(16, len(case["after"]["polygons"]))))
+
+
+def test_a_full_page_is_said_and_left_alone(answer: dict[str, Any]) -> None:
+    case = answer["no_room"]
+    assert "no room" in case["answer"][0]
+    assert case["before"]["maps"] == case["after"]["maps"]
+    assert case["after"]["mode"] == "EDIT"
+
+
+def test_one_face_stands_for_its_whole_island(answer: dict[str, Any]) -> None:
+    """Blender's cube has its faces in one cross; subdivided, all of its polygons are one island."""
+    case = answer["islands"]
+    before, after = layout(case["before"]), layout(case["after"])
+    assert all((old != new).any() for old, new in zip(before, after, strict=True))
+
+
+def test_marked_seams_are_cut_or_a_hint_or_nothing(answer: dict[str, Any]) -> None:
+    """A flat grid lies in one piece where marks have no effect, and in two where they have one."""
+    cuts = {how: cut_edges(answer[how]["after"]) for how in ("MUST", "HINT", "IGNORE")}
+    assert cuts["MUST"] == marked_edges(answer["MUST"]["after"])
+    assert len(cuts["MUST"]) == 4
+    assert cuts["HINT"] == cuts["MUST"]
+    assert cuts["IGNORE"] == set()
+    assert len(marked_edges(answer["IGNORE"]["after"])) == 4  # the artist's marks stay
+
+
+def test_islands_with_a_pin_stay(answer: dict[str, Any]) -> None:
+    case = answer["pinned"]
+    same = {
+        k for k, (a, b) in enumerate(
+            zip(layout(case["before"]), layout(case["after"]), strict=True)
+        ) if (a == b).all()
+    }  # fmt: skip
+    assert 0 in same
+    assert len(same) < len(case["before"]["polygons"])
+    assert case["kept"]
+    kept_to_the_bit(case, same)
+
+
+def test_pinned_points_hold(answer: dict[str, Any]) -> None:
+    case = answer["points"]
+    assert case["answer"] == ["FINISHED"]
+    before, after = (np.concatenate(layout(case[when])) for when in ("before", "after"))
+    held = np.array(case["held"])
+    assert held.sum() == 4
+    assert np.abs(before - after)[held].max() < 1e-6
+
+
+def test_linked_copies_share_a_page_at_the_scale_of_all(answer: dict[str, Any]) -> None:
+    case = answer["together"]
+    linked, single = layout(case["linked"]), layout(case["single"])
+    assert covered(linked + single).max() == 1
+    ratio = signed_areas(linked).sum() / signed_areas(single).sum()
+    assert ratio == pytest.approx((1**2 + 3**2) / 2, rel=1e-3)  # the mean square of both scales
+
+
+def test_packing_moves_charts_and_keeps_their_shape(answer: dict[str, Any]) -> None:
+    case = answer["pack"]
+    before, after = (signed_areas(layout(case[when])) for when in ("before", "after"))
+    assert cut_edges(case["before"]) == cut_edges(case["after"])
+    assert np.allclose(after / before, after[0] / before[0], rtol=1e-4)
+    assert after.sum() > 2 * before.sum()
+
+
+def test_a_density_is_what_was_asked(answer: dict[str, Any]) -> None:
+    area = signed_areas(layout(answer["density"]["after"])).sum()
+    assert 1024 * np.sqrt(area / (6 * 4 * 4)) == pytest.approx(50, rel=0.02)
+
+
+def test_bad_objects_have_a_line_each_and_the_good_one_its_uv(answer: dict[str, Any]) -> None:
+    said = answer["bad_objects"]["answer"][0]
+    for line in ("empty mesh: it has no faces", "far away: it is in another scene",
+                 "borrowed: its mesh is linked from a library"):  # fmt: skip
+        assert line in said
+    assert "circparam" in answer["bad_objects"]["after"]["maps"]
+
+
+@pytest.mark.parametrize("case", ["deleted", "edited"])
+def test_a_mesh_that_changed_meanwhile_has_one_line(answer: dict[str, Any], case: str) -> None:
+    (said,) = answer[case]["answer"]
+    assert "it was changed or deleted while circparam worked" in said
+    assert "Traceback" not in said
+    assert all(n == 1 for n in answer[case]["maps"])  # no map of the add-on
+
+
+def test_esc_ends_the_program_and_changes_nothing(answer: dict[str, Any]) -> None:
+    case = answer["cancelled"]
+    percent, ended = case["seen"]
+    assert 0 < percent < 100
+    assert ended
+    assert case["before"] == case["after"]
+    assert "cancelled" in case["answer"][0]
+
+
+def test_the_page_to_look_at_is_made(answer: dict[str, Any]) -> None:
+    assert answer["page"]["answer"] == ["FINISHED"]
+    assert answer["page"]["page"].startswith("<!doctype html>")

@@ -123,6 +123,12 @@ def test_options_of_files_do_not_apply() -> None:
             circparam.parametrize(P, F, **{name: value})
 
 
+def test_options_of_xatlas_are_told_where_they_are_taken() -> None:
+    for name in ("chart_options", "pack_options"):
+        with pytest.raises(OptionError, match=r"circparam\.xatlas\.parametrize takes it"):
+            circparam.parametrize(P, F, **{name: None})
+
+
 def test_a_result_has_the_same_three_arrays() -> None:
     p, f = shapes.icosphere(2)
     result = circparam.unwrap((p, f), **QUICK)

@@ -43,8 +43,8 @@ def test_faces_set_aside_get_uv_and_numbers_are_those_of_the_format() -> None:
 @pytest.mark.parametrize(
     ("output", "keywords", "word"),
     [
-        ("x.stl", {}, "STL holds no uv.* .obj, .ply, .gltf or .glb$"),
-        ("x.fbx", {}, "FBX holds no uv.* .obj, .ply, .gltf or .glb$"),
+        ("x.stl", {}, "STL holds no uv.* .obj, .*.glb, .usda, .usdc or .usdz$"),
+        ("x.fbx", {}, "FBX holds no uv.* .obj, .*.glb, .usda, .usdc or .usdz$"),
         ("x", {}, "no suffix"),
         ("-", {"format": "stl"}, "no place for uv"),
         ("x.obj", {"lightmap": True}, "a new OBJ file gets one uv set; leave --lightmap out"),

@@ -83,7 +83,7 @@ def test_a_closed_mesh_keeps_its_bound(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "more", [{"cut": "disk"}, {"pages": 2}, {"texel_density": 10.0}, {"normalize": False}]
+    "more", [{"cut": "disk"}, {"rotate": "90"}, {"method": "circle"}, {"normalize": False}]
 )
 def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
     with pytest.raises(OptionError, match="pack_splits has no effect"):

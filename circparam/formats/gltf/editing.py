@@ -103,6 +103,9 @@ class TreeEdit(Packing):
     """
 
     told: FloatArray | None = None
+    # primitives (mesh, number) that keep the uv which are replaced, and the set in which
+    keeps: frozenset[tuple[int, int]] = frozenset()
+    kept_set: int = 0
 
     def pool(
         self, users: list[Primitive], pool: Pool, split: Split, rows: npt.NDArray[Any], number: int
@@ -110,7 +113,12 @@ class TreeEdit(Packing):
         """New attributes of one pool and the primitives that use it; returns how many lost tangents."""
         entries = [self.primitive(p) for p in users]
         attributes, targets = dict(pool.attributes), copy.deepcopy(pool.targets)
-        changed = {number, *(n for n in range(number) if f"TEXCOORD_{n}" not in attributes)}
+        last = number
+        if any((p.mesh, p.number) in self.keeps for p in users):
+            last = self.kept_set
+            if f"TEXCOORD_{number}" in attributes:
+                attributes[f"TEXCOORD_{last}"] = attributes[f"TEXCOORD_{number}"]
+        changed = {number, *(n for n in range(last) if f"TEXCOORD_{n}" not in attributes)}
         lost = "TANGENT" in attributes and any(self.tangent_set(e) in changed for e in entries)
         if lost:
             self.touched.add(attributes.pop("TANGENT"))
@@ -150,7 +158,14 @@ class TreeEdit(Packing):
 
     def dress(self, primitives: list[Primitive], carried: Carried) -> None:
         """Let the materials show carried images in place of theirs."""
-        self.json, pages = redressed(self.json, primitives, carried)
+        entries = [(p, self.primitive(p)) for p in primitives]
+        default = len(self.json.get("materials", []))
+        self.keeps = frozenset(
+            (p.mesh, p.number) for p, e in entries if e.get("material", default) in carried.kept
+        )
+        sets = [int(k[9:]) for _, e in entries for k in e["attributes"] if k[:9] == "TEXCOORD_"]
+        self.kept_set = max([carried.uv_set, *sets]) + 1
+        self.json, pages = redressed(self.json, primitives, carried, self.kept_set)
         self.images = {number: carried.pages[page] for number, page in pages.items()}
         self.told = carried.tangents
 
@@ -158,7 +173,8 @@ class TreeEdit(Packing):
         """TANGENT of primitives with normals: those of corners (c, 4) in the world; the last of a vertex
         counts."""
         entries = [self.primitive(p) for p in users]
-        if not all("NORMAL" in entry["attributes"] for entry in entries):
+        kept = any((p.mesh, p.number) in self.keeps for p in users)
+        if kept or not all("NORMAL" in entry["attributes"] for entry in entries):
             return
         whole = mesh_matrices(self.tree)[users[0].mesh][:3, :3]
         rows = np.tile([1.0, 0.0, 0.0, 1.0], (len(split.source), 1))

@@ -22,7 +22,7 @@ from circparam.formats.gltf.slots import (
     unlike,
 )
 from circparam.formats.looks import Carried, Group, Looks, Material, Use, Wrap
-from circparam.formats.source import found_beside
+from circparam.formats.source import found_beside, regular_bytes
 
 TRANSFORM, WEBP, VARIANTS = "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_variants"
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
@@ -138,7 +138,7 @@ class _Images:
         try:
             if path is None:
                 raise FileNotFoundError(2, "No such file or directory")
-            return uri, path.read_bytes()
+            return uri, regular_bytes(path)
         except OSError as error:
             raise self.tree.error(
                 f"the texture {uri} can't be read ({error.strerror}): put it beside the file"
@@ -168,7 +168,7 @@ def texture_infos(value: Any) -> Iterator[tuple[str, Json]]:
 
 
 def redressed(
-    tree: Json, primitives: list[Primitive], carried: Carried
+    tree: Json, primitives: list[Primitive], carried: Carried, kept_set: int = 0
 ) -> tuple[Json, dict[int, str]]:
     """A copy of a tree whose triangles show carried images: (tree, page of each of its new images).
 
@@ -197,6 +197,8 @@ def redressed(
         lead = group.members[0]
         if lead not in changed:
             changed[lead] = _dressed(known[lead], group, number, carried.uv_set)
+            if lead in carried.kept:
+                changed[lead] = in_set(known[lead], carried.uv_set, kept_set)
         if changed[lead] != {}:
             entry["material"] = lead
     for k, material in changed.items():
@@ -223,6 +225,17 @@ def _dressed(material: Json, group: Group, texture: dict[str, int], uv_set: int)
             set_factors(holder, place, group.factors[place.slot])
     if out.get("alphaMode") == "MASK" and group.cutoff != out.get("alphaCutoff", 0.5):
         out["alphaCutoff"] = group.cutoff
+    return out
+
+
+def in_set(material: Json, old: int, new: int) -> Json:
+    """A material whose textures refer to one uv set in place of another."""
+    out = copy.deepcopy(material)
+    for _, info in texture_infos(out):
+        holder = info.get("extensions", {}).get(TRANSFORM, {})
+        holder = holder if "texCoord" in holder else info
+        if holder.get("texCoord", 0) == old:
+            holder["texCoord"] = new
     return out
 
 

@@ -6,15 +6,16 @@ ones (they stand where the first old one stood, or before the first face) and th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
 from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
+from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
-from circparam.formats.obj import materials
+from circparam.formats.obj import looks, materials
 from circparam.formats.obj.editing import compact, element_edits, groupings, with_uv
 from circparam.formats.obj.reading import Scan
 from circparam.formats.polygons import Polygons, triangulate
@@ -29,6 +30,7 @@ class ObjDocument(Document):
     scan: Scan = field(kw_only=True)
     polys: Polygons = field(kw_only=True)
     corner_vt: IntArray = field(kw_only=True)
+    carried: Carried | None = None
 
     def polygons(self) -> Polygons:
         """The faces of the file."""
@@ -82,6 +84,14 @@ class ObjDocument(Document):
         """The diffuse images and colours of the material files that ``mtllib`` names."""
         return materials.textures(self.scan, self.polys.owner, self.source.folder)
 
+    def looks(self) -> Looks | None:
+        """The materials of the libraries that ``mtllib`` names."""
+        return looks.read_looks(self.scan, self.polys.owner, self.source)
+
+    def dressed(self, carried: Carried) -> ObjDocument:
+        """The same file with a library and images of its own."""
+        return replace(self, carried=carried)
+
     def check_target(self, options: WriteOptions, format: str) -> bool:
         """OBJ is written by the document itself."""
         if format != "obj":
@@ -103,10 +113,14 @@ class ObjDocument(Document):
         if len(element_edits(self.scan)[0]):
             notes.append("l elements lost their vt: they named points of the old uv set")
         n, m = len(self.mesh.points), len(self.mesh.faces)
-        return Encoded(
-            data, "obj", np.arange(n), np.arange(m), assets=self.scan.libraries(), notes=notes,
-            warnings=replaced.warnings,
-        )  # fmt: skip
+        found = None if self.carried is None else self.looks()
+        if self.carried is None or found is None:
+            return Encoded(
+                data, "obj", np.arange(n), np.arange(m), assets=self.scan.libraries(), notes=notes,
+                warnings=replaced.warnings,
+            )  # fmt: skip
+        data, extra = looks.redressed(data, self.scan, self.source, found, self.carried, stem)
+        return Encoded(data, "obj", np.arange(n), np.arange(m), extra, notes=notes)
 
 
 def read_obj(data: bytes, source: Source) -> ObjDocument:

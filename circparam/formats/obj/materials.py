@@ -30,7 +30,7 @@ def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | Non
     """The images and colours of the materials. owner: (m,) polygon of each face. None where there are none."""
     files = ImageFiles(folder)
     materials: dict[str, tuple[int, FloatArray, float]] = {}
-    for library in (one for line in scan.libraries() for one in _named(line, folder)):
+    for library in (one for line in scan.libraries() for one in named(line, folder)):
         path = found_beside(folder, library)
         try:
             text = None if path is None else regular_bytes(path).decode("utf-8", "replace")
@@ -61,7 +61,7 @@ def textures(scan: Scan, owner: IntArray, folder: Path | None) -> Textures | Non
     return replace(found, alpha=alpha[at] if (alpha < 1).any() else None, tints=tuple(tints))
 
 
-def _named(line: str, folder: Path | None) -> list[str]:
+def named(line: str, folder: Path | None) -> list[str]:
     """The files of one mtllib line: a name with blanks, perhaps in quotes, where it is there, else several."""
     line = line.strip().strip('"')
     several = " " in line and found_beside(folder, line) is None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
+from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.ply import editing, materials
 from circparam.formats.ply.model import INDICES, UV_NAMES, FaceLists, vertex_uv
@@ -27,6 +28,7 @@ class PlyDocument(Document):
 
     layout: Layout = field(kw_only=True)
     lists: FaceLists = field(kw_only=True)
+    carried: Carried | None = None
 
     def polygons(self) -> Polygons:
         """The faces of the file, and the triangles of its strips."""
@@ -75,6 +77,14 @@ class PlyDocument(Document):
         """red, green, blue of the vertices, or else of the faces."""
         return materials.colours(self.layout, self.mesh.faces, self.lists.polys.owner)
 
+    def looks(self) -> Looks | None:
+        """The image that a TextureFile comment names, as one material."""
+        return materials.looks(self.layout, len(self.mesh.faces))
+
+    def dressed(self, carried: Carried) -> PlyDocument:
+        """The same file with another image beside it."""
+        return replace(self, carried=carried)
+
     def textures(self) -> Textures | None:
         """The image that a TextureFile comment names."""
         return materials.textures(self.layout, len(self.mesh.faces), self.source.folder)
@@ -93,7 +103,14 @@ class PlyDocument(Document):
     def rewrite(
         self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
     ) -> Encoded | None:
-        """The same file with uv in its vertices or faces."""
+        """The same file with uv in its vertices or faces, and its image."""
+        encoded = self._with_uv(uvmap, options, format)
+        if encoded is None or self.carried is None:
+            return encoded
+        data, extra = materials.redressed(encoded.data, self.carried, stem)
+        return replace(encoded, data=data, extra=extra, assets=[], warnings=[])
+
+    def _with_uv(self, uvmap: UVMap, options: WriteOptions, format: str) -> Encoded | None:
         if not self.check_target(options, format):
             return None
         replaced = check_uv_set(self, options, only_first=True)

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.looks import Carried, Looks, Material, Slot, Use
 from circparam.formats.materials import ImageFiles, Textures
 from circparam.formats.ply.reading import Layout
+from circparam.formats.source import found_beside, regular_bytes
 
 CHANNELS = ("red", "green", "blue")
 
@@ -50,3 +52,38 @@ def texture_file(line: str) -> str:
     """The image that a line of the header names, as MeshLab writes it; '' for any other line."""
     found = re.match(r"comment\s+TextureFile\s+(.+)", line.strip(), re.IGNORECASE)
     return found.group(1).strip() if found else ""
+
+
+IMAGE = Slot("texture", (0, 1, 2, 3), "texture", True)
+
+
+def looks(layout: Layout, m: int) -> Looks | None:
+    """The image of a file as one material of all m faces; None where no line names one.
+
+    Raises InputError where it is missing, or where faces take theirs from several.
+    """
+    names = [name for name in map(texture_file, layout.lines) if name]
+    if not names:
+        return None
+    if len(names) > 1:
+        raise layout.source.error(
+            f"it has {len(names)} TextureFile lines: only one image can be carried, save it as OBJ"
+        )
+    path = found_beside(layout.source.folder, names[0])
+    try:
+        data = None if path is None else regular_bytes(path)
+    except OSError:
+        data = None
+    if data is None:
+        raise layout.source.error(f"texture {names[0]} is missing: put it beside the mesh")
+    material = Material("", {IMAGE: Use(0)}, {IMAGE: np.ones(4)})
+    return Looks((data,), (names[0],), (material,), np.zeros(m, np.int64))
+
+
+def redressed(data: bytes, carried: Carried, stem: str) -> tuple[bytes, dict[str, bytes]]:
+    """A PLY file that names its carried image: (the file, the image by its name)."""
+    name = f"{stem or 'mesh'}_texture.png"
+    head, end, body = data.partition(b"end_header")
+    line = re.compile(rb"^(comment\s+TextureFile\s+)[^\r\n]+", re.IGNORECASE | re.MULTILINE)
+    head = line.sub(lambda found: found[1] + name.encode("latin-1", "replace"), head, count=1)
+    return head + end + body, {name: carried.pages[IMAGE.page]}

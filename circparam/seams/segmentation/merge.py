@@ -58,6 +58,7 @@ LOOK = 10_000  # faces of the unions that are looked at together
 # two pairs 7 were
 CROSSED = 3
 MIX, RING = np.uint64(0x9E3779B97F4A7C15), np.uint64(0x5851F42D4C957F2D)
+SHARE = 0.5  # of the search for charts that merging is
 SLACK = 0.3  # share by which shorter seams may lower the distortion of a union
 DRAFT_ROUNDS = 8  # of a draft: most charts that merge at all have done so by then
 TIE = 0.2  # candidates whose scores differ by less are tried in another order by another draw
@@ -105,7 +106,7 @@ class Merger:
             few = (sum(merged[-PATIENCE:]) + 1) * HARDLY < self.atlas.charts()[0]
             if few and turn >= PATIENCE:
                 break
-            monitor.update(turn / self.options.rounds)
+            monitor.update(SHARE * turn / self.options.rounds)
 
     def round(self, monitor: Monitor) -> bool:
         """One round; False when there was nothing to try."""

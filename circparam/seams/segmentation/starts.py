@@ -44,6 +44,7 @@ HASTY = RelaxOptions(tolerance=1e-3, max_iterations=6, bound=1.01)
 FAIR = RelaxOptions(tolerance=1e-4, max_iterations=30)
 # charts whose seams are shortened: the tolerance of FAIR takes a fifth more steps, for seams none the better
 BRISK = RelaxOptions(tolerance=1e-3, max_iterations=30)
+MERGED, SHORTENED = 0.5, 0.9  # share of the search for charts that has been done then
 LOOPS = 300  # handles and holes above which the regions that charts are grown from hardly matter
 CROWD = 300  # more first charts than that are a soup of faces: those that are bad are split in four, not in two
 
@@ -71,6 +72,7 @@ def best_of_starts(
         seeds = seeds[:1]
     if len(seeds) == 1:
         start = grow_and_merge(surface, options, seeds[0], worker, monitor)
+        monitor.update(MERGED)
         begin([start.merger.atlas])
         return shortened(start, monitor)
     if len(surface.faces) <= TOGETHER or (surface.components[0] > 1 and not alone):
@@ -79,6 +81,7 @@ def best_of_starts(
         tasks = [(surface, options, k, k == seeds[0]) for k in seeds]
         starts = [s for s in worker.map(start_once, tasks, monitor) if s]
     merged = [start.merger.atlas for start in starts]
+    monitor.update(MERGED)
     begin(merged)
     cost = np.array([COST.seams(one) for one in merged])
     near = np.flatnonzero(cost <= (1 + BEHIND) * cost.min())
@@ -87,6 +90,7 @@ def best_of_starts(
     were = [merged[k].cut.copy() for k in near]
     done = worker.map(shorten_once, [(starts[k],) for k in near], monitor)
     ends = [Atlas(surface, *one) for one in done]
+    monitor.update(SHORTENED)
     best = int(np.argmin([COST.seams(end) for end in ends]))
     # what is won by a second time, 5 % at most, hardly ever makes another one the best
     shorten_again(ends[best], were[best], options, starts[near[best]].crowd)

@@ -172,15 +172,14 @@ def test_an_atlas_is_generated_again_with_what_was_added() -> None:
     assert atlas.texels_per_unit < alone / 5
 
 
-def test_coordinates_stay_exact_beside_other_meshes() -> None:
-    """float32 coordinates of a mesh far smaller than its neighbours: side by side no bit of any edge is
-    lost."""
-    small = (P * np.float32(1e-3)).astype(np.float32)
-    document = side_by_side([added_mesh(q, F, None, None) for q in (700 * P, small, P - 9)])
-    edges = np.diff(document.mesh.points[document.mesh.faces], axis=1).reshape(3, len(F), 2, 3)
-    for found, points in zip(edges, (700 * P, small.astype(float), P - 9), strict=True):
-        np.testing.assert_array_equal(found, np.diff(points[F], axis=1))
-    assert len(np.unique(document.mesh.points, axis=0)) == 3 * len(P)
+def test_coordinates_stay_exact_beside_other_meshes(rng: np.random.Generator) -> None:
+    """float32 coordinates of a mesh far smaller than its neighbour: side by side no bit of an edge is lost."""
+    small = (rng.random((8, 3)) / 900).astype(np.float32)
+    large = 700 * rng.random((8, 3))
+    document = side_by_side([added_mesh(q, F, None, None) for q in (large, small)])
+    edges = np.diff(document.mesh.points[document.mesh.faces], axis=1)
+    np.testing.assert_array_equal(edges[len(F) :], np.diff(small.astype(np.float64)[F], axis=1))
+    assert len(np.unique(document.mesh.points, axis=0)) == 16
 
 
 @pytest.mark.parametrize("padding", [0, 2, 8])
@@ -193,6 +192,18 @@ def test_texels_per_unit_makes_a_page_of_the_size_that_is_needed(padding: int) -
     assert atlas.texels_per_unit == pytest.approx(100, rel=0.01)
     assert atlas.atlas_count == 1
     assert atlas.result.measures["border_texels"] >= padding
+
+
+def test_a_page_that_is_fuller_than_expected_keeps_its_padding() -> None:
+    """A square covers all of its page: the page is smaller than the one it was begun with, and packed again."""
+    pages = ours.PackOptions()
+    pages.texels_per_unit, pages.padding = 100.0, 8
+    atlas = ours.Atlas()
+    atlas.add_mesh(*shapes.grid(5, 5))
+    atlas.generate(pack_options=pages, **QUICK)
+    assert atlas.utilization > 0.6
+    assert atlas.width == atlas.result.options.resolution
+    assert atlas.result.measures["border_texels"] >= 8
 
 
 def test_texels_per_unit_and_resolution_make_pages_of_that_size() -> None:

@@ -1,0 +1,98 @@
+"""``circparam transfer``: the layout of one mesh on its other levels of detail."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from circparam.cli import common, progress
+from circparam.cli.paths import check_outputs, made_folder, output_path
+
+_EPILOG = """\b
+Examples:
+  circparam transfer LOD0_uv.glb LOD1.obj LOD2.obj        writes LOD1_uv.obj and LOD2_uv.obj
+  circparam transfer hero_uv.obj lods/*.obj --out-dir done
+  circparam transfer scan_uv.ply scan_fine.ply -o fine_uv.ply --resolution 4096 --max-drift 4
+"""
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("source", metavar="LOD0", type=common.MESH)
+@click.argument("targets", metavar="LOD...", type=common.MESH, nargs=-1, required=True)
+@common.apply(
+    common.output,
+    common.out_dir,
+    click.option(
+        "--resolution",
+        type=int,
+        default=2048,
+        show_default=True,
+        metavar="TEXELS",
+        help="Side of the page that drifts are told in.",
+    ),
+    click.option(
+        "--max-drift",
+        type=float,
+        default=8.0,
+        show_default=True,
+        metavar="TEXELS",
+        help="Exit 5 and write nothing where a corner would drift further: the gutter between two charts is 8.",
+    ),
+    common.overwrite,
+    common.library_option("uv_set"),
+    common.library_option("ply_uv"),
+    common.library_option("copy_assets"),
+    common.library_option("reader"),
+    common.json_option,
+    common.quiet,
+)
+def command(source: str, targets: tuple[str, ...], **given: Any) -> None:
+    """Give coarser or finer meshes the layout of the first: one texture for all levels of detail.
+
+    Seams follow those of the first mesh, nothing flips, and the largest drift of a corner is told in texels.
+    All are the same shape at the same place; their vertices and faces need not correspond.
+    """
+    from circparam.maps.lods import transfer
+
+    given["format"] = None
+    outputs = [output_path(target, given) for target in targets]
+    check_outputs(targets, outputs, given)
+    keywords = common.library_keywords(given)
+    keywords.pop("resolution", None)
+    with (
+        made_folder(given["out_dir"]),
+        progress.listener(f"{source} to {len(targets)}", given["quiet"]) as listener,
+    ):
+        done = transfer(
+            source,
+            targets,
+            outputs,
+            resolution=given["resolution"],
+            max_drift=given["max_drift"],
+            listener=listener,
+            **keywords,
+        )
+    rows = [{"input": name, **one.as_dict()} for name, one in zip(targets, done, strict=True)]
+    for row in rows:
+        for line in row["warnings"]:
+            progress.warn(f"{row['input']}: {line}", given["quiet"])
+    report = {"schema": "circparam/transfer/1", "source": source, "targets": rows}
+    report["resolution"], report["max_drift"] = given["resolution"], given["max_drift"]
+    if given["as_json"]:
+        common.echo_json(report)
+    elif not given["quiet"]:
+        from circparam.cli.tables import columns, console
+
+        heads = ("faces", "charts", "flips", "overlaps", "drift", "inside 95 %")
+        console().print(columns("output", heads, {_name(row): _cells(row) for row in rows}))
+
+
+def _name(row: dict[str, Any]) -> str:
+    return str(row["output"])
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    """The figures of one mesh; drifts in texels."""
+    whole = [str(row[name]) for name in ("faces", "charts", "flips", "overlap")]
+    return [*whole, f"{row['drift']:.2f}", f"{row['inside_p95']:.2f}"]

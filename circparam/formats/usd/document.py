@@ -1,0 +1,197 @@
+"""A USD file as a document: its meshes, and how uv get over its layers."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from circparam.core.arrays import IntArray
+from circparam.errors import OptionError
+from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
+from circparam.formats.polygons import Polygons
+from circparam.formats.source import Source
+from circparam.formats.usd.reading import Arrays, read_stage
+from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, kind_of, opened, referred
+from circparam.formats.usd.writing import Parts, embedded, packaged, stronger
+from circparam.mesh.mesh import Mesh, UVMap
+
+KINDS = (TEXT, CRATE, PACKAGE)
+
+
+@dataclass(frozen=True, eq=False)
+class UsdDocument(Document):
+    """A USD file: its bytes, its meshes, and the files that it refers to, by names relative to it.
+
+    layers: without these it can't be read. assets: textures and the like. outside: what lies in other folders.
+    """
+
+    data: bytes = field(kw_only=True, repr=False)
+    arrays: Arrays = field(kw_only=True)
+    layers: tuple[str, ...] = ()
+    assets: tuple[str, ...] = ()
+    outside: tuple[str, ...] = ()
+
+    @property
+    def up(self) -> str:
+        """The axis of the stage."""
+        return self.arrays.up
+
+    def uv(self, uv_set: int = 0) -> UVMap | None:
+        """A uv primvar: st is set 0, the others follow by name."""
+        if uv_set not in self.uv_sets:
+            return None
+        corner = self.arrays.uv[self.arrays.sets[uv_set]]
+        polys = self.arrays.polys
+        rows = np.c_[polys.corners, corner + 0.0]
+        _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        index = np.where(np.isnan(corner[:, 0]), -1, inverse.reshape(-1))
+        return UVMap(np.nan_to_num(corner[first]), index[polys.triangles])
+
+    def labels(self, kind: str) -> IntArray:
+        """(m,) label of each face by part of a material, mesh or scene."""
+        return self.arrays.mesh if kind == "mesh" else super().labels(kind)
+
+    def polygons(self) -> Polygons:
+        """The faces of all meshes."""
+        return self.arrays.polys
+
+    def needs(self, format: str) -> list[str]:
+        """The layers that the output refers to, this one too."""
+        if format not in KINDS or format == PACKAGE or self.path is None:
+            return []
+        return [self.path.name, *self.layers]
+
+    def check_target(self, options: WriteOptions, format: str) -> bool:
+        """USD is written here, whatever its kind."""
+        if format not in KINDS:
+            return False
+        if format != PACKAGE and self.path is None and self.format == PACKAGE:
+            raise OptionError(
+                "a .usdz that comes through a pipe is written as one: end the output in .usdz"
+            )
+        free_set(self, options, only_first=False)
+        return True
+
+    def rewrite(
+        self, uvmap: UVMap, options: WriteOptions, format: str, stem: str
+    ) -> Encoded | None:
+        """A layer with the uv over the layers of the file, which stay as they are."""
+        if not self.check_target(options, format):
+            return None
+        replaced = check_uv_set(self, options, only_first=False)
+        sets = self.arrays.sets
+        name = sets[replaced.number] if replaced.number < len(sets) else f"st{replaced.number}"
+        corner = self.arrays.polys.corner_uv(uvmap, self.source.name)
+        parts = Parts(self.data, self.source, self.arrays.prims, name, uvmap.uv, corner)
+        files: list[str] = []
+        if format == PACKAGE:
+            data = packaged(parts, stem, [*self.layers, *self.assets])
+        elif self.path is None or not stem or _same_name(self.path, stem, format):
+            data, files = embedded(parts, format), [*self.layers, *self.assets]
+        else:
+            data, files = stronger(parts, format), [self.path.name, *self.layers, *self.assets]
+        needed = [f for f in files if f not in self.assets]
+        warnings = list(replaced.warnings)
+        if self.outside:
+            warnings.append(
+                f"it refers to files of other folders ({', '.join(self.outside[:3])}): "
+                "they are found from the folder of the input only"
+            )
+        opened_up = {path for prim in self.arrays.prims for path in prim.instances}
+        if opened_up:
+            warnings.append(
+                f"{len(opened_up)} instances get uv of their own and no longer share their prims"
+            )
+        n, m = len(self.mesh.points), len(self.mesh.faces)
+        return Encoded(
+            *(data, format, np.arange(n), np.arange(m)),
+            assets=files,
+            needed=needed,
+            notes=replaced.notes,
+            warnings=warnings,
+        )
+
+
+def _same_name(path: Path, stem: str, format: str) -> bool:
+    """Whether the output may have the name of the input, over which no layer of that name can lie."""
+    return path.stem == stem and path.suffix.lower() in (f".{format}", ".usd")
+
+
+def read_usd(data: bytes, source: Source) -> UsdDocument:
+    """Read .usd, .usda, .usdc or .usdz as it is composed: references, variants and instances resolved.
+
+    Raises InputError where usd-core is missing, where it can't open the file, and where there are no meshes.
+    """
+    kind = kind_of(data)
+    with opened(data, source) as stage:
+        if kind != PACKAGE and source.path is None:
+            _check_alone(stage, source)
+        arrays = read_stage(stage, source)
+        del stage
+    layers, assets, outside, missing = _files(source) if kind != PACKAGE else ([], [], [], [])
+    several = len(arrays.names) > 1
+    mesh = Mesh(
+        arrays.points,
+        arrays.polys.corners[arrays.polys.triangles],
+        polygons=arrays.polys.labels,
+        groups=arrays.group if several else None,
+    )
+    return UsdDocument(
+        source,
+        kind,
+        mesh,
+        tuple(k for k, name in enumerate(arrays.sets) if name in arrays.uv),
+        notes=["points are animated: those of the earliest time are unwrapped"] * arrays.moving,
+        features=("the tree of prims", *(("materials",) if arrays.materials else ())),
+        group_names=tuple(arrays.names) if several else (),
+        warnings=tuple(_told(arrays, missing)),
+        data=data,
+        arrays=arrays,
+        layers=tuple(layers),
+        assets=tuple(assets),
+        outside=tuple(outside),
+    )
+
+
+def _told(arrays: Arrays, missing: list[str]) -> list[str]:
+    out = []
+    if arrays.variants:
+        out.append(
+            f"it has variants: those in effect are unwrapped ({', '.join(arrays.variants[:4])}), "
+            "others that show the same meshes get the same uv"
+        )
+    if missing:
+        out.append(f"it refers to files that are not there: {', '.join(missing[:3])}")
+    return out
+
+
+def _check_alone(stage: Any, source: Source) -> None:
+    """Raise InputError where bytes without a folder refer to other layers: what they hold depends on those."""
+    _, _, missing = referred(Path(stage.GetRootLayer().realPath))
+    layers = [
+        Path(name).name
+        for name in missing
+        if Path(name).suffix.lower() in (".usd", ".usda", ".usdc", ".usdz")
+    ]
+    if layers:
+        raise source.error(
+            f"it refers to other layers ({', '.join(layers[:3])}), which are not found from here: give its path"
+        )
+
+
+def _files(source: Source) -> tuple[list[str], list[str], list[str], list[str]]:
+    """(layers, other files) inside the folder of a file by relative names, (those outside, those missing)."""
+    folder = source.folder
+    if source.path is None or folder is None:
+        return [], [], [], []
+    layers, assets, missing = referred(source.path)
+    inside = [[p for p in found if p.is_relative_to(folder)] for found in (layers, assets)]
+    names = [[p.relative_to(folder).as_posix() for p in found] for found in inside]
+    outside = [
+        os.path.relpath(p, folder) for p in (*layers, *assets) if not p.is_relative_to(folder)
+    ]
+    return names[0], names[1], outside, missing

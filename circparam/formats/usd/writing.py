@@ -1,0 +1,132 @@
+"""Layers with uv: over the layers of a file, inside a copy of its root, or in a package with all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.formats.source import Source
+from circparam.formats.usd.reading import MeshPrim
+from circparam.formats.usd.stage import (
+    CRATE,
+    kind_of,
+    layer_bytes,
+    opened,
+    package_bytes,
+    package_files,
+)
+
+# of the root layer, which says them for the stage; the rest is composed through sublayers
+NOT_COPIED = {"subLayers", "subLayerOffsets", "primOrder"}
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What a layer with uv is made of.
+
+    data, source: the file. prims: its meshes. name: of the primvar. uv: (k, 2); corner: (L,) into it, −1 for
+    none.
+    """
+
+    data: bytes
+    source: Source
+    prims: list[MeshPrim]
+    name: str
+    uv: FloatArray
+    corner: IntArray
+
+
+def stronger(parts: Parts, kind: str, below: str = "") -> bytes:
+    """A layer that holds the uv alone and lies over the file; what the root layer says of the stage is
+    repeated.
+
+    below: the name of the layer under it, that of the file where none is given.
+    """
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous(f".{kind}")
+    with opened(parts.data, parts.source) as stage:
+        root = stage.GetRootLayer().pseudoRoot
+        for key in root.ListInfoKeys():
+            if key not in NOT_COPIED:
+                layer.pseudoRoot.SetInfo(key, root.GetInfo(key))
+        del stage, root
+    name = below or (parts.source.path.name if parts.source.path is not None else "")
+    layer.subLayerPaths.append(f"./{name}")
+    _write_uv(layer, parts)
+    return layer_bytes(layer, kind)
+
+
+def embedded(parts: Parts, kind: str) -> bytes:
+    """A copy of the root layer that says the uv itself."""
+    from pxr import Sdf
+
+    layer = Sdf.Layer.CreateAnonymous(f".{kind}")
+    with opened(parts.data, parts.source) as stage:
+        layer.TransferContent(stage.GetRootLayer())
+        del stage
+    _write_uv(layer, parts)
+    return layer_bytes(layer, kind)
+
+
+def packaged(parts: Parts, stem: str, names: list[str]) -> bytes:
+    """A usdz: the layer with uv first, then the files of the package as they are, or the file and those it
+    names."""
+    folder, path = parts.source.folder, parts.source.path
+    if kind_of(parts.data) == "usdz":
+        files = package_files(parts.data)
+    elif folder is not None and path is not None:
+        files = {path.name: parts.data} | {name: (folder / name).read_bytes() for name in names}
+    else:
+        files = {f"input.{kind_of(parts.data)}": parts.data}
+    below = next(iter(files))
+    name = f"{stem or 'uv'}.{CRATE}"
+    while name in files:
+        name = f"{Path(name).stem}_uv.{CRATE}"
+    return package_bytes({name: stronger(parts, CRATE, below)} | files)
+
+
+def _write_uv(layer: Any, parts: Parts) -> None:
+    """Say the uv of every mesh in a layer."""
+    from pxr import Sdf, Vt
+
+    with Sdf.ChangeBlock():
+        for path in dict.fromkeys(p for prim in parts.prims for p in prim.instances):
+            Sdf.CreatePrimInLayer(layer, path).SetInfo("instanceable", False)
+        for prim in parts.prims:
+            corner = parts.corner[prim.first : prim.first + prim.corners]
+            table, index = rows_of(parts.uv, corner)
+            spec = Sdf.CreatePrimInLayer(layer, prim.path)
+            write_primvar(
+                spec, parts.name, Vt.Vec2fArray.FromNumpy(table), Vt.IntArray.FromNumpy(index)
+            )
+
+
+def rows_of(uv: FloatArray, corner: IntArray) -> tuple[Any, Any]:
+    """(rows (k, 2) float32, (L,) int32 into them): the uv that the corners use; (0, 0) where one has none."""
+    used, index = np.unique(corner, return_inverse=True)
+    table = np.where(used[:, None] >= 0, uv[np.maximum(used, 0)], 0.0).astype(np.float32)
+    return np.ascontiguousarray(table), index.reshape(-1).astype(np.int32)
+
+
+def write_primvar(spec: Any, name: str, table: Any, index: Any) -> None:
+    """Say a uv primvar at the corners of a mesh, in place of one that is there."""
+    from pxr import Sdf
+
+    kinds = Sdf.ValueTypeNames
+    for suffix, kind, value in (
+        ("", kinds.TexCoord2fArray, table),
+        (":indices", kinds.IntArray, index),
+    ):
+        full = f"primvars:{name}{suffix}"
+        attribute = spec.attributes.get(full)
+        if attribute is not None:  # its type, interpolation and samples are those of another layout
+            spec.RemoveProperty(attribute)
+        attribute = Sdf.AttributeSpec(spec, full, kind)
+        attribute.default = value
+        if not suffix:
+            attribute.SetInfo("interpolation", "faceVarying")

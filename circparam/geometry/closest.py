@@ -1,0 +1,40 @@
+"""Closest points of triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray
+
+
+def closest_on_triangles(p: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Closest point of triangles (…, 3, 3) to places (…, 3): ((…, 3) barycentric, (…) squared distance)."""
+    a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
+    ab, ac, ap = b - a, c - a, p - a
+    g11, g12, g22 = (ab * ab).sum(-1), (ab * ac).sum(-1), (ac * ac).sum(-1)
+    r1, r2 = (ap * ab).sum(-1), (ap * ac).sum(-1)
+    det = g11 * g22 - g12 * g12
+    with np.errstate(divide="ignore", invalid="ignore"):
+        v, w = (g22 * r1 - g12 * r2) / det, (g11 * r2 - g12 * r1) / det
+    inside = (det > 0) & (v >= 0) & (w >= 0) & (v + w <= 1)
+    best = np.where(inside[..., None], np.stack([1 - v - w, v, w], -1), np.array([1.0, 0.0, 0.0]))
+    best = np.where(inside[..., None], best, 0.0)
+    d2 = np.where(inside, _gap(p, corners, best), np.inf)
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        start, along = corners[..., i, :], corners[..., j, :] - corners[..., i, :]
+        length = np.maximum((along * along).sum(-1), 1e-300)
+        t = np.clip(((p - start) * along).sum(-1) / length, 0, 1)
+        edge = np.zeros_like(best)
+        edge[..., i], edge[..., j] = 1 - t, t
+        gap = _gap(p, corners, edge)
+        nearer = gap < d2
+        d2 = np.where(nearer, gap, d2)
+        best = np.where(nearer[..., None], edge, best)
+    return best, d2
+
+
+def _gap(p: FloatArray, corners: FloatArray, bary: FloatArray) -> FloatArray:
+    """Squared distance of places to points in triangles."""
+    d = p - (bary[..., None] * corners).sum(-2)
+    result: FloatArray = (d * d).sum(-1)
+    return result

@@ -1,0 +1,260 @@
+"""The operator: what is selected, the options, and one run after the other while Blender goes on."""
+
+import contextlib
+import os
+import shutil
+import tempfile
+import time
+
+import bpy
+import numpy as np
+
+from .exchange import Part, write_obj
+from .failure import Failure
+from .job import Job
+from .program import Run, command_line
+
+
+class OBJECT_OT_circparam(bpy.types.Operator):
+    """Unwrap selected objects, or selected faces in Edit mode: few charts, bounded distortion, no flips"""
+
+    bl_idname = "object.circparam_unwrap"
+    bl_label = "Unwrap with circparam"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    # fmt: off
+    action: bpy.props.EnumProperty(name="Action", default="UNWRAP", items=[
+        ("UNWRAP", "Unwrap", "New charts for the selected faces"),
+        ("ISLANDS", "Unwrap islands", "New charts for the islands to which the selected faces belong"),
+        ("PACK", "Pack only", "Charts keep their shape and find new places")])
+    effort: bpy.props.EnumProperty(name="Effort", default="NORMAL", items=[
+        ("DRAFT", "Draft", "A layout in a moment"), ("NORMAL", "Normal", "The usual search"),
+        ("HIGH", "High", "Several searches, of which the best layout is kept")])
+    together: bpy.props.BoolProperty(name="One page for all", default=False,
+        description="All objects share one page, at one density; otherwise each has a page of its own")
+    seams: bpy.props.EnumProperty(name="Marked seams", default="MUST", items=[
+        ("MUST", "Cut them", "Every marked edge is cut, and others where that is needed"),
+        ("HINT", "Start from them", "Charts start from the regions between marks; others are dropped"),
+        ("IGNORE", "Ignore them", "Marks have no effect")])
+    pins: bpy.props.EnumProperty(name="Pins", default="ISLANDS", items=[
+        ("ISLANDS", "Keep islands", "Islands with a pinned corner stay as they are"),
+        ("POINTS", "Hold points", "Pinned vertices stay, the rest of their charts is unwrapped"),
+        ("IGNORE", "Ignore them", "Pins have no effect")])
+    max_distortion: bpy.props.FloatProperty(name="Max distortion", default=1.05, min=1.0001, soft_max=1.5,
+        precision=3, description="Bound that no chart exceeds; 1 is perfect")
+    max_charts: bpy.props.IntProperty(name="Max charts", default=0, min=0,
+        description="At most so many charts; 0: as needed")
+    sharp: bpy.props.FloatProperty(name="Sharp edges", default=0.0, min=0.0, max=np.pi, subtype="ANGLE",
+        description="Always cut edges at least so sharp; 0: nowhere")
+    hide_seams: bpy.props.FloatProperty(name="Hide seams", default=0.5, min=0.0, max=1.0,
+        description="Put seams where they are hardly seen: 0 not, 1 at any length")
+    symmetry: bpy.props.EnumProperty(name="Symmetry", default="NONE", items=[
+        ("NONE", "None", "Seams go where they cost least"), ("AUTO", "First that fits", "Mirror the seams"),
+        ("X", "X", "Mirror the seams"), ("Y", "Y", "Mirror the seams"), ("Z", "Z", "Mirror the seams")])
+    resolution: bpy.props.IntProperty(name="Resolution", default=2048, min=16, max=16384,
+        description="Side of the page in texels")
+    padding: bpy.props.IntProperty(name="Padding", default=4, min=0, max=4096,
+        description="Empty texels between charts and at the border")
+    density: bpy.props.FloatProperty(name="Texel density", default=0.0, min=0.0,
+        description="Texels a unit of length; 0: fill the page")
+    replace: bpy.props.BoolProperty(name="Replace the active uv map", default=False,
+        description="Otherwise the layout becomes a uv map of its own, called circparam")
+    mark_seams: bpy.props.BoolProperty(name="Mark new seams", default=False,
+        description="Mark the edges that were cut as seams, and take the mark from all others")
+    look: bpy.props.BoolProperty(name="Look at it", default=False,
+        description="Open a page with the surface, the layout and its figures when all is done")
+    # fmt: on
+
+    @classmethod
+    def poll(cls, context):
+        return any(ob.type == "MESH" for ob in objects_of(context))
+
+    def invoke(self, context, event):
+        """Ask for the options first."""
+        return context.window_manager.invoke_props_dialog(self)
+
+    def execute(self, context):
+        """Read the meshes, then run the program for each page."""
+        self._failures, self._reports, self._jobs = [], [], []
+        self._done, self._run, self._parts = 0, None, []
+        self._folder = tempfile.mkdtemp(prefix="circparam-")
+        try:
+            self._program, self._environment = command_line(context)
+            objects, editing = objects_of(context), context.mode == "EDIT_MESH"
+            with out_of_edit_mode(context):  # where Blender shows no uv
+                parts = self._read(context, objects, editing)
+            self._jobs = (
+                [Job(parts, self)] if self.together and parts else [Job([p], self) for p in parts]
+            )
+        except Failure as failure:
+            self._failures.append(str(failure))
+        context.window_manager.progress_begin(0, 100)
+        if bpy.app.background:
+            while self._step(context):
+                time.sleep(0.02)
+            return self._end(context)
+        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        """Look after the program now and then; Esc ends it."""
+        if event.type == "ESC":
+            self._stop()
+        elif event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if self._failures[-1:] != ["cancelled"] and self._step(context):
+            stage = self._run.stage if self._run else "starting"
+            context.workspace.status_text_set(
+                f"circparam: {self.percent():.0f} %, {stage} (Esc cancels)"
+            )
+            context.window_manager.progress_update(self.percent())
+            return {"RUNNING_MODAL"}
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
+        return self._end(context)
+
+    def percent(self):
+        """How far all runs are."""
+        own = self._run.percent if self._run else 0
+        return (100 * self._done + own) / max(1, len(self._jobs))
+
+    def _read(self, context, objects, editing):
+        """A part for each mesh, with its chosen polygons; each that cannot be unwrapped has its line."""
+        scene, shown = list(context.scene.objects), {}
+        for ob in objects:
+            if ob.type != "MESH":
+                continue
+            if ob not in scene:
+                self._failures.append(f"{ob.name}: it is in another scene")
+                continue
+            shown.setdefault(ob.data, [ob])
+        parts, empty = [], []
+        for mesh, (ob,) in shown.items():
+            try:
+                part = Part([ob, *(o for o in scene if o.data == mesh and o != ob)])
+            except Failure as failure:
+                self._failures.append(f"{ob.name}: {failure}")
+                continue
+            self._choose(part, editing)
+            (parts if part.chosen.any() else empty).append(part)
+        if empty and not parts:
+            raise Failure(
+                f"{', '.join(p.name for p in empty)}: no face is selected that is free to move"
+            )
+        return parts
+
+    def _choose(self, part, editing):
+        if editing:
+            part.chosen &= part.selected()
+        whole = editing and self.action != "UNWRAP"
+        if (whole or self.pins == "ISLANDS") and part.has_uv:
+            island = part.islands(part.uv)
+            if whole:
+                part.chosen[part.polygon[np.isin(island, island[part.corners])]] = True
+            if self.pins == "ISLANDS":
+                part.chosen[part.polygon[np.isin(island, island[part.pinned])]] = False
+
+    def _step(self, context):
+        """One look; False when all is done."""
+        if self._done >= len(self._jobs):
+            return False
+        job = self._jobs[self._done]
+        stem = os.path.join(self._folder, str(self._done))
+        try:
+            if self._run is None:
+                self._run = Run([*self._program, *job.words(stem)], self._environment, stem)
+                return True
+            if self._run.running():
+                return True
+            report = self._run.answer()
+            with out_of_edit_mode(context):
+                self._reports.append(job.take(report))
+            self._parts += job.parts
+        except (Failure, OSError, ValueError) as failure:
+            self._failures.append(f"{job.names}: {failure}")
+        except ReferenceError:
+            self._failures.append(f"{job.names}: was deleted before circparam came to it")
+        self._run = None
+        self._done += 1
+        if (
+            self._done == len(self._jobs)
+            and self.look
+            and self._parts
+            and not isinstance(job, Page)
+        ):
+            self._jobs.append(Page(self._parts, self.padding / self.resolution))
+        return self._done < len(self._jobs)
+
+    def _stop(self):
+        if self._run is not None:
+            self._run.stop()
+        self._run, self._done = None, len(self._jobs)
+        self._failures.append("cancelled")
+
+    def _end(self, context):
+        shutil.rmtree(self._folder, ignore_errors=True)
+        context.window_manager.progress_end()
+        if self._reports:
+            self.report({"INFO"}, "; ".join(self._reports))
+        if self._failures:
+            self.report({"ERROR" if bpy.app.background else "WARNING"}, "; ".join(self._failures))
+        return {"FINISHED"} if self._reports else {"CANCELLED"}
+
+
+class Page:
+    """The page to look at: the same steps as a job of unwrapping, after all of them."""
+
+    names = "the page"
+
+    def __init__(self, parts, padding):
+        self.parts, self.padding = parts, padding
+        self.path = os.path.join(bpy.app.tempdir, "circparam.html")
+
+    def words(self, stem):
+        """Write what Blender holds now; returns the words after the program's name."""
+        fresh = [part.again() for part in self.parts]
+        write_obj(stem + ".obj", fresh, uv=[p.uv for p in fresh])
+        return [
+            "view",
+            stem + ".obj",
+            "-o",
+            self.path,
+            "--overwrite",
+            "--padding",
+            f"{self.padding:.9g}",
+            "-q",
+        ]
+
+    def take(self, report):
+        """Open the page in the browser."""
+        if not bpy.app.background:
+            bpy.ops.wm.url_open(url="file://" + self.path)
+        return f"the page is {self.path}"
+
+
+def objects_of(context):
+    """The objects that are edited, or those that are selected."""
+    if context.mode == "EDIT_MESH":
+        return [ob for ob in context.view_layer.objects if ob.type == "MESH" and ob.mode == "EDIT"]
+    return context.selected_objects
+
+
+@contextlib.contextmanager
+def out_of_edit_mode(context):
+    """Within the block no mesh is edited; afterwards the same objects are again."""
+    objects = [ob for ob in context.view_layer.objects if ob is not None]  # None: just deleted
+    editing = [ob for ob in objects if ob.type == "MESH" and ob.mode == "EDIT"]
+    if not editing:
+        yield
+        return
+    selected = [ob for ob in objects if ob.select_get()]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    try:
+        yield
+    finally:
+        for ob in objects:  # Blender edits all that is selected
+            ob.select_set(ob in editing)
+        bpy.ops.object.mode_set(mode="EDIT")
+        for ob in selected:
+            ob.select_set(True)

@@ -1,0 +1,189 @@
+"""OBJ with MTL, and PLY with TextureFile: their images go along as those of glTF do."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from circparam.bake.look_source import Source
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError
+from circparam.formats.io import read
+from circparam.formats.obj.looks import split_options
+from circparam.mesh.mesh import UVMap
+from tests.bake.test_rebake import FAST, run
+from tests.support.baking import sheet, write_obj
+from tests.support.looks import bumps, psnr, waves
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """m.obj: a sheet of two materials with images of their own, one scaled and moved by options."""
+    points, faces = sheet(8)
+    layout = UVMap(points[:, :2] * 1.3 - 0.1, faces)
+    write_obj(tmp_path / "m.obj", points, layout, faces, mtl="m.mtl")
+    lines = (tmp_path / "m.obj").read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("f "))
+    lines.insert(first + len(faces) // 2, "usemtl second  ")
+    (tmp_path / "m.obj").write_text("\n".join(lines) + "\n")
+    (tmp_path / "m.mtl").write_text(
+        "# kept by nobody\nnewmtl m\nNs 10\nKd 0.9 0.8 0.7\nmap_Kd -s 2 0.5 1 -o 0.25 0.1 a.png\nmap_Ks s.png\n"
+        "map_Bump -bm 0.5 n.png\nnewmtl unused\nmap_Kd old.png\nnewmtl second\nNs 10\nKd 0.5 0.6 0.9\n"
+        "map_Kd b.png\nmap_Ks s.png\nmap_Bump -bm 0.5 n.png\n"
+    )
+    for name, image in (("a", waves(1)), ("b", waves(2)), ("s", waves(3)), ("n", bumps(4))):
+        Image.fromarray(image).save(tmp_path / f"{name}.png")
+    return tmp_path
+
+
+def points_of(m: int) -> tuple[IntArray, FloatArray]:
+    rng = np.random.default_rng(1)
+    return rng.integers(0, m, 5000), rng.dirichlet([1, 1, 1], 5000)
+
+
+def shown(path: Path, word: str, face: IntArray, bary: FloatArray) -> FloatArray:
+    """What the images of a keyword show at points, sampled pixel by pixel."""
+    document = read(path)
+    layout = document.uv()
+    assert layout is not None
+    library = (path.parent / next(
+        line.split()[1] for line in path.read_text().splitlines() if line.startswith("mtllib")
+    )).read_text()  # fmt: skip
+    blocks = {b.split("\n")[0].strip(): b for b in library.split("newmtl ")[1:]}
+    name, of = "", []
+    for line in path.read_text().splitlines():
+        if line.startswith("usemtl"):
+            name = line.split()[1]
+        if line.startswith("f "):
+            of.append(name)
+    out = np.zeros((len(face), 3))
+    for name in set(of):
+        at = np.array([of[f] == name for f in face])
+        words = {
+            line.split()[0]: line.split()[1:] for line in blocks[name].splitlines()[1:] if line
+        }
+        options, image = split_options(" ".join(words[word]))
+        picture = np.asarray(Image.open(path.parent / image).convert("RGB"), float) / 255
+        scale = np.array([float(x) for x in options.get("-s", ["1", "1"])[:2]])
+        offset = np.array([float(x) for x in options.get("-o", ["0", "0"])[:2]])
+        uv = (layout.uv[layout.uv_faces[face[at]]] * bary[at][..., None]).sum(1) * scale + offset
+        h, w = picture.shape[:2]
+        x, y = uv[:, 0] * w - 0.5, (1 - uv[:, 1]) * h - 0.5
+        mixed = np.zeros((at.sum(), 3))
+        for i in (0, 1):
+            for j in (0, 1):
+                share = np.abs(1 - i - x % 1) * np.abs(1 - j - y % 1)
+                texel = picture[
+                    (np.floor(y).astype(int) + j) % h, (np.floor(x).astype(int) + i) % w
+                ]
+                mixed += share[:, None] * texel
+        out[at] = mixed
+    return out
+
+
+def test_an_obj_keeps_its_images(folder: Path) -> None:
+    """Both materials become one, beside a library of its own; each keeps what it showed."""
+    out = folder / "out" / "new.obj"
+    out.parent.mkdir()
+    result = run("unwrap", folder / "m.obj", "--rebake", "--size", 512, "-o", out, *FAST)
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["look"]["materials"] == 1
+    assert sorted(p.name for p in out.parent.iterdir()) == [
+        "new.mtl", "new.obj", "new_map_bump.png", "new_map_kd.png", "new_map_ks.png",
+    ]  # fmt: skip
+    assert out.read_text().count("usemtl m\n") == 2
+    library = (out.parent / "new.mtl").read_text()
+    assert "map_Kd old.png" in library  # of a material that no face has
+    assert "map_Bump -bm 0.5 new_map_bump.png" in library
+    face, bary = points_of(len(read(out).mesh.faces))
+    old, new = (shown(path, "map_Ks", face, bary) for path in (folder / "m.obj", out))
+    assert psnr(old, new) >= 40
+
+
+def test_materials_of_an_obj_stay_apart_where_they_are_asked_to(folder: Path) -> None:
+    out = folder / "new.obj"
+    words = ("--rebake", "--size", 512, "--merge-materials", "none", "-o", out, *FAST)
+    result = run("unwrap", folder / "m.obj", *words)
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["look"]["materials"] == 2
+    assert "usemtl second" in out.read_text()
+    face, bary = points_of(len(read(out).mesh.faces))
+    old, new = (shown(path, "map_Kd", face, bary) for path in (folder / "m.obj", out))
+    assert psnr(old, new) >= 40
+
+
+def test_a_ply_keeps_its_image(tmp_path: Path) -> None:
+    points, faces = sheet(8)
+    uv = points[:, :2]
+    head = [
+        "ply",
+        "format ascii 1.0",
+        "comment TextureFile skin.png",
+        f"element vertex {len(points)}",
+    ]
+    head += [f"property float {name}" for name in ("x", "y", "z", "s", "t")]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    rows = [
+        " ".join(map(repr, (*p, *t))) for p, t in zip(points.tolist(), uv.tolist(), strict=True)
+    ]
+    rows += ["3 " + " ".join(map(str, f)) for f in faces.tolist()]
+    (tmp_path / "m.ply").write_text("\n".join([*head, *rows]) + "\n")
+    Image.fromarray(waves(3)).save(tmp_path / "skin.png")
+    out = tmp_path / "new.ply"
+    result = run("unwrap", tmp_path / "m.ply", "--rebake", "--size", 512, "-o", out, *FAST)
+    assert result.exit_code == 0, result.stderr
+    assert b"comment TextureFile new_texture.png" in out.read_bytes()
+    face, bary = points_of(len(faces))
+
+    def shown(path: Path) -> FloatArray:
+        source = Source.of(read(path))
+        (use,) = source.looks.materials[0].uses.values()
+        place = (source.places(use)[0][face] * bary[..., None]).sum(1)
+        from circparam.formats.materials import srgb
+
+        return srgb(source.sampled(use, True).sample(*place.T, use, 0)[:, :3].astype(float))
+
+    assert psnr(shown(tmp_path / "m.ply"), shown(out)) >= 40
+
+
+def test_missing_files_are_named_before_the_work(folder: Path) -> None:
+    (folder / "s.png").unlink()
+    result = run("unwrap", folder / "m.obj", "--rebake", "-o", folder / "new.obj")
+    assert result.exit_code == 3
+    assert "s.png" in result.stderr
+    assert result.stderr.count("\n") == 1
+    (folder / "m.mtl").unlink()
+    with pytest.raises(InputError, match=r"m\.mtl"):
+        Source.of(read(folder / "m.obj"))
+    assert not (folder / "new.obj").exists()
+
+
+def test_a_coloured_bump_map_holds_normals(folder: Path) -> None:
+    """Many programs write normal maps as map_Bump; grey ones hold heights."""
+    document = read(folder / "m.obj")
+    looks = document.looks()
+    assert looks is not None
+    kinds = {s.kind for m in looks.materials for s in m.uses if s.page == "map_bump"}
+    assert kinds == {"normal"}
+    Image.fromarray(waves(4)[..., 0]).save(folder / "n.png")
+    looks = read(folder / "m.obj").looks()
+    assert looks is not None
+    kinds = {s.kind for m in looks.materials for s in m.uses if s.page == "map_bump"}
+    assert kinds == {"product"}
+
+
+@pytest.mark.parametrize("suffix", ["glb", "png"])
+def test_the_colour_that_one_image_carries_is_not_left_behind(folder: Path, suffix: str) -> None:
+    """``map_Kd`` is the base colour of OBJ: it neither hinders a GLB nor is it called lost."""
+    (folder / "m.mtl").write_text("newmtl m\nmap_Kd a.png\nnewmtl second\nmap_Kd b.png\n")
+    new = folder / "new.obj"
+    points, faces = sheet(8)
+    write_obj(new, points, UVMap(0.1 + 0.8 * points[:, :2], faces), faces, mtl="m.mtl")
+    words = ("--from", "texture", "--source", folder / "m.obj", "--size", 32)
+    result = run("bake", new, *words, "-o", folder / f"out.{suffix}")
+    assert result.exit_code == 0, result.stderr
+    assert "bake --all" not in result.stderr

@@ -1,0 +1,222 @@
+"""``make bench-look``: textured models before and after ``unwrap --rebake``; writes docs/benchmarks/look.md.
+
+    python -m tests.bench look [--no-report] [--pixels 512] [--only NAME ...] [--keep FOLDER]
+
+Source and result are rendered by three.js in headless Chromium from 12 directions, lit by two lights
+(look.cjs); PSNR is that of whole pictures of 8 bit. Each map alone is compared at points of the surface with a
+look-up that shares no code with the package (tests/support/looks.py). Needs node with three and
+playwright-core (make node), and Chromium.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.io import read
+from circparam.samples import path as sample_path
+from tests.bench import common
+from tests.bench.common import Line, say
+from tests.support.corpus import CORPUS
+from tests.support.looks import psnr, seen, surface_points
+
+MODELS = (
+    *(
+        "CesiumMilkTruck.glb",
+        "CesiumMan.glb",
+        "SheenCloth.glb",
+        "spider.obj",
+        "spot.obj",
+        "fuze.obj",
+    ),
+    *("bunny10k_textured.ply", "lantern.glb"),
+)
+VIEWS = 12
+
+
+@dataclass
+class Row:
+    """What came of one model."""
+
+    name: str
+    report: dict
+    views: np.ndarray
+    drawn: tuple[dict, dict]
+    maps: dict[str, float]
+    processor: float
+    texts: list[str] = field(default_factory=list)
+
+    @property
+    def cells(self) -> list[str]:
+        look, (before, after) = self.report["look"], self.drawn
+        worst = f"{min(self.maps.values()):.1f}" if self.maps else ""
+        tiled = [t for t in look["textures"] if t["tiled"]]
+        kept = min((t["density_kept"] for t in tiled), default=None)
+        return [
+            self.name, f"{self.report['faces']:,}", str(look["size"]), str(len(look["images"])),
+            f"{look['materials_before']} → {look['materials']}",
+            f"{before['draws']} → {after['draws']}",
+            f"{self.views.mean():.1f}", f"{self.views.min():.1f}", worst,
+            "" if kept is None else f"{100 * kept:.0f} %", f"{self.processor:.1f}",
+        ]  # fmt: skip
+
+
+def staged(name: str, folder: Path) -> Path:
+    """A model with all its files in a folder; what the corpus has without its picture gets one."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if name == "lantern.glb":
+        shutil.copy(sample_path("lantern"), folder / name)
+        return folder / name
+    for path in CORPUS.iterdir():
+        if path.suffix in (".jpg", ".png", ".mtl") or path.name == name:
+            shutil.copyfile(path, folder / path.name)
+    target = folder / name
+    if name.startswith("spot"):
+        (folder / "spot.mtl").write_text(
+            "newmtl skin\nKd 1 1 1\nKs 0 0 0\nmap_Kd spot_texture.png\n"
+        )
+        target.write_text("mtllib spot.mtl\nusemtl skin\n" + target.read_text())
+        marbled(folder / "spot_texture.png")
+    if name.startswith(
+        "fuze"
+    ):  # three.js takes tabs for parts of names, and Tr 1 for what is not seen
+        library = folder / "fuze.obj.mtl"
+        text = library.read_text().replace("\t", " ").replace("Tr 1.000000", "")
+        library.write_text("\n".join(line.strip() for line in text.splitlines()))
+    if name.startswith("bunny"):
+        marbled(folder / "TextureDouble_A.png")
+    return target
+
+
+def marbled(path: Path, side: int = 1024) -> None:
+    """A picture with edges and fine lines in several colours."""
+    rng = np.random.default_rng(3)
+    x, y = np.meshgrid(np.arange(side) / side, np.arange(side) / side)
+    wave = sum(
+        np.sin(2 * np.pi * (a * x + b * y) + c) / (1 + k / 4)
+        for k, (a, b, c) in enumerate(rng.integers(-9, 10, (24, 3)))
+    )
+    rgb = np.stack([0.5 + 0.5 * np.sin(wave * s + p) for s, p in ((3, 0), (4, 1), (5, 2))], 2)
+    Image.fromarray(np.round(255 * rgb).astype(np.uint8)).save(path)
+
+
+def render(models: list[Path], folder: Path, pixels: int) -> dict[str, dict]:
+    """Pictures K_VIEW.png of each model in a folder; draw calls and materials by path."""
+    chromium = (
+        os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+    )
+    if chromium is None:
+        sys.exit("chromium is not installed: name it with CHROMIUM=...")
+    script = Path(__file__).with_name("look.cjs")
+    words = ["node", str(script), chromium, str(pixels), str(folder), *map(str, models)]
+    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    if run.returncode:
+        sys.exit(f"look.cjs failed: {run.stderr[-800:]}")
+    return json.loads(run.stdout)
+
+
+def view_levels(folder: Path) -> np.ndarray:
+    """(12,) PSNR of the pictures of the second model beside those of the first."""
+    out = []
+    for k in range(VIEWS):
+        a, b = (
+            np.asarray(Image.open(folder / f"{n}_{k}.png").convert("RGB"), np.float64) / 255
+            for n in (0, 1)
+        )
+        out.append(psnr(a, b))
+    return np.array(out)
+
+
+def map_levels(before: Path, after: Path) -> dict[str, float]:
+    """PSNR of each map of a GLB at 100,000 points of the surface."""
+    old, new = read(before), read(after)
+    if not isinstance(old, GltfDocument) or not isinstance(new, GltfDocument):
+        return {}
+    face, bary = surface_points(old, 100_000)
+    a, b = seen(old, face, bary), seen(new, face, bary)
+    return {name: psnr(a[name], b[name]) for name in a}
+
+
+def measure(name: str, folder: Path, pixels: int, extra: list[str]) -> Row:
+    """Unwrap, render and compare one model."""
+    source = staged(name, folder / "in")
+    target = folder / "out" / name
+    target.parent.mkdir()
+    words = [sys.executable, "-m", "circparam", "unwrap", str(source), "--rebake", "--json", *extra]
+    start = time.process_time(), os.times().children_user
+    run = subprocess.run([*words, "-o", str(target)], capture_output=True, text=True, check=False)
+    if run.returncode:
+        sys.exit(run.stderr)
+    processor = os.times().children_user - start[1]
+    drawn = render([source, target], folder, pixels)
+    views = view_levels(folder)
+    report = json.loads(run.stdout)
+    return Row(
+        name, report, views, (drawn[str(source)], drawn[str(target)]), map_levels(source, target),
+        processor, report["warnings"],
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Measure, print, and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--no-report", action="store_true")
+    parser.add_argument("--pixels", type=int, default=512)
+    parser.add_argument("--only", nargs="*", default=list(MODELS))
+    parser.add_argument("--keep", type=Path)
+    parser.add_argument("--options", default="", help="further options of unwrap")
+    given = parser.parse_args()
+    rows, lines = [], []
+    with tempfile.TemporaryDirectory() as place:
+        for name in given.only:
+            folder = (given.keep or Path(place)) / Path(name).stem
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            row = measure(name, folder, given.pixels, given.options.split())
+            rows.append(row)
+            wanted = [
+                Line(f"{name}, mean of {VIEWS} views", row.views.mean(), "dB", ">= 38"),
+                Line(f"{name}, worst view", row.views.min(), "dB", ">= 34"),
+                *(Line(f"{name}, {m} alone", x, "dB", ">= 40") for m, x in row.maps.items()),
+            ]
+            for line in wanted:
+                say(line)
+            lines += wanted
+            print(" | ".join(row.cells), flush=True)
+    if not given.no_report:
+        write_report(rows, lines, given.pixels)
+
+
+HEAD = (
+    "model", "faces", "side, texels", "images", "materials", "draw calls", "views, mean dB",
+    "worst dB", "worst map dB", "patterns keep", "processor s",
+)  # fmt: skip
+
+
+def write_report(rows: list[Row], lines: list[Line], pixels: int) -> None:
+    """docs/benchmarks/look.md."""
+    intro = (
+        "Made by `make bench-look`. Source and result are rendered by three.js in headless Chromium "
+        f"at {pixels} × {pixels} pixels from {VIEWS} directions, with two lights; PSNR of whole "
+        "pictures. Maps are compared at 100,000 points of the surface with a look-up of its own. "
+        "spot and the bunny come without a picture and are given one. *patterns keep*: the share of "
+        "their density that textures have which repeat."
+    )
+    blocks = [common.table(HEAD, (row.cells for row in rows)), common.figures(lines)]
+    common.write("look.md", "The look of models before and after unwrap --rebake", intro, blocks)
+
+
+if __name__ == "__main__":
+    main()

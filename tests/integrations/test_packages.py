@@ -1,0 +1,113 @@
+"""GitHub Action, conda recipe and Containerfile: they say what pyproject.toml says, and their commands run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from circparam._version import __version__
+from tests.support import shapes
+
+yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+FOLDER = ROOT / "docs" / "integrations"
+ENV = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+
+
+def play(inputs: dict[str, str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run the steps of the action as a runner does: inputs by default or as given, put into the environment."""
+    action = yaml.safe_load((FOLDER / "github-action" / "action.yml").read_text("utf-8"))
+    given = {name: row.get("default", "") for name, row in action["inputs"].items()} | inputs
+    assert all(name in given for name, row in action["inputs"].items() if row.get("required"))
+    for step in action["runs"]["steps"]:
+        env = {
+            name: re.sub(r"\$\{\{ inputs\.([\w-]+) \}\}", lambda m: given[m[1]], value)
+            for name, value in step["env"].items()
+        }
+        assert "${{" not in step["run"]  # an input inside a script would be run as part of it
+        run = subprocess.run(
+            ["bash", "-e", "-o", "pipefail", "-c", step["run"]],
+            env=ENV | env, cwd=folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if run.returncode:
+            break
+    return run
+
+
+@pytest.fixture
+def meshes(tmp_path: Path) -> Path:
+    """A square with good uv, one with a flipped triangle, in folders."""
+    points, faces = shapes.grid(2, 2)
+    for name, uv in (("good/a", "0 0\n0 1\n1 0\n1 1"), ("bad/b c", "0 0\n0 1\n1 0\n-1 -0.5")):
+        path = tmp_path / f"{name}.obj"
+        path.parent.mkdir()
+        lines = [f"v {x} {y} {z}" for x, y, z in points.tolist()]
+        lines += [f"vt {row}" for row in uv.splitlines()]
+        lines += ["f " + " ".join(f"{k + 1}/{k + 1}" for k in face) for face in faces.tolist()]
+        path.write_text("\n".join(lines) + "\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("inputs", "code"),
+    [
+        ({"files": "good/*.obj"}, 0),
+        ({"files": "**/*.obj"}, 6),
+        ({"files": "good/a.obj", "fail-if": "charts>0"}, 6),
+        ({"files": "good/a.obj", "uv-set": "3"}, 3),
+        ({"files": "none/*.obj"}, 2),
+        ({"files": "good/a.obj", "fail-if": "$(touch hacked)"}, 2),
+    ],
+)
+def test_the_action_passes_and_fails_as_the_gates_say(
+    inputs: dict[str, str], code: int, meshes: Path
+) -> None:
+    run = play({"circparam": ""} | inputs, meshes)
+    assert run.returncode == code, run.stdout + run.stderr
+    assert ("::error::" in run.stdout) == (code != 0)
+    assert not (meshes / "hacked").exists()
+
+
+def requirements(lines: list[str]) -> dict[str, str]:
+    return {re.split(r"[ >=<]", line)[0].lower(): line.replace(" ", "").lower() for line in lines}
+
+
+def test_the_conda_recipe_says_what_the_project_says(tmp_path: Path) -> None:
+    recipe: dict[str, Any] = yaml.safe_load((FOLDER / "conda" / "recipe.yaml").read_text("utf-8"))
+    assert recipe["package"] == {"name": PROJECT["name"], "version": __version__}
+    run = requirements(recipe["requirements"]["run"])
+    assert run.pop("python") == f"python{PROJECT['requires-python']}"
+    assert run == requirements(PROJECT["dependencies"])
+    entries = [f"{name} = {target}" for name, target in PROJECT["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == entries
+    assert (FOLDER / "conda" / recipe["source"]["path"] / "pyproject.toml").samefile(
+        ROOT / "pyproject.toml"
+    )
+    for test in recipe["tests"]:
+        for line in test.get("script", []):
+            subprocess.run(
+                shlex.split(line), cwd=tmp_path, env=ENV, check=True, capture_output=True
+            )
+        for module in test.get("python", {}).get("imports", []):
+            subprocess.run([sys.executable, "-c", f"import {module}"], check=True)
+
+
+def test_the_container_runs_what_the_project_installs() -> None:
+    text = (FOLDER / "container" / "Containerfile").read_text("utf-8")
+    base = re.search(r"^FROM \S+/python:(\d+)\.(\d+)", text, re.M)
+    assert base is not None
+    least = tuple(map(int, PROJECT["requires-python"].removeprefix(">=").split(".")))
+    assert tuple(map(int, base.groups())) >= least
+    entry = re.search(r'^ENTRYPOINT \["(\w+)"\]', text, re.M)
+    assert entry is not None
+    assert entry[1] in PROJECT["scripts"]
+    assert "docs/integrations/container/Containerfile" in text
