@@ -12,6 +12,7 @@ SPREAD = 16.0  # times the density of the sharpest chart may be that of another:
 PLAIN = (
     0.25  # of the least density of charts with images, for those without: they need a few texels
 )
+PATTERN = 2.0  # times the density of the sharpest image, up to which images that repeat count
 TAIL = 0.01  # share of a chart's surface that may be sharper than the chart
 
 
@@ -19,8 +20,8 @@ def by_density(source: Source, layout: UVMap) -> UVMap:
     """A layout whose charts have sizes in proportion to the density of what they show; they still have to be
     packed.
 
-    layout: of charts with one density, as ``unwrap`` makes them. Images that repeat count only where there are
-    no others.
+    layout: of charts with one density, as ``unwrap`` makes them. Images that repeat count up to PATTERN times
+    the density of the others.
     """
     chart = layout.charts
     mapped = chart >= 0
@@ -61,7 +62,8 @@ def _texels_a_length(source: Source) -> FloatArray:
             best = tiled if source.repeats(use, mine) else plain
             some = mine & source.places(use)[1]
             best[some] = np.maximum(best[some], found[some])
-    return plain if plain.any() else tiled
+    most = PATTERN * plain.max(initial=0) if plain.any() else np.inf
+    return np.maximum(plain, np.minimum(tiled, most))
 
 
 def _of_charts(value: FloatArray, area: FloatArray, chart: IntArray, n: int) -> FloatArray:

@@ -99,7 +99,7 @@ def _picture(
     for k in np.unique(label).tolist():
         material, at = source.looks.materials[k], np.flatnonzero(label == k)
         if slot in material.factors:
-            part = Part(Group((k,), {}, ()), material, at, 2)
+            part = Part(Group((k,), {}, ()), material, at, 1)
             value = _values(work, part, slot, material)
             out[pixel[at], : value.shape[1]] = value
     return out.reshape(PIXELS, PIXELS, -1)

@@ -72,18 +72,13 @@ def looks_alike(old: Path, new: Path) -> dict[str, float]:
 
 def test_a_model_keeps_its_look_in_its_new_uv(painted: Path) -> None:
     out = painted / "new.glb"
-    proof = ("--check-look", "--fail-if", "psnr<38,ssim<0.9")
-    result = run("unwrap", painted / "model.glb", "--rebake", "-o", out, *proof, *FAST)
+    result = run("unwrap", painted / "model.glb", "--rebake", "-o", out, *FAST)
     assert result.exit_code == 0, result.stderr
     report = json.loads(result.stdout)
     assert report["flips"] == 0
     assert report["overlap"] == 0
     look = report["look"]
     assert look["materials_before"] == 2
-    assert report["psnr"] == look["check"]["psnr"] >= 38
-    assert set(look["check"]["channels"]) == {
-        "base colour", "metallic-roughness", "occlusion", "emissive", "normal",
-    }  # fmt: skip
     assert look["materials"] == 1
     assert look["images"] == ["base_color", "emissive", "normal", "orm"]
     assert min(looks_alike(painted / "model.glb", out).values()) >= 40
@@ -119,8 +114,11 @@ def test_rebake_in_python(painted: Path) -> None:
 def test_a_look_that_is_lost_is_told(painted: Path) -> None:
     """16 texels for the whole model: the gate holds, and the file is there to look at."""
     out = painted / "new.glb"
+    g = Painted()
+    colour = {"baseColorTexture": {"index": g.texture(waves(1))}}
+    (painted / "one.glb").write_bytes(model([{"pbrMetallicRoughness": colour}], g).glb())
     words = ("--rebake", "--size", 16, "--padding", 1, "--check-look", "--fail-if", "psnr<38")
-    result = run("unwrap", painted / "model.glb", *words, "-o", out, *FAST)
+    result = run("unwrap", painted / "one.glb", *words, "-o", out, *FAST)
     assert result.exit_code == 6, result.stderr
     assert "psnr<38" in result.stderr
     assert out.exists()
@@ -136,6 +134,19 @@ def test_gltf_keeps_its_images_beside_it(painted: Path) -> None:
     tree = json.loads(out.read_text())
     assert sorted(image["uri"] for image in tree["images"]) == names
     assert validate(out)[0] <= validate(painted / "model.glb")[0]
+
+
+def test_a_new_buffer_may_have_the_name_of_the_old_one(painted: Path) -> None:
+    """A glTF whose buffer nothing uses any more, written under its own name into another folder."""
+    first, second = painted / "first", painted / "second"
+    for folder, source in ((first, painted / "model.glb"), (second, first / "model.gltf")):
+        folder.mkdir()
+        rebake = ("--rebake", "--size", 64, "--padding", 1) if folder == second else ()
+        result = run("unwrap", source, *rebake, "-o", folder / "model.gltf", *FAST)
+        assert result.exit_code == 0, result.stderr
+    assert {p.suffix for p in second.iterdir()} == {".gltf", ".bin", ".png"}
+    old, new = read(first / "model.gltf"), read(second / "model.gltf")
+    np.testing.assert_array_equal(old.mesh.points[old.mesh.faces], new.mesh.points[new.mesh.faces])
 
 
 def test_bake_all_takes_the_layout_of_another_file(painted: Path) -> None:
@@ -275,7 +286,8 @@ def test_patterns_that_repeat_can_stay_as_they_are(tmp_path: Path) -> None:
     result = run("unwrap", tmp_path / "m.glb", *words, *FAST)
     assert result.exit_code == 0, result.stderr
     report = json.loads(result.stdout)
-    assert report["psnr"] >= 50
+    assert report["psnr"] == report["look"]["check"]["psnr"] >= 50
+    assert set(report["look"]["check"]["channels"]) == {"base colour", "normal"}
     assert not any(t["tiled"] for t in report["look"]["textures"])
     assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
     new = read(out)
@@ -301,12 +313,11 @@ def test_charts_get_texels_by_what_they_show(tmp_path: Path) -> None:
     materials = [{"pbrMetallicRoughness": sharp}, {"pbrMetallicRoughness": blurred}, plain]
     (tmp_path / "m.glb").write_bytes(model(materials, g).glb())
     out = tmp_path / "n.glb"
-    words = ("--rebake", "--density", "source", "--check-look", "-o", out)
+    words = ("--rebake", "--density", "source", "-o", out)
     result = run("unwrap", tmp_path / "m.glb", *words, *FAST)
     assert result.exit_code == 0, result.stderr
     report = json.loads(result.stdout)
     assert (report["flips"], report["overlap"]) == (0, 0)
-    assert report["psnr"] >= 40
     assert min(looks_alike(tmp_path / "m.glb", out).values()) >= 40
     new = read(out)
     layout = new.uv()

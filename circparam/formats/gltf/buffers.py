@@ -87,11 +87,9 @@ class Packing:
             self.json, ensure_ascii=False, indent=self.tree.indent,
             separators=(",", ":") if self.tree.indent is None else None, allow_nan=False,
         )  # fmt: skip
-        return (
-            _utf8(text) + (b"\n" if self.tree.indent is not None else b""),
-            extra,
-            self._assets(),
-        )
+        data = _utf8(text) + (b"\n" if self.tree.indent is not None else b"")
+        # a new buffer may have the name of one that nothing uses any more
+        return data, extra, [name for name in self._assets() if name not in extra]
 
     def _store_images(self, format: str, stem: str, extra: dict[str, bytes]) -> None:
         """Put new images into the file, as glTF with a name beside it."""
