@@ -137,6 +137,7 @@ FROM_FILES = {
     "pins",
     "seams",
     "no_seams",
+    "seam_weights",
 }  # options that may name files
 
 
@@ -285,6 +286,8 @@ def library_options_of(given: dict[str, Any]) -> dict[str, Any]:
     for name in ("seams", "no_seams"):
         if name in out:
             out[name] = sidecars.read_seams(out[name])
+    if out.get("seam_weights") not in (None, "colour"):
+        out["seam_weights"] = sidecars.read_weights(out["seam_weights"])
     return out
 
 

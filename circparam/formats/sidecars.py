@@ -83,6 +83,38 @@ def read_seams(path: str | os.PathLike[str]) -> IntArray:
     return np.array(pairs, np.int64).reshape(-1, 2)
 
 
+def read_weights(path: str | os.PathLike[str]) -> FloatArray:
+    """(k, 3): what a seam costs, two vertices and a weight a line, or one vertex (−1 for the other) and one.
+
+    A weight is a number from 0 on, or ``inf`` (also ``never``). Raises InputError where a line holds something
+    else.
+    """
+    rows = []
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        words = line.split("#")[0].replace(",", " ").replace("never", "inf").split()
+        if not words:
+            continue
+        try:
+            *vertices, weight = (float(word) for word in words)
+        except ValueError:
+            vertices, weight = [], np.nan
+        fine = len(vertices) in (1, 2) and all(
+            v.is_integer() and abs(v) <= HIGHEST for v in vertices
+        )
+        if not fine:
+            raise InputError(
+                f"{path}, line {number}: {line.strip()!r} is not one or two vertex numbers and a weight"
+            )
+        if not weight >= 0:
+            raise InputError(
+                f"{path}, line {number}: the weight {words[-1]} is no number from 0 (free) to inf (never)"
+            )
+        rows.append([*vertices, -1.0, weight] if len(vertices) == 1 else [*vertices, weight])
+    if not rows:
+        raise InputError(f"{path}: it holds no line with vertex numbers and a weight")
+    return np.array(rows, np.float64)
+
+
 def write_seams(path: str | os.PathLike[str], pairs: IntArray, overwrite: bool = False) -> None:
     """Write vertex pairs, one a line, as ``read_seams`` reads them. Raises OutputError."""
     lines = [f"{a} {b}\n" for a, b in np.asarray(pairs, np.int64).reshape(-1, 2).tolist()]

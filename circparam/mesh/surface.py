@@ -26,6 +26,7 @@ class Surface:
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
     locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
     price: (e,) what a seam along an edge costs, in lengths of the edge; None where all edges are alike.
+    weighted: the prices hold weights of the user: they count wherever seams are chosen, not only moved.
     first: (m,) int64, the corner of the file's face that corner 0 is; None where it is that face's own first.
     torn: (t, 2) int64, pairs of half-edges that repair let go because the component has one side only. Both run
     the same way along their edge; the cut between them is a seam like any other, though no pair.
@@ -40,6 +41,7 @@ class Surface:
     torn: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     price: FloatArray | None = None
     first: IntArray | None = None
+    weighted: bool = False
 
     @cached_property
     def file_corners(self) -> IntArray:
@@ -177,6 +179,10 @@ class Surface:
         price = None if self.price is None else self.price[keep]
         return replace(self, edges=self.edges[keep], locked=self.locked[keep], price=price)
 
+    def unpriced(self) -> Surface:
+        """The surface without prices, but for those of the user."""
+        return self if self.price is None or self.weighted else replace(self, price=None)
+
     def copies(self, count: int) -> Surface:
         """So many copies of the surface side by side, one after the other in every array."""
         n, m = len(self.points), len(self.faces)
@@ -194,6 +200,7 @@ class Surface:
             behind(self.torn, 3 * m),
             None if self.price is None else np.tile(self.price, count),
             None if self.first is None else np.tile(self.first, count),
+            self.weighted,
         )
 
     def compact(self) -> Surface:
@@ -221,4 +228,5 @@ class Surface:
             self.locked[inside],
             price=None if self.price is None else self.price[inside],
             first=None if self.first is None else self.first[fid],
+            weighted=self.weighted,
         )

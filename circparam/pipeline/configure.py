@@ -24,6 +24,7 @@ from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.packing.options import PackOptions, pages_needed, too_dense
 from circparam.pipeline.options import AUTO, Options
+from circparam.pipeline.seam_weights import edge_weights
 from circparam.pipeline.verify import uv_seams
 from circparam.seams.options import SeamOptions, Search
 
@@ -112,6 +113,8 @@ def seam_options(
     for name, pairs in (("cut", o.seams), ("no_cut", o.no_seams)):
         if pairs is not None:
             given[name] = repair_report.weld[_vertex_pairs(pairs, len(repair_report.weld))]
+    if o.seam_weights is not None:
+        given["weights"] = edge_weights(document, surface, repair_report, o.seam_weights)
     if o.keep_uv_seams:
         uvmap = document.uv(o.uv_set or 0) if document.uv_sets else None
         if uvmap is None:
@@ -187,6 +190,7 @@ def check_density(surface: Surface, o: Options, name: str) -> None:
         o.grouped
         or o.max_charts is not None
         or o.no_seams is not None
+        or o.seam_weights is not None
         or o.blend
         or o.pins is not None
     ):

@@ -77,7 +77,8 @@ def rules(options: Options) -> CascadeRules:
     """What the fallback cascade may do with the charts of these options."""
     convex = "convex-boundary" in METHODS[options.method].tags
     # whether every chart can be brought below the bound by splitting it, and nothing asks for otherwise
-    free = options.max_charts is None and options.no_seams is None and options.pins is None
+    fixed = (options.max_charts, options.no_seams, options.seam_weights, options.pins)
+    free = all(option is None for option in fixed)
     reachable = free and options.method == "isometric" and not options.blend
     bound = options.bound if reachable else None
     return CascadeRules(

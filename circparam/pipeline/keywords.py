@@ -31,6 +31,7 @@ class Keywords(TypedDict, total=False):
     keep_uv_seams: bool | None
     seams: Any
     no_seams: Any
+    seam_weights: Any
     cut_materials: bool | None
     hide_seams: float | None
     symmetry: Literal["x", "y", "z", "auto"] | None

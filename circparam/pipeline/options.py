@@ -158,6 +158,10 @@ class Options:
     no_seams: Any = option(
         "seams", "Edges that may not be cut, told alike.", metavar="FILE", applies=applies.with_seams
     )
+    seam_weights: Any = option(
+        "seams", "What a seam costs, on edges (a b w) or near vertices (a w): 0 free, 1 as it is, inf never; "
+        "colour: of vertices, red never, green free.", metavar="FILE|colour", applies=applies.with_charts,
+    )
     cut_materials: bool | None = option(
         "seams", "Cut between materials.", flag="--cut-materials/--no-cut-materials",
         shown="where there are several", applies=applies.with_seams,

@@ -26,7 +26,7 @@ from circparam.seams.hard.flats import flat_prices, hard_prices, with_flats, wit
 from circparam.seams.hard.regions import DOUBTFUL, HARD, hardness
 from circparam.seams.hard.rival import Rival
 from circparam.seams.hard.straighten import straighten
-from circparam.seams.hidden import with_prices
+from circparam.seams.hidden import weighted, with_prices
 from circparam.seams.multires.transfer import transfer_to_fine
 from circparam.seams.options import HIDDEN, SeamOptions, Seams
 from circparam.seams.reached import in_time
@@ -68,9 +68,11 @@ def charts(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     if hide > 0:
         options = dataclasses.replace(options, hide_seams=hide)
         # else they are found when it is clear what for, beside other things where that can be
-        whole = mirror is not None or options.max_charts is not None
+        whole = mirror is not None or options.max_charts is not None or options.weights is not None
         if whole or (forced.any() and len(surface.faces) <= LEVEL_FACES):
             surface = with_prices(surface, options, monitor)
+    if options.weights is not None:
+        surface = weighted(surface, options.weights)
     if mirror is not None:
         surface = dataclasses.replace(surface, locked=mirror.closed(surface.locked))
         forced = mirror.closed(forced) & ~surface.locked

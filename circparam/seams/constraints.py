@@ -53,6 +53,9 @@ def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArra
         forbidden = _named(surface, options.no_cut, "--no-seams", notes)
         locked = locked | forbidden
         forced &= ~forbidden
+    if options.weights is not None:
+        locked = locked | ~np.isfinite(options.weights)
+        forced &= ~locked
     if options.cut is not None:
         asked = _named(surface, options.cut, "--seams", notes)
         inside = int((asked & surface.locked).sum())
@@ -61,7 +64,8 @@ def constrain(surface: Surface, options: SeamOptions) -> tuple[Surface, BoolArra
         clash = asked & locked & ~surface.locked
         if clash.any():
             raise OptionError(
-                f"{int(clash.sum())} edges are named by --seams and by --no-seams: take them out of one"
+                f"{int(clash.sum())} edges are named by --seams and by --no-seams or a weight of inf: take "
+                "them out of one"
             )
         forced |= asked & ~surface.locked
     return dataclasses.replace(surface, locked=locked), forced, notes

@@ -231,7 +231,7 @@ def _decided(
             fewer = other.charts()[0] < coarse.charts()[0]
     with monitor.stage("carry"):
         # prices have done their part: paths that heed them edge by edge are longer, and cost charts
-        blind = dataclasses.replace(surface, price=None)
+        blind = surface.unpriced()
         if not fewer:
             return Decided(transfer_to_fine(blind, graph, coarse, proxy), graph)
         plain = partial(_carried, blind, graph, coarse, proxy)
@@ -293,12 +293,12 @@ def _from_level(
         best, other = best_held(tried, inner, options, worker, monitor)
     with monitor.stage("carry"):
         # another surface would have areas, normals and all else of its own
-        blind = surface if surface.price is None else dataclasses.replace(surface, price=None)
+        blind = surface.unpriced()
         atlas = from_level(blind, graph, best, level, near)
         if other is None:
             return Decided(atlas, graph, LOCAL)
         # it may be never, and is late: what the surface has worked out is not kept for that
-        bare = dataclasses.replace(surface, price=None)
+        bare = dataclasses.replace(surface.unpriced())
         plain = partial(_next_best, bare, other, inner, options, level, near)
         return Decided(atlas, graph, LOCAL, plain, (1 + BROKEN) * COST.seams(other))
 

@@ -20,6 +20,7 @@ PIXELS = 128
 TYPICAL = 0.5  # of the directions see an edge of a convex shape
 LEAST = 0.2  # of that: what is seen from fewer is as good as hidden
 VISIBLE = 30.0  # seconds over those of the repair: with less left there are no prices, charts need the time
+FREE = 1e-3  # least price of an edge, in its lengths
 POWER = 4.0  # of the share in the price, at full strength
 
 
@@ -90,6 +91,16 @@ def with_prices(
         return surface
     with monitor.stage("visibility"):
         return replace(surface, price=hiding_prices(surface, options.hide_seams, monitor))
+
+
+def weighted(surface: Surface, weights: FloatArray) -> Surface:
+    """The surface with its prices times weights (e,) of the user; what they forbid is locked, not priced.
+
+    Nothing is cheaper than FREE: seams that cost nothing would take any detour.
+    """
+    factor = np.where(np.isfinite(weights), np.maximum(weights, FREE), 1.0)
+    price = factor if surface.price is None else factor * surface.price
+    return replace(surface, price=price, weighted=True)
 
 
 def _wanted(surface: Surface, options: SeamOptions, monitor: Monitor) -> bool:

@@ -39,7 +39,8 @@ class SeamOptions:
     (e,) bool over surface.edges, seams to begin with (those of the file). symmetry: an axis, or 'auto' for
     the first of them, across which the seams are the mirror image of each other. hide_seams: 0 to 1, how
     much cheaper seams are where they are hardly seen (see ``seams.hidden``); None for HIDDEN, and 0 where
-    max_stretch is below 2, or in a draft. search: see ``Search``.
+    max_stretch is below 2, or in a draft. search: see ``Search``. weights: (e,) over surface.edges, how many
+    times its length a seam along an edge costs, infinite: never.
     """
 
     max_distortion: float = 1.05
@@ -55,6 +56,7 @@ class SeamOptions:
     symmetry: str | None = None
     hide_seams: float | None = None
     search: Search = USUAL
+    weights: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

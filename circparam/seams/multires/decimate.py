@@ -181,7 +181,8 @@ def priced(proxy: Surface, surface: Surface, cell: IntArray) -> Surface:
     price = np.where(total > 0, price / np.maximum(total, 1e-300), 1.0)
     coarse = proxy.faces.ravel()
     h = proxy.edges[:, 0]
-    return replace(proxy, price=(price[coarse[h]] + price[coarse[next_half_edge(h)]]) / 2)
+    price = (price[coarse[h]] + price[coarse[next_half_edge(h)]]) / 2
+    return replace(proxy, price=price, weighted=surface.weighted)
 
 
 def _main_parts(points: FloatArray, faces: IntArray, component: IntArray) -> BoolArray:

@@ -64,14 +64,14 @@ def decide(
 ) -> Atlas:
     """Decide seams on the surface itself: components that are good charts as they are stay whole."""
     prices = starting.prices
-    atlas = Atlas(replace(surface, price=None), np.zeros(len(surface.edges), bool))
+    atlas = Atlas(surface.unpriced(), np.zeros(len(surface.edges), bool))
     rest = ~whole_components(atlas, bound)
     if not rest.all():
         monitor.keep(atlas.part(~rest))
     if rest.any():
         part = surface.part(rest)
         # charts are decided by length alone: prices would be luck for good or bad, at the cost of charts
-        plain = replace(part, price=None)
+        plain = part.unpriced()
         begin = partial(_begin, starting, bool(rest.all()))
         merging = MergeOptions(bound, margin=margin, search=starting.search)
         best = best_of_starts(plain, merging, worker, monitor, begin, starting.alone)

@@ -1,0 +1,95 @@
+"""What the user says a seam costs: of edges, near vertices, or painted on the vertices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge
+from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document
+from circparam.mesh.repair import RepairReport
+from circparam.mesh.surface import Surface
+
+COLOUR = "colour"
+
+
+def edge_weights(
+    document: Document, surface: Surface, repairs: RepairReport, given: Any
+) -> FloatArray:
+    """(e,) weight of every edge of the surface, 1 where nothing is said.
+
+    given: "colour", or (k, 3) rows of two vertices of the mesh and a weight; −1 for the second vertex where
+    the weight is that of one. An edge costs the mean of its vertices, so never where one says never; what is
+    said of the edge itself goes first. Raises OptionError where nothing named is in the mesh, or the
+    file has no colours; InputError for weights that are negative or no numbers.
+    """
+    flat = surface.faces.ravel()
+    h = surface.edges[:, 0]
+    a, b = flat[h], flat[next_half_edge(h)]
+    if isinstance(given, str):
+        at_vertex = _painted(document, surface, given)
+        return np.asarray((at_vertex[a] + at_vertex[b]) / 2)
+    rows = _checked(given, len(repairs.weld))
+    single = rows[:, 1] < 0
+    at_vertex = np.ones(len(surface.points))
+    vertex = repairs.weld[rows[single, 0].astype(np.int64)]
+    at_vertex[vertex] = rows[single, 2]
+    weights = (at_vertex[a] + at_vertex[b]) / 2
+    pairs = repairs.weld[rows[~single, :2].astype(np.int64)]
+    n = len(surface.points)
+    asked, key = edge_keys(pairs[:, 0], pairs[:, 1], n), edge_keys(a, b, n)
+    order = np.argsort(asked, kind="stable")
+    at = np.searchsorted(asked[order], key, side="right") - 1  # of several lines the last counts
+    hit = at >= 0
+    hit[hit] = asked[order][at[hit]] == key[hit]
+    if len(pairs) and not hit.any() and not single.any():
+        raise OptionError(f"--seam-weights names no edge of the mesh: none joins {_ends(rows[0])}")
+    weights[hit] = rows[~single, 2][order][at[hit]]
+    return np.asarray(weights)
+
+
+def _checked(given: Any, n: int) -> FloatArray:
+    """The rows, with vertices of the mesh and weights from 0 on."""
+    try:
+        rows = np.asarray(given, np.float64).reshape(-1, 3)
+    except (TypeError, ValueError):
+        raise OptionError(
+            f"--seam-weights {given!r}: give 'colour', or rows of two vertices and a weight"
+        ) from None
+    if not (rows[:, 2] >= 0).all():
+        raise InputError("--seam-weights: a weight is a number from 0 (free) to inf (never)")
+    vertices = rows[:, :2]
+    wrong = (vertices[:, 0] < 0) | (vertices < -1).any(1) | (vertices >= n).any(1)
+    if wrong.any():
+        raise OptionError(
+            f"--seam-weights names {_ends(rows[wrong][0])}, the mesh has the vertices 0 to {n - 1}"
+        )
+    return rows
+
+
+def _ends(row: FloatArray) -> str:
+    a, b = int(row[0]), int(row[1])
+    return f"vertex {a}" if b == -1 else f"vertices {a} and {b}"
+
+
+def _painted(document: Document, surface: Surface, word: str) -> FloatArray:
+    """(n,) weight of every point by its colour: grey 1, the greener the less down to 0, red up to inf."""
+    if word != COLOUR:
+        raise OptionError(f"--seam-weights {word!r}: give a file, or '{COLOUR}'")
+    colours = document.colours()
+    if colours is None:
+        raise OptionError(
+            f"--seam-weights {COLOUR}: {document.source.name} has no colours; paint vertices red (never) or "
+            "green (free), or give a file"
+        )
+    source: IntArray = surface.source
+    seen = np.take_along_axis(colours[source], surface.file_corners[:, :, None], axis=1)
+    more = seen[:, :, 0] - seen[:, :, 1]
+    with np.errstate(divide="ignore"):
+        weight = np.where(more > 0, 1 / np.maximum(1 - more, 0), 1 + np.minimum(more, 0))
+    out = np.zeros(len(surface.points))
+    # a point painted differently by its faces is as dear as the dearest says
+    np.maximum.at(out, surface.faces.ravel(), weight.ravel())
+    return out

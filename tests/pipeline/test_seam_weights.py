@@ -1,0 +1,144 @@
+"""What a seam costs where the user says so: never means never, free draws seams, bad weights are told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import circparam
+from circparam.cli import cli
+from circparam.errors import InputError, OptionError
+from circparam.formats.memory import from_arrays
+from circparam.formats.sidecars import read_weights
+from circparam.mesh.repair import repair
+from circparam.pipeline.save import seam_pairs
+from circparam.pipeline.seam_weights import edge_weights
+from tests.support import shapes
+
+QUICK = {"effort": "draft", "jobs": 1}
+
+
+def rows(vertices: np.ndarray, weight: float) -> np.ndarray:
+    """The same weight near some vertices."""
+    v = np.asarray(vertices, float)
+    return np.stack([v, np.full(len(v), -1.0), np.full(len(v), weight)], 1)
+
+
+def share(result: circparam.Result, side: np.ndarray) -> float:
+    """Share of the length of the seams that runs among some vertices ((n,) bool)."""
+    p = result.mesh.points
+    pairs = seam_pairs(result)
+    length = np.linalg.norm(p[pairs[:, 0]] - p[pairs[:, 1]], axis=1)
+    return float(length[side[pairs].all(1)].sum() / length.sum())
+
+
+def test_no_seam_touches_what_says_never():
+    ball = shapes.icosphere(2)
+    plain = circparam.unwrap(ball, **QUICK)
+    middle = ball[0][seam_pairs(plain)[0, 0]]
+    face = np.flatnonzero(ball[0] @ middle > 0.8)
+    assert np.isin(seam_pairs(plain), face).any()
+    kept = circparam.unwrap(ball, seam_weights=rows(face, np.inf), **QUICK)
+    assert not np.isin(seam_pairs(kept), face).any()
+    assert kept.verification.flips == 0
+
+
+def test_seams_go_where_they_are_free_and_leave_what_is_dear():
+    ring = shapes.torus(24, 12)
+    back = ring[0][:, 0] < 0
+    plain = share(circparam.unwrap(ring, **QUICK), back)
+    free = circparam.unwrap(ring, seam_weights=rows(np.flatnonzero(back), 0.0), **QUICK)
+    dear = circparam.unwrap(ring, seam_weights=rows(np.flatnonzero(back), 20.0), **QUICK)
+    assert share(free, back) > plain + 0.1
+    assert share(dear, back) < plain
+    assert free.verification.valid
+    assert dear.verification.valid
+
+
+def test_the_weight_of_an_edge_goes_before_those_of_its_vertices():
+    document = from_arrays(*shapes.grid(3, 2))
+    surface, report = repair(document.mesh)
+    h = surface.edges[:, 0]
+    flat = surface.faces.ravel()
+    a, b = flat[h], flat[h - h % 3 + (h + 1) % 3]
+    p, q = int(a[0]), int(b[0])
+    given = np.array([[p, -1, 4.0], [q, -1, np.inf], [p, q, 9.0], [q, p, 0.5]])
+    weights = edge_weights(document, surface, report, given)
+    assert weights[0] == 0.5  # of two lines the last counts
+    at_vertex = np.ones(6)
+    at_vertex[p], at_vertex[q] = 4.0, np.inf
+    assert np.array_equal(weights[1:], ((at_vertex[a] + at_vertex[b]) / 2)[1:])
+
+
+def painted(path: Path, colour: np.ndarray) -> Path:
+    """A ball with vertex colours."""
+    points, faces = shapes.icosphere(2)
+    lines = ["v " + " ".join(map(repr, map(float, row))) for row in np.c_[points, colour]]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_red_vertices_keep_their_faces_whole(tmp_path: Path):
+    points, _ = shapes.icosphere(2)
+    face = points[:, 0] > 0.6
+    colour = np.where(face[:, None], [1.0, 0, 0], [0.5, 0.5, 0.5])
+    result = circparam.unwrap(painted(tmp_path / "b.obj", colour), seam_weights="colour", **QUICK)
+    pairs = seam_pairs(result)
+    assert len(pairs)
+    assert not np.isin(pairs, np.flatnonzero(face)).any()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0 1 -2\n", "the weight -2 is no number from 0"),
+        ("0 nan\n", "the weight nan is no number from 0"),
+        ("0 1 2 3\n", "not one or two vertex numbers"),
+        ("0 x\n", "not one or two vertex numbers"),
+        ("# nothing\n", "no line"),
+    ],
+)
+def test_what_is_no_weight_is_an_error_of_the_input(tmp_path: Path, text: str, message: str):
+    path = tmp_path / "w.txt"
+    path.write_text("1 2 1\n" + text if "nothing" not in text else text)
+    with pytest.raises(InputError, match=message):
+        read_weights(path)
+
+
+def test_words_and_numbers_of_a_file(tmp_path: Path):
+    path = tmp_path / "w.txt"
+    path.write_text("3 4 0.5 # an edge\n7, never\n8 inf\n")
+    inf = float("inf")
+    assert read_weights(path).tolist() == [[3, 4, 0.5], [7, -1, inf], [8, -1, inf]]
+
+
+def test_what_the_mesh_does_not_have(tmp_path: Path):
+    ball = shapes.icosphere(1)
+    for given, message in (
+        (rows(np.array([999]), 0.0), "vertex 999"),
+        (np.array([[0.0, 0.0, 2.0]]), "no edge"),
+        ("colour", "no colours"),
+        ("colours", "give a file"),
+    ):
+        with pytest.raises(OptionError, match=message):
+            circparam.unwrap(ball, seam_weights=given, **QUICK)
+    with pytest.raises(InputError, match="a weight is a number"):
+        circparam.unwrap(ball, seam_weights=rows(np.array([0]), -1.0), **QUICK)
+    with pytest.raises(OptionError, match="it shapes cut='charts'"):
+        circparam.unwrap(ball, seam_weights=rows(np.array([0]), 1.0), cut="disk")
+
+
+def test_the_flag_reads_a_file(tmp_path: Path):
+    mesh = painted(tmp_path / "b.obj", np.full((162, 3), 0.5))
+    points, _ = shapes.icosphere(2)
+    face = np.flatnonzero(points[:, 0] > 0.6)
+    (tmp_path / "w.txt").write_text("".join(f"{v} never\n" for v in face))
+    words = ["unwrap", str(mesh), "--effort", "0", "--seam-weights", str(tmp_path / "w.txt"), "-q"]
+    seams = tmp_path / "s.txt"
+    result = CliRunner().invoke(cli, [*words, "--export-seams", str(seams)])
+    assert result.exit_code == 0, result.stderr
+    assert not np.isin(np.loadtxt(seams).astype(int), face).any()
