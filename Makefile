@@ -135,6 +135,7 @@ docs: $(VENV)/.dev ## docs/cli.md out of the help texts, typed keywords out of t
 
 dist: $(VENV)/.dev ## wheel and sdist in dist/, tried on each Python that is here (PROJECT_URL=https://... for the links)
 	$(RUN) -m tests.tools.release --url '$(PROJECT_URL)' --pythons $(PYTHONS)
+	$(RUN) -m tests.tools.extension dist
 
 clean: ## remove what make has made
 	rm -rf $(VENV) .venv-oldest demo-output test-artefacts build dist *.egg-info

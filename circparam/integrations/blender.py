@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Mapping
 from importlib import resources
 
 from circparam._version import __version__
@@ -18,20 +19,31 @@ type = "add-on"
 blender_version_min = "4.2.0"
 license = ["SPDX:MIT"]
 tags = ["UV"]
-
+"""
+PERMISSIONS = """
 [permissions]
 files = "Hands the mesh to the circparam program in a temporary folder"
 """
 FOLDER = "circparam_addon"  # as extensions and older add-ons have it
 
 
-def addon_zip() -> bytes:
-    """The zip file, the same bytes each time."""
+def addon_zip(wheels: Mapping[str, bytes] | None = None, platform: str | None = None) -> bytes:
+    """The zip file, the same bytes each time.
+
+    wheels: circparam and what it needs, by their file names, for a platform as Blender calls it (linux-x64);
+    with them the add-on needs no other program. Such a file has no folder round it: it is an extension.
+    """
     source = resources.files("circparam.integrations") / "blender_addon"
     files = {f.name: f.read_bytes() for f in source.iterdir() if f.name.endswith(".py")}
-    files["blender_manifest.toml"] = MANIFEST.encode()
+    manifest = MANIFEST
+    if wheels:
+        names = ", ".join(f'"./wheels/{name}"' for name in sorted(wheels))
+        manifest += f'platforms = ["{platform}"]\nwheels = [{names}]\n'
+        files |= {f"wheels/{name}": data for name, data in wheels.items()}
+    files["blender_manifest.toml"] = (manifest + PERMISSIONS).encode()
+    folder = "" if wheels else f"{FOLDER}/"
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in sorted(files.items()):
-            archive.writestr(zipfile.ZipInfo(f"{FOLDER}/{name}", (2026, 1, 1, 0, 0, 0)), data)
+            archive.writestr(zipfile.ZipInfo(folder + name, (2026, 1, 1, 0, 0, 0)), data)
     return buffer.getvalue()

@@ -26,14 +26,26 @@ from circparam.render.figures import Figures, PageImages, PictureOptions, counts
 from circparam.render.scene import Scene
 from circparam.render.views import checker_cells
 
-SCRIPTS = ("decode.js", "shaders.js", "renderer.js", "cameras.js", "morphs.js", "main.js")
+SCRIPTS = (
+    "decode.js",
+    "shaders.js",
+    "renderer.js",
+    "cameras.js",
+    "morphs.js",
+    "tools.js",
+    "main.js",
+)
 # codes of distortion: the square root of log(distortion) / log(limit), 0..254; 255 is flipped
 DISTORTION_LIMIT = 1000.0
+TWICE = "#e5007d"  # what more than one face covers: a hue beside that of flips
 HINT = (
     "Drag to turn, scroll to zoom, shift-drag to move; point at a chart, or press , and . "
-    "to go through them."
+    "to go through them; click locks one."
 )
-TOUCH_HINT = "Swipe sideways to turn, pinch to zoom, two fingers to move; tap a chart to find it in both views."
+TOUCH_HINT = (
+    "Swipe sideways to turn, pinch to zoom, two fingers to move; tap a chart to find it in both views, "
+    "twice to lock it."
+)
 
 
 def page(
@@ -162,6 +174,7 @@ def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
             for name, scheme in (("light", col.LIGHT), ("dark", col.DARK))
         },
         "flip": col.FLIP,
+        "twice": TWICE,
         "noUv": col.NO_UV,
         "lines": _line_weights(scene),
         "charts": _chart_figures(scene.once),
@@ -269,6 +282,7 @@ def pack_geometry(scene: Scene, order: IntArray) -> tuple[list[dict[str, Any]], 
             "delta",
         ),
         ("distortion", _distortion_codes(scene)[order], "plain"),
+        ("density", _density_codes(scene)[order], "plain"),
         ("seams", np.sort(seams).astype(np.uint32), "delta"),
     ]
     for number, (_, points) in enumerate(scene.targets):
@@ -310,6 +324,15 @@ def _octahedral(normal: FloatArray) -> Any:
     folded = (1 - np.abs(n[:, [1, 0]])) * sign
     e = np.where(n[:, 2:] < 0, folded, n[:, :2])
     return np.round((e * 0.5 + 0.5) * 255).astype(np.uint8)
+
+
+def _density_codes(scene: Scene) -> Any:
+    """Texel density of every face beside that of all: 0 a quarter of it or less, 255 four times or more."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.sqrt(np.abs(scene.uv_areas) / scene.areas) / scene.scale
+        place = np.nan_to_num(np.log2(ratio), nan=0.0, posinf=2.0, neginf=-2.0)
+    # 32 steps are what one sees, and they compress
+    return (np.round((np.clip(place, -2, 2) + 2) * 7.75) * 8.2258).astype(np.uint8)
 
 
 def _distortion_codes(scene: Scene) -> Any:

@@ -102,6 +102,23 @@ async function settled() {
     if (action === "scroll") await tab.evaluate((y) => window.scrollTo(0, y), rest[0]);
     if (action === "scheme") await tab.emulateMedia({ colorScheme: rest[0] });
     if (action === "click") await tab.click(rest[0]);
+    if (action === "press") await tab.keyboard.press(rest[0]);
+    if (action === "point") await tab.mouse.click(...rest);
+    if (action === "file") await tab.setInputFiles(rest[0], rest[1]);
+    if (action === "download") {
+      const [download] = await Promise.all([tab.waitForEvent("download"), tab.click(rest[0])]);
+      await download.saveAs(`${folder}/${name}-saved.png`);
+    }
+    if (action === "drop") {
+      await tab.evaluate(async ([data, type]) => {
+        const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
+        const transfer = new DataTransfer();
+        transfer.items.add(new File([bytes], "dropped.png", { type }));
+        document.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, cancelable: true }));
+      }, rest);
+      await tab.waitForFunction(() => document.querySelector("input[value=texture]").checked
+        || document.getElementById("hovered").textContent.includes("no image"));
+    }
     if (action === "key") await tab.press(rest[0], rest[1]);
     if (action === "fill") await tab.locator(rest[0]).fill(rest[1]);
     await tab.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
@@ -111,6 +128,12 @@ async function settled() {
       hovered: document.getElementById("hovered")?.textContent ?? "",
       first: document.querySelector("table.sortable tbody th")?.textContent ?? "",
       scroll: window.scrollY,
+      mode: document.querySelector("input[name=mode]:checked")?.value ?? "",
+      wire: document.getElementById("wire")?.checked ?? false,
+      seams: document.getElementById("seams")?.checked ?? false,
+      charts: [...document.querySelectorAll("#charts tbody tr")].map((r) => Number(r.dataset.chart)),
+      locked: [...document.querySelectorAll("#charts [data-locked]")].map((r) => Number(r.dataset.chart)),
+      full: document.fullscreenElement !== null,
       morph: document.getElementById("morph-value-0")?.textContent ?? "",
       contrast: lowestContrast(),
       overflow: document.documentElement.scrollWidth > window.innerWidth,

@@ -6,6 +6,7 @@ one is missing. Screenshots stay under test-artefacts/.
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import shutil
@@ -333,3 +334,121 @@ def test_a_slider_moves_the_surface_to_its_morph_target(tmp_path: Path, size: st
     other = drive(morph_page(tmp_path, "back", end, start), f"back-{scheme}", size, plain, scheme)
     difference = np.abs(pixels(seen, "end", "surface") - pixels(other, "bare", "surface")).max(2)
     assert (difference > 12).mean() < 0.01
+
+
+def faulty(folder: Path) -> Path:
+    """The ball with one chart pushed over its neighbours and one made small."""
+    mesh, uvmap = ball()
+    uv = uvmap.uv.copy()
+    n = len(uv) // 6
+    uv[:n] += [0.12, 0.1]
+    uv[n : 2 * n] = 0.6 * (uv[n : 2 * n] - uv[n : 2 * n].mean(0)) + uv[n : 2 * n].mean(0)
+    path = folder / "faulty.html"
+    save_preview(path, mesh, UVMap(uv, uvmap.uv_faces), None, PictureOptions(title="faulty"))
+    return path
+
+
+@pytest.mark.parametrize("size", USUAL)
+def test_an_artist_works_with_the_page(tmp_path: Path, size: str):
+    """Twenty things to do, each by a key and by a click or a tap, and each is seen."""
+    page = faulty(tmp_path)
+    touch = SIZES[size][2]
+    red = tmp_path / "red.png"
+    Image.new("RGB", (8, 8), (220, 40, 30)).save(red)
+    dropped = [base64.b64encode(red.read_bytes()).decode(), "image/png"]
+    row, head = "#charts tbody tr:nth-child(3) button", "#charts th:nth-child({}) button".format
+    steps: list[list[Any]] = [
+        ["start", "none"],
+        ["faults", "click", "input[value=faults] + span"],
+        ["density", "click", "input[value=density] + span"],
+        ["key-faults", "press", "6"],
+        ["key-checker", "press", "1"],
+        ["wire", "click", "#wire"],
+        ["bare", "press", "w"],
+        ["no-seams", "press", "s"],
+        ["seams", "click", "#seams"],
+        ["locked", "click", row],
+        ["next", "key", "#plane", "."],
+        ["free", "press", "Escape"],
+        ["biggest", "click", head(3)],
+        ["smallest", "click", head(3)],
+        ["worst", "click", head(4)],
+        ["one", "key", "#surface", "."],
+        ["kept", "key", "#surface", "Enter"],
+        ["let-go", "click", "#reset"],
+        ["saved", "download", "#save"],
+        ["full", "click", "#full"],
+        ["small", "press", "f"],
+        ["dropped", "drop", *dropped],
+        ["no-image", "drop", base64.b64encode(b"nothing").decode(), "image/png"],
+        ["chosen", "file", "#image", str(red)],
+    ]
+    seen = drive(page, "artist", size, steps)
+    text = seen["text"]
+    assert seen["console"] == []
+    modes = {
+        step: text[step]["mode"] for step in ("faults", "density", "key-faults", "key-checker")
+    }
+    assert modes == {
+        "faults": "faults", "density": "density", "key-faults": "faults", "key-checker": "checker"
+    }  # fmt: skip
+    assert [text[s]["wire"] for s in ("wire", "bare")] == [True, False]
+    assert [text[s]["seams"] for s in ("no-seams", "seams")] == [False, True]
+    locked = {step: text[step]["locked"] for step in text}
+    assert locked["locked"] == [2]
+    assert locked["next"] == [3]
+    assert locked["kept"] == [0]
+    assert locked["free"] == locked["let-go"] == locked["start"] == []
+    assert "locked" in text["locked"]["hovered"]
+    for step, order in (("biggest", 1), ("smallest", -1)):  # their shares have two ties between
+        assert text[step]["charts"][::order][0] == 3
+        assert text[step]["charts"][::order][-1] == 5
+    assert sorted(text["worst"]["charts"]) == text["start"]["charts"] == list(range(6))
+    assert (text["full"]["full"], text["small"]["full"]) == (True, False)
+    assert "no image" in text["no-image"]["hovered"]
+    assert text["dropped"]["mode"] == "texture"
+    saved = np.asarray(Image.open(ARTEFACTS / f"artist-{size}-light" / "saved-saved.png"))
+    assert len(np.unique(saved.reshape(-1, saved.shape[2]), axis=0)) > 60
+    assert not any(text[step]["overflow"] for step in text)
+    assert min(text[step]["contrast"]["ratio"] for step in text) >= 4.5
+    if touch:  # the page has scrolled to what was tapped: places of the panels are others
+        return
+    lit = pixels(seen, "faults", "plane")
+    assert ((lit[..., 0] > 200) & (lit[..., 1] < 40) & (lit[..., 2] > 90)).mean() > 0.005
+    clean = pixels(seen, "start", "plane")
+    assert not ((clean[..., 0] > 200) & (clean[..., 1] < 40) & (clean[..., 2] > 90)).any()
+    for a, b in (("faults", "density"), ("key-checker", "wire"), ("bare", "locked")):
+        for panel in ("surface", "plane"):
+            assert changed(seen, a, b, panel) > 0.02, (a, b, panel)
+    assert changed(seen, "start", "free", "plane") < 0.002  # Esc shows all again
+    paint = pixels(seen, "dropped", "plane")
+    assert ((paint[..., 0] > 200) & (paint[..., 1] < 60)).mean() > 0.3
+
+
+@pytest.mark.parametrize("size", USUAL)
+def test_a_click_or_two_taps_lock_the_chart_there(page: Path, size: str):
+    places = drive(page, "places", size, [["start", "none"]])
+    x, y = middle(places["plane"])
+    side = min(places["plane"]["width"], places["plane"]["height"])
+    at = (x - side * 0.3, y - side * 0.22)
+    once = [["tap", *at], ["tap", *at]] if SIZES[size][2] else [["point", *at]]
+    steps = [["start", "none"], *([f"step-{k}", *one] for k, one in enumerate(once))]
+    seen = drive(page, "lock", size, steps)
+    assert len(seen["text"][steps[-1][0]]["locked"]) == 1
+    assert changed(seen, "start", steps[-1][0], "plane") > 0.1
+    assert seen["text"]["start"]["locked"] == []
+
+
+def test_a_page_of_many_faces_is_small(tmp_path: Path):
+    """100,000 faces of a smooth surface in less than a megabyte."""
+    n = 224
+    g = np.linspace(0, 1, n)
+    s, t = (a.ravel() for a in np.meshgrid(g, g))
+    i = np.arange(n * n).reshape(n, n)[:-1, :-1].ravel()
+    faces = np.concatenate([np.stack([i, i + 1, i + n + 1], 1), np.stack([i, i + n + 1, i + n], 1)])
+    points = np.stack([s, t, 0.1 * np.sin(9 * s) * np.cos(7 * t)], 1)
+    save_preview(tmp_path / "m.html", Mesh(points, faces), UVMap(points[:, :2], faces), None)
+    assert len(faces) > 99_000
+    assert (tmp_path / "m.html").stat().st_size <= 1_000_000
+    seen = drive(tmp_path / "m.html", "many", "desktop", [["start", "none"]])
+    assert seen["marks"][-1][0] == "drawn"

@@ -68,6 +68,36 @@ def blender() -> str | None:
     return named or (sys.executable if importlib.util.find_spec("bpy") else None)
 
 
+def tiny_wheel() -> bytes:
+    """A wheel of one empty module."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("tiny.py", "")
+        info = "tiny-1.0.dist-info/"
+        archive.writestr(info + "METADATA", "Metadata-Version: 2.1\nName: tiny\nVersion: 1.0\n")
+        archive.writestr(info + "WHEEL", "Wheel-Version: 1.0\nTag: py3-none-any\n")
+        archive.writestr(info + "RECORD", "")
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize("wheels", [None, {"tiny-1.0-py3-none-any.whl": tiny_wheel()}])
+def test_blender_finds_the_extension_valid(tmp_path: Path, wheels: dict[str, bytes] | None) -> None:
+    """By the program that the extension platform and ``blender --command extension validate`` run."""
+    python = blender()
+    if python is None:
+        pytest.skip("no Blender: name a Python with bpy in CIRCPARAM_BPY")
+    where = [python, "-c", "import importlib.util as u; print(u.find_spec('bpy').origin)"]
+    module = Path(subprocess.run(where, capture_output=True, text=True, check=True).stdout.strip())
+    (tool,) = module.parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
+    path = tmp_path / "extension.zip"
+    path.write_bytes(addon_zip(wheels, "linux-x64"))
+    done = subprocess.run(
+        [python, str(tool), "validate", str(path)], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Error" not in done.stdout + done.stderr
+
+
 @pytest.fixture(scope="module")
 def answer(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     python = blender()

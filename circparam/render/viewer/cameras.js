@@ -68,6 +68,17 @@ class OrbitCamera {
     return { matrix: multiply(projection, model), turn, plane: false, zoom: this.zoom };
   }
 
+  /* Look at a part from its front: the middle and radius in stored numbers, and the mean normal. */
+  lookAt(middle, radius, normal) {
+    const d = unit(normal);
+    this.pitch = Math.asin(clamp(dot(d, this.up), -1, 1));
+    this.yaw = Math.atan2(dot(d, this.side), dot(d, this.front));
+    this.zoom = clamp((0.9 * this.radius) / (radius || 1), 1, 40);
+    const [right, up] = this.axes();
+    const from = middle.map((c, k) => (c - 0.5) * this.meta.extent[k]);
+    this.pan = [-dot(right, from) / this.radius, -dot(up, from) / this.radius];
+  }
+
   drag(dx, dy, shift, size) {
     if (shift) {
       this.pan[0] += (2.3 * dx) / size / this.zoom;
@@ -111,6 +122,12 @@ class PlaneCamera {
     return { matrix, turn: new Float32Array([1, 0, 0, 0, 1, 0, 0, 0, 1]), plane: true, zoom: this.zoom };
   }
 
+  /* Show a part: its box [low u, low v, high u, high v] in uv. */
+  lookAt(box) {
+    this.centre = [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2];
+    this.zoom = clamp((0.8 * this.span) / (Math.max(box[2] - box[0], box[3] - box[1]) || 1), 0.5, 400);
+  }
+
   drag(dx, dy, shift, size) {
     this.centre[0] -= (dx / size / this.zoom) * this.span;
     this.centre[1] += (dy / size / this.zoom) * this.span;
@@ -126,9 +143,9 @@ class PlaneCamera {
 }
 
 /* Wire a panel: drag, wheel, pinch, tap, keys, double click. changed(): draw again; hover(x, y) in page pixels;
-   step(±1): the next or last chart. A finger selects with a tap; where the page scrolls, the browser takes
+   step(±1): the next or last chart; lock(x, y): stay at the chart there. A finger selects with a tap; where the page scrolls, the browser takes
    vertical swipes for itself and cancels the pointer. */
-function control(panel, camera, changed, hover, step) {
+function control(panel, camera, changed, hover, step, lock) {
   const fingers = new Map();
   const TAP = 8; // pixels that a finger may slip
   let slipped = 0, first = [0, 0], scrolls = false;
@@ -171,7 +188,9 @@ function control(panel, camera, changed, hover, step) {
   for (const name of ["pointerup", "pointercancel"]) {
     panel.addEventListener(name, (event) => {
       fingers.delete(event.pointerId);
-      if (event.pointerType !== "mouse" && name === "pointerup" && slipped <= TAP) hover(event.clientX, event.clientY);
+      if (name !== "pointerup" || slipped > (event.pointerType === "mouse" ? 2 : TAP) || event.button > 0) return;
+      if (event.pointerType === "mouse") lock(event.clientX, event.clientY);
+      else hover(event.clientX, event.clientY, true);
     });
   }
   panel.addEventListener("pointerleave", (event) => {

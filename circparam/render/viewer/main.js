@@ -19,7 +19,8 @@ async function start() {
   $("hovered").textContent = meta.hint;
   performance.mark("uploaded");
   const state = {
-    mode: "checker", cells: meta.cells, distortionEnd: meta.distortionEnd, seams: true, hovered: -1, ratio: 1,
+    mode: "checker", cells: meta.cells, distortionEnd: meta.distortionEnd, seams: true, hovered: -1, locked: -1, wire: false,
+    ratio: 1,
   };
   const cameras = { surface: new OrbitCamera(meta), plane: new PlaneCamera(meta) };
   let waiting = false, pickingStale = true;
@@ -50,16 +51,32 @@ async function start() {
   };
 
   const select = (chart) => {
+    if (state.locked >= 0) chart = state.locked;
     if (chart === state.hovered) return;
     state.hovered = chart;
-    describe(meta, chart);
+    describe(meta, chart, state.locked >= 0);
     redraw();
   };
-  const step = (by) => {
-    const n = meta.charts.faces.length;
-    select((state.hovered < 0 ? (by > 0 ? 0 : n - 1) : state.hovered + by + n) % n);
+  /* Stay at a chart and show it large in both views; −1 lets it go. */
+  const lock = (chart) => {
+    if (chart === state.locked) chart = -1;
+    state.locked = state.hovered = chart;
+    describe(meta, chart, chart >= 0);
+    table.mark(chart);
+    if (chart < 0) Object.values(cameras).forEach((camera) => camera.reset());
+    else {
+      const part = chartPart(mesh, meta, chart);
+      cameras.plane.lookAt(part.box);
+      cameras.surface.lookAt(part.middle, part.radius, part.normal);
+    }
+    moved();
   };
-  const hover = (x, y) => {
+  const table = wireTable(meta, lock);
+  const step = (by) => {
+    const n = meta.charts.faces.length, go = state.locked < 0 ? select : lock;
+    go((state.hovered < 0 ? (by > 0 ? 0 : n - 1) : state.hovered + by + n) % n);
+  };
+  const chartAt = (x, y) => {
     const r = stage.getBoundingClientRect();
     let chart = -1;
     if (x >= r.left && y >= r.top && x < r.right && y < r.bottom) {
@@ -67,12 +84,23 @@ async function start() {
       pickingStale = false;
       chart = renderer.chartAt(x - r.left, y - r.top);
     }
-    select(chart);
+    return chart;
+  };
+  const hover = (x, y, tapped = false) => {
+    const chart = chartAt(x, y), again = tapped && chart >= 0 && chart === state.hovered;
+    if (again || (tapped && chart < 0 && state.locked >= 0)) lock(again ? chart : -1);
+    else select(chart);
+  };
+  const click = (x, y) => {
+    const chart = chartAt(x, y);
+    if (chart >= 0 || state.locked >= 0) lock(chart);
   };
 
-  for (const name of ["surface", "plane"]) control($(name), cameras[name], moved, hover, step);
+  for (const name of ["surface", "plane"]) control($(name), cameras[name], moved, hover, step, click);
+  wireTools(meta, state, renderer, { redraw, draw, lock, canvas });
   dark.addEventListener("change", () => (scheme(), redraw()));
   $("reset").addEventListener("click", () => {
+    if (state.locked >= 0) return lock(state.locked);
     Object.values(cameras).forEach((camera) => camera.reset());
     moved();
   });
@@ -89,25 +117,26 @@ async function start() {
 }
 
 /* The line below the pictures: what lies under the pointer. */
-function describe(meta, chart) {
+function describe(meta, chart, locked = false) {
   const c = meta.charts;
   $("hovered").textContent = chart < 0 ? meta.hint : [
     `Chart ${number(chart + 1)} of ${number(c.faces.length)}`,
     `${number(c.faces[chart])} faces`,
     `${number(100 * c.share[chart], 2)} % of the surface`,
     `distortion ${number(c.distortion[chart], 3)}`,
+    ...(locked ? ["locked: Esc lets go"] : []),
   ].join("  ·  ");
 }
 
 function wireModes(meta, state, redraw) {
   const show = () => {
-    for (const name of ["checker", "distortion"]) $(`${name}-tool`).hidden = state.mode !== name;
+    for (const name of ["checker", "distortion", "density"]) $(`${name}-tool`).hidden = state.mode !== name;
     redraw();
   };
   for (const input of document.querySelectorAll("input[name=mode]")) {
     if (input.value === "texture" && !meta.images.length) {
       input.disabled = true;
-      input.parentElement.title = meta.imageNote;
+      input.parentElement.title = `${meta.imageNote}; drop an image on the page to see it`;
     }
     input.addEventListener("change", () => ((state.mode = input.value), show()));
   }

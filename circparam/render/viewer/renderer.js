@@ -1,6 +1,6 @@
 /* The WebGL2 side: one canvas under both panels, one set of buffers for both. */
 
-const MODES = { checker: 0, distortion: 1, charts: 2, texture: 3, picking: 4 };
+const MODES = { checker: 0, distortion: 1, charts: 2, texture: 3, picking: 4, density: 5, faults: 6, twice: 7 };
 
 function program(gl, vertex, fragment) {
   const out = gl.createProgram();
@@ -23,7 +23,7 @@ function program(gl, vertex, fragment) {
 
 /* Faces without shared corners, so that a face can hold its own chart and distortion: 20 bytes a corner. */
 function cornerBuffer(mesh) {
-  const { index, position, uv, normal, chart, distortion } = mesh;
+  const { index, position, uv, normal, chart, distortion, density } = mesh;
   const bytes = new ArrayBuffer(index.length * 20);
   const words = new Uint16Array(bytes), small = new Uint8Array(bytes), long = new Uint32Array(bytes);
   for (let c = 0; c < index.length; c++) {
@@ -31,7 +31,7 @@ function cornerBuffer(mesh) {
     words[w] = position[3 * v];
     words[w + 1] = position[3 * v + 1];
     words[w + 2] = position[3 * v + 2];
-    words[w + 3] = distortion[(c / 3) | 0];
+    words[w + 3] = distortion[(c / 3) | 0] | (density[(c / 3) | 0] << 8);
     words[w + 4] = uv[2 * v];
     words[w + 5] = uv[2 * v + 1];
     small[2 * w + 12] = normal[2 * v];
@@ -63,7 +63,7 @@ function seamBuffer(mesh) {
 
 class Renderer {
   constructor(canvas, meta, mesh) {
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, stencil: true });
     if (!gl) throw new Error("this browser offers no WebGL2");
     this.gl = gl;
     this.canvas = canvas;
@@ -140,6 +140,7 @@ class Renderer {
     gl.useProgram(this.fill.program);
     gl.uniform3fv(u.palette, meta.palette.flatMap((c) => this.colour(c)));
     gl.uniform3fv(u.flipColour, this.colour(meta.flip));
+    gl.uniform3fv(u.warnColour, this.colour(meta.twice));
     gl.uniform3fv(u.emptyColour, this.colour(meta.noUv));
     gl.uniform3fv(u.extent, meta.extent);
     gl.uniform4fv(u.uvBox, meta.uvBox);
@@ -161,10 +162,10 @@ class Renderer {
     gl.uniform3fv(this.fill.at.faded, this.colour(colours.panel));
   }
 
-  addImage(slot, element) {
+  addImage(slot, element, flip = true) {
     const gl = this.gl;
     this.images[slot] = this.texture(gl.REPEAT, true);
-    gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true);
+    gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, flip);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, element);
     gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
     gl.generateMipmap(gl.TEXTURE_2D);
@@ -181,6 +182,7 @@ class Renderer {
       this.enter(panel);
       if (panel.plane) this.drawGround(panel);
       this.drawFaces(panel, state, MODES[state.mode]);
+      if (panel.plane && state.mode === "faults") this.drawTwice(panel, state);
       if (state.seams || state.hovered >= 0) this.drawSeams(panel, state);
     }
   }
@@ -211,6 +213,7 @@ class Renderer {
     gl.uniform1i(u.plane, panel.plane ? 1 : 0);
     gl.uniform1i(u.hovered, state.hovered);
     gl.uniform1i(u.mode, mode);
+    gl.uniform1i(u.wire, state.wire && mode !== MODES.picking && mode !== MODES.twice ? 1 : 0);
     gl.uniform1f(u.cells, state.cells);
     gl.uniform1f(u.distortionEnd, Math.log(state.distortionEnd));
     gl.activeTexture(gl.TEXTURE0);
@@ -220,13 +223,35 @@ class Renderer {
     if (panel.plane) gl.disable(gl.DEPTH_TEST);
     else gl.enable(gl.DEPTH_TEST);
     gl.bindVertexArray(this.faces);
-    const ranges = mode === MODES.texture ? this.meta.ranges : [{ image: -1, first: 0, count: this.corners / 3 }];
+    const ranges = mode === MODES.texture && !this.own ? this.meta.ranges : [{ image: -1, first: 0, count: this.corners / 3 }];
     for (const { image, first, count } of ranges) {
-      const texture = this.images[image];
+      const texture = mode === MODES.texture && this.own ? this.own : this.images[image];
       gl.uniform1i(u.hasImage, texture ? 1 : 0);
       if (texture) gl.bindTexture(gl.TEXTURE_2D, texture);
       gl.drawArrays(gl.TRIANGLES, 3 * first, 3 * count);
     }
+  }
+
+  /* What more than one face covers: each counts itself in the stencil, and from two on it is lit. */
+  drawTwice(panel, state) {
+    const gl = this.gl;
+    gl.enable(gl.STENCIL_TEST);
+    gl.clear(gl.STENCIL_BUFFER_BIT);
+    gl.colorMask(false, false, false, false);
+    gl.stencilFunc(gl.ALWAYS, 0, 255);
+    gl.stencilOp(gl.INCR, gl.INCR, gl.INCR);
+    this.drawFaces(panel, state, MODES.twice);
+    gl.colorMask(true, true, true, true);
+    gl.stencilFunc(gl.LESS, 1, 255);
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.KEEP);
+    this.drawFaces(panel, state, MODES.twice);
+    gl.disable(gl.STENCIL_TEST);
+  }
+
+  /* An image of the user in place of all textures. */
+  setOwnImage(bitmap) {
+    this.addImage(0, bitmap, false);
+    this.own = this.images[0];
   }
 
   drawSeams(panel, state) {

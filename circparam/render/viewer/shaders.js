@@ -20,6 +20,8 @@ uniform vec4 uvBox;
 uniform mat3 turn;
 flat out uint chartId;
 flat out uint distortionCode;
+flat out uint densityCode;
+out vec3 corner;          // barycentric: distance to the edges of the face, for the wireframe
 out vec2 at;
 out vec3 space;
 out vec3 smoothNormal;
@@ -32,7 +34,10 @@ vec3 unfold(vec2 e) {     // octahedral: two numbers for a direction
 }
 void main() {
   chartId = chart;
-  distortionCode = distortion;
+  distortionCode = distortion & 255u;
+  densityCode = distortion >> 8;
+  int k = gl_VertexID % 3;
+  corner = vec3(k == 0, k == 1, k == 2);
   at = uvBox.xy + uv * uvBox.zw;
   smoothNormal = turn * unfold(normal);
   space = turn * (position * extent);
@@ -41,7 +46,7 @@ void main() {
 }`;
 
 const FILL_FRAGMENT = `${COMMON}
-uniform int mode;         // 0 checker, 1 distortion, 2 charts, 3 texture, 4 picking
+uniform int mode;         // 0 checker, 1 distortion, 2 charts, 3 texture, 4 picking, 5 density, 6 faults, 7 twice
 uniform float cells;
 uniform float distortionEnd; // log of the end of the scale
 uniform vec3 palette[24];
@@ -52,8 +57,12 @@ uniform bool insideOut;
 uniform sampler2D ramp;
 uniform sampler2D image;
 uniform bool hasImage;
+uniform bool wire;
+uniform vec3 warnColour;
 flat in uint chartId;
 flat in uint distortionCode;
+flat in uint densityCode;
+in vec3 corner;
 in vec2 at;
 in vec3 space;
 in vec3 smoothNormal;
@@ -75,6 +84,13 @@ vec3 base(out float shade) {
     return texture(ramp, vec2(clamp(s * s * 6.9077553 / distortionEnd, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
   }
   if (mode == 2) return mix(own, vec3(1.0), plane ? 0.45 : 0.25);
+  if (mode == 5) {        // blue: fewer texels than the mean, red: more
+    float s = float(densityCode) / 127.5 - 1.0;
+    shade = 0.5;
+    return s < 0.0 ? mix(vec3(0.95), vec3(0.13, 0.40, 0.76), -s) : mix(vec3(0.95), vec3(0.80, 0.16, 0.16), s);
+  }
+  if (mode == 6) return distortionCode == 255u ? flipColour : mix(own, vec3(0.93), 0.8);
+  if (mode == 7) return warnColour;
   if (mode == 3) return hasImage ? texture(image, at).rgb : emptyColour;
   float c = checker(at * cells);
   return plane ? mix(mix(own, vec3(1.0), 0.62), mix(own, vec3(1.0), 0.42), c)
@@ -97,6 +113,10 @@ void main() {
     float light = 0.42 + 0.57 * key + 0.10 * (0.5 + 0.5 * n.y);
     if (back && mode != 3) c = mix(c, vec3(0.62, 0.63, 0.65), 0.45);
     c *= 1.0 - shade + shade * light;
+  }
+  if (wire) {
+    vec3 w = corner / max(fwidth(corner), vec3(1e-6));
+    c = mix(c, vec3(0.12, 0.14, 0.2), 0.55 * (1.0 - smoothstep(0.4, 1.3, min(w.x, min(w.y, w.z)))));
   }
   if (hovered >= 0 && int(chartId) != hovered) c = mix(c, faded, 0.72);
   colour = vec4(c, 1.0);
