@@ -50,17 +50,17 @@ venv: $(VENV)/.installed ## a virtual environment with circparam in it
 
 dev: $(VENV)/.dev ## the same with everything that tests, lint and bench need
 
-demo: $(VENV)/.installed ## unwrap a sample mesh and say where the result is
+demo: $(VENV)/.installed ## unwrap a textured sample and say where mesh, picture and page are
 	@mkdir -p demo-output
-	@$(RUN) -m circparam samples head-2 -o demo-output/head.ply --overwrite
-	@$(RUN) -m circparam unwrap demo-output/head.ply -o demo-output/head_uv.glb --overwrite \
-	  --pack-splits 10 --preview demo-output/head_uv.png
+	@$(RUN) -m circparam samples head-1 -o demo-output/head.glb --overwrite
+	@$(RUN) -m circparam unwrap demo-output/head.glb -o demo-output/head_uv.glb --overwrite \
+	  --rebake --preview demo-output/head_uv.png
 	@$(RUN) -m circparam view demo-output/head_uv.glb -o demo-output/head_uv.html --overwrite -q
 	@echo
-	@echo "The unwrapped mesh:  $(CURDIR)/demo-output/head_uv.glb"
-	@echo "How it looks:        $(CURDIR)/demo-output/head_uv.png"
+	@echo "The unwrapped mesh, its texture in the new uv:  $(CURDIR)/demo-output/head_uv.glb"
+	@echo "How it looks:         $(CURDIR)/demo-output/head_uv.png"
 	@echo "Turn it in a browser: $(CURDIR)/demo-output/head_uv.html"
-	@echo "Try your own:        $(VENV)/bin/circparam unwrap MESH"
+	@echo "Try your own:         $(VENV)/bin/circparam unwrap MESH"
 
 test: $(VENV)/.dev node ## all tests
 	$(RUN) -m pytest -n $(WORKERS) --dist worksteal
