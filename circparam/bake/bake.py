@@ -106,7 +106,7 @@ def bake(
     notes = []
     if doubled > 0.001 * max(covered, 1):
         share = 100 * doubled / covered
-        notes.append(f"{share:.1f} % of the texels belong to several faces: the last one is seen")
+        notes.append(f"{share:.1f} % of the texels lie in several faces: unwrap or pack again")
     if sought == 0:
         raise InputError("no texel lies in a face: the layout is too small, pack it first")
     return Baked(images, covered / (len(names) * size * size), notes)
@@ -204,7 +204,7 @@ def bake_document(
     are missing, or where the map was made for other meshes.
     """
     if kind not in KINDS:
-        raise OptionError(f"unknown thing to bake {kind!r}: choose {' or '.join(KINDS)}")
+        raise OptionError(f"--from {kind!r} is unknown: choose {' or '.join(KINDS)}")
     across = across or Across()
     check_across(kind, source is not None, across)
     layout = document.require_uv(uv_set)
@@ -247,12 +247,12 @@ def check_across(kind: str, has_source: bool, across: Across) -> None:
     """Raise OptionError where what was asked for does not go together."""
     if not has_source:
         if across.by is not None:
-            raise OptionError("--map tells places on another mesh: name it with --source")
+            raise OptionError("--map needs another mesh: name it with --source")
         if kind in SHAPES:
             raise OptionError(f"--from {kind} needs the mesh whose shape is baked: --source OTHER")
     if across.cage is not None:
         if across.by != "nearest" and (across.by is not None or kind not in SHAPES):
-            raise OptionError("--cage belongs to --map nearest: leave one out or give the other")
+            raise OptionError("--cage needs --map nearest: give it, or leave --cage out")
         if not across.cage > 0 or not np.isfinite(across.cage):
             raise OptionError(
                 f"--cage {across.cage:g}: a distance above 0 is needed, in units of the mesh"
@@ -327,8 +327,8 @@ def _texture_colours(
         raise InputError(f"{name}: {'; '.join(found.notes) or 'its materials have no image'}")
     if source is None and found.uv_set == uv_set:
         raise InputError(
-            f"{name}: its texture belongs to uv set {uv_set} itself: give the file as it was before with "
-            "--source, or the new set with --uv-set"
+            f"{name}: its texture uses uv set {uv_set} itself: give the earlier file with --source, or the "
+            "new set with --uv-set"
         )
     old = origin.texture_layout(found)
     try:

@@ -159,13 +159,13 @@ class Projection:
         tally = self.tally
         if self.mapped and tally.share(tally.missed) > LOST:
             raise InputError(
-                "the map turns the surface over: one of the two is mirrored or wound the other way; turn it, "
-                "and make the map again"
+                "the map turns the surface over: one mesh is mirrored or wound in reverse; turn it, and make "
+                "the map again"
             )
         if tally.empty == tally.sought:
             raise InputError(
-                f"no ray meets the source within the cage of {self.cage:.4g}: the surfaces lie apart or are "
-                "wound in opposite ways; move or turn one, or give a larger --cage"
+                f"no ray meets the source within the cage of {self.cage:.4g}: the surfaces lie apart or have "
+                "opposite windings; move or turn one, or enlarge --cage"
             )
 
 

@@ -124,7 +124,7 @@ def rebake_document(
     size = look.fixed_size or options.resolution or needed_size(source, None)
     if options.resolution not in (None, size):
         raise OptionError(
-            f"--size {size} and --resolution {options.resolution} are one thing with --rebake: give one of them"
+            f"--size {size} and --resolution {options.resolution} exclude each other with --rebake: give one"
         )
     free = look.fixed_size is None and options.resolution is None
     grows = options.padding in (None, AUTO)
@@ -261,7 +261,7 @@ def _look(source: Source, layout: UVMap, carried: Carried, texels: Texels) -> Lo
     notes = blurred(sharp, texels.size)
     if texels.twice > 0.001 * texels.covered:
         share = 100 * texels.twice / texels.covered
-        notes.append(f"{share:.1f} % of the texels belong to several faces: the last one is seen")
+        notes.append(f"{share:.1f} % of the texels lie in several faces: unwrap or pack again")
     return Look(
         texels.size,
         tuple(carried.pages),

@@ -102,7 +102,7 @@ def run_batch(plan: Plan, hooks: Hooks | None = None) -> Summary:
         try:
             _clean(folder)
             if manifest.mended:
-                hooks.note(f"{NAME}: a torn last line of {manifest.mended} bytes was cut off")
+                hooks.note(f"{NAME}: its incomplete last line ({manifest.mended} bytes) is removed")
             index.add_lines(lines(manifest.path))
             due = index.mark_due(settings.key(), plan.retry, exists)
             meter = Meter(total, total - due, index.weight())
@@ -121,9 +121,11 @@ def _list(plan: Plan, folder: Folder, index: Index, hooks: Hooks) -> int:
     listing = Listing(plan.sources, None if folder.remote else folder.address)
     total = index.add_sources(listing, folder)
     if listing.own:
-        hooks.note(f"{listing.own} files named *_uv.* are results of unwrap and no sources")
+        hooks.note(f"{listing.own} files named *_uv.* are results of unwrap: they are left out")
     if not total:
-        raise InputError(f"{' '.join(plan.sources)}: no mesh files are there")
+        raise InputError(
+            f"{' '.join(plan.sources)}: no mesh files are there; name a folder, glob or list that has some"
+        )
     return total
 
 
@@ -171,7 +173,7 @@ def _work(
         where = plan.scheduler or plan.scheduler_file or "this machine"
         left = meter.total - meter.skipped - sum(meter.counts.values())
         raise NoResultError(
-            f"the scheduler of {where} has ended, {left} files are not done: the same command continues"
+            f"the scheduler of {where} has ended with {left} files not done: give the same command again"
         ) from None
     except BaseException:
         cluster.kill()

@@ -41,8 +41,8 @@ class Settings:
         for kind, name in self.extras.items():
             if PLACE not in name or name.startswith(("/", "\\")) or ".." in name.split("/"):
                 raise OptionError(
-                    f"--{kind} {name!r}: for many files it is a name under --out with {{}} in it, "
-                    "which stands for the name of the result without its suffix, such as '{}.png'"
+                    f"--{kind} {name!r}: for many files give a name under --out with {{}} for the name of "
+                    "each result, such as '{}.png'"
                 )
 
     @property

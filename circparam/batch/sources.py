@@ -241,7 +241,7 @@ def output_name(name: str) -> str:
 
     if _suffix(name) not in suffixes():
         known = ", ".join(sorted(suffixes()))
-        raise OptionError(f"{name}: the suffix tells no mesh format; it is one of {known}")
+        raise OptionError(f"{name}: the suffix names no mesh format; give one of {known}")
     head, _, last = name.rpartition("/")
     stem, suffix = os.path.splitext(last)
     return f"{head}{'/' if head else ''}{stem}{output_suffix(suffix)}"

@@ -52,7 +52,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
         if given[name] is not None and not judge_uv:
             raise OptionError(f"--{name.replace('_', '-')} has no effect without --uv")
     if len(meshes) > 1 and given["format"] is not None and "-" not in meshes:
-        raise OptionError("--format has no effect here: it tells the format of '-' (stdin)")
+        raise OptionError("--format has no effect here: it is for '-' (stdin); leave it out")
     gates = parse_gates(given["fail_if"], (*TOPOLOGY, *JUDGED))
     of_uv = sorted(gates.names() & {*JUDGED, "status"})
     if of_uv and not judge_uv:

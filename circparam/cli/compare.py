@@ -96,8 +96,8 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     table1 = not meshes and {kim2019.METHOD, kim2019.PEER} <= set(names)
     if given["repeats"] is not None and not table1:
         raise OptionError(
-            "--repeats has no effect here: it belongs to Table 1, which is made without MESH, of "
-            f"{kim2019.METHOD} and {kim2019.PEER}"
+            "--repeats has no effect here: it is for Table 1, which compares "
+            f"{kim2019.METHOD} and {kim2019.PEER} without MESH; leave it out"
         )
     repeats = given["repeats"] or kim2019.REPEATS
     for option, ending in (("csv_file", ""), ("report", ".html"), ("plot", ".png")):

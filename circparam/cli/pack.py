@@ -53,7 +53,7 @@ def command(mesh: str, **given: Any) -> None:
     if "-" not in (mesh, out):  # it named the output
         keywords.pop("format", None)
     if mesh == "-" and given["format"] is None:
-        raise click.UsageError("--format tells what comes through '-': give obj, ply, glb ...")
+        raise click.UsageError("'-' (stdin) needs its format: give --format obj, ply, glb ...")
     with progress.listener(mesh, given["quiet"]) as listener:
         report = summarise(repack(mesh, out, listener=listener, **keywords))
     for line in report["warnings"]:

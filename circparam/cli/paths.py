@@ -74,11 +74,11 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
     named = given["output"] is not None
     if given["format"] is not None and named and "-" not in (*meshes, *outputs):
         raise OptionError(
-            "--format has no effect here: it tells the format of '-' (stdin, stdout), and of outputs without -o"
+            "--format has no effect here: it is for '-' (stdin, stdout) and outputs without -o; leave it out"
         )
     if given["format"] is not None and "-" in meshes and len(meshes) > 1:
         raise OptionError(
-            "--format tells the format of '-' or of the outputs of files: unwrap them one by one"
+            "--format is either for '-' or for the outputs of files: unwrap them one by one"
         )
     for path in (*outputs, *further.values()):
         if path != "-":

@@ -91,8 +91,8 @@ def add_charts(marks: Landmarks, layouts: tuple[UVMap, UVMap], a: Side, b: Side)
         )
     if len(found) > 1:
         raise InputError(
-            f"the charts correspond in {len(found)} ways: give landmarks (one or two beside a seam) in "
-            "--landmarks until one way is left"
+            f"the charts correspond in {len(found)} ways: give --landmarks with one or two beside a seam until "
+            "only one is left"
         )
     _add(marks, first, second, found[0])
 
@@ -153,8 +153,8 @@ def _traced(side: Side, cut: IntArray, landmarks: list[int]) -> list[IntArray]:
             paths += [np.array(path), np.array(path[::-1])]
     if sum(len(p) - 1 for p in paths) != len(h):
         raise TopologyError(
-            f"{side.name}: a seam or boundary is a closed loop that meets no other, so a chart beside it is "
-            "no disk, or nothing tells where it begins: cut on, or give a landmark on it"
+            f"{side.name}: a seam or boundary is a closed loop that meets no other: join it to another seam, "
+            "or give a landmark on it"
         )
     return paths
 

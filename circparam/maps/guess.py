@@ -30,9 +30,8 @@ def guess(a: Side, b: Side) -> Landmarks:
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
     if error > TRUST * size:
         raise InputError(
-            f"no landmarks, and {a.name} and {b.name} are too unlike to guess any "
-            f"(mean distance {percent(error / size)} of the size when aligned, "
-            f"{percent(TRUST)} at most): give --landmarks with 3 or more pairs of vertices"
+            f"{a.name} and {b.name} are too unlike to guess landmarks (aligned, {percent(error / size)} of "
+            f"the size apart, {percent(TRUST)} at most): give --landmarks with 3 or more pairs"
         )
     inside = a.on_boundary < 0
     out_there = np.linalg.norm(moved - moved.mean(0), axis=1)

@@ -176,7 +176,7 @@ def _partners(marks: Landmarks, a: Side, b: Side) -> list[int]:
     left = [j for j in range(len(b.loops)) if j not in partner]
     if len(free) > 1:
         raise InputError(
-            f"{len(free)} boundaries have no landmark, so it is not clear which belongs to which: "
+            f"{len(free)} boundaries have no landmark, and their pairing is open: "
             "give a landmark on each but one"
         )
     for k, j in zip(free, left, strict=True):
@@ -216,7 +216,7 @@ def _corners(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> list[int]:
     if not own:
         begin_a, begin_b = 0, _best_start(marks, a, b, k, j)
         marks.notes.append(
-            "a boundary has no landmark: it was begun where the rigid alignment of the two boundaries is best"
+            "a boundary has no landmark: it starts where the rigid alignment of the two boundaries is best"
         )
         own = [marks.add(int(loop_a[begin_a]), int(loop_b[begin_b]), False)]
     span = 3 if len(own) == 1 else 2

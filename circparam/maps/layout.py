@@ -153,8 +153,8 @@ class Layout:
         self._finish()
         if any(len(r) != 3 for r in self.regions()):
             raise TopologyError(
-                "the landmarks have no common layout: the paths between them would cross on one of the "
-                "surfaces; check that each line names the same place on both, or leave out the last ones added"
+                "the landmarks have no common layout, since paths between them cross: check that each line "
+                "names the same place on both, or remove the last ones"
             )
 
     def _greedy(self, pairs: list[tuple[int, int]], joining: bool) -> None:

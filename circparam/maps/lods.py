@@ -150,9 +150,8 @@ def _check_shape(sheets: Sheets, target: Surface, document: Document) -> float:
     if far > SHAPE:
         place = some[gone.argmax()] if gone.max() >= back.max() else there[back.argmax()]
         raise NoResultError(
-            f"{document.source.name}: it lies up to {100 * far:.0f} % of the size away from the first mesh, at "
-            f"({_point(place)}): a level of detail has the same shape, place and size (within "
-            f"{100 * SHAPE:.0f} %)"
+            f"{document.source.name}: at ({_point(place)}) it lies {100 * far:.0f} % of the size away from the "
+            f"first mesh: give one of the same shape, place and size (within {100 * SHAPE:.0f} %)"
         )
     return far
 
@@ -163,8 +162,8 @@ def _check_drift(layout: CarriedLayout, job: Job, resolution: int, most: float) 
     if drift > most:
         raise NoResultError(
             f"{job.document.source.name}: the layout drifts by {drift:.1f} texels of {resolution} at "
-            f"({_point(_place(layout, job.surface))}), more than --max-drift {most:g}: the shapes differ "
-            "there; give a finer mesh or a larger --max-drift"
+            f"({_point(_place(layout, job.surface))}), more than --max-drift {most:g}: give a finer mesh or a "
+            "larger --max-drift"
         )
 
 

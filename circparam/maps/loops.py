@@ -89,8 +89,7 @@ class HandleLayout(Layout):
         left = sum((2 - len(own) - euler) // 2 for euler, own in shape_of(self.tracers[0], walks))
         raise TopologyError(
             f"the paths between the landmarks leave {counted(max(left, 1), 'handle')} of {self.genus} uncut: "
-            "give more landmarks, three and more round every handle and through it, or name paths "
-            "(a line 'path 1 2 3 1' in the landmark file)"
+            "give three landmarks round and through every handle, or paths (lines 'path 1 2 3 1')"
         )
 
 

@@ -112,8 +112,8 @@ def map_meshes(
     found = make(side_a, side_b, marks, (method, given.relax), monitor)
     if given.relax and not found.relaxed:
         notes.append(
-            "the relaxation left faces turned over in the common domain: "
-            "the map is the composition of the convex maps as they were"
+            "relaxation turns faces over in the common domain: "
+            "the map is the composition of the convex maps without it"
         )
     with monitor.stage("check"):
         checked = _Checked(side_a, side_b, marks, found)

@@ -168,7 +168,7 @@ def require_same(a: Side, b: Side) -> None:
     if a.genus != b.genus:
         raise TopologyError(
             f"{a.name} has genus {a.genus} and {b.name} {b.genus}: a map needs the same topology; "
-            "circparam check tells more of both"
+            "see circparam check"
         )
     if len(a.loops) != len(b.loops):
         raise TopologyError(

@@ -79,7 +79,7 @@ class SurfaceMap:
             face = places.face
             if len(face) != len(at.points) or face.max(initial=-1) >= len(on.faces):
                 raise InputError(
-                    "the map is damaged (it tells places that its meshes do not have): make it again with "
+                    "the map is damaged (it names places that its meshes do not have): make it again with "
                     "circparam map"
                 )
 

@@ -50,7 +50,7 @@ def _worth_beginning(monitor: Monitor) -> None:
     left = clock.left()
     least = CHARTS_COST * monitor.seconds.get("repair", 0.0)
     if left is not None and left < least and monitor.expired:
-        raise OutOfTimeError("out of time before anything was begun: give a longer --timeout")
+        raise OutOfTimeError("out of time before the first step: give a longer --timeout")
 
 
 def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:

@@ -120,5 +120,5 @@ def check_held(mesh: Mesh, uvmap: UVMap, pins: FloatArray, repairs: list[str]) -
         why = f": {repairs[-1]}" if repairs else ""
         raise NoResultError(
             f"the pin of vertex {vertices[at[pinned][worst]]} is not held, it lies {off[worst]:.2g} off{why}; "
-            "move the pins nearer to where the chart lies without them, or give fewer"
+            "move the pins nearer to the free layout, or give fewer"
         )

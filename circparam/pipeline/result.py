@@ -139,8 +139,8 @@ class Result:
         """
         if image is None and self.document.textured_sets():
             warnings.warn(
-                "textures and materials are left out, they belong to the old uv: give the image that "
-                "circparam.bake makes of them", stacklevel=2,
+                "textures and materials are left out, since they use the old uv: "
+                "give image= from circparam.bake", stacklevel=2,
             )  # fmt: skip
         vertex, _, faces = self._split
         colours = self.document.colours()
@@ -195,8 +195,8 @@ def verdict(
     count, most = verification.cut_mesh.n_charts, options.max_charts
     if most is not None and count > most:
         warnings.append(
-            f"--max-charts {most}: {count} charts were reached; pieces that do not hang together, edges that "
-            "must be cut and charts that would overlap keep them apart"
+            f"--max-charts {most}: {count} charts are reached; separate parts, edges that must be cut and "
+            "overlaps keep them apart: allow more charts"
         )
     if wrong:
         return Verdict("degraded", wrong, warnings + wrong)

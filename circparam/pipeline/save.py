@@ -136,7 +136,7 @@ def write_map(result: Result, path: str | os.PathLike[str], overwrite: bool = Fa
         raise OptionError(f"--map {path}: the index map is an .npz file, name it so")
     vertex, face = result.vertex_map, result.face_map
     if vertex is None or face is None:
-        raise OptionError("an index map belongs to a written file: give an output")
+        raise OptionError("--map needs a written file: give an output")
     buffer = io.BytesIO()
     np.savez_compressed(buffer, vertex=vertex, face=face, chart=result.charts[face])
     write_bytes(path, buffer.getvalue(), overwrite)

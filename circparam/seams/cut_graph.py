@@ -82,7 +82,7 @@ def disk(surface: Surface, options: SeamOptions, monitor: Monitor) -> Seams:
     crossed = int((cut & surface.locked).sum())
     if crossed:
         notes.append(
-            f"{crossed} edges that no seam should follow had to be cut: there is no other way"
+            f"{crossed} edges of polygons or --no-seams are cut, since no disk is reached without them"
         )
     return Seams(cut, None, notes)
 

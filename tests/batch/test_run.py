@@ -465,7 +465,7 @@ def test_a_scheduler_that_runs_and_then_ends(
         server.kill()
 
     with pytest.raises(
-        NoResultError, match=r"has ended, .* are not done: the same command continues"
+        NoResultError, match=r"has ended with .* not done: give the same command again"
     ):
         batch(source, out, scheduler_file=str(where), hooks=Hooks(on_line=end))
     assert count_lines(out) >= 1

@@ -69,7 +69,7 @@ def test_texture_of_the_old_file_into_a_glb(folder: Path):
     [
         (("new.obj", "--from", "vertex-colors"), 3, "no vertex colours"),
         (("new.obj", "--from", "texture"), 3, "--source"),
-        (("old.obj", "--from", "texture"), 3, "belongs to uv set 0"),
+        (("old.obj", "--from", "texture"), 3, "uses uv set 0"),
         (("new.obj", "--from", "texture", "--source", "gone.obj"), 3, "no such file"),
         (("new.obj",), 2, "--from"),
         (("new.obj", "--from", "texture", "--size", "0"), 2, "size"),

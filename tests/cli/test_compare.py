@@ -106,7 +106,7 @@ def test_the_older_name_of_a_flag_keeps_working(words: tuple[str, ...]) -> None:
         (("--methods", "circle,circle"), 2, "twice"),
         (("--cut", "disks"), 2, "did you mean disk"),
         (("--boundary", "squar"), 2, "square"),
-        (("--repeats", "3"), 2, "--repeats has no effect here: it belongs to Table 1"),
+        (("--repeats", "3"), 2, "--repeats has no effect here: it is for Table 1"),
         (("--timeout", "0"), 2, "--timeout 0.0: it is seconds, more than 0"),
     ],
 )

@@ -60,7 +60,7 @@ def test_charts_go_to_charts(tmp_path: Path, relax: bool) -> None:
 def test_what_has_a_symmetry_needs_landmarks(tmp_path: Path) -> None:
     x = tori.patchwork(24, 12, 4, 3)
     a = document(tmp_path, "a", *x)
-    with pytest.raises(InputError, match=r"correspond in 24 ways: give landmarks"):
+    with pytest.raises(InputError, match=r"correspond in 24 ways: give --landmarks"):
         circparam.map_surfaces(a, a, charts=True)
     found = circparam.map_surfaces(a, a, charts=True, landmarks=beside(a.mesh, a.mesh))
     assert np.abs(found.map.to_b.of(a.mesh.points, a.mesh.faces) - a.mesh.points).max() < 1e-3

@@ -71,7 +71,7 @@ def test_seams_are_the_cut_edges_as_pairs_of_vertices_of_the_input(tmp_path: Pat
 
 def test_a_saved_result_names_its_file_and_its_maps(tmp_path: Path) -> None:
     result = circparam.unwrap(shapes.cube(1), **QUICK)
-    with pytest.raises(OptionError, match="index map belongs to a written file"):
+    with pytest.raises(OptionError, match="--map needs a written file"):
         write_map(result, tmp_path / "m.npz")
     written = save(result, tmp_path / "o.obj")
     assert result.path is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -82,6 +83,40 @@ def shaft() -> Part:
         _add_walls(build, loop, heights[k], heights[k + 1], True)
         inside = [steps[k + 1]] if k < 2 else []
         build.add(_lift(fill(loop, inside), heights[k + 1], True), True)
+    return build.part()
+
+
+def flange() -> Part:
+    """A disk with a ring of six bolt holes, and a neck with a bore on it."""
+    build = _Builder()
+    outer, neck, bore = circle(48, 1.0), circle(48, 0.5), circle(48, 0.38)
+    bolts = [circle(20, 0.08, x, y) for x, y in circle(6, 0.77)]
+    build.add(_lift(fill(outer, [bore, *bolts]), 0.0, False), True)
+    build.add(_lift(fill(outer, [neck, *bolts]), 0.2, True), True)
+    for loop in (outer, *bolts):
+        _add_walls(build, loop, 0.0, 0.2, loop is outer)
+    _add_walls(build, neck, 0.2, 0.8, True)
+    build.add(_lift(fill(neck, [bore]), 0.8, True), True)
+    _add_walls(build, bore, 0.0, 0.8, False)
+    return build.part()
+
+
+def barrel(staves: int = 20, rings: int = 6) -> Part:
+    """A barrel of staves that bulge, with four bolts sunk into each lid."""
+    build = _Builder()
+    height = np.linspace(-1, 1, rings + 1)
+    loops = [np.c_[circle(staves, 1 - 0.2 * z * z), np.full(staves, z)] for z in height]
+    for low, high in pairwise(loops):
+        a, b, c, d = low, np.roll(low, -1, 0), np.roll(high, -1, 0), high
+        quads = np.stack([np.stack([a, b, c], 1), np.stack([a, c, d], 1)], 1)
+        for quad in quads:
+            build.add(quad, True)
+    bolts = [circle(16, 0.08, x, y) for x, y in circle(4, 0.5)]
+    for side in (-1.0, 1.0):
+        build.add(_lift(fill(circle(staves, 0.8), bolts), side, side > 0), True)
+        for bolt in bolts:
+            _add_walls(build, bolt, min(side, 0.8 * side), max(side, 0.8 * side), False)
+            build.add(_lift(fill(bolt), 0.8 * side, side > 0), True)
     return build.part()
 
 

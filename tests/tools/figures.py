@@ -2,7 +2,8 @@
 
 docs/pictures/creature.png: a closed creature, its layout, a checker, its distortion. methods.png: the methods
 on one disk. xatlas.png: the creature by circparam and by xatlas. methods/NAME.png: one picture a method.
-parts-1.png, parts-2.png: six machine parts. two-surfaces-NAME.png: what one surface gives
+parts-1.png, parts-2.png: six machine parts. flats.png:
+three whose flats the bound bends or not. two-surfaces-NAME.png: what one surface gives
 another. Every file stays below 200 kB; no time is printed in them, so the same code makes the same pictures.
 """
 
@@ -27,7 +28,7 @@ from circparam.render.figures import PictureOptions, as_figures
 from circparam.render.picture import draw_figure, png_bytes, to_image
 from circparam.render.scene import make_scene
 from circparam.render.side_by_side import MethodLayout, SideBySide
-from tests.support.machined import MACHINED
+from tests.support.machined import MACHINED, barrel, flange
 from tests.support.parts import PARTS
 from tests.tools import two_surfaces
 
@@ -119,10 +120,22 @@ def parts() -> None:
     save("parts-2.png", compare_plot(shown[half:]))
 
 
+def flats() -> None:
+    """A flange whose flats stay congruent, an angle and a barrel whose flats do not."""
+    shown = []
+    for name, make in (("flange", flange), ("bracket", PARTS["bracket"]), ("barrel", barrel)):
+        part = make()
+        result = unwrap((part.points, part.faces), max_distortion=1.05)
+        row = MethodLayout("circparam", UVMap(result.uv, result.uv_faces), "ok", result.measures)
+        shown.append(SideBySide(name, result.mesh, [row]))
+    save("flats.png", compare_plot(shown))
+
+
 def main() -> int:
     """Make all of them."""
     two_surfaces.main(save)
     parts()
+    flats()
     own = creature()
     xatlas(own)
     methods()
