@@ -1,4 +1,4 @@
-"""Ear clipping of one polygon in the plane: near-linear, by boxes round runs of its corners."""
+"""Ear clipping of one polygon in the plane: near-linear, by boxes round corners that lie together."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import heapq
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray
+from circparam.core.arrays import FloatArray, IntArray
 from circparam.errors import InputError
 
 RUN = 8  # corners in the smallest boxes
+GRID = 1 << 16  # cells along a side of the polygon, along which corners are put in order
 # Corners beyond which the ear with the shortest diagonal goes first, and not the first one: what small
 # triangles hold lies near them, while triangles along a side of many corners meet the boxes of all these.
 LARGE = 1000
@@ -40,18 +41,30 @@ class Ears:
         self.after = [*range(1, n), 0]
         self.there = [True] * n
         self.blocks = [not self.large or self._area(k) <= 0 for k in range(n)]
-        self.leaves, self.looked = 1 << max((n - 1) // RUN, 0).bit_length(), 0
+        self.looked = 0
         self._make_boxes(q)
 
     def _make_boxes(self, q: FloatArray) -> None:
-        """A heap of boxes: 2 k and 2 k + 1 lie in k, and leaves hold runs of corners that can be in the way."""
+        """A heap of boxes: 2 k and 2 k + 1 lie in k, and leaves hold runs of corners that can be in the way.
+
+        Runs follow a curve through the plane and not the outline: boxes round spikes would be as long as these.
+        """
+        blocks = np.flatnonzero(self.blocks)
+        blocks = blocks[_along_a_curve(q[blocks])]
+        n = len(blocks)
+        self.leaves = 1 << max((n - 1) // RUN, 0).bit_length()
+        self.run: list[list[int]] = [blocks[k : k + RUN].tolist() for k in range(0, n, RUN)]
+        leaf = np.full(len(q), -1)
+        leaf[blocks] = self.leaves + np.arange(n) // RUN
+        self.leaf: list[int] = leaf.tolist()
         shape = (self.leaves, RUN, 2)
-        blocks = np.zeros(self.leaves * RUN, bool)
-        blocks[: len(q)] = self.blocks
-        low, high = np.full((len(blocks), 2), np.inf), np.full((len(blocks), 2), -np.inf)
-        low[blocks] = high[blocks] = q[blocks[: len(q)]]
+        low, high = (
+            np.full((self.leaves * RUN, 2), np.inf),
+            np.full((self.leaves * RUN, 2), -np.inf),
+        )
+        low[:n] = high[:n] = q[blocks]
         lows, highs = [low.reshape(shape).min(1)], [high.reshape(shape).max(1)]
-        counts = [blocks.reshape(-1, RUN).sum(1)]
+        counts = [(np.arange(self.leaves * RUN) < n).reshape(-1, RUN).sum(1)]
         while len(counts[0]) > 1:
             lows.insert(0, np.minimum(lows[0][::2], lows[0][1::2]))
             highs.insert(0, np.maximum(highs[0][::2], highs[0][1::2]))
@@ -117,7 +130,7 @@ class Ears:
         for other in (k, a, b) if self.large else (k,):
             if self.blocks[other] and (other == k or self._area(other) > 0):
                 self.blocks[other] = False
-                box = self.leaves + other // RUN
+                box = self.leaf[other]
                 while box:
                     self.count[box] -= 1
                     box >>= 1
@@ -142,23 +155,22 @@ class Ears:
             x0, y0, x1, y1 = boxes[box]
             if x0 > high_x or x1 < low_x or y0 > high_y or y1 < low_y:
                 continue
-            if any(
-                dx * ((y1 if dx >= 0 else y0) - sy) - dy * ((x0 if dy >= 0 else x1) - sx) < 0
-                for sx, sy, dx, dy in sides
-            ):
-                continue
-            if box < leaves:
+            for sx, sy, dx, dy in sides:
+                if dx * ((y1 if dx >= 0 else y0) - sy) < dy * ((x0 if dy >= 0 else x1) - sx):
+                    break
+            else:
+                if box >= leaves:
+                    if self._holds(box, sides, (i, k, m)):
+                        return False
+                    continue
                 stack += (2 * box, 2 * box + 1)
-            elif self._holds(box, sides, (i, k, m)):
-                return False
         return True
 
     def _holds(
         self, leaf: int, sides: tuple[tuple[float, ...], ...], own: tuple[int, int, int]
     ) -> bool:
         """Whether a triangle holds a corner of a run that can be in its way."""
-        start = (leaf - self.leaves) * RUN
-        for v in range(start, min(start + RUN, len(self.x))):
+        for v in self.run[leaf - self.leaves]:
             if not self.blocks[v] or v in own:
                 continue
             px, py = self.x[v], self.y[v]
@@ -167,3 +179,14 @@ class Ears:
             ):
                 return True
         return False
+
+
+def _along_a_curve(q: FloatArray) -> IntArray:
+    """(k,) an order of points (k, 2) in which near ones follow each other: that of Morton, by mixed bits."""
+    low = q.min(0, initial=np.inf)
+    width = max(float((q.max(0, initial=-np.inf) - low).max()), 1e-300)
+    bits = ((q - low) / width * (GRID - 1)).astype(np.int64)
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        bits = (bits | bits << shift) & mask
+    result: IntArray = np.argsort(bits[:, 0] | bits[:, 1] << 1, kind="stable")
+    return result

@@ -226,10 +226,10 @@ def test_draco_without_its_decoder_is_refused(monkeypatch: pytest.MonkeyPatch) -
         read_data(data, reader="trimesh")
 
 
-def test_what_trimesh_says_nothing_about_is_said(tmp_path: Path) -> None:
+def test_an_archive_without_a_mesh_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.zae"
     path.write_bytes(plain_zip())
-    with pytest.raises(InputError, match="as ZAE: it is damaged, or holds no shape"):
+    with pytest.raises(InputError, match=r"the archive holds no \.dae file: it is no ZAE"):
         read(path)
 
 

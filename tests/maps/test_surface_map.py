@@ -11,7 +11,7 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.memory import from_arrays
 from circparam.maps import Places, SurfaceMap, load_map, save_map
-from circparam.maps.pair import oriented
+from circparam.maps.pair import oriented, turned_over
 from circparam.maps.surface_map import fingerprint
 from circparam.mesh.mesh import Mesh
 
@@ -119,3 +119,22 @@ def test_a_map_with_wrong_bytes_is_told_or_read(tmp_path) -> None:
             continue
         told += 1
     assert told > 5
+
+
+def test_faces_look_against_the_source_by_all_their_corners() -> None:
+    """Of a face that reaches over a thin edge, one corner lies on the far side."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, -0.01]])
+    sheet = Mesh(points, np.array([[0, 1, 2], [0, 2, 1], [3, 1, 2]]))  # front, back, front
+    for corner in range(3):
+        for face, over in (([0, 1, 2], False), ([0, 2, 1], True)):
+            on = np.zeros(3, np.int64)
+            on[face[corner]] = 1
+            weights = np.eye(3)
+            if on.any():  # the back lists its corners the other way round
+                weights[face[corner]] = weights[face[corner]][[0, 2, 1]]
+            target = Mesh(points[:3], np.array([face]))
+            mapped = SurfaceMap(
+                Places(on, weights), Places(np.zeros(4, np.int64), np.tile([1.0, 0, 0], (4, 1))),
+                fingerprint(target), fingerprint(sheet),
+            )  # fmt: skip
+            assert turned_over(mapped, target, sheet).tolist() == [over]

@@ -104,3 +104,15 @@ def test_a_crushed_layout_is_not_searched(monkeypatch: pytest.MonkeyPatch) -> No
     assert got.spoilt.sum() > 3
     assert not got.moved.any()
     np.testing.assert_array_equal(got.spoilt, signs(got.uv, f) <= 0)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_vertices_on_a_boundary_move_little_and_others_as_far_as_they_must(inside: bool) -> None:
+    """Gaps between charts have no room for more: of 120 vertices within 1e-9 some faces stay spoilt there."""
+    p, f = needles.crowd(np.random.default_rng(3), 120, 1e-9)
+    got = mend_faces(f, p, np.full(len(p), not inside), ROUNDINGS["f4"])
+    start = ROUNDINGS["f4"](p)
+    away = np.abs(got.uv - start) / np.spacing(start.astype(np.float32))
+    assert got.moved.any()
+    assert bool(away.max() > lattice.FAR_ON_BOUNDARY) is inside
+    assert bool(got.spoilt.any()) is not inside

@@ -124,20 +124,26 @@ def test_doubles_at_the_faces_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert (result.measures["charts"], result.verification.valid) == (1, True)
 
 
-def test_a_turn_of_the_page_takes_charts_to_finer_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A chart 1e-4 of a page wide at the bottom left: v of glTF is finest at the top."""
-    p, f = shapes.delaunay_disk(3000, 1)
+def test_a_turn_of_the_pages_takes_charts_to_finer_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chart 1e-6 of a page wide at the bottom left: v of glTF is finest at the top. Each keeps its page."""
+    p, f = shapes.row_of(shapes.delaunay_disk(300, 1), 2)
     surface = Surface(p, f, np.arange(len(f)), np.zeros(len(f), bool), _edges(f), np.zeros(0, bool))
     cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
     uv = np.zeros((cut_mesh.n_vertices, 2))
-    uv[cut_mesh.faces.ravel()] = 2e-6 * (p[f.ravel(), :2] - p.min(0)[:2]) + 1e-5
+    uv[cut_mesh.faces.ravel()] = p[f.ravel(), :2]
+    first = cut_mesh.vertex_chart == 0
+    uv[first] = 5e-7 * (uv[first] - uv[first].min(0)) + 1e-5
+    uv[~first] = 0.3 * (uv[~first] - uv[~first].min(0)) + [1.2, 0.1]
     monkeypatch.setattr(lattice, "SEARCHES", ())
     job = _Target("glb")
-    still = stored_fit.hold(job, cut_mesh, uv, np.zeros(1, bool))
-    turned = stored_fit.hold(job, cut_mesh, uv, np.zeros(1, bool), turn=True)
+    still = stored_fit.hold(job, cut_mesh, uv, np.zeros(2, bool))
+    turned = stored_fit.hold(job, cut_mesh, uv, np.zeros(2, bool), turn=True)
     assert not still.stored.sound
     assert turned.stored.sound
-    np.testing.assert_allclose(turned.stored.uv, np.stack([uv[:, 1], 1 - uv[:, 0]], 1), atol=1e-9)
+    x = uv[:, 0] - ~first
+    np.testing.assert_allclose(
+        turned.stored.uv, np.stack([uv[:, 1] + ~first, 1 - x], 1), rtol=0, atol=1e-7
+    )
 
 
 class _Target:

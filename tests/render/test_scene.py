@@ -129,6 +129,10 @@ def test_what_is_shown_again_is_drawn_and_not_counted():
         shown.normals[12:18], scene.normals[fid]
     )  # moved, not turned inside out
     np.testing.assert_allclose(shown.normals[18:], scene.normals[fid] * [-1, 1, 1])
+    corners = (scene.points * [-1, 1, 1] - [5, 0, 0])[scene.faces[fid]]
+    there = np.concatenate([corners, scene.corner_uv[fid]], 2).reshape(-1, 5)
+    again = np.concatenate([shown.points[shown.faces[18:]], shown.corner_uv[18:]], 2).reshape(-1, 5)
+    np.testing.assert_allclose(again[np.lexsort(again.T)], there[np.lexsort(there.T)])
     half = np.isin(scene.seams // 3, fid).sum()
     assert len(shown.seams) >= len(scene.seams) + 2 * half
     assert scene_figures(shown) == scene_figures(scene)

@@ -15,6 +15,7 @@ from circparam.seams.multires.transfer_layout import (
     nearest_coarse_face,
     prolonged,
     separate,
+    take_over,
 )
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.solvers.poisson import from_jacobians
@@ -206,3 +207,18 @@ def test_charts_without_a_coarse_face_have_no_targets() -> None:
     assert np.array_equal(carried.source < 0, right)
     assert not carried.targets[:, :, right].any()
     assert np.abs(carried.targets[:, :, ~right]).max() > 0
+
+
+def test_seams_are_taken_over_only_where_every_corner_is_the_same() -> None:
+    """A square with its diagonal turned has as many faces, and each shares two corners with one there was."""
+    p, _ = shapes.grid(2, 2)
+    one, other = np.array([[0, 1, 3], [0, 3, 2]]), np.array([[0, 1, 2], [1, 3, 2]])
+    fine = surface_of(p, one)
+    for faces in (one, other):
+        coarse = Atlas(surface_of(p, faces), np.ones(1, bool))
+        away = np.linalg.norm(fine.vertex_points[:, None] - coarse.surface.points, axis=2)
+        proxy = Proxy(coarse.surface, away.argmin(1), np.zeros((0, 2), np.int64))
+        atlas = Atlas(fine, np.zeros(len(fine.edges), bool))
+        taken = take_over(atlas, coarse, proxy, np.arange(2))
+        assert taken.all() if faces is one else not taken.any()
+        assert atlas.cut.all() if faces is one else not atlas.cut.any()

@@ -12,7 +12,7 @@ from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.seams.segmentation import enforce as module
 from circparam.seams.segmentation import overlap_cut
-from circparam.seams.segmentation.enforce import FINAL, enforce
+from circparam.seams.segmentation.enforce import FINAL, enforce, unstick
 from circparam.seams.segmentation.grow import dual_graph
 from circparam.seams.segmentation.layout import judge
 from circparam.seams.segmentation.overlap_cut import split_layers
@@ -198,3 +198,16 @@ def test_a_part_is_taken_out_and_put_back() -> None:
     atlas.put(faces, part)
     assert np.array_equal(atlas.cut, inside)
     assert np.array_equal(atlas.corners, before + faces[:, None, None])
+
+
+def test_what_pushing_does_not_separate_stays_as_it_was() -> None:
+    """The bound has no room for what pushing would cost."""
+    atlas = winding_ring(2 * np.pi + 0.012)
+    cut_mesh = atlas.cut_mesh()
+    laid, before = judge(cut_mesh, atlas.gather(cut_mesh)), atlas.corners.copy()
+    bound = float(laid.energy.max()) + 1e-7
+    assert not push_apart(cut_mesh, laid.uv, module.GAP, bound)[1].any()
+    assert np.abs(push_apart(cut_mesh, laid.uv, module.GAP, bound)[0] - laid.uv).max() > 1e-5
+    after = unstick(atlas, laid, bound, Monitor(), np.ones(1, bool))
+    np.testing.assert_array_equal(after.uv, laid.uv)
+    np.testing.assert_array_equal(atlas.corners, before)
