@@ -235,6 +235,8 @@ def _check(options: Options, look: LookOptions) -> None:
         raise OptionError(
             "--density source has no effect on what --drop-floaters leaves out: leave one out"
         )
+    if options.stack not in (None, "off"):
+        raise OptionError("--rebake gives every part texels of its own: leave --stack out")
     if options.texel_density is not None:
         raise OptionError("--rebake draws one page: give its --size in place of --texel-density")
 

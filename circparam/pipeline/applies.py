@@ -93,6 +93,18 @@ def fills_page(o: Any) -> bool:
     )
 
 
+def with_stacks(o: Any, name: str) -> str | None:
+    """Only where parts are laid out by packing."""
+    return None if o.stack == "off" else with_packing(o, name)
+
+
+def with_stack(o: Any, name: str) -> str | None:
+    """Only beside stacks."""
+    return (
+        None if o.stack in ("identical", "mirrored") else "it needs --stack identical or mirrored"
+    )
+
+
 def with_target(o: Any, name: str) -> str | None:
     """Only beside the set that it speaks of."""
     return None if o.target_set is not None else "it allows to replace the set of --uv-set"

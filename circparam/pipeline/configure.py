@@ -141,7 +141,7 @@ def tiles_of(document: Document, group_by: str | None, o: Options) -> IntArray |
     if group_by is None:
         return None
     _, labels = relabel(document.labels(group_by))
-    return labels * (o.pages or 1)
+    return labels * (o.pages or 1) * (2 if o.stack_offset else 1)
 
 
 def _vertex_pairs(pairs: Any, n: int) -> IntArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from circparam.core.arrays import FloatArray, IntArray
@@ -27,7 +28,8 @@ from circparam.pipeline.configure import (
 )
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
 from circparam.pipeline.options import Options
-from circparam.pipeline.verify import corners_of, uv_seams
+from circparam.pipeline.stacks import Stacks, find_stacks
+from circparam.pipeline.verify import Declared, corners_of, uv_seams
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,8 @@ class Job:
 
     target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
     the file, None where there is one; group_by: what has one, as ``Document.group_by``. floaters: what is left
-    out of the layout; the surface is without it.
+    out of the layout; the surface is without it. stacks: copies that lie on what is laid out; the surface is
+    without them.
     """
 
     document: Document
@@ -47,6 +50,26 @@ class Job:
     tiles: IntArray | None
     floaters: Floaters | None = None
     group_by: str | None = None
+    stacks: Stacks | None = None
+
+    @property
+    def whole(self) -> Surface:
+        """The surface with the parts that are not laid out, since they lie on others."""
+        return self.surface if self.stacks is None else self.stacks.whole
+
+    @property
+    def declared(self) -> Declared | None:
+        """What may lie on what."""
+        return None if self.stacks is None else self.stacks.declared
+
+    def rounding(self, double: bool = False) -> Callable[[FloatArray], FloatArray]:
+        """The function (k, 2) → (k, 2) that rounds uv to numbers which the format holds, also those of copies
+        beside an offset."""
+        number = rounding(self.target, self.document, double)
+        offset = 0.0 if self.stacks is None else self.stacks.declared.offset
+        if not offset:
+            return number
+        return lambda uv: number(uv + [offset, 0.0]) - [offset, 0.0]
 
     def completed(self, cut_mesh: CutMesh, uv: FloatArray, double: bool = False) -> UVMap:
         """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too.
@@ -54,7 +77,10 @@ class Job:
         double: floaters get uv that doubles hold, where the format has them.
         """
         mesh = self.document.mesh
-        uvmap = complete(mesh, self.surface, self.repair_report, uv, cut_mesh.faces)
+        uv_faces = cut_mesh.faces
+        if self.stacks is not None:
+            uv, uv_faces = self.stacks.spread(uv, uv_faces)
+        uvmap = complete(mesh, self.whole, self.repair_report, uv, uv_faces)
         if self.floaters is None or not self.floaters.components:
             return uvmap
         number = rounding(self.target, self.document, double)
@@ -89,13 +115,15 @@ def prepare(
         floaters = None
         if options.drop_floaters is not None:
             surface, floaters = find_floaters(document, surface, options.drop_floaters)
-    check_density(surface, options, document.source.name)
     monitor.check()
     group_by = options.group_by if options.grouped else None
     if uvmap is not None:
         group_by = document.group_by(options.uv_set or 0)
     tiles = tiles_of(document, group_by, options)
-    return Job(document, options, target, surface, report, tiles, floaters, group_by)
+    with monitor.stage("repair"):
+        surface, stacks = find_stacks(document, surface, report, options, tiles)
+    check_density(surface, options, document.source.name)
+    return Job(document, options, target, surface, report, tiles, floaters, group_by, stacks)
 
 
 def given_atlas(surface: Surface, uvmap: UVMap, name: str) -> Atlas:

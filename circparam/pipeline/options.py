@@ -213,6 +213,14 @@ class Options:
         bounds=Range(0.0, 1000.0, "draft (0), normal (1), high (4) or a number up to 1000"),
         applies=applies.with_search,
     )
+    stack: str | None = option(
+        "packing", "Copies of a part lie on the same texels; mirrored: its mirror images too.",
+        choices=("off", "identical", "mirrored"), shown="off", applies=applies.with_stacks,
+    )
+    stack_offset: bool | None = option(
+        "packing", "Copies lie whole pages to the right of what they are copies of.",
+        applies=applies.with_stack,
+    )
     scale: bool | None = option(
         "packing", "Keep the sizes of the charts: 1 unit is 1 page.", flag="--no-scale",
         applies=applies.with_packing,

@@ -20,6 +20,7 @@ from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.floaters import Floaters
 from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
+from circparam.pipeline.stacks import Stacks
 from circparam.pipeline.verify import Promise, Verification, reasons, verify
 
 if TYPE_CHECKING:
@@ -52,8 +53,8 @@ class Result:
     input vertex and face of every one in that file. work: unwrap, or pack where the charts were there before.
     uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None;
     group_by: what has an atlas of its own, or None.
-    effort: how many searches the layout is the best of.
-    floaters: what --drop-floaters left out, None where it was not given. advice: what other options would do
+    effort: how many searches the layout is the best of. floaters: what --drop-floaters left out, stacks: what
+    --stack laid on what; None where they were not given. advice: what other options would do
     for the page, where that was tried.
     """
 
@@ -78,6 +79,7 @@ class Result:
     work: str = "unwrap"
     uv_double: bool = False
     floaters: Floaters | None = None
+    stacks: Stacks | None = None
     path: str | None = None
     format: str = ""
     files: list[str] = field(default_factory=list)
@@ -154,7 +156,11 @@ def promise(options: Options) -> Promise:
 
 
 def verify_layout(
-    surface: Surface, uvmap: UVMap, options: Options, tiles: IntArray | None = None
+    surface: Surface,
+    uvmap: UVMap,
+    options: Options,
+    tiles: IntArray | None = None,
+    stacks: Stacks | None = None,
 ) -> Verification:
     """Verify a layout of the whole mesh as the options ask for it."""
     return verify(
@@ -163,6 +169,7 @@ def verify_layout(
         resolution=(options.resolution or DEFAULT_RESOLUTION) if options.packed else None,
         padding=options.padding_texels,
         tiles=tiles,
+        declared=None if stacks is None else stacks.declared,
     )
 
 

@@ -66,7 +66,9 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
         # the file holds the very numbers that were verified: what was found for them is found again
         same = _same_corners(uvmap, UVMap(result.uv, result.uv_faces))
         verification = (
-            result.verification if same else verify_layout(result.surface, uvmap, o, result.tiles)
+            result.verification
+            if same
+            else verify_layout(result.surface, uvmap, o, result.tiles, result.stacks)
         )
     charts = result.charts.copy()
     charts[result.surface.source] = verification.cut_mesh.chart

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
 from circparam.core.workers import Later
-from circparam.geometry.visibility import PARTS, visible_part
+from circparam.geometry.visibility import PARTS, visible_part, visible_share
 from circparam.mesh.mesh import UVMap
 from circparam.mesh.surface import Surface
 from circparam.pipeline.verify import Verification, uv_seams
@@ -36,7 +36,7 @@ class SeenBeside:
     """What is seen of the seams of a layout: a process that is idle looks along half of the directions."""
 
     def __init__(self, surface: Surface, uvmap: UVMap, monitor: Monitor) -> None:
-        self._surface, self._monitor = surface, monitor
+        self._surface, self._uvmap, self._monitor = surface, uvmap, monitor
         self._later: Later | None = None
         if monitor.jobs > 1 and not self._late():
             self._cut = uv_seams(surface, uvmap)
@@ -55,7 +55,12 @@ class SeenBeside:
             # here meanwhile, all in the order of ``visible_share``: so the sum is the same to the last digit
             rest = [visible_part(self._surface, self._cut, k) for k in range(1, PARTS)]
             return replace(found, seen=Known(sum([self._later.result(), *rest])))
-        return replace(found, seen=Known(None)) if self._late() else found
+        if self._late():
+            return replace(found, seen=Known(None))
+        if self._surface is found.surface:
+            return found
+        cut = uv_seams(self._surface, self._uvmap)
+        return replace(found, seen=lambda: visible_share(self._surface, cut))
 
     def _late(self) -> bool:
         """Whether looking would end after the moment at which all work has to."""

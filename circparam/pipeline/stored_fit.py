@@ -10,7 +10,7 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import NoResultError
-from circparam.formats.io import has_doubles, rounding
+from circparam.formats.io import has_doubles
 from circparam.geometry.coverage import pages_of
 from circparam.geometry.overlap import signs
 from circparam.mesh.cut_mesh import CutMesh
@@ -128,7 +128,7 @@ def hold(
     """
     tried: list[Held] = []
     for double in (False, True) if has_doubles(job.target) else (False,):
-        number = rounding(job.target, job.document, double)
+        number = job.rounding(double)
         for exact in _placements(cut_mesh, uv, number, mirrored, turn and not double):
             found = store(cut_mesh, exact, mirrored, number)
             tried.append(Held(found, double, _notes(found, double)))

@@ -12,6 +12,7 @@ from circparam.core.limits import mip_level
 from circparam.geometry.boundary import boundary_in
 from circparam.packing.options import PackOptions
 from circparam.pipeline.options import DEFAULT_RESOLUTION
+from circparam.pipeline.stacks import stacked_figures
 
 if TYPE_CHECKING:
     from circparam.pipeline.inspect import Inspection
@@ -54,6 +55,9 @@ def summarise(result: Result) -> dict[str, Any]:
         **numbers,
         "dropped_components": 0 if left_out is None else left_out.components,
         "dropped_faces": 0 if left_out is None else int(left_out.faces.sum()),
+        "stack": None
+        if result.stacks is None
+        else stacked_figures(result.stacks, result.verification),
         "padding": result.options.padding_texels if result.options.packed else None,
         "mip_level": mip_level(result.options.padding_texels) if result.options.packed else None,
         "repairs": result.repairs,

@@ -192,20 +192,21 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     """What was made, and what it is worth."""
     cascade, uvmap = fitted.cascade, fitted.uvmap
     with monitor.stage("verify"):
-        verification = verify_layout(job.surface, uvmap, job.options, job.tiles)
+        verification = verify_layout(job.whole, uvmap, job.options, job.tiles, job.stacks)
     charts = np.full(len(job.document.mesh.faces), -1)
-    charts[job.surface.source] = verification.cut_mesh.chart
+    charts[job.whole.source] = verification.cut_mesh.chart
     repairs = [*job.repair_report.messages, *cascade.repairs]
     auto = job.options.padding == AUTO and job.options.packed
     left_out = [padding_note(job.options.padding_texels)] if auto else []
     left_out += [] if job.floaters is None else [told(job.floaters)]
+    left_out += [] if job.stacks is None else job.stacks.told()
     if job.options.pins is not None:
         check_held(job.document.mesh, uvmap, job.options.pins, [*cascade.notes, *cascade.repairs])
     said = verdict(verification, job.options, repairs, monitor.hurried)
     return Result(
         options=job.options,
         document=job.document,
-        surface=job.surface,
+        surface=job.whole,
         repair_report=job.repair_report,
         uv=uvmap.uv,
         uv_faces=uvmap.uv_faces,
@@ -224,6 +225,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         group_by=job.group_by,
         uv_double=fitted.double,
         floaters=job.floaters,
+        stacks=job.stacks,
         advice=cascade.advice,
     )
 

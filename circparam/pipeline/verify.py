@@ -7,7 +7,7 @@ seams are where the uv of the two sides of an edge differ, charts are what lies 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +28,30 @@ from circparam.mesh.surface import Surface
 BOUND_SLACK = 1e-4  # relative: what storing uv in float32 may add to a distortion
 TAIL = 1e-3  # share of the surface on which the stretch may be larger than promised
 EVEN = 1e-9  # share of a chart's area by which one side must outweigh the other
+OFFSET_SLACK = 1e-9  # of a page: rounding of u + 1 to decimals, far below any texel
 EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may lie
+
+
+@dataclass(frozen=True, eq=False)
+class Declared:
+    """Faces that may lie on others, as they are copies of them.
+
+    corner: (m, 3) corner 3f + k of the surface on which each corner lies, itself where it is no copy. copy: (m,)
+    bool. turned: (m,) bool, copies that lie mirrored. offset: u of copies beside what they are copies of.
+    """
+
+    corner: IntArray
+    copy: BoolArray
+    turned: BoolArray
+    offset: float = 0.0
+
+    def stacked(self, corners: FloatArray) -> BoolArray:
+        """(m,) bool: copies whose corners (m, 3, 2) are where they should be, to the last bit; beside an offset up
+        to the rounding of a sum."""
+        away = corners - [self.offset, 0.0] - corners.reshape(-1, 2)[self.corner]
+        slack = OFFSET_SLACK if self.offset else 0.0
+        result: BoolArray = self.copy & (np.abs(away) <= slack).all((1, 2))
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +63,8 @@ class Verification:
     flips: faces turned against their chart, or without area; flipped: (m,) bool. mirrored: charts that lie
     clockwise although the file winds most of their area the other way, or the reverse. overlapping: charts
     that overlap themselves; overlapping_pairs (p, 2). outside: charts that leave their page. used: (n,)
-    bool, charts that have uv. seam_length: that of all seams / √(surface area). pages: how many hold a chart,
+    bool, charts that have uv. stacked: charts that lie on others as declared; overlaps, pages and coverage are
+    those of the rest. seam_length: that of all seams / √(surface area). pages: how many hold a chart,
     None where there are no pages. coverage: None where the layout was not rasterised. seen: what tells
     ``seam_visible`` where something else than looking does: a process that looks meanwhile, or a lack of time.
     """
@@ -64,6 +88,7 @@ class Verification:
     pages: int | None
     coverage: Coverage | None
     seen: Callable[[], float | None] | None = None
+    stacked: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @cached_property
     def seam_visible(self) -> float | None:
@@ -93,6 +118,7 @@ class Verification:
         m, c = self.measures, self.coverage
         return {
             "charts": self.charts,
+            "stacked": len(self.stacked),
             "flips": self.flips,
             "overlap": self.overlap,
             "mirrored": len(self.mirrored),
@@ -140,6 +166,7 @@ def verify(
     padding: int = 4,
     tiles: IntArray | None = None,
     most_pages: int | None = None,
+    declared: Declared | None = None,
 ) -> Verification:
     """Judge a layout over the faces of the mesh that the surface was made from.
 
@@ -147,6 +174,7 @@ def verify(
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this.
     tiles: (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane;
     tile t is laid out t units to the right. most_pages: of a layout on more, nothing is rasterised.
+    declared: what may lie on what; only charts that lie there whole are allowed to.
     Raises InputError where no face has uv that are numbers.
     """
     corners, ok = corners_of(surface, uvmap)
@@ -158,16 +186,19 @@ def verify(
         cut |= own[surface.edges[:, 0] // 3] != own[surface.edges[:, 1] // 3]
     atlas = Atlas(surface, cut, corners)
     cut_mesh, uv = atlas.open()
-    flipped, mirrored = _orientation(surface, cut_mesh, signs(uv, cut_mesh.faces), ok)
     used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
+    stacked, turned = _stacked(cut_mesh, corners, declared)
+    flipped, mirrored = _orientation(surface, cut_mesh, signs(uv, cut_mesh.faces), ok, turned)
+    laid = used & ~stacked
     if own is not None:
         uv = uv + np.stack([_vertex_tiles(cut_mesh, own), np.zeros(len(uv))], 1)
+    single, vertices, _ = cut_mesh.subset(laid)
+    found = overlaps(single.faces, uv[vertices], single.chart, single.edges)
+    number = np.flatnonzero(laid)
+    pages = len(np.unique(pages_of(cut_mesh, uv)[laid]))
+    drawn = most_pages is None or pages <= most_pages
     part, vertices, faces = cut_mesh.subset(used)
     points = uv[vertices]
-    found = overlaps(part.faces, points, part.chart, part.edges)
-    number = np.flatnonzero(used)
-    pages = len(np.unique(pages_of(cut_mesh, uv)[used]))
-    drawn = most_pages is None or pages <= most_pages
     alike = points if own is None else _at_best_scales(part, points, own[faces])
     return Verification(
         surface=surface,
@@ -180,17 +211,30 @@ def verify(
         mirrored=mirrored,
         overlapping=number[np.flatnonzero(found.self_overlapping)],
         overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
-        outside=_outside(cut_mesh, uv, used) if resolution else np.zeros(0, np.int64),
+        outside=_outside(cut_mesh, uv, laid) if resolution else np.zeros(0, np.int64),
         used=used,
         measures=measure(part, alike),
         seam_length=_seam_length(atlas),
         uv_min=points.min(0),
         uv_max=points.max(0),
         pages=pages if resolution else None,
-        coverage=cover(cut_mesh, uv, resolution, padding + 2, used)
+        coverage=cover(cut_mesh, uv, resolution, padding + 2, laid)
         if resolution and drawn
         else None,
+        stacked=np.flatnonzero(stacked),
     )
+
+
+def _stacked(
+    cut_mesh: CutMesh, corners: FloatArray, declared: Declared | None
+) -> tuple[BoolArray, BoolArray]:
+    """(n_charts,) bool: charts that lie on others as declared, whole, and those of them that lie mirrored."""
+    n = cut_mesh.n_charts
+    if declared is None:
+        return np.zeros(n, bool), np.zeros(n, bool)
+    there = declared.stacked(corners)
+    stacked = group_count(cut_mesh.chart[~there], n) == 0
+    return stacked, stacked & (group_count(cut_mesh.chart[declared.turned], n) > 0)
 
 
 def flipped_faces(surface: Surface, uvmap: UVMap) -> BoolArray:
@@ -208,17 +252,22 @@ def _seam_length(atlas: Atlas) -> float:
 
 
 def _orientation(
-    surface: Surface, cut_mesh: CutMesh, sign: SignArray, ok: BoolArray
+    surface: Surface,
+    cut_mesh: CutMesh,
+    sign: SignArray,
+    ok: BoolArray,
+    turned: BoolArray | bool = False,
 ) -> tuple[BoolArray, IntArray]:
     """(m,) faces flipped against their chart, and the charts that lie the wrong way round as a whole.
 
-    sign: (m,) of the area of each face in the plane; ok: (m,) faces that have uv.
+    sign: (m,) of the area of each face in the plane; ok: (m,) faces that have uv. turned: (n_charts,) bool,
+    charts that are to lie the other way round.
     """
     n, chart = cut_mesh.n_charts, cut_mesh.chart
     positive = group_count(chart[ok & (sign > 0)], n)
     negative = group_count(chart[ok & (sign < 0)], n)
     mirror = negative > positive
-    wrong = (mirror != reversed_charts(surface, cut_mesh)) & (negative + positive > 0)
+    wrong = (mirror != (reversed_charts(surface, cut_mesh) ^ turned)) & (negative + positive > 0)
     return ok & (np.where(mirror[chart], -sign, sign) <= 0), np.flatnonzero(wrong)
 
 

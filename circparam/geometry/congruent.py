@@ -1,0 +1,391 @@
+"""Components of one shape up to a motion or a mirror, whatever the order of their vertices and faces.
+
+1. Numbers that no motion changes (counts, area, second moment, distances of vertices) part the components into
+   classes; the first of each class leads it.
+2. A leader has a frame: its centroid and two vertices of few like them. Every pair of vertices of a copy that
+   may stand for these two gives a motion, and one nearest-neighbour query tells whether it carries all
+   vertices over. All components are tried at once.
+3. Faces are compared through the vertices that belong together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_of_runs,
+    group_count,
+    group_max,
+    group_sum,
+    ranges,
+)
+
+ALIKE = 2e-5  # of the radius of a component: how far points of copies may lie apart
+NOISE = 1.2e-6  # of the largest coordinate: likewise, what single precision and a rotation do to two points
+BENT = 0.1  # radians by which the sums of the angles at two vertices may differ
+BASES = (16, 8)  # vertices that are tried for the first and the second of a leader's frame
+LEADERS = 16  # times that what is like no leader of its class is given a leader of its own
+FAR, WIDE = (
+    0.3,
+    0.1,
+)  # of the radius: least distance of the first vertex from the centroid, and of the second
+# from the line through both
+
+
+@dataclass(frozen=True, eq=False)
+class Congruent:
+    """corner: (m, 3) corner 3f + k of the leading component that each corner is a copy of, itself where it is
+    none. copy: (m,) bool, faces of copies. turned: (m,) bool, copies whose faces run the other way round."""
+
+    corner: IntArray
+    copy: BoolArray
+    turned: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Components with vertices of their own. vertex: (m, 3) number of each corner's vertex, ascending by
+    component; points: (v, 3) from the centroid of the component; owner: (v,) component; first: (n + 1,) first
+    vertex of each; radius, slack: (n,) farthest vertex, and how far copies may be off; distance, angle: (v,)
+    from the centroid, and sum of the angles of the faces there."""
+
+    component: IntArray
+    vertex: IntArray
+    points: FloatArray
+    owner: IntArray
+    first: IntArray
+    radius: FloatArray
+    slack: FloatArray
+    distance: FloatArray
+    angle: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """Two vertices of each leader, ``base`` and ``side`` (n,), −1 for components that lead nothing."""
+
+    base: IntArray
+    side: IntArray
+
+
+def find_congruent(
+    points: FloatArray,
+    faces: IntArray,
+    component: IntArray,
+    label: IntArray,
+    mirror: bool = False,
+) -> Congruent:
+    """Components of the same shape: points (n, 3), faces (m, 3), component (m,) from 0 on without gaps.
+
+    label: (m,) what copies must share face by face, such as their material. mirror: mirror images and
+    components turned inside out are copies as well.
+    """
+    parts = _parts(points, faces, component)
+    count = len(parts.first) - 1
+    group = _classes(parts)
+    lead = np.arange(count)
+    corner = np.arange(faces.size).reshape(-1, 3)
+    turned = np.zeros(len(faces), bool)
+    left = group_count(group, count)[group] > 1
+    for _ in range(LEADERS):
+        if not left.any():
+            break
+        first = np.full(count, count)
+        np.minimum.at(first, group[left], np.flatnonzero(left))
+        leader = np.where(left, first[group], np.arange(count))
+        left &= leader != np.arange(count)
+        found = _copies_of(parts, leader, left, label, mirror)
+        lead[found.component] = leader[found.component]
+        corner[found.face] = found.corner
+        turned[found.face] = found.turned
+        left[found.component] = False
+        left &= group_count(group[left], count)[group] > 1
+    return Congruent(corner, (lead != np.arange(count))[component], turned)
+
+
+def _parts(points: FloatArray, faces: IntArray, component: IntArray) -> _Parts:
+    n = int(component.max(initial=-1)) + 1
+    key, vertex = np.unique(
+        np.repeat(component, 3) * len(points) + faces.ravel(), return_inverse=True
+    )
+    vertex = vertex.reshape(-1, 3)
+    owner = key // len(points)
+    own = points[key % len(points)]
+    corner = own[vertex]
+    area = (
+        np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+        / 2
+    )
+    total = np.maximum(group_sum(area, component, n), 1e-300)
+    middle = corner.mean(1)
+    centre = np.stack([group_sum(area * middle[:, k], component, n) / total for k in range(3)], 1)
+    local = own - centre[owner]
+    distance = np.linalg.norm(local, axis=1)
+    radius = group_max(distance, owner, n)
+    ahead = corner[:, [1, 2, 0]] - corner
+    back = corner[:, [2, 0, 1]] - corner
+    across = np.linalg.norm(np.cross(ahead, back), axis=2)
+    angle = group_sum(np.arctan2(across, (ahead * back).sum(2)).ravel(), vertex.ravel(), len(own))
+    reach = float(np.abs(own).max(initial=0.0))
+    first = np.searchsorted(owner, np.arange(n + 1))
+    return _Parts(
+        component,
+        vertex,
+        local,
+        owner,
+        first,
+        radius,
+        ALIKE * radius + NOISE * reach,
+        distance,
+        angle,
+    )
+
+
+def _classes(parts: _Parts) -> IntArray:
+    """(n,) class of each component: those in different ones cannot be congruent."""
+    n = len(parts.radius)
+    corner = parts.points[parts.vertex]
+    area = (
+        np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+        / 2
+    )
+    # the second moment of a triangle about the origin: A / 12 (Σ |p|² + |Σ p|²)
+    moment = area / 12 * ((corner**2).sum((1, 2)) + (corner.sum(1) ** 2).sum(1))
+    total = np.maximum(group_sum(area, parts.component, n), 1e-300)
+    size = group_count(parts.owner, n)
+    counts = np.stack([group_count(parts.component, n), size], 1)
+    group = np.unique(counts, axis=0, return_inverse=True)[1].reshape(-1)
+    lengths = (
+        parts.radius,
+        np.sqrt(total),
+        np.sqrt(group_sum(moment, parts.component, n) / total),
+        group_sum(parts.distance, parts.owner, n) / np.maximum(size, 1),
+    )
+    for length in lengths:
+        order = np.lexsort((length, group))
+        gap = np.diff(length[order]) > 4 * np.maximum(
+            parts.slack[order][1:], parts.slack[order][:-1]
+        )
+        new = np.r_[True, gap | (np.diff(group[order]) != 0)]
+        group = np.empty(n, np.int64)
+        group[order] = np.cumsum(new) - 1
+    return group
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """component: (c,) that are copies; face: (k,) their faces, corner (k, 3) of the leader, turned (k,)."""
+
+    component: IntArray
+    face: IntArray
+    corner: IntArray
+    turned: BoolArray
+
+
+def _copies_of(
+    parts: _Parts, leader: IntArray, asked: BoolArray, label: IntArray, mirror: bool
+) -> _Found:
+    """Which of the components ``asked`` ((n,) bool) are copies of their leaders (n,)."""
+    from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
+
+    n = len(leader)
+    leads = np.zeros(n, bool)
+    leads[leader[asked]] = True
+    frames = _frames(parts, leads)
+    mine = np.flatnonzero(leads[parts.owner])
+    scale = np.maximum(parts.radius, 1e-300)
+    # leaders lie one after the other along a fourth axis, too far apart to be neighbours
+    tree = cKDTree(_apart(parts.points[mine] / scale[parts.owner[mine], None], parts.owner[mine]))
+    reach = 2 * float((parts.slack / scale)[asked].max(initial=0.0)) + 1e-9
+    order = np.lexsort((*np.sort(parts.vertex, 1).T[::-1], parts.component))
+    begin = np.searchsorted(parts.component[order], np.arange(n + 1))
+    bases = _like(parts, frames.base, leader, asked)
+    sides = _like(parts, frames.side, leader, asked)
+    left, found = asked.copy(), []
+    for handed in (1.0, -1.0) if mirror else (1.0,):
+        for own, base, side in _trials(parts, frames, leader, left, bases, sides):
+            motion = _motions(parts, frames, leader, own, base, side, handed)
+            size = parts.first[own + 1] - parts.first[own]
+            vertex = np.repeat(parts.first[own], size) + ranges(size)
+            which = np.repeat(np.arange(len(own)), size)
+            moved = np.einsum("kij,kj->ki", motion[which], parts.points[vertex])
+            to = leader[own][which]
+            away, near = tree.query(_apart(moved / scale[to, None], to), distance_upper_bound=reach)
+            match = np.full(len(parts.owner), -1)
+            match[vertex] = mine[np.minimum(near, len(mine) - 1)]
+            wrong = away * scale[to] > parts.slack[own][which]
+            fits = group_count(which[wrong], len(own)) == 0
+            fits &= _one_to_one(which, match[vertex], size)
+            if fits.any():
+                found.append(
+                    _same_faces(parts, leader, own[fits], match, order, begin, label, mirror)
+                )
+                left[found[-1].component] = False
+    none = np.zeros(0, np.int64)
+    found.append(_Found(none, none, none.reshape(0, 3), none.astype(bool)))
+    return _Found(
+        *(
+            np.concatenate([getattr(some, name) for some in found])
+            for name in ("component", "face", "corner", "turned")
+        )
+    )
+
+
+def _apart(points: FloatArray, leader: IntArray) -> FloatArray:
+    return np.concatenate([points, 8.0 * leader[:, None]], 1)
+
+
+def _one_to_one(which: IntArray, near: IntArray, size: IntArray) -> BoolArray:
+    """(k,) bool: the vertices of each trial have as many different partners as there are, ``size`` (k,)."""
+    pairs = np.lexsort((near, which))
+    a, b = which[pairs], near[pairs]
+    new = np.r_[True, (np.diff(a) != 0) | (np.diff(b) != 0)]
+    result: BoolArray = group_count(a[new], len(size)) == size
+    return result
+
+
+def _frames(parts: _Parts, leads: BoolArray) -> _Frames:
+    """Two vertices of each leader of which few others of it are like them, off one line with the centroid."""
+    n = len(leads)
+    vertex = np.flatnonzero(leads[parts.owner])
+    owner = parts.owner[vertex]
+    radius, step = np.maximum(parts.radius[owner], 1e-300), 4 * parts.slack[owner]
+    far = parts.distance[vertex] >= FAR * radius
+    kind = np.stack(
+        [owner, np.round(parts.distance[vertex] / step), np.round(parts.angle[vertex] / BENT)], 1
+    )
+    base = np.full(n, -1)
+    base[owner] = _rarest(vertex, owner, kind, ~far, parts.distance[vertex])
+    along = parts.points[base[owner]]
+    along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    p = parts.points[vertex]
+    off = np.linalg.norm(p - (p * along).sum(1)[:, None] * along, axis=1)
+    widest = group_max(off, owner, n)[owner]
+    between = np.round(np.linalg.norm(p - parts.points[base[owner]], axis=1) / step)
+    side = np.full(n, -1)
+    side[owner] = _rarest(
+        vertex, owner, np.c_[kind, between], off < np.minimum(WIDE * radius, widest), off
+    )
+    return _Frames(base, side)
+
+
+def _rarest(
+    vertex: IntArray, owner: IntArray, kind: FloatArray, worse: BoolArray, size: FloatArray
+) -> IntArray:
+    """For each row the vertex of its owner that has the fewest of its kind; of these the one of largest size.
+    worse: (k,) bool, only where the owner has no other."""
+    _, label, number = np.unique(kind, axis=0, return_inverse=True, return_counts=True)
+    many = number[label.reshape(-1)]
+    order = np.lexsort((vertex, -size, many, worse, owner))
+    lead = order[first_of_runs(owner[order])]
+    chosen = np.zeros(int(owner.max(initial=-1)) + 1, np.int64)
+    chosen[owner[lead]] = vertex[lead]
+    result: IntArray = chosen[owner]
+    return result
+
+
+def _like(parts: _Parts, frame: IntArray, leader: IntArray, asked: BoolArray) -> BoolArray:
+    """(v,) bool: vertices of the components asked that are as far out as the leader's vertex, and as bent."""
+    own = np.flatnonzero(asked[parts.owner])
+    of = frame[leader[parts.owner[own]]]
+    out = np.zeros(len(parts.owner), bool)
+    near = np.abs(parts.distance[own] - parts.distance[of]) <= 2 * parts.slack[parts.owner[own]]
+    out[own] = near & (np.abs(parts.angle[own] - parts.angle[of]) <= BENT)
+    return out
+
+
+def _trials(
+    parts: _Parts,
+    frames: _Frames,
+    leader: IntArray,
+    left: BoolArray,
+    bases: BoolArray,
+    sides: BoolArray,
+) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
+    """(components, base, side) of one motion for each, until none is left; ``left`` shrinks meanwhile."""
+    n = len(leader)
+    base = np.flatnonzero(bases)
+    rank = ranges(group_count(parts.owner[base], n))
+    for k in range(min(BASES[0], int(rank.max(initial=-1)) + 1)):
+        now = base[(rank == k) & left[parts.owner[base]]]
+        if not len(now):
+            continue
+        of = np.full(n, -1)
+        of[parts.owner[now]] = now
+        side = np.flatnonzero(sides & (of[parts.owner] >= 0))
+        own = parts.owner[side]
+        wanted = np.linalg.norm(
+            parts.points[frames.side[leader[own]]] - parts.points[frames.base[leader[own]]], axis=1
+        )
+        apart = np.linalg.norm(parts.points[side] - parts.points[of[own]], axis=1)
+        side = side[np.abs(apart - wanted) <= 2 * parts.slack[own]]
+        second = ranges(group_count(parts.owner[side], n))
+        for j in range(min(BASES[1], int(second.max(initial=-1)) + 1)):
+            chosen = side[(second == j) & left[parts.owner[side]]]
+            if len(chosen):
+                own = parts.owner[chosen]
+                yield own, of[own], chosen
+
+
+def _motions(
+    parts: _Parts,
+    frames: _Frames,
+    leader: IntArray,
+    own: IntArray,
+    base: IntArray,
+    side: IntArray,
+    handed: float,
+) -> FloatArray:
+    """(k, 3, 3) rotations, or mirrored ones (handed −1), that carry the frame of a copy onto the leader's."""
+    to = leader[own]
+    target = _axes(parts.points[frames.base[to]], parts.points[frames.side[to]], 1.0)
+    source = _axes(parts.points[base], parts.points[side], handed)
+    result: FloatArray = np.einsum("kai,kaj->kij", target, source)
+    return result
+
+
+def _axes(a: FloatArray, b: FloatArray, handed: float) -> FloatArray:
+    """(k, 3, 3) orthonormal rows: along a, in the plane of a and b, and across it."""
+    x = a / np.maximum(np.linalg.norm(a, axis=1), 1e-300)[:, None]
+    y = b - (b * x).sum(1)[:, None] * x
+    y = y / np.maximum(np.linalg.norm(y, axis=1), 1e-300)[:, None]
+    return np.stack([x, y, handed * np.cross(x, y)], 1)
+
+
+def _same_faces(
+    parts: _Parts,
+    leader: IntArray,
+    own: IntArray,
+    match: IntArray,
+    order: IntArray,
+    begin: IntArray,
+    label: IntArray,
+    mirror: bool,
+) -> _Found:
+    """Of components whose vertices match those of their leaders, the ones whose faces do as well.
+
+    match: (v,) vertex of the leader. order, begin: faces sorted by component and vertices, and where each
+    component begins.
+    """
+    size = begin[own + 1] - begin[own]
+    which = np.repeat(np.arange(len(own)), size)
+    face = order[np.repeat(begin[own], size) + ranges(size)]
+    mapped = match[parts.vertex[face]]
+    rank = np.lexsort((*np.sort(mapped, 1).T[::-1], which))
+    face, mapped = face[rank], mapped[rank]
+    theirs = order[np.repeat(begin[leader[own]], size) + ranges(size)]
+    at = mapped[:, :, None] == parts.vertex[theirs][:, None, :]
+    place = at.argmax(2)
+    odd = (place[:, 1] - place[:, 0]) % 3 != 1
+    count = len(own)
+    bad = ~at.any(2).all(1) | (label[face] != label[theirs])
+    odds = group_count(which[odd], count)
+    good = (group_count(which[bad], count) == 0) & ((odds == 0) | (mirror & (odds == size)))
+    keep = good[which]
+    return _Found(own[good], face[keep], 3 * theirs[keep][:, None] + place[keep], odd[keep])

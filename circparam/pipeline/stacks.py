@@ -1,0 +1,151 @@
+"""Parts that are copies of each other (``--stack``): one of each kind is laid out, the others lie on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count
+from circparam.core.words import counted
+from circparam.formats.document import Document
+from circparam.geometry.congruent import Congruent, find_congruent
+from circparam.mesh.repair import RepairReport
+from circparam.mesh.surface import Surface
+from circparam.pipeline.options import Options
+from circparam.pipeline.verify import Declared, Verification
+
+
+@dataclass(frozen=True, eq=False)
+class Stacks:
+    """whole: the surface with every part; declared: which corners lie on which. parts, kinds: components, and
+    those of them that are laid out; copies: the others; mirrored: those of them that lie mirrored; apart: copies
+    that keep a place of their own since their materials or densities are others.
+    """
+
+    whole: Surface
+    declared: Declared
+    parts: int
+    kinds: int
+    mirrored: int
+    apart: int
+
+    @property
+    def copies(self) -> int:
+        """Components that lie on another one."""
+        return self.parts - self.kinds
+
+    def spread(self, uv: FloatArray, uv_faces: IntArray) -> tuple[FloatArray, IntArray]:
+        """uv (k, 2) and uv_faces of the faces laid out as those of all faces of ``whole``."""
+        d = self.declared
+        number = np.cumsum(~d.copy) - 1
+        every = uv_faces.ravel()[3 * number[d.corner // 3] + d.corner % 3]
+        if not d.offset:
+            return uv, every
+        return np.concatenate([uv, uv + [d.offset, 0.0]]), every + len(uv) * d.copy[:, None]
+
+    def told(self) -> list[str]:
+        """One line about the stacks, and one about copies that are in none."""
+        mirrored = f", {self.mirrored} of them mirrored" if self.mirrored else ""
+        lines = [
+            f"{counted(self.parts, 'part')} of {counted(self.kinds, 'kind')}: "
+            f"{counted(self.copies, 'copy')} on the texels of others{mirrored}"
+        ]
+        if self.apart:
+            lines.append(
+                f"{counted(self.apart, 'copy')} with places of their own: other materials than what they are "
+                "copies of"
+            )
+        return lines
+
+
+def find_stacks(
+    document: Document,
+    surface: Surface,
+    report: RepairReport,
+    options: Options,
+    tiles: IntArray | None,
+) -> tuple[Surface, Stacks | None]:
+    """The surface of one part of each kind, and what lies on what; None where stacks were not asked for.
+
+    Parts are copies where a motion, or with ``mirrored`` a mirror, carries vertices and faces over; what they are
+    made of must be the same. Parts with edges that the user names as seams, or forbids, stay for themselves.
+    """
+    if options.stack in (None, "off"):
+        return surface, None
+    count, component = surface.components
+    shape = surface.reversed_faces.astype(np.int64)
+    named = _named(surface, report, options)
+    shape[named] = 2 + component[named]
+    kind, several = shape, False
+    for label in (document.mesh.groups, tiles):
+        if label is not None:
+            own = label[surface.source]
+            several |= bool((own != own[0]).any())
+            kind = kind * (int(own.max()) + 1) + own
+    mirror = options.stack == "mirrored"
+
+    def found(label: IntArray) -> Congruent:
+        return find_congruent(surface.points, surface.faces, component, label, mirror)
+
+    by = found(kind)
+    apart = 0
+    if several:
+        apart = _parts_of(component, found(shape).copy, count) - _parts_of(
+            component, by.copy, count
+        )
+    offset = float(options.pages or 1) if options.stack_offset else 0.0
+    copies = _parts_of(component, by.copy, count)
+    stacks = Stacks(
+        surface,
+        Declared(by.corner, by.copy, by.turned, offset),
+        count,
+        count - copies,
+        _parts_of(component, by.turned, count),
+        max(apart, 0),
+    )
+    return (surface.part(~by.copy) if copies else surface), stacks
+
+
+def _parts_of(component: IntArray, faces: BoolArray, count: int) -> int:
+    return int((group_count(component[faces], count) > 0).sum())
+
+
+def _named(surface: Surface, report: RepairReport, options: Options) -> BoolArray:
+    """(m,) bool: faces of components with vertices that ``seams`` or ``no_seams`` name."""
+    pairs = [
+        np.asarray(p, np.int64).ravel() for p in (options.seams, options.no_seams) if p is not None
+    ]
+    if not pairs:
+        return np.zeros(len(surface.faces), bool)
+    vertex = np.concatenate(pairs)
+    vertex = vertex[(vertex >= 0) & (vertex < len(report.weld))]  # others are refused later
+    return surface.whole_components(np.isin(surface.faces, report.weld[vertex]).any(1))
+
+
+def stacked_figures(stacks: Stacks, found: Verification) -> dict[str, object]:
+    """What the report tells of the stacks, with them and without.
+
+    seam_length: of the charts laid out, in units of √(area of all), as that of all is. pack_unstacked: pages that
+    all parts would cover at this density. density_gain: texels per unit over those without stacks, where pages are
+    covered alike.
+    """
+    surface, copy = stacks.whole, stacks.declared.copy
+    areas, cut = surface.areas, found.cut & ~copy[surface.edges[:, 0] // 3]
+    share = float(areas[~copy].sum() / areas.sum())
+    pack = None if found.coverage is None else found.coverage.share
+    return {
+        "parts": stacks.parts,
+        "kinds": stacks.kinds,
+        "copies": stacks.copies,
+        "mirrored": stacks.mirrored,
+        "apart": stacks.apart,
+        "offset": stacks.declared.offset,
+        "charts": found.charts - len(found.stacked),
+        "charts_unstacked": found.charts,
+        "seam_length": float(surface.edge_lengths[cut].sum() / np.sqrt(areas.sum())),
+        "seam_length_unstacked": found.seam_length,
+        "pack": pack,
+        "pack_unstacked": None if pack is None else pack * (found.pages or 1) / share,
+        "density_gain": share**-0.5,
+    }

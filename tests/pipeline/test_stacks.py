@@ -1,0 +1,122 @@
+"""Stacks: copies lie on the texels of one part, told and verified; nothing else may lie on anything."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.errors import OptionError
+from circparam.formats.io import read
+from circparam.formats.memory import from_arrays
+from circparam.mesh.mesh import UVMap
+from circparam.pipeline.result import verify_layout
+from circparam.pipeline.summary import summarise
+from tests.support import shapes
+from tests.support.assembly import assemble, bolt, kinds
+
+QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
+
+
+@pytest.mark.parametrize("ending", ["obj", "glb", "ply"])
+@pytest.mark.parametrize("offset", [None, True])
+def test_copies_lie_on_one_part_and_nothing_else_overlaps(
+    tmp_path: Path, ending: str, offset: bool | None
+) -> None:
+    a = assemble(kinds(4), 12, mirror=0.4)
+    out = tmp_path / f"o.{ending}"
+    result = circparam.unwrap(
+        (a.points, a.faces), out, stack="mirrored", stack_offset=offset, **QUICK
+    )
+    report = summarise(result)
+    assert report["status"] == "ok"
+    assert (report["flips"], report["overlap"], report["mirrored"], report["missing"]) == (
+        0,
+        0,
+        0,
+        0,
+    )
+    stack = report["stack"]
+    assert (stack["parts"], stack["kinds"], stack["copies"]) == (12, 4, 8)
+    assert report["charts"] - report["stacked"] == stack["charts"] < report["charts"]
+    assert report["pages"] == 1
+    back = read(out)
+    uvmap = back.uv()
+    u = uvmap.uv[uvmap.uv_faces][:, :, 0]
+    assert (u.max() > 1) == bool(offset)
+    assert u.max() < (2 if offset else 1)
+
+
+def test_stacks_make_room() -> None:
+    a = assemble(kinds(4), 24)
+    alone = circparam.unwrap((a.points, a.faces), **QUICK)
+    stacked = circparam.unwrap((a.points, a.faces), stack="identical", **QUICK)
+
+    def density(result) -> float:
+        p = result.uv[result.uv_faces]
+        e = p[:, 1:] - p[:, :1]
+        return float(np.abs(e[:, 0, 0] * e[:, 1, 1] - e[:, 0, 1] * e[:, 1, 0]).sum())
+
+    assert density(stacked) > 1.8**2 * density(alone)
+
+
+def test_a_copy_that_lies_elsewhere_counts_as_an_overlap() -> None:
+    a = assemble([bolt()], 3)
+    result = circparam.unwrap((a.points, a.faces), stack="identical", **QUICK)
+    assert result.verification.overlap == 0
+    uv = result.uv[result.uv_faces].reshape(-1, 2).copy()
+    own = np.arange(len(uv)).reshape(-1, 3)
+    moved = a.part == 1
+    moved &= np.isin(a.part, a.part[result.stacks.whole.source[result.stacks.declared.copy]])
+    if not moved.any():
+        moved = a.part == 2
+    uv[own[moved].ravel()] += 1e-4
+    found = verify_layout(result.surface, UVMap(uv, own), result.options, None, result.stacks)
+    assert found.overlap > 0
+    nothing = verify_layout(result.surface, UVMap(result.uv, result.uv_faces), result.options)
+    assert nothing.overlap > 0
+
+
+def test_parts_of_other_materials_keep_their_places_and_are_told() -> None:
+    a = assemble([bolt()], 4)
+    document = from_arrays(a.points, a.faces, groups=a.part // 2)
+    result = circparam.unwrap(document, stack="identical", **QUICK)
+    assert (result.stacks.kinds, result.stacks.apart) == (2, 1)
+    assert any("other materials" in note for note in result.notes)
+
+
+def test_parts_with_seams_of_their_own_are_not_stacked() -> None:
+    a = assemble([bolt()], 3)
+    seam = a.faces[a.part == 2][0, :2]
+    result = circparam.unwrap((a.points, a.faces), stack="identical", seams=[seam], **QUICK)
+    assert result.stacks.kinds == 2
+
+
+def test_copies_that_touch_are_laid_out_validly() -> None:
+    p, f = shapes.cube(2)
+    side = np.ptp(p[:, 0])
+    points = np.concatenate([p, p + [side, 0, 0], p + [5 * side, 0, 0]])
+    faces = np.concatenate([f, f + len(p), f + 2 * len(p)])
+    result = circparam.unwrap((points, faces), stack="mirrored", **QUICK)
+    assert result.verification.overlap == result.verification.flips == 0
+    assert result.status in ("ok", "repaired")
+
+
+def test_pack_stacks_what_was_unwrapped_apart(tmp_path: Path) -> None:
+    a = assemble(kinds(2), 6)
+    path = tmp_path / "apart.obj"
+    circparam.unwrap((a.points, a.faces), path, **QUICK)
+    result = circparam.repack(path, stack="identical", **QUICK)
+    assert result.stacks.copies == 4
+    assert result.verification.overlap == result.verification.flips == 0
+
+
+def test_an_offset_needs_a_stack_and_a_stack_needs_packing() -> None:
+    with pytest.raises(OptionError, match="stack"):
+        circparam.Options(stack_offset=True)
+    with pytest.raises(OptionError, match="no-normalize"):
+        circparam.Options(stack="identical", normalize=False)
+    assert replace(circparam.Options(), stack="off", normalize=False).stack == "off"
