@@ -20,7 +20,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help venv dev node demo test test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps bench-look bench-noise fuzz mutants figures docs dist clean
+.PHONY: help venv dev node demo test test-corpus test-oldest lint format bench bench-atlas bench-hard bench-packing bench-speed bench-scale bench-batch bench-front bench-maps bench-look bench-noise bench-hand fuzz mutants figures docs dist clean
 
 help: ## show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -106,6 +106,9 @@ bench-maps: $(VENV)/.dev ## maps between pairs of surfaces: inversions, landmark
 
 bench-look: $(VENV)/.dev ## textured models before and after --rebake, drawn by three.js (node and Chromium)
 	$(RUN) -m tests.bench look
+
+bench-hand: $(VENV)/.dev ## what an artist's options reach: stacks of copies
+	$(RUN) -m tests.bench hand
 
 bench-packing: $(VENV)/.dev ## covered share on identical charts
 	$(RUN) -m tests.bench packing

@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
@@ -69,7 +71,7 @@ class Job:
         offset = 0.0 if self.stacks is None else self.stacks.declared.offset
         if not offset:
             return number
-        return lambda uv: number(uv + [offset, 0.0]) - [offset, 0.0]
+        return lambda uv: number(uv + np.array([offset, 0.0])) - [offset, 0.0]
 
     def completed(self, cut_mesh: CutMesh, uv: FloatArray, double: bool = False) -> UVMap:
         """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too.

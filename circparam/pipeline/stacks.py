@@ -19,8 +19,8 @@ from circparam.pipeline.verify import Declared, Verification
 @dataclass(frozen=True, eq=False)
 class Stacks:
     """whole: the surface with every part; declared: which corners lie on which. parts, kinds: components, and
-    those of them that are laid out; copies: the others; mirrored: those of them that lie mirrored; apart: copies
-    that keep a place of their own since their materials or densities are others.
+    those of them that are laid out; copies: the others; mirrored: those of them that lie mirrored; apart:
+    copies that keep a place of their own since they are of another material.
     """
 
     whole: Surface
@@ -42,7 +42,9 @@ class Stacks:
         every = uv_faces.ravel()[3 * number[d.corner // 3] + d.corner % 3]
         if not d.offset:
             return uv, every
-        return np.concatenate([uv, uv + [d.offset, 0.0]]), every + len(uv) * d.copy[:, None]
+        return np.concatenate([uv, uv + np.array([d.offset, 0.0])]), every + len(uv) * d.copy[
+            :, None
+        ]
 
     def told(self) -> list[str]:
         """One line about the stacks, and one about copies that are in none."""
@@ -68,8 +70,8 @@ def find_stacks(
 ) -> tuple[Surface, Stacks | None]:
     """The surface of one part of each kind, and what lies on what; None where stacks were not asked for.
 
-    Parts are copies where a motion, or with ``mirrored`` a mirror, carries vertices and faces over; what they are
-    made of must be the same. Parts with edges that the user names as seams, or forbids, stay for themselves.
+    Parts are copies where a motion, or with ``mirrored`` a mirror, carries vertices and faces over; what they
+    are made of must be the same. Parts with edges that the user names as seams, or forbids, stay apart.
     """
     if options.stack in (None, "off"):
         return surface, None
@@ -120,15 +122,16 @@ def _named(surface: Surface, report: RepairReport, options: Options) -> BoolArra
         return np.zeros(len(surface.faces), bool)
     vertex = np.concatenate(pairs)
     vertex = vertex[(vertex >= 0) & (vertex < len(report.weld))]  # others are refused later
-    return surface.whole_components(np.isin(surface.faces, report.weld[vertex]).any(1))
+    inside: BoolArray = np.asarray(np.isin(surface.faces, report.weld[vertex]).any(1), bool)
+    return surface.whole_components(inside)
 
 
 def stacked_figures(stacks: Stacks, found: Verification) -> dict[str, object]:
     """What the report tells of the stacks, with them and without.
 
-    seam_length: of the charts laid out, in units of √(area of all), as that of all is. pack_unstacked: pages that
-    all parts would cover at this density. density_gain: texels per unit over those without stacks, where pages are
-    covered alike.
+    seam_length: of the charts laid out, in units of √(area of all), as that of all is. pack_unstacked: pages
+    that all parts would cover at this density. density_gain: texels per unit over those without stacks, where
+    pages are covered alike.
     """
     surface, copy = stacks.whole, stacks.declared.copy
     areas, cut = surface.areas, found.cut & ~copy[surface.edges[:, 0] // 3]

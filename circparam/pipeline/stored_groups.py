@@ -45,7 +45,7 @@ def judge(
 
     def verified(label: IntArray | None) -> Judged:
         tiles = None if label is None else side_by_side(uvmap, label)
-        return Judged(verify(surface, uvmap, tiles=tiles, **judging), tiles)
+        return Judged(verify(surface, uvmap, tiles=tiles, declared=None, **judging), tiles)
 
     asked = group_by or document.group_by(uv_set)
     if asked is not None:

@@ -36,8 +36,8 @@ EDGE_SLACK = 1e-6  # how far outside the unit square a rounded coordinate may li
 class Declared:
     """Faces that may lie on others, as they are copies of them.
 
-    corner: (m, 3) corner 3f + k of the surface on which each corner lies, itself where it is no copy. copy: (m,)
-    bool. turned: (m,) bool, copies that lie mirrored. offset: u of copies beside what they are copies of.
+    corner: (m, 3) corner 3f + k of the surface on which each corner lies, itself where it is no copy. copy:
+    (m,) bool. turned: (m,) bool, copies that lie mirrored. offset: u of copies beside what they are copies of.
     """
 
     corner: IntArray
@@ -46,8 +46,8 @@ class Declared:
     offset: float = 0.0
 
     def stacked(self, corners: FloatArray) -> BoolArray:
-        """(m,) bool: copies whose corners (m, 3, 2) are where they should be, to the last bit; beside an offset up
-        to the rounding of a sum."""
+        """(m,) bool: copies whose corners (m, 3, 2) are where they should be, to the last bit; beside an offset
+        up to the rounding of a sum."""
         away = corners - [self.offset, 0.0] - corners.reshape(-1, 2)[self.corner]
         slack = OFFSET_SLACK if self.offset else 0.0
         result: BoolArray = self.copy & (np.abs(away) <= slack).all((1, 2))

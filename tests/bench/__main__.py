@@ -17,6 +17,7 @@ NAMES = (
     "maps",
     "look",
     "noise",
+    "hand",
 )
 
 

@@ -1,4 +1,4 @@
-"""Components of one shape: every copy is found, none wrongly, whatever the order, and corners lie on corners."""
+"""Components of one shape: every copy is found, none wrongly, whatever the order; corners lie on corners."""
 
 from __future__ import annotations
 

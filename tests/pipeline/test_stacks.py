@@ -98,7 +98,7 @@ def test_parts_with_seams_of_their_own_are_not_stacked() -> None:
 def test_copies_that_touch_are_laid_out_validly() -> None:
     p, f = shapes.cube(2)
     side = np.ptp(p[:, 0])
-    points = np.concatenate([p, p + [side, 0, 0], p + [5 * side, 0, 0]])
+    points = np.concatenate([p + np.array([k * side, 0, 0]) for k in (0, 1, 5)])
     faces = np.concatenate([f, f + len(p), f + 2 * len(p)])
     result = circparam.unwrap((points, faces), stack="mirrored", **QUICK)
     assert result.verification.overlap == result.verification.flips == 0
