@@ -20,9 +20,9 @@ from tests.test_docs import ROOT, console_commands
 
 PAGES = ("README.md", "docs/cli.md", "docs/maps.md", "docs/blender.md")
 # a bucket, a cluster, processes, a placeholder; what takes seconds or wants a layout of its own, and is run by
-# tests/compare/test_kim2019.py, tests/bake/test_across.py and tests/maps/test_charts.py
+# tests/compare/test_kim2019.py, tests/bake/test_across.py, tests/maps/test_charts.py and test_lods.py
 ELSEWHERE = (
-    *("s3://", "tcp://", " batch ", "COMMAND"),
+    *("s3://", "tcp://", " batch ", " transfer ", "COMMAND"),
     *("compare --methods", "compare *.obj", "--cage 0.05", "--charts", "--map a_to_b"),
 )
 OBJ = (

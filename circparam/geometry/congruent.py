@@ -224,7 +224,7 @@ def _copies_of(
             fits &= _one_to_one(which, match[vertex], size)
             if fits.any():
                 found.append(
-                    _same_faces(parts, leader, own[fits], match, order, begin, label, mirror)
+                    _same_faces(parts, leader, own[fits], match, (order, begin), label, mirror)
                 )
                 left[found[-1].component] = False
     none = np.zeros(0, np.int64)
@@ -363,16 +363,16 @@ def _same_faces(
     leader: IntArray,
     own: IntArray,
     match: IntArray,
-    order: IntArray,
-    begin: IntArray,
+    faces: tuple[IntArray, IntArray],
     label: IntArray,
     mirror: bool,
 ) -> _Found:
     """Of components whose vertices match those of their leaders, the ones whose faces do as well.
 
-    match: (v,) vertex of the leader. order, begin: faces sorted by component and vertices, and where each
+    match: (v,) vertex of the leader. faces: numbers of the faces by component and vertices, and where each
     component begins.
     """
+    order, begin = faces
     size = begin[own + 1] - begin[own]
     which = np.repeat(np.arange(len(own)), size)
     face = order[np.repeat(begin[own], size) + ranges(size)]

@@ -43,6 +43,8 @@ class Keywords(TypedDict, total=False):
     texel_density: float | None
     rotate: Literal["free", "90", "none"] | None
     effort: float | str | None
+    stack: Literal["off", "identical", "mirrored"] | None
+    stack_offset: bool | None
     scale: bool | None
     normalize: bool | None
     uv_set: int | None

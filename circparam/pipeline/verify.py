@@ -171,19 +171,17 @@ def verify(
     """Judge a layout over the faces of the mesh that the surface was made from.
 
     uvmap: uv_faces (faces of the mesh, 3). resolution: texels a side for the raster (None: no raster, and
-    coordinates may leave the unit square). padding: gaps are looked for up to a little more than this.
-    tiles: (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane;
-    tile t is laid out t units to the right. most_pages: of a layout on more, nothing is rasterised.
-    declared: what may lie on what; only charts that lie there whole are allowed to.
+    coordinates may leave the unit square). padding: gaps are looked for up to a little more than this. tiles:
+    (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane; tile t
+    is laid out t units to the right. most_pages: of a layout on more, nothing is rasterised. declared: what may
+    lie on what; only charts that lie there whole are allowed to.
     Raises InputError where no face has uv that are numbers.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
         raise InputError("no face has uv that are numbers: unwrap the mesh first")
     own = None if tiles is None else tiles[surface.source]
-    cut = _seams(surface, corners, ok)
-    if own is not None:
-        cut |= own[surface.edges[:, 0] // 3] != own[surface.edges[:, 1] // 3]
+    cut = _seams(surface, corners, ok) | _between(surface, own)
     atlas = Atlas(surface, cut, corners)
     cut_mesh, uv = atlas.open()
     used = group_count(cut_mesh.chart[ok], cut_mesh.n_charts) > 0
@@ -192,11 +190,9 @@ def verify(
     laid = used & ~stacked
     if own is not None:
         uv = uv + np.stack([_vertex_tiles(cut_mesh, own), np.zeros(len(uv))], 1)
-    single, vertices, _ = cut_mesh.subset(laid)
-    found = overlaps(single.faces, uv[vertices], single.chart, single.edges)
-    number = np.flatnonzero(laid)
+    overlapping, pairs = _overlapping(cut_mesh, uv, laid)
     pages = len(np.unique(pages_of(cut_mesh, uv)[laid]))
-    drawn = most_pages is None or pages <= most_pages
+    side = resolution if most_pages is None or pages <= most_pages else None
     part, vertices, faces = cut_mesh.subset(used)
     points = uv[vertices]
     alike = points if own is None else _at_best_scales(part, points, own[faces])
@@ -209,8 +205,8 @@ def verify(
         flips=int(flipped.sum()),
         flipped=flipped,
         mirrored=mirrored,
-        overlapping=number[np.flatnonzero(found.self_overlapping)],
-        overlapping_pairs=number[np.asarray(found.pairs, np.int64).reshape(-1, 2)],
+        overlapping=overlapping,
+        overlapping_pairs=pairs,
         outside=_outside(cut_mesh, uv, laid) if resolution else np.zeros(0, np.int64),
         used=used,
         measures=measure(part, alike),
@@ -218,11 +214,27 @@ def verify(
         uv_min=points.min(0),
         uv_max=points.max(0),
         pages=pages if resolution else None,
-        coverage=cover(cut_mesh, uv, resolution, padding + 2, laid)
-        if resolution and drawn
-        else None,
+        coverage=cover(cut_mesh, uv, side, padding + 2, laid) if side else None,
         stacked=np.flatnonzero(stacked),
     )
+
+
+def _between(surface: Surface, own: IntArray | None) -> BoolArray:
+    """(e,) bool: edges between faces of different tiles ((m,) int, None where there is one)."""
+    if own is None:
+        return np.zeros(len(surface.edges), bool)
+    i, j = (own[surface.edges // 3]).T
+    result: BoolArray = i != j
+    return result
+
+
+def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> tuple[IntArray, IntArray]:
+    """Of some charts ((n,) bool) those that lie on themselves, and (k, 2) pairs that lie on each other."""
+    part, vertices, _ = cut_mesh.subset(which)
+    found = overlaps(part.faces, uv[vertices], part.chart, part.edges)
+    number = np.flatnonzero(which)
+    pairs = np.asarray(found.pairs, np.int64).reshape(-1, 2)
+    return number[np.flatnonzero(found.self_overlapping)], number[pairs]
 
 
 def _stacked(

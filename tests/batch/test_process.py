@@ -217,7 +217,7 @@ def test_another_version_is_refused(tmp_path: Path) -> None:
 
 def test_patterns_of_further_files() -> None:
     for name in ("all.png", "/tmp/{}.png", "../{}.png"):
-        with pytest.raises(OptionError, match="stands for the name of the result"):
+        with pytest.raises(OptionError, match="give a name under --out with"):
             settings("o", extras={"preview": name})
 
 

@@ -108,7 +108,7 @@ def test_what_changed_is_done_and_a_torn_line_is_mended(shared: str, tmp_path: P
     )
     torn = json.loads(first.splitlines()[-1])["name"]
     assert sorted(line["name"] for line in lines) == sorted(["b/new.obj", torn])
-    assert "torn" in notes[0]
+    assert "incomplete last line" in notes[0]
     assert (summary.done, summary.skipped) == (2, 3)
     expect_quiet(source, out, 5)
 

@@ -25,7 +25,7 @@ NOISE = 1e-3  # share of a length or a distortion that is none
 COUNTS = ({"max_charts": 1}, {"max_charts": 2}, {"max_charts": 5})
 # where charts go by letting parts of one chart touch, which merging never does by default: asserted
 TOUCHING = {"truck.obj"}
-OTHERS: tuple[dict[str, Any], ...] = ({"sharp": 20}, {"sharp": 45}, {"effort": 0.5})
+OTHERS: tuple[dict[str, Any], ...] = ({"sharp": 20}, {"sharp": 45})
 
 SAMPLES = samples.names() if WHOLE else ("ribbon",)
 
@@ -42,7 +42,7 @@ def figures(path: Path, **options: Any) -> tuple[int, float, float]:
 
     A cut for the page is one chart and a seam more at the same distortion, which is what it is meant to be.
     """
-    plain = {"effort": 0.01, "jobs": 1, "pack_splits": 0}
+    plain = {"effort": 1, "jobs": 1, "pack_splits": 0}
     found = circparam.unwrap(path, **{**plain, **options}).measures
     charts, seam, distortion = (found[k] for k in ("charts", "seam_length", "distortion"))
     return int(charts or 0), float(seam or 0.0), float(distortion or 0.0)
@@ -51,7 +51,7 @@ def figures(path: Path, **options: Any) -> tuple[int, float, float]:
 @cache
 def near(path: Path, **options: Any) -> float:
     """Length of boundaries with another part of their chart nearer than merging leaves it."""
-    plain = {"effort": 0.01, "jobs": 1, "pack_splits": 0}
+    plain = {"effort": 1, "jobs": 1, "pack_splits": 0}
     found = circparam.unwrap(path, **{**plain, **options})
     faces = found.uv_faces[(found.uv_faces >= 0).all(1)]
     chart = UVMap(found.uv, faces).charts

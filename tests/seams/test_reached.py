@@ -19,7 +19,7 @@ from circparam.seams.reached import Reached, in_time
 from tests.support import parts, shapes
 from tests.support.atlases import surface_of
 
-FRACTIONS = (0.25, 0.5, 0.75, 1.1)
+FRACTIONS = (0.5, 0.75, 1.1)
 
 
 def assembly() -> tuple[np.ndarray, np.ndarray]:
