@@ -34,6 +34,46 @@ def test_links_resolve(path: Path) -> None:
     assert not wrong, wrong
 
 
+def links(path: Path) -> set[Path]:
+    """The pages that a page links to; a folder stands for its README."""
+    found = set()
+    for target in re.findall(r"\]\(([^)\s#]+)[^)]*\)", path.read_text("utf-8")):
+        page = (path.parent / target).resolve()
+        page = page / "README.md" if page.is_dir() else page
+        if page.suffix == ".md" and page.is_file():
+            found.add(page)
+    return found
+
+
+def test_every_page_is_found_from_the_index() -> None:
+    """The index names the four shelves, and leads to every page in two steps at most."""
+    index = ROOT / "docs" / "index.md"
+    for shelf in ("Tutorial", "How-to", "Reference", "Explanation"):
+        assert f"\n## {shelf}\n" in index.read_text("utf-8")
+    near = links(index)
+    found = near.union(*map(links, near)) | {index}
+    missing = {p for p in PAGES if p.is_relative_to(ROOT / "docs")} - found
+    assert not missing, sorted(missing)
+
+
+def sentences(path: Path) -> list[int]:
+    """Words of each sentence of a page, without its code blocks, tables and headings."""
+    text = re.sub(r"```.*?```", "", path.read_text("utf-8"), flags=re.S)
+    prose = "\n".join("" if line.startswith(("|", "#")) else line for line in text.split("\n"))
+    parts = re.split(r"(?<=[.!?:;])\s+|\n\s*\n|\n(?=[*-] |\d+\. )", prose)
+    return [n for n in (len(re.findall(r"\S*\w\S*", part)) for part in parts) if n]
+
+
+def test_the_design_is_short_and_its_sentences_too() -> None:
+    """Explanation is read from end to end: 3,500 words, and no sentence needs a second reading."""
+    design = ROOT / "docs" / "design.md"
+    assert len(design.read_text("utf-8").split()) <= 3500
+    for page in (design, ROOT / "docs" / "maps.md"):
+        counts = sentences(page)
+        assert len(counts) > 30
+        assert max(counts) <= 25, page.name
+
+
 def test_tests_named_in_the_guarantees_exist() -> None:
     text = (ROOT / "docs" / "guarantees.md").read_text("utf-8")
     names = re.findall(r"`(tests/[\w/.*]+)(?:::(\w+))?`", text)
