@@ -74,7 +74,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     row("method", f"{report['method']}, cut {report['cut']}")
     if report.get("effort", {}).get("searches", 1) > 1:
         row("searches", _searches(report["effort"]))
-    row("charts", f"{report['charts']} of {counted(report['faces'], 'face')}")
+    row("charts", f"{report['charts']} of {counted(report['faces'], 'face')}{_thin(report)}")
     row("flips, overlaps", f"{report['flips']}, {report['overlap']}")
     row(
         "distortion",
@@ -86,6 +86,7 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     if report["pack"] is not None:
         pages = "the page" if report["pages"] == 1 else f"{report['pages']} pages"
         row("packed", f"{100 * report['pack']:.1f} % of {pages}")
+    _density_row(row, report)
     row("time", f"{report['seconds']:.2f} s")
     for line in report["repairs"]:
         row("repaired", plain(line))
@@ -225,7 +226,7 @@ def check_line(report: dict[str, Any]) -> str:
 
 
 def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
-    row("charts", uv["charts"])
+    row("charts", f"{uv['charts']}{_thin(uv)}")
     row("flips, overlaps, mirrored", f"{uv['flips']}, {uv['overlap']}, {uv['mirrored']}")
     row(
         "distortion",
@@ -237,6 +238,7 @@ def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
     row("seam length", _seams(uv))
     if uv["pack"] is not None:
         row("packed", f"{100 * uv['pack']:.1f} %")
+    _density_row(row, uv)
     for line in uv["faults"]:
         row("fault", line)
 
@@ -244,8 +246,23 @@ def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
 def _seams(report: dict[str, Any]) -> str:
     """How long the seams are, and how much of that is seen."""
     length = f"{_number(report['seam_length'])} x sqrt(area)"
-    seen = report.get("seam_visible")
-    return length if seen is None else f"{length}, {100 * seen:.0f} % of it seen from a direction"
+    seen, added = report.get("seam_visible"), report.get("seam_vertices")
+    if seen is not None:
+        length += f", {100 * seen:.0f} % of it seen from a direction"
+    return length if added is None else f"{length}, {counted(added, 'vertex')} more"
+
+
+def _thin(report: dict[str, Any]) -> str:
+    """How many charts are thin, where some are."""
+    thin = report.get("thin")
+    return f", {thin} thinner than 8 texels" if thin else ""
+
+
+def _density_row(row: Callable[[str, object], None], report: dict[str, Any]) -> None:
+    """Texels per unit of the charts with the fewest and the most."""
+    least, most = report.get("density_min"), report.get("density_max")
+    if least is not None and most is not None:
+        row("texels a unit", f"{least:.4g} to {most:.4g}")
 
 
 def _tail(report: dict[str, Any]) -> str:

@@ -25,8 +25,9 @@ LAYOUT = (
         "distortion_max_chart",
     ),
     *("stretch_l2", "stretch_linf", "stretch_p95", "stretch_p99", "stretch_p999", "share_over_2"),
-    *("angle", "area", "seam_length", "seam_visible", "pack", "packed", "pages"),
-    *("gap_texels", "border_texels", "outside"),
+    *("angle", "area", "seam_length", "seam_visible", "seam_texels", "seam_vertices"),
+    *("pack", "packed", "pages", "gap_texels", "border_texels", "outside"),
+    *("thin", "density_min", "density_max"),
 )
 # what unwrap and pack report besides
 RUN = (

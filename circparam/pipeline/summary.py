@@ -28,11 +28,14 @@ def summarise(result: Result) -> dict[str, Any]:
     Figures are those of the file as read back. distortion: symmetric Dirichlet energy / 4 of the atlas at
     its best scale, 1 is perfect; distortion_max_chart: of the worst chart at that scale. seam_length is in
     units of √(surface area); seam_visible is the share of it that is seen, in the mean over 64 directions, null
-    where there is no seam and where --timeout left no time to look. packed (also as pack): covered share of the
-    pages; pages: how many there are. padding: in texels; mip_level: the last at which no texel of a neighbour
-    bleeds in where gutters are filled, null where one does at once. flips, overlap, mirrored, missing: 0 in a
-    valid layout. effort: searches that were made, which one was kept, what each cost (``AtlasCost``), and how
-    many more were asked for when time was up. dropped_components, dropped_faces: left out by --drop-floaters.
+    where there is no seam and where --timeout left no time to look. seam_texels: length of the seams on the
+    page, the mean of both sides; seam_vertices: those of the surface cut open less those of the surface. thin:
+    charts narrower than 8 texels. density_min, density_max: texels per unit, of the charts with the fewest and
+    the most. packed (also as pack): covered share of the pages; pages: how many there are. padding: in texels;
+    mip_level: the last at which no texel of a neighbour bleeds in where gutters are filled, null where one does
+    at once. flips, overlap, mirrored, missing: 0 in a valid layout. effort: searches that were made, which one
+    was kept, what each cost (``AtlasCost``), and how many more were asked for when time was up.
+    dropped_components, dropped_faces: left out by --drop-floaters.
     stages: seconds.
     """
     numbers = _numbers(result.measures)

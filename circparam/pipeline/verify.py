@@ -18,6 +18,7 @@ from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, chart_boxes, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
 from circparam.geometry.overlap import overlaps, signs
+from circparam.geometry.page_figures import PageFigures, page_figures, seam_vertices
 from circparam.geometry.predicates import SignArray
 from circparam.geometry.visibility import visible_share
 from circparam.mesh.atlas import Atlas
@@ -67,6 +68,7 @@ class Verification:
     those of the rest. seam_length: that of all seams / √(surface area). pages: how many hold a chart,
     None where there are no pages. coverage: None where the layout was not rasterised. seen: what tells
     ``seam_visible`` where something else than looking does: a process that looks meanwhile, or a lack of time.
+    resolution: texels a side of a page, None where there are no pages.
     """
 
     surface: Surface
@@ -89,6 +91,7 @@ class Verification:
     coverage: Coverage | None
     seen: Callable[[], float | None] | None = None
     stacked: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    resolution: int | None = None
 
     @cached_property
     def seam_visible(self) -> float | None:
@@ -97,6 +100,13 @@ class Verification:
         None without seams, and where no time was left to look.
         """
         return visible_share(self.surface, self.cut) if self.seen is None else self.seen()
+
+    @cached_property
+    def page(self) -> PageFigures | None:
+        """What the layout costs in texels; None where there are no pages."""
+        if self.resolution is None:
+            return None
+        return page_figures(self.surface, self.cut_mesh, self.uv, self.used, self.resolution)
 
     @cached_property
     def charts(self) -> int:
@@ -115,7 +125,7 @@ class Verification:
 
     def numbers(self) -> dict[str, float | int | None]:
         """The figures by the names of the report."""
-        m, c = self.measures, self.coverage
+        m, c, p = self.measures, self.coverage, self.page
         return {
             "charts": self.charts,
             "stacked": len(self.stacked),
@@ -136,6 +146,11 @@ class Verification:
             "area": m.whole["area"],
             "seam_length": self.seam_length,
             "seam_visible": self.seam_visible,
+            "seam_texels": None if p is None else p.seam_texels,
+            "seam_vertices": seam_vertices(self.surface, self.cut_mesh, self.used),
+            "thin": None if p is None else p.thin,
+            "density_min": None if p is None else p.density_min,
+            "density_max": None if p is None else p.density_max,
             "pages": self.pages,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,
@@ -216,6 +231,7 @@ def verify(
         pages=pages if resolution else None,
         coverage=cover(cut_mesh, uv, side, padding + 2, laid) if side else None,
         stacked=np.flatnonzero(stacked),
+        resolution=resolution,
     )
 
 

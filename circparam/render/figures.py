@@ -103,6 +103,11 @@ NAMES = {
     "stretch_p99": "stretch on 99 %",
     "stretch_p999": "stretch on 99.9 %",
     "share_over_2": "stretched over 2 times",
+    "thin": "charts thinner than 8 texels",
+    "seam_texels": "seams, texels",
+    "seam_vertices": "vertices that seams add",
+    "density_min": "least texels a unit",
+    "density_max": "most texels a unit",
 }
 
 

@@ -1,0 +1,107 @@
+"""What a layout costs those who draw it: thin charts, seams in texels, vertices that seams add, density."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cross2,
+    group_sum,
+    next_half_edge,
+    norms2,
+)
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.surface import Surface
+
+THIN = (
+    8.0  # texels: below, blocks of compressed textures and the first mip levels show the neighbours
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PageFigures:
+    """thin: charts narrower than THIN texels. seam_texels: length of seams on the page, the mean of both sides.
+    density_min, density_max: texels per unit of the mesh, of the charts with the fewest and the most.
+    """
+
+    thin: int
+    seam_texels: float
+    density_min: float
+    density_max: float
+
+
+def page_figures(
+    surface: Surface, cut_mesh: CutMesh, uv: FloatArray, used: BoolArray, resolution: int
+) -> PageFigures:
+    """The figures of a layout uv (nv, 2) on pages of ``resolution`` texels.
+
+    cut_mesh: the surface cut open where uv differ. used: (n_charts,) bool, charts that have uv; at least one.
+    """
+    width = chart_widths(cut_mesh, uv)[used] * resolution
+    density = chart_densities(surface, cut_mesh, uv)[used] * resolution
+    density = density[np.isfinite(density)]
+    return PageFigures(
+        int((width < THIN).sum()),
+        _seam_length(surface, cut_mesh, uv, used) * resolution,
+        float(density.min(initial=np.inf)) if len(density) else 0.0,
+        float(density.max(initial=0.0)),
+    )
+
+
+def chart_widths(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """(n_charts,) width of each chart in uv: the short side of the rectangle with its area and outline.
+
+    So a band has its own width, however it is bent, and a ring that between its two outlines. A chart with less
+    outline than any rectangle of its area, as a disk has, is as wide as the square of that outline.
+    """
+    n, flat = cut_mesh.n_charts, cut_mesh.faces.ravel()
+    h = cut_mesh.boundary
+    side = norms2(uv[flat[next_half_edge(h)]] - uv[flat[h]])
+    quarter = group_sum(side, cut_mesh.chart[h // 3], n) / 4
+    result: FloatArray = quarter - np.sqrt(np.maximum(quarter**2 - _uv_areas(cut_mesh, uv), 0.0))
+    return result
+
+
+def chart_densities(surface: Surface, cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """(n_charts,) length in uv per unit of the mesh, in the mean over each chart; NaN for one without area."""
+    area = group_sum(surface.areas, cut_mesh.chart, cut_mesh.n_charts)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        result: FloatArray = np.sqrt(np.where(area > 0, _uv_areas(cut_mesh, uv) / area, np.nan))
+    return result
+
+
+def seam_vertices(surface: Surface, cut_mesh: CutMesh, used: BoolArray) -> int:
+    """Vertices that seams add: those of the surface cut open less those of the surface, of charts with uv."""
+    faces = used[cut_mesh.chart]
+    opened = np.zeros(cut_mesh.n_vertices, bool)
+    opened[cut_mesh.faces[faces]] = True
+    whole = np.zeros(int(surface.corner_vertex.max()) + 1, bool)
+    whole[surface.corner_vertex[faces]] = True
+    return int(opened.sum() - whole.sum())
+
+
+def _uv_areas(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
+    """(n_charts,) area of each chart in the plane."""
+    a, b, c = (uv[cut_mesh.faces[:, k]] for k in range(3))
+    doubled = group_sum(cross2(b - a, c - a), cut_mesh.chart, cut_mesh.n_charts)
+    result: FloatArray = np.abs(doubled) / 2
+    return result
+
+
+def _seam_length(surface: Surface, cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> float:
+    """Length of all seams in units of uv: of the edges whose two sides lie apart, the mean of both sides."""
+    flat = cut_mesh.faces.ravel()
+    pairs: IntArray = np.concatenate([surface.edges, surface.torn])
+    i, j = pairs[:, 0], pairs[:, 1]
+    torn = np.arange(len(pairs)) >= len(surface.edges)
+    other = np.where(torn, j, next_half_edge(j)), np.where(torn, next_half_edge(j), j)
+    apart = (uv[flat[i]] != uv[flat[other[0]]]).any(1)
+    apart |= (uv[flat[next_half_edge(i)]] != uv[flat[other[1]]]).any(1)
+    h = pairs[apart].ravel()
+    h = h[used[cut_mesh.chart[h // 3]]]
+    return float(norms2(uv[flat[next_half_edge(h)]] - uv[flat[h]]).sum()) / 2

@@ -1,0 +1,102 @@
+"""Figures of a page: what is thin, how long seams are in texels, what they add, how dense charts lie."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from circparam.geometry.page_figures import chart_widths
+from circparam.mesh.mesh import Mesh, UVMap
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.mesh.surface import Surface
+from circparam.pipeline.verify import Verification, verify
+from tests.support import shapes
+
+SIDE = 256
+
+
+def judged(points: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> Verification:
+    surface, _ = repair(Mesh(points, faces), RepairOptions())
+    return verify(surface, UVMap(uv, faces), resolution=SIDE)
+
+
+def band(length: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """A flat rectangle with a corner at the origin."""
+    points, faces = shapes.grid(9, 3)
+    points = points - points.min(0)
+    return points / points.max(0).clip(1e-9) * [length, width, 0], faces
+
+
+@pytest.mark.parametrize(("texels", "thin"), [(7.9, 1), (8.1, 0)])
+@pytest.mark.parametrize("turn", [0.0, 0.6])
+def test_a_band_is_thin_below_eight_texels_however_it_lies(
+    texels: float, thin: int, turn: float
+) -> None:
+    points, faces = band(0.6, texels / SIDE)
+    c, s = np.cos(turn), np.sin(turn)
+    v = judged(points, faces, points[:, :2] @ [[c, s], [-s, c]] + [0.1, 0.1])
+    assert v.numbers()["thin"] == thin
+
+
+def test_a_band_bent_to_a_ring_is_as_wide_as_before() -> None:
+    n, inner, width = 400, 0.3, 0.01
+    turn = np.repeat(np.arange(n) * 2 * np.pi / n, 2)
+    radius = np.tile([inner, inner + width], n)
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], 1)
+    a = 2 * np.arange(n)
+    b, c, d = a + 1, (a + 2) % (2 * n), (a + 3) % (2 * n)
+    faces = np.concatenate([np.stack([a, b, d], 1), np.stack([a, d, c], 1)])
+    v = judged(points, faces, points[:, :2] + 0.5)
+    assert chart_widths(v.cut_mesh, v.uv) == pytest.approx([width], rel=1e-2)
+
+
+def closed_box() -> tuple[Surface, np.ndarray]:
+    """A cube with its six sides laid flat as squares of a quarter of the page."""
+    points = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = np.array([[q[0], q[k], q[k + 1]] for q in quads for k in (1, 2)])
+    surface, _ = repair(Mesh(points, faces), RepairOptions())
+    return surface, np.array([[0, 0], [0.25, 0], [0.25, 0.25], [0, 0.25]])
+
+
+def test_a_box_cut_along_every_edge() -> None:
+    surface, square = closed_box()
+    corner = 0.3 * np.array([[k % 3, k // 3] for k in range(6)])
+    uv = (square + corner[:, None]).reshape(-1, 2)
+    uv_faces = np.array([[4 * k, 4 * k + i, 4 * k + i + 1] for k in range(6) for i in (1, 2)])
+    found = verify(surface, UVMap(uv, uv_faces), resolution=SIDE).numbers()
+    assert found["seam_vertices"] == 6 * 4 - 8
+    assert found["seam_texels"] == pytest.approx(12 * SIDE / 4)
+    assert found["density_min"] == pytest.approx(SIDE / 4)
+    assert found["density_max"] == pytest.approx(SIDE / 4)
+    assert found["thin"] == 0
+
+
+def test_seams_of_sides_of_other_sizes_count_with_their_mean() -> None:
+    points, faces = shapes.row_of(shapes.grid(2, 2), 2, gap=0.0)
+    surface, _ = repair(Mesh(points, faces), RepairOptions(by_position=True))
+    size = np.where(np.arange(len(points)) < len(points) // 2, 0.2, 0.1)
+    v = verify(surface, UVMap(points[:, :2] * size[:, None], faces), resolution=SIDE)
+    edge = float(surface.edge_lengths[v.cut].sum())
+    assert v.numbers()["seam_texels"] == pytest.approx(0.15 * SIDE * edge)
+    assert v.numbers()["density_min"] == pytest.approx(0.1 * SIDE)
+    assert v.numbers()["density_max"] == pytest.approx(0.2 * SIDE)
+    assert v.numbers()["seam_vertices"] == 2
+
+
+def test_without_pages_there_are_no_texels() -> None:
+    points, faces = band(0.6, 0.1)
+    surface, _ = repair(Mesh(points, faces), RepairOptions())
+    found = verify(surface, UVMap(points[:, :2], faces)).numbers()
+    assert [found[k] for k in ("thin", "seam_texels", "density_min", "density_max")] == [None] * 4
+    assert found["seam_vertices"] == 0
+
+
+def test_charts_without_uv_have_no_figures() -> None:
+    points, faces = shapes.row_of(shapes.grid(3, 3), 2, gap=0.5)
+    uv_faces = np.where(np.arange(len(faces))[:, None] < len(faces) // 2, faces, -1)
+    surface, _ = repair(Mesh(points, faces), RepairOptions())
+    found = verify(surface, UVMap(points[:, :2] * 0.3, uv_faces), resolution=SIDE).numbers()
+    assert found["thin"] == 0
+    assert found["seam_texels"] == 0
+    assert found["density_min"] == pytest.approx(0.3 * SIDE)
