@@ -139,6 +139,12 @@ def test_options_in_prose_exist() -> None:
         assert not named - known, (name, named - known)
 
 
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_help_fits_into_80_columns(name: str) -> None:
+    text = CliRunner().invoke(cli, [*name.split(), "--help"]).output
+    assert [line for line in text.splitlines() if len(line) > 80] == []
+
+
 def test_make_help_lists_every_target() -> None:
     text = (ROOT / "Makefile").read_text("utf-8")
     targets = set(re.findall(r"^([a-z-]+):", text, re.M))

@@ -21,8 +21,8 @@ Examples:
   circparam bake model_uv.glb --from texture --source scan.obj -o model.glb
   circparam bake model_uv.glb --all --source model.glb -o model_new.glb
   circparam bake model.glb --from texture --uv-set 1 --size 1024 -o baked.png
-  circparam bake low_uv.obj --from normals --source high.ply --map nearest --cage 0.05 -o low.glb
-  circparam bake a_uv.obj --from texture --source b.glb --map a_to_b.npz -o a.png
+  circparam bake a.obj --from normals --source high.ply --map nearest -o a.glb
+  circparam bake a.obj --from texture --source b.glb --map a_to_b.npz -o a.png
 """
 
 
@@ -32,32 +32,32 @@ Examples:
     "--from",
     "kind",
     type=click.Choice(["texture", "vertex-colors", "colours", "normals", "height"]),
-    help="What to carry over; colours and vertex-colors are the same, normals are in tangent space.",
+    help="What to bake; colours means vertex-colors, normals are in tangent space.",
 )
 @click.option(
     "--all",
     "whole",
     is_flag=True,
-    help="Carry every texture of every material, from face to face, into a mesh file.",
+    help="Carry all textures of all materials, face to face, into a mesh file.",
 )
 @click.option(
     "--source",
     type=common.MESH,
     metavar="OTHER",
-    help="The file that has them: the mesh before it was unwrapped, or another mesh.",
+    help="Source of the bake: the mesh before unwrapping, or another mesh.",
 )
 @click.option(
     "--map",
     "by",
     type=common.FILE,
     metavar="MAP",
-    help="Where places of MESH lie on OTHER: a file of circparam map (.npz), or nearest: along smooth normals.",
+    help="How MESH corresponds to OTHER: a file of circparam map (.npz), or nearest (along smooth normals).",
 )
 @click.option(
     "--cage",
     type=float,
     metavar="D",
-    help="How far nearest looks, out and in, in units of the mesh.  [default: 2 % of its diagonal]",
+    help="Search distance of nearest, outwards and inwards, in mesh units.  [default: 2 % of the diagonal]",
 )
 @common.library_option(
     "size",
@@ -75,23 +75,23 @@ Examples:
     default=0,
     show_default=True,
     metavar="N",
-    help="The uv set of MESH to bake into.",
+    help="Uv set of MESH to bake into.",
 )
 @common.library_option("up")
 @common.required_output(
-    "An image (.png), or the mesh with its images (.glb; with --all any mesh file)."
+    "Image to write (.png), or mesh with images (.glb; with --all any mesh format)."
 )
 @common.library_option("reader")
 @common.overwrite
 @common.json_option
 @common.quiet
 def command(mesh: str, **given: Any) -> None:
-    """Carry colours, an old texture, or the shape of another mesh into the uv of a mesh.
+    """Bake colours, textures, normals or heights into the uv of a mesh.
 
-    Where MESH and OTHER hold the same triangles, colours go from face to face; otherwise every texel takes
-    the colour of the closest point of OTHER, or of the place that --map tells. Texels are grown into the
-    padding. Normals are those of glTF: tangents by MikkTSpace, green up; heights are grey of 16 bit, level in
-    the middle. With --all the output is OTHER with the uv of MESH and all its textures and materials.
+    If MESH and OTHER have the same triangles, colours go from face to face. Otherwise every texel takes the
+    colour of the closest point of OTHER, or of the point that --map gives. Colours extend into the padding.
+    Normals follow glTF: MikkTSpace tangents, green up. Heights are 16-bit grey, level in the middle. With
+    --all the output is OTHER with the uv of MESH and all its textures and materials.
     """
     look = LookOptions(**common.library_keywords(given, LookOptions))
     _check_words(given, look)

@@ -21,8 +21,9 @@ CLEARING = 4.0  # seconds for the end of the workers and for their folders
 _EPILOG = """\b
 Examples:
   circparam batch meshes --out unwrapped
-  circparam batch 'scans/**/*.ply' @more.txt --out unwrapped --timeout 120 --max-memory 4G
-  circparam batch s3://bucket/meshes --out s3://bucket/unwrapped --scheduler tcp://head:8786
+  circparam batch 'scans/**/*.ply' @more.txt --out unwrapped --timeout 120
+  circparam batch meshes --out unwrapped --max-memory 4G
+  circparam batch s3://b/in --out s3://b/out --scheduler tcp://head:8786
   circparam batch meshes --out unwrapped --retry failed --fail-rate 0.02
   circparam batch --status unwrapped
 """
@@ -30,16 +31,16 @@ Examples:
 _NOT_HERE = {"meshes", "output", "out_dir", "format", "jobs"}
 _EXTRAS = {"export_seams": "export-seams", "index_map": "map", "preview": "preview"}
 _EXTRA_HELP = {
-    "export_seams": "Write the seams of each, such as '{}.seams.txt' ({}: the name of the result).",
-    "index_map": "Write the index map of each, such as '{}.npz'.",
+    "export_seams": "Write the seams of each file, such as '{}.seams.txt' ({}: name of the result).",
+    "index_map": "Write the index map of each file, such as '{}.npz'.",
     "preview": "Draw each result, such as '{}.png'.",
 }
 _HELP = {
     "overwrite": "Replace results that no batch has written.",
-    "timeout": "Best valid result within this time; each mesh is ended at 1.5 times it.",
-    "max_memory": "For example 4G: what one mesh may take.",
+    "timeout": "Return the best valid result within this time; end a mesh at 1.5 times it.",
+    "max_memory": "Upper bound on the memory of one mesh, such as 4G.",
     "json": "Print a summary as JSON on stdout.",
-    "verbose": "Tell each file that is done.",
+    "verbose": "Print a line for each file that is done.",
 }
 
 
@@ -65,34 +66,37 @@ def _unwrap_options() -> list[click.Parameter]:
     "--workers",
     type=click.IntRange(1, 10_000),
     metavar="N",
-    help="Meshes at work on this machine at one time.  [default: cores]",
+    help="Meshes unwrapped at the same time on this machine.  [default: cores]",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster of this scheduler.")
 @click.option(
-    "--scheduler-file", type=common.FILE, metavar="FILE", help="The same, out of Dask's file."
+    "--scheduler-file",
+    type=common.FILE,
+    metavar="FILE",
+    help="Use the Dask cluster that this file names.",
 )
 @click.option(
     "--retry",
     multiple=True,
     type=click.Choice(["failed", "degraded", "all"]),
-    help="Do these again, which are done otherwise.",
+    help="Run these files again.",
 )
 @click.option(
     "--fail-rate",
     type=common.FiniteRange(0.0, 1.0),
     metavar="SHARE",
     default=0.0,
-    help="Exit 6 where more than this share failed or missed a gate.  [default: 0]",
+    help="Exit 6 if more than this share failed or missed a gate.  [default: 0]",
 )
 @click.option(
-    "--status", "status_of", type=common.FILE, metavar="DIR", help="Tell how far a batch is."
+    "--status", "status_of", type=common.FILE, metavar="DIR", help="Show the progress of a batch."
 )
 def command(sources: tuple[str, ...], **given: Any) -> int:
-    """Unwrap many files: each in a process of its own, one line each in DIR/manifest.jsonl.
+    """Unwrap many files, each in a process of its own, with one line each in DIR/manifest.jsonl.
 
-    SOURCE: files, folders, globs, @list.txt, addresses of fsspec. Their tree is mirrored under DIR. The same
-    command again continues: what is done and unchanged is skipped. DIR/report.html tells how it went. Needs
-    circparam[batch].
+    SOURCE: files, folders, globs, @list.txt, fsspec addresses. Their tree is mirrored under DIR. Run the same
+    command again to continue: files that are done and unchanged are skipped. DIR/report.html shows the
+    results. Needs circparam[batch].
     """
     if given["status_of"] is not None:
         return _status(sources, given)

@@ -20,8 +20,8 @@ Examples:
 def command(output: str | None, overwrite: bool) -> None:
     """Save the add-on for Blender 4.2 and newer as a zip file.
 
-    In Blender: Edit > Preferences > Get Extensions > Install from Disk. It adds "Unwrap with circparam" to the
-    UV and Object menus; its preferences name the circparam program where it is not on the path.
+    In Blender: Edit > Preferences > Get Extensions > Install from Disk. The add-on adds "Unwrap with circparam"
+    to the UV and Object menus. If the circparam program is not on the path, name it in the preferences.
     """
     from circparam.core.files import write_files
     from circparam.errors import OptionError

@@ -13,7 +13,7 @@ _EPILOG = """\b
 Examples:
   circparam check mesh.obj
   circparam check mesh.glb --uv --json
-  circparam check mesh.obj --require disk && circparam unwrap mesh.obj --cut none
+  circparam check mesh.obj --require disk
   circparam check mesh.glb --uv --fail-if 'degraded,distortion>1.05'
   circparam check mesh.stl --fail-if 'genus>0,nonmanifold_edges>0'
   circparam check *.obj --uv
@@ -23,13 +23,13 @@ Examples:
 @click.command(epilog=_EPILOG)
 @click.argument("meshes", metavar="MESH...", nargs=-1, required=True, type=common.MESH)
 @common.apply(
-    click.option("--uv", is_flag=True, help="Judge the uv that the file has."),
+    click.option("--uv", is_flag=True, help="Evaluate the uv of the file."),
     common.library_option("uv_set"),
     common.atlas_groups,
     common.library_option("resolution"),
     common.library_option("padding"),
     click.option(
-        "--require", type=click.Choice(["disk"]), help="Exit 4 unless every component is one."
+        "--require", type=click.Choice(["disk"]), help="Exit 4 unless every component is a disk."
     ),
     common.library_option("weld"),
     common.gates,
@@ -39,11 +39,11 @@ Examples:
     common.quiet,
 )
 def command(meshes: tuple[str, ...], **given: Any) -> int:
-    """Report topology, and with --uv judge a uv set that is there.
+    """Report the topology of meshes and, with --uv, the quality of their uv.
 
-    Vertices, faces, components, Euler characteristic, genus, boundaries, what is non-manifold, degenerate,
-    duplicate or wound inconsistently; with --uv flips, overlaps, mirrored charts, distortion, seams, packing.
-    Several files are told in one line each.
+    Topology: vertices, faces, components, Euler characteristic, genus, boundaries; non-manifold, degenerate,
+    duplicate and inconsistently oriented parts. With --uv: flips, overlaps, mirrored charts, distortion,
+    seams, packing. Several files get one line each.
     """
     from circparam.pipeline.gates import JUDGED, TOPOLOGY, parse_gates
 

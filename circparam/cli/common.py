@@ -260,11 +260,13 @@ atlas_groups = click.option(
     help="What shares an atlas.  [default: as the file says]",
 )
 
-quiet = click.option("--quiet", "-q", is_flag=True, help="No progress, no table, no warnings.")
+quiet = click.option(
+    "--quiet", "-q", is_flag=True, help="Print no progress, no table, no warnings."
+)
 
 verbose = click.option("--verbose", "-v", count=True, help="Show more: -v stages, -vv notes.")
 
-output = option(INPUT, "--output", "-o", type=FILE, metavar="FILE", help="Where to write.")
+output = option(INPUT, "--output", "-o", type=FILE, metavar="FILE", help="File to write.")
 
 
 def required_output(text: str) -> Decorator:
@@ -277,7 +279,7 @@ out_dir = option(
     "--out-dir",
     type=FILE,
     metavar="DIR",
-    help="Folder for the outputs, with the names of the inputs; made where it is missing.",
+    help="Folder for the outputs, named as the inputs; created if missing.",
 )
 
 format_option = library_option("format", type=Name("format", _formats, listed=True))
@@ -285,14 +287,14 @@ format_option = library_option("format", type=Name("format", _formats, listed=Tr
 named_format_option = library_option(
     "format",
     type=Name("format", _formats, listed=True),
-    help="Format of what comes through '-' (stdin, stdout), and of outputs that no -o names.",
+    help="Format of '-' (stdin, stdout), and of outputs without -o.",
 )
 
 gates = option(
     CHECKS,
     "--fail-if",
     metavar="GATES",
-    help="Exit 6 where a condition on a figure or the status holds, such as 'degraded,distortion>1.05'.",
+    help="Exit 6 if a condition on a figure or the status holds, such as 'degraded,distortion>1.05'.",
 )
 
 

@@ -27,7 +27,7 @@ Examples:
   circparam compare mesh.obj --methods circle,mean-value,lscm,isometric
   circparam compare mesh.obj --methods isometric,xatlas --json
   circparam compare *.obj --methods all --csv figures.csv -q
-  circparam compare mesh.obj --methods circle,floater,isometric --report report.html
+  circparam compare mesh.obj --methods circle,isometric --report report.html
 """
 _LIBRARY = (
     "max_distortion",
@@ -47,27 +47,29 @@ _LIBRARY = (
     default="circle,floater",
     show_default=True,
     metavar="NAMES",
-    help="Names separated by commas; all; xatlas or xatlas-default where that is installed.",
+    help="Names separated by commas, or all; also xatlas, xatlas-default (if installed).",
 )
 @click.option(
     "--cut",
     default="auto",
     show_default=True,
     metavar="CUT",
-    help="auto (disks stay whole, others get charts), charts, disk or none.",
+    help="auto (charts, except for disks), charts, disk or none.",
 )
-@common.library_option("max_distortion", help="Bound of --cut charts.")
+@common.library_option("max_distortion", help="Upper bound on distortion, with --cut charts.")
 @common.library_option(
     "boundary", metavar="TEXT", help="Boundary of the convex methods.  [default: circle]"
 )
 @common.library_option("spacing", help="Spacing along that boundary: arc-length or uniform.")
-@common.library_option("timeout", help="Bound for each method.")
-@common.library_option("jobs", help="Processes that cut; methods run one by one.  [default: cores]")
+@common.library_option("timeout", help="Time limit for each method.")
+@common.library_option(
+    "jobs", help="Processes for the cut; methods run one by one.  [default: cores]"
+)
 @common.library_option("reader")
 @click.option(
     "--repeats",
     type=click.IntRange(1, 1000),
-    help="Of each size of Table 1.  [default: 31]",
+    help="Runs for each size of Table 1.  [default: 31]",
 )
 @click.option(
     "--report",
@@ -83,11 +85,11 @@ _LIBRARY = (
 @common.overwrite
 @common.quiet
 def command(meshes: tuple[str, ...], **given: Any) -> int:
-    """Run several methods on the identical cut and put them side by side.
+    """Compare several methods on the identical cut.
 
-    Each method runs in a process of its own, so that its peak memory is its own. A uv set that the file has
-    already is the row "input". Without MESH the bundled samples are compared, and circle and floater are
-    timed on the sizes of Table 1 of the source.
+    Each method runs in a process of its own, so that its peak memory is its own. An existing uv set appears as
+    the row "input". Without MESH the bundled samples are compared, and circle and floater are timed on the
+    sizes of Table 1 of Kim (2019).
     """
     from circparam.compare import kim2019
     from circparam.compare.names import method_names

@@ -37,29 +37,27 @@ class Entry:
 _HERE = "circparam.cli."
 COMMANDS = {
     "unwrap": Entry(
-        _HERE + "unwrap", "Give meshes a uv layout: cut, flatten, pack, write the same file back."
+        _HERE + "unwrap", "Give meshes a uv layout: cut, flatten, pack, write the file back."
     ),
     "batch": Entry(
         _HERE + "batch",
-        "Unwrap thousands of files on all cores or a cluster, and go on where it stopped.",
+        "Unwrap thousands of files on all cores or a cluster; continue when stopped.",
     ),
-    "check": Entry(_HERE + "check", "Report topology, and judge a uv set that is there."),
-    "pack": Entry(_HERE + "pack", "Repack the uv of a file without touching its charts."),
-    "compare": Entry(
-        _HERE + "compare", "Run several methods on the identical cut and put them side by side."
-    ),
-    "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or one page."),
-    "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark on landmark."),
+    "check": Entry(_HERE + "check", "Report topology and the quality of uv."),
+    "pack": Entry(_HERE + "pack", "Pack the charts of a file again without changing them."),
+    "compare": Entry(_HERE + "compare", "Compare several methods on the identical cut."),
+    "view": Entry(_HERE + "view", "Draw layout, checker and distortion as PNG, SVG or HTML."),
+    "map": Entry(_HERE + "map", "Map one surface onto another, one to one, landmark to landmark."),
     "transfer": Entry(
-        _HERE + "transfer", "Lay the uv of one mesh on its coarser or finer levels of detail."
+        _HERE + "transfer", "Give the layout of one mesh to its other levels of detail."
     ),
     "bake": Entry(
-        _HERE + "bake", "Carry colours, textures, normals or heights into the uv of a mesh."
+        _HERE + "bake", "Bake colours, textures, normals or heights into the uv of a mesh."
     ),
     "morph": Entry(
         _HERE + "morph", "Write one mesh as a morph target of another, with an animation."
     ),
-    "methods": Entry(_HERE + "methods", "Show every method, and what it guarantees."),
+    "methods": Entry(_HERE + "methods", "Show every method and its guarantees."),
     "samples": Entry(_HERE + "samples", "List the bundled meshes, or save one."),
     "blender": Entry(_HERE + "blender", "Save the add-on for Blender."),
 }

@@ -18,8 +18,9 @@ Examples:
   circparam map a_uv.obj b_uv.obj --charts -o map.npz
   circparam map left.obj right.obj --mirrored --landmarks pairs.txt -o map.npz
 \b
-pairs.txt: two vertex numbers a line, of A and of B, counted from 0; # begins a comment.
-A line "path 12 77 503" cuts both along shortest paths between landmarks, by vertices of A.
+pairs.txt: per line a vertex of A and one of B, from 0; # begins a comment.
+A line "path 12 77 503" cuts both meshes first along shortest paths between
+these landmarks, given by vertices of A.
 """
 
 
@@ -37,9 +38,9 @@ def _methods() -> list[str]:
         "--landmarks",
         type=common.FILE,
         metavar="FILE",
-        help="Vertices that correspond: a number of A and one of B on each line.",
+        help="Vertices that correspond: one of A and one of B per line.",
     ),
-    common.required_output("The map (.npz)."),
+    common.required_output("Map to write (.npz)."),
     click.option(
         "--method",
         type=common.Name("method", _methods),
@@ -48,16 +49,16 @@ def _methods() -> list[str]:
         help="Weights of the convex maps: circle, mean-value, floater or uniform.",
     ),
     click.option(
-        "--charts", is_flag=True, help="Both have uv whose charts correspond: map chart on chart."
+        "--charts", is_flag=True, help="Map chart to chart; the charts of both files correspond."
     ),
-    click.option("--mirrored", is_flag=True, help="B is the mirror image of what is meant."),
+    click.option("--mirrored", is_flag=True, help="Map to the mirror image of B."),
     click.option(
-        "--no-relax", is_flag=True, help="Leave the composition of the convex maps as it is."
+        "--no-relax", is_flag=True, help="Return the composed convex maps without relaxation."
     ),
     click.option(
         "--overlay",
         is_flag=True,
-        help="Also the common refinement of both meshes, for circparam morph --overlay.",
+        help="Add the common refinement of both meshes, for circparam morph --overlay.",
     ),
     common.library_option("reader"),
     common.overwrite,
@@ -65,11 +66,11 @@ def _methods() -> list[str]:
     common.quiet,
 )
 def command(a: str, b: str, **given: Any) -> None:
-    """Map surface A onto surface B, one to one, landmark on landmark.
+    """Map surface A onto surface B, one to one, landmark to landmark.
 
-    Both must be connected and of the same topology: as many handles, as many boundaries. The map says for
-    every vertex of A on which face of B it lies, and back. It is the composition of convex maps onto one
-    domain, relaxed to low distortion; no face of either is turned over in that domain.
+    Both must be connected and have the same topology: equal numbers of handles and of boundaries. The map
+    gives a place on B for every vertex of A, and a place on A for every vertex of B. It composes convex maps
+    onto one domain and relaxes them to low distortion; no face is flipped in that domain.
     """
     from circparam.formats.io import read
     from circparam.maps.surface_map import save_map

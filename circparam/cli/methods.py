@@ -20,9 +20,9 @@ Examples:
 @click.argument("name", required=False)
 @common.json_option
 def command(name: str | None, as_json: bool) -> None:
-    """Show every method, and what it guarantees.
+    """Show every method and its guarantees.
 
-    With NAME all that is known of one method.
+    With NAME show one method in detail.
     """
     from circparam.methods import METHODS
 

@@ -29,21 +29,21 @@ Examples:
     type=common.FILE,
     metavar="MAP",
     required=True,
-    help="The map between both, made by circparam map (.npz), either way round.",
+    help="Map between A and B, in either direction, from circparam map (.npz).",
 )
-@common.required_output("A name that ends in .glb.")
+@common.required_output("File to write (.glb).")
 @click.option(
     "--frames",
     type=int,
     default=13,
     show_default=True,
     metavar="N",
-    help="Key frames of the animation from A to B; it comes back the same way.",
+    help="Key frames from A to B; the animation returns the same way.",
 )
 @click.option(
     "--overlay",
     is_flag=True,
-    help="Morph the common refinement of both meshes, which ends as B itself; needs map --overlay.",
+    help="Morph the common refinement of both meshes; needs map --overlay.",
 )
 @common.library_option("reader")
 @common.overwrite
@@ -52,8 +52,8 @@ Examples:
 def command(first: str, second: str, **given: Any) -> None:
     """Write A as a GLB with B as a morph target, and an animation from A to B and back.
 
-    The faces, uv, materials and textures are those of A; its vertices move to their places on B, and normals
-    move along. Any viewer of glTF plays it; circparam view makes a page with a slider.
+    Faces, uv, materials and textures are those of A. Its vertices and normals move to their places on B. Any
+    glTF viewer plays the animation; circparam view makes a page with a slider.
     """
     from circparam.core.files import write_files
     from circparam.formats.io import read

@@ -37,7 +37,7 @@ Examples:
     common.verbose,
 )
 def command(mesh: str, **given: Any) -> None:
-    """Repack the uv of a file without touching its charts.
+    """Pack the charts of a file again without changing their shapes.
 
     Every chart keeps its shape and its size relative to the others; none is mirrored. At least --padding
     texels stay empty between charts and at the border of the page.

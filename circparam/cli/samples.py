@@ -37,8 +37,8 @@ def _completed(ctx: click.Context, param: click.Parameter, incomplete: str) -> l
 def command(name: str | None, output: str | None, overwrite: bool, as_json: bool) -> None:
     """List the bundled sample meshes, or save one.
 
-    Without NAME the list; with NAME what is known of that mesh; with -o FILE a copy of it (a folder takes
-    the mesh under its own name, with its material library).
+    Without NAME list all samples; with NAME describe one; with -o FILE save a copy. In a folder the copy keeps
+    its name and its material library.
     """
     from circparam import samples
     from circparam.errors import OptionError

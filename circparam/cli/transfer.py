@@ -11,9 +11,9 @@ from circparam.cli.paths import check_outputs, made_folder, output_path
 
 _EPILOG = """\b
 Examples:
-  circparam transfer LOD0_uv.glb LOD1.obj LOD2.obj        writes LOD1_uv.obj and LOD2_uv.obj
+  circparam transfer LOD0_uv.glb LOD1.obj LOD2.obj   writes LOD1_uv.obj ...
   circparam transfer hero_uv.obj lods/*.obj --out-dir done
-  circparam transfer scan_uv.ply scan_fine.ply -o fine_uv.ply --resolution 4096 --max-drift 4
+  circparam transfer scan_uv.ply scan_fine.ply -o fine_uv.ply --max-drift 4
 """
 
 
@@ -29,7 +29,7 @@ Examples:
         default=2048,
         show_default=True,
         metavar="TEXELS",
-        help="Side of the page that drifts are told in.",
+        help="Side of the page, for drifts in texels.",
     ),
     click.option(
         "--max-drift",
@@ -37,7 +37,7 @@ Examples:
         default=8.0,
         show_default=True,
         metavar="TEXELS",
-        help="Exit 5 and write nothing where a corner would drift further: the gutter between two charts is 8.",
+        help="Exit 5 and write nothing if a corner drifts further; 8 is the gutter between charts.",
     ),
     common.overwrite,
     common.library_option("uv_set"),
@@ -50,8 +50,8 @@ Examples:
 def command(source: str, targets: tuple[str, ...], **given: Any) -> None:
     """Give coarser or finer meshes the layout of the first: one texture for all levels of detail.
 
-    Seams follow those of the first mesh, nothing flips, and the largest drift of a corner is told in texels.
-    All are the same shape at the same place; their vertices and faces need not correspond.
+    Seams follow those of the first mesh, no face flips, and the largest drift of a corner is reported in
+    texels. All meshes have the same shape and place; their vertices and faces need not correspond.
     """
     from circparam.maps.lods import transfer
 

@@ -23,16 +23,16 @@ Examples:
   circparam unwrap mesh.obj                          writes mesh_uv.obj
   circparam unwrap mesh.glb -o out.glb --json
   circparam unwrap *.obj --out-dir unwrapped
-  circparam unwrap model.glb --rebake                textures go along
+  circparam unwrap model.glb --rebake                carries textures along
   circparam unwrap disk.obj --cut disk --method circle
-  circparam unwrap mesh.obj --max-distortion 1.02 --fail-if 'flips>0,overlap>0'
+  circparam unwrap mesh.obj --max-distortion 1.02 --fail-if 'flips>0'
   circparam unwrap - --format obj < mesh.obj > mesh_uv.obj
 
 \b
 Figures of the report:
-  distortion    symmetric Dirichlet energy / 4, the mean over the surface; 1 is perfect
-  seam length   of all seams, in units of the square root of the surface's area
-  stretch       how many times the surface is stretched or shrunk in one direction
+  distortion    mean symmetric Dirichlet energy / 4; 1 is perfect
+  seam length   length of all seams, in roots of the surface area
+  stretch       largest stretch or shrink of the surface in one direction
   packed        share of the pages that charts cover
 """
 
@@ -95,7 +95,7 @@ class UnwrapCommand(common.SectionedCommand):
     common.library_option("checkpoint"),
     common.library_option("jobs"),
     common.option(
-        common.CHECKS, "--max-memory", metavar="SIZE", help="For example 4G: refuse to grow beyond."
+        common.CHECKS, "--max-memory", metavar="SIZE", help="Upper bound on memory, such as 4G."
     ),
     common.option(
         common.INPUT,
@@ -109,10 +109,11 @@ class UnwrapCommand(common.SectionedCommand):
     common.verbose,
 )
 def command(meshes: tuple[str, ...], **given: Any) -> int:
-    """Give meshes a uv layout and write them back with everything else kept.
+    """Give meshes a uv layout and write them back, with everything else unchanged.
 
-    Cuts to charts of bounded distortion, flattens, packs, writes, reads the file back and verifies it:
-    no flips, no overlaps, no mirrored charts. Without -o the output is MESH_uv.EXT beside the input.
+    Cuts the surface into charts of bounded distortion, flattens and packs them, writes the file, reads it
+    back and verifies it: no flips, no overlaps, no mirrored charts. Without -o the output is MESH_uv.EXT
+    beside the input.
     """
     from circparam.pipeline.gates import parse_gates
 

@@ -14,8 +14,8 @@ from circparam.errors import OptionError
 _EPILOG = """\b
 Examples:
   circparam view mesh_uv.obj                         writes mesh_uv_view.png
-  circparam view mesh_uv.glb -o page.html            turn it, zoom it, point at charts
-  circparam view mesh_uv.obj -o layout.svg           the layout for a drawing program
+  circparam view mesh_uv.glb -o page.html            an interactive page
+  circparam view mesh_uv.obj -o layout.svg           for a drawing program
   circparam view model.glb --uv-set 1 -o lightmap.png
 """
 
@@ -27,7 +27,7 @@ Examples:
     "-o",
     type=common.FILE,
     metavar="FILE",
-    help="A name that ends in .png, .svg or .html.  [default: MESH_view.png]",
+    help="File to write: .png, .svg or .html.  [default: MESH_view.png]",
 )
 @click.option(
     "--uv-set",
@@ -35,14 +35,14 @@ Examples:
     default=0,
     show_default=True,
     metavar="N",
-    help="Which uv set of the file, from 0 on.",
+    help="Number of the uv set, from 0.",
 )
 @click.option(
     "--padding",
     type=common.FiniteRange(0, 1),
     default=0.0,
     metavar="UV",
-    help="Draw a band of this width, in uv units, round every chart.",
+    help="Draw a band of this width, in uv units, around every chart.",
 )
 @click.option(
     "--scale",
@@ -55,7 +55,7 @@ Examples:
     type=click.Choice(["auto", "x", "y", "z"]),
     default="auto",
     show_default=True,
-    help="The axis that points up.",
+    help="Up axis of the mesh.",
 )
 @common.atlas_groups
 @common.format_option
@@ -63,10 +63,10 @@ Examples:
 @common.overwrite
 @common.quiet
 def command(mesh: str, **given: Any) -> None:
-    """Draw the uv of a mesh: the layout, a checker on the surface, and where the distortion is.
+    """Draw the uv of a mesh: the layout, a checker on the surface, and the distortion.
 
-    Works for any mesh with uv, made by circparam or not. A page (.html) is one file that needs no network:
-    turn and zoom the surface, point at a chart to find it in both views, see the mesh's own texture.
+    Works for any mesh with uv, whoever made them. A page (.html) is one file that needs no network: turn and
+    zoom the surface, point at a chart to find it in both views, show the texture of the mesh.
     """
     from circparam.core.monitor import Monitor
     from circparam.formats.io import read

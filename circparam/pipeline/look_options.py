@@ -22,22 +22,22 @@ class LookOptions:
         shown="auto", bounds=limits.RESOLUTION,
     )
     merge_materials: str | None = option(
-        "look", "Materials that differ in textures and factors only become one.", choices=("auto", "none"),
+        "look", "Merge materials that differ only in textures and factors.", choices=("auto", "none"),
         shown="auto",
     )
     density: str | None = option(
-        "look", "Sizes of charts: one density, or that of the images that they show.",
+        "look", "Texel density of charts: equal, or as in the source images.",
         choices=("even", "source"), shown="even",
     )
     keep_tiled: bool | None = option(
-        "look", "Leave materials whose textures repeat as they are, in a uv set of their own (glTF)."
+        "look", "Keep materials with repeating textures, in a uv set of their own (glTF)."
     )
     samples: int | None = option(
-        "look", "Samples of a texel along each side.", metavar="N", shown="2",
+        "look", "Samples per texel, along each side.", metavar="N", shown="2",
         bounds=Range(1, 16, "a number of samples along a side, 1 to 16"),
     )
     check_look: bool | None = option(
-        "look", "Draw source and result from 12 directions: PSNR and SSIM of every channel."
+        "look", "Render source and result from 12 directions; report PSNR and SSIM."
     )
     # fmt: on
 

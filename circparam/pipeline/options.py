@@ -81,7 +81,7 @@ class Options:
         default=DEFAULT_METHOD, short="-m", shown=DEFAULT_METHOD, names=_methods,
     )
     start: str | None = option(
-        "flattening", "What isometric relaxes.", shown="circle", names=_starts, applies=applies.accepted
+        "flattening", "Layout that isometric starts from.", shown="circle", names=_starts, applies=applies.accepted
     )
     boundary: str | None = option(
         "flattening", "Boundary of convex methods: circle, square, virtual, polygon FILE.",
@@ -91,45 +91,45 @@ class Options:
         "corners", "Corners of --boundary polygon.", flag="--boundary polygon", applies=applies.with_polygon
     )
     spacing: str | None = option(
-        "flattening", "Along the boundary: arc-length or uniform.", metavar="TEXT",
+        "flattening", "Spacing along the boundary: arc-length or uniform.", metavar="TEXT",
         shown="arc-length", choices=("arc-length", "uniform"), applies=applies.accepted,
     )
     clamp: bool | None = option(
-        "flattening", "Lift negative weights, so that nothing can flip.", applies=applies.accepted
+        "flattening", "Raise negative weights, so that no face can flip.", applies=applies.accepted
     )
     pins: FloatArray | None = option(
-        "flattening", "Fixed points: vertex (from 0) u v a line, as in the file; nothing is packed.",
+        "flattening", "Fixed points, one a line: vertex (from 0) u v. Nothing is packed.",
         flag="--pin", metavar="FILE", applies=applies.accepted,
     )
     tolerance: float | None = option(
-        "flattening", "Stop below this relative decrease.", metavar="T",
+        "flattening", "Stop when the energy falls by less than this share.", metavar="T",
         bounds=Range(0.0, 1.0, "a relative decrease between 0 and 1"), applies=applies.accepted,
     )
     blend: float | None = option(
-        "flattening", "0 isometric .. 1 conformal.", metavar="B",
+        "flattening", "Blend of energies, from 0 (isometric) to 1 (conformal).", metavar="B",
         bounds=Range(0.0, 1.0, "a share between 0 (isometric) and 1 (conformal)"), applies=applies.accepted,
     )
     lscm: str | None = option(
-        "flattening", "Form of lscm.", shown="spectral", choices=("spectral", "pinned"),
+        "flattening", "Variant of lscm.", shown="spectral", choices=("spectral", "pinned"),
         applies=applies.accepted,
     )
-    linear: bool | None = option("flattening", "abf in its one-solve form.", applies=applies.accepted)
+    linear: bool | None = option("flattening", "Solve abf in one linear step.", applies=applies.accepted)
     bff_boundary: Any = option(
-        "flattening", "Target boundary of bff: a disk, or edge lengths.", metavar="disk|FILE",
+        "flattening", "Target boundary of bff: a disk, or a file of edge lengths.", metavar="disk|FILE",
         applies=applies.accepted,
     )
 
     cut: str = option(
-        "seams", "Where to cut: few charts, one disk a component, nowhere.",
+        "seams", "How to cut: few charts, one disk per component, or not at all.",
         default=DEFAULT_CUT, shown=DEFAULT_CUT, choices=CUTS,
     )
     max_distortion: float | None = option(
-        "seams", "Bound that no chart exceeds; 1 is perfect.", metavar="D", shown=str(DEFAULT_BOUND),
+        "seams", "Upper bound on the distortion of every chart; 1 is perfect.", metavar="D", shown=str(DEFAULT_BOUND),
         bounds=Range(1.0, 1e6, "a symmetric Dirichlet energy / 4: 1 is perfect, 1.05 the default"),
         applies=applies.with_charts,
     )
     max_stretch: float | None = option(
-        "seams", "Stretch and shrink that all but 0.1 % of the surface keep to.", metavar="S", shown="2",
+        "seams", "Upper bound on stretch and shrink, on all but 0.1 % of the surface.", metavar="S", shown="2",
         bounds=Range(
             1 + 1e-9,
             1e6,
@@ -138,50 +138,50 @@ class Options:
         applies=applies.with_isometric_charts,
     )
     max_charts: int | None = option(
-        "seams", "At most so many charts.", metavar="N",
+        "seams", "Make at most this many charts.", metavar="N",
         bounds=Range(1, 2**31, "a number of charts from 1 on"), applies=applies.with_charts,
     )
     min_chart_faces: int | None = option(
-        "seams", "Join smaller charts where it can be.", metavar="K",
+        "seams", "Join charts with fewer faces to a neighbour where possible.", metavar="K",
         bounds=Range(1, 2**31, "a number of faces from 1 on"), applies=applies.with_charts,
     )
     sharp: float | None = option(
-        "seams", "Always cut edges at least so sharp.", metavar="DEGREES",
+        "seams", "Cut all edges at least this sharp.", metavar="DEGREES",
         bounds=Range(0.0, 180.0, "an angle between 0 and 180 degrees"), applies=applies.with_seams,
     )
     keep_uv_seams: bool | None = option(
         "seams", "Start from the charts of the file's own uv.", applies=applies.with_charts
     )
     seams: Any = option(
-        "seams", "Cut: vertex pairs (from 0), or OBJ l (from 1).", metavar="FILE", applies=applies.with_seams
+        "seams", "Edges to cut: vertex pairs (from 0), or OBJ l lines (from 1).", metavar="FILE", applies=applies.with_seams
     )
     no_seams: Any = option(
-        "seams", "Edges that may not be cut, told alike.", metavar="FILE", applies=applies.with_seams
+        "seams", "Edges that must not be cut, in the same format.", metavar="FILE", applies=applies.with_seams
     )
     seam_weights: Any = option(
-        "seams", "What a seam costs, on edges (a b w) or near vertices (a w): 0 free, 1 as it is, inf never; "
-        "colour: of vertices, red never, green free.", metavar="FILE|colour", applies=applies.with_charts,
+        "seams", "Cost of a seam on an edge (a b w) or near a vertex (a w): 0 free, 1 normal, inf never; "
+        "colour: vertex colours, red never, green free.", metavar="FILE|colour", applies=applies.with_charts,
     )
     cut_materials: bool | None = option(
         "seams", "Cut between materials.", flag="--cut-materials/--no-cut-materials",
-        shown="where there are several", applies=applies.with_seams,
+        shown="if there are several", applies=applies.with_seams,
     )
     hide_seams: float | None = option(
-        "seams", "Put seams where they are hardly seen: 0 not, 1 at any length.", metavar="H",
+        "seams", "Prefer hidden places: 0 ignores visibility, 1 accepts seams of any length.", metavar="H",
         shown="0.5", bounds=Range(0.0, 1.0, "a weight from 0 (all places alike) to 1 (hidden ones only)"),
         applies=applies.with_charts,
     )
     symmetry: str | None = option(
-        "seams", "Mirror the seams across this axis, or across the first that fits.",
+        "seams", "Mirror the seams across this axis; auto: the first that fits.",
         choices=("x", "y", "z", "auto"), applies=applies.with_charts,
     )
     drop_floaters: float | None = option(
-        "seams", "Leave components with less than this share of the area out.", metavar="SHARE",
+        "seams", "Leave out components below this share of the area.", metavar="SHARE",
         bounds=Range(0.0, 1.0, "a share of the surface's area between 0 and 1: 1e-4 is a small floater"),
         applies=applies.with_packing,
     )
     pack_splits: int | str | None = option(
-        "seams", "Cut charts for a fuller page: for a little seam, or up to N times.", metavar="auto|N",
+        "seams", "Cut charts for a fuller page: where it is worth the seam, or up to N times.", metavar="auto|N",
         shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of cuts, from 0 on"),
         applies=applies.with_room,
     )
@@ -196,33 +196,33 @@ class Options:
         shown=str(DEFAULT_PADDING), bounds=limits.PADDING, applies=applies.with_packing,
     )
     pages: int | None = option(
-        "packing", "Number of pages (UDIM tiles) to fill; charts are cut for them.", metavar="N",
+        "packing", "Number of pages (UDIM tiles) to fill; charts are cut to fit.", metavar="N",
         bounds=limits.PAGES, applies=applies.with_packing,
     )
     texel_density: float | None = option(
-        "packing", "Texels per unit of the mesh, instead of filling.", metavar="D",
+        "packing", "Texels per unit of the mesh, instead of filling the page.", metavar="D",
         bounds=limits.TEXEL_DENSITY, applies=applies.with_free_scale,
     )
     rotate: str | None = option(
-        "packing", "How charts may be turned.", shown="free", choices=limits.ROTATIONS,
+        "packing", "Angles by which charts may be rotated.", shown="free", choices=limits.ROTATIONS,
         applies=applies.with_packing,
     )
     effort: float | str | None = option(
-        "packing", "How much is searched: in a moment, as usual, or X times as much.",
+        "packing", "Amount of search: a draft, one search, or X searches.",
         metavar="draft|normal|high|X", shown="normal (1), or what fits into --timeout", words=EFFORTS,
         bounds=Range(0.0, 1000.0, "draft (0), normal (1), high (4) or a number up to 1000"),
         applies=applies.with_search,
     )
     stack: str | None = option(
-        "packing", "Copies of a part lie on the same texels; mirrored: its mirror images too.",
+        "packing", "Put copies of a part on the same texels; mirrored: mirror images too.",
         choices=("off", "identical", "mirrored"), shown="off", applies=applies.with_stacks,
     )
     stack_offset: bool | None = option(
-        "packing", "Copies lie whole pages to the right of what they are copies of.",
+        "packing", "Put copies whole pages to the right of their original.",
         applies=applies.with_stack,
     )
     scale: bool | None = option(
-        "packing", "Keep the sizes of the charts: 1 unit is 1 page.", flag="--no-scale",
+        "packing", "Keep the chart sizes: 1 unit is 1 page.", flag="--no-scale",
         applies=applies.with_packing,
     )
 
@@ -230,35 +230,35 @@ class Options:
         "writing", "Keep the coordinates of the solver, unpacked.", flag="--no-normalize"
     )
     uv_set: int | None = option(
-        "writing", "Which uv set of the file, from 0 on.", metavar="N",
+        "writing", "Number of the uv set, from 0.", metavar="N",
         bounds=Range(0, 7, "the number of a uv set, 0 to 7"),
     )
     overwrite_uv: bool | None = option(
         "writing", "Replace the set that --uv-set names.", applies=applies.with_target
     )
     ply_uv: str | None = option(
-        "writing", "Where a PLY holds its uv.", shown="vertex", choices=("vertex", "face")
+        "writing", "Where a PLY stores uv.", shown="vertex", choices=("vertex", "face")
     )
     up: str | None = option(
-        "writing", "The axis that points up, for what becomes glTF: auto is z of STL, PLY, 3MF, STEP.",
+        "writing", "Up axis of the input, for glTF output; auto: z for STL, PLY, 3MF, STEP.",
         shown="auto", choices=("auto", "y", "z"),
     )
     copy_assets: bool | None = option(
         "writing", "Copy materials and textures beside the output.",
-        flag="--copy-assets/--no-copy-assets", shown="where no other file is in the way",
+        flag="--copy-assets/--no-copy-assets", shown="unless another file is in the way",
     )
     lightmap: bool | None = option(
-        "writing", "Keep the first uv set, write the second: one atlas of the scene.",
+        "writing", "Keep the first uv set and write the second: one atlas for the scene.",
         applies=applies.with_one_atlas,
     )
     group_by: str | None = option(
         "writing", "What shares one atlas.", shown="scene", choices=("primitive", "mesh", "scene"),
         applies=applies.with_atlases,
     )
-    unshare: bool | None = option("writing", "Copy a glTF mesh for every node that shows it.")
+    unshare: bool | None = option("writing", "Copy a glTF mesh for every node that uses it.")
 
     repair: bool = option(
-        "repair", "Mend the mesh for the solve, or refuse.", default=True,
+        "repair", "Repair the mesh for the solve, or refuse it.", default=True,
         flag="--repair/--no-repair", shown="repair",
     )
     weld: float | None = option(
@@ -266,24 +266,24 @@ class Options:
         bounds=Range(0.0, 1e300, "a distance from 0 on, in units of the mesh"),
     )
 
-    format: str | None = option("files", "Format of what comes through '-' (stdin, stdout).")
+    format: str | None = option("files", "Format of '-' (stdin, stdout).")
     reader: str | None = option(
-        "files", "Read geometry and uv through trimesh, whatever the format.", shown="own",
+        "files", "Reader of the input; trimesh reads geometry and uv only.", shown="own",
         choices=("own", "trimesh"), applies=applies.with_shared_meshes,
     )
     overwrite: bool = option(
         "files", "Replace an output file that exists already.", default=False
     )
     timeout: float | None = option(
-        "bounds", "Best valid result within this time.", metavar="SECONDS",
+        "bounds", "Return the best valid result within this time.", metavar="SECONDS",
         bounds=Range(1e-9, 1e9, "seconds, more than 0"),
     )
     jobs: int | None = option(
-        "bounds", "Processes at work: the same result, sooner.", short="-j", metavar="N", shown="cores",
+        "bounds", "Number of processes; the result stays the same.", short="-j", metavar="N", shown="cores",
         bounds=Range(1, 4096, "a number of processes, from 1 (no other than this one) on"),
     )
     checkpoint: str | None = option(
-        "bounds", "Folder for the seams of a run: one that is stopped goes on after them.", metavar="DIR",
+        "bounds", "Keep the seams in this folder, so that a stopped run continues.", metavar="DIR",
         applies=applies.with_charts,
     )
     # fmt: on
