@@ -81,7 +81,8 @@ class Options:
         default=DEFAULT_METHOD, short="-m", shown=DEFAULT_METHOD, names=_methods,
     )
     start: str | None = option(
-        "flattening", "Layout that isometric starts from.", shown="circle", names=_starts, applies=applies.accepted
+        "flattening", "Layout that isometric starts from.", shown="circle", names=_starts,
+        applies=applies.accepted,
     )
     boundary: str | None = option(
         "flattening", "Boundary of convex methods: circle, square, virtual, polygon FILE.",
@@ -124,7 +125,8 @@ class Options:
         default=DEFAULT_CUT, shown=DEFAULT_CUT, choices=CUTS,
     )
     max_distortion: float | None = option(
-        "seams", "Upper bound on the distortion of every chart; 1 is perfect.", metavar="D", shown=str(DEFAULT_BOUND),
+        "seams", "Upper bound on the distortion of every chart; 1 is perfect.", metavar="D",
+        shown=str(DEFAULT_BOUND),
         bounds=Range(1.0, 1e6, "a symmetric Dirichlet energy / 4: 1 is perfect, 1.05 the default"),
         applies=applies.with_charts,
     )
@@ -153,7 +155,8 @@ class Options:
         "seams", "Start from the charts of the file's own uv.", applies=applies.with_charts
     )
     seams: Any = option(
-        "seams", "Edges to cut: vertex pairs (from 0), or OBJ l lines (from 1).", metavar="FILE", applies=applies.with_seams
+        "seams", "Edges to cut: vertex pairs (from 0), or OBJ l lines (from 1).", metavar="FILE",
+        applies=applies.with_seams,
     )
     no_seams: Any = option(
         "seams", "Edges that must not be cut, in the same format.", metavar="FILE", applies=applies.with_seams
@@ -181,8 +184,8 @@ class Options:
         applies=applies.with_packing,
     )
     pack_splits: int | str | None = option(
-        "seams", "Cut charts for a fuller page: where it is worth the seam, or up to N times.", metavar="auto|N",
-        shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of cuts, from 0 on"),
+        "seams", "Cut charts for a fuller page: where it is worth the seam, or up to N times.",
+        metavar="auto|N", shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of cuts, from 0 on"),
         applies=applies.with_room,
     )
 
