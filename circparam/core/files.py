@@ -27,8 +27,15 @@ def write_files(
 
     inside: a folder below which missing folders are made. durable: flushed to the disk, so that a power cut
     loses none; not needed for what is written again every moment. Raises OptionError where one exists and may
-    not be replaced, OutputError where the disk refuses. Nothing is left behind by an error or an interrupt.
+    not be replaced, or where two names are one file; OutputError where the disk refuses. Nothing is left behind
+    by an error or an interrupt.
     """
+    places: dict[str, Path] = {}
+    for path in contents:
+        if (other := places.setdefault(os.path.realpath(path), path)) is not path:
+            raise OptionError(
+                f"{path} and {other} are one file: give each output a name of its own"
+            )
     for path in contents:
         if path.is_dir():
             raise OutputError(f"{path}: this is a directory; name a file")

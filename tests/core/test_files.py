@@ -10,6 +10,7 @@ import pytest
 
 from circparam.cli import signals
 from circparam.core import files
+from circparam.errors import OptionError
 
 
 def test_temporary_files_of_a_write_under_way_are_removed(
@@ -57,3 +58,14 @@ def test_what_a_killed_write_has_left_goes_with_the_next_one(tmp_path: Path) -> 
         files.write_files({path: b"new"}, overwrite=True)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(p.name for p in (path, busy, *kept))
     assert path.read_bytes() == b"new"
+
+
+def test_two_names_of_one_file_are_refused_before_the_first_byte(tmp_path: Path) -> None:
+    """By way of a folder above, or of a link."""
+    real, link = tmp_path / "real", tmp_path / "link"
+    real.mkdir()
+    link.symlink_to(real)
+    for other in (real / ".." / "real" / "a", link / "a"):
+        with pytest.raises(OptionError, match="are one file"):
+            files.write_files({real / "a": b"1", other: b"2", real / "b": b"3"})
+        assert list(real.iterdir()) == []
