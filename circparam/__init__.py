@@ -29,6 +29,7 @@ from circparam.errors import (
 
 if TYPE_CHECKING:
     from circparam.bake.rebake import rebake
+    from circparam.bake.together import rebake_together
     from circparam.formats.document import Document
     from circparam.integrations.parametrize import parametrize
     from circparam.integrations.python import (
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
         repack,
         save,
         unwrap,
+        unwrap_together,
         write,
     )
     from circparam.maps import load_map, save_map
@@ -50,7 +52,9 @@ if TYPE_CHECKING:
 
 _HOME = {
     "unwrap": "circparam.integrations.python",
+    "unwrap_together": "circparam.integrations.python",
     "rebake": "circparam.bake.rebake",
+    "rebake_together": "circparam.bake.together",
     "repack": "circparam.integrations.python",
     "inspect": "circparam.integrations.python",
     "map_surfaces": "circparam.integrations.python",
@@ -94,11 +98,13 @@ __all__ = [
     "parametrize",
     "read",
     "rebake",
+    "rebake_together",
     "repack",
     "save",
     "save_map",
     "summarise",
     "unwrap",
+    "unwrap_together",
     "view",
     "write",
 ]

@@ -27,7 +27,7 @@ from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import open_source, target_format, write_options
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.look_options import LookOptions
-from circparam.pipeline.options import AUTO, Options, from_keywords
+from circparam.pipeline.options import AUTO, DEFAULT_RESOLUTION, Options, from_keywords
 from circparam.pipeline.result import Result, promise, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.unwrap import repack_document, unwrap_document
@@ -111,16 +111,33 @@ def rebake_document(
     Raises what ``unwrap_document`` does, OptionError where an option leaves no single page, InputError for
     images that can't be carried; all but the first before any work.
     """
-    _check(options, look)
+    check_page(options, look)
     if look.check_look and os.fspath(output) == "-":
         raise OptionError("--check-look reads the result back: give -o FILE in place of '-'")
     target = target_format(document, output, options)
-    _check_home(document, target, look)
+    check_home(document, target, look)
     check_target(document, target, write_options(options))
     if os.fspath(output) != "-":
         check_place(output, document, target, options.overwrite)
     with monitor.stage("images"):
         source = Source.of(document, bool(look.keep_tiled))
+    result = laid_out(source, replace(options, format=target), look, monitor)
+    carried, told = carried_looks(source, result, look, monitor)
+    back = replace(result.options, format=options.format)
+    dressed = replace(result, document=document.dressed(carried), options=back)
+    saved = save(dressed, output, monitor)
+    if look.check_look:
+        told = replace(told, checked=_checked(source, saved, monitor))
+    warnings = [*saved.warnings, *told.notes]
+    return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), told
+
+
+def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monitor) -> Result:
+    """A page for the images of a source, at the size and the densities that they ask for.
+
+    options: with the format of the output. Raises what ``unwrap_document`` does.
+    """
+    document = source.document
     size = look.fixed_size or options.resolution or needed_size(source, None)
     if options.resolution not in (None, size):
         raise OptionError(
@@ -130,29 +147,27 @@ def rebake_document(
     grows = options.padding in (None, AUTO)
     # a texel more, since half of a page has half of its padding and a coarser raster
     padding = auto_padding(size) + 1 if free and grows else options.padding
-    asked = replace(options, resolution=size, padding=padding, format=target)
+    asked = replace(options, resolution=size, padding=padding)
     result = unwrap_document(document, None, asked, monitor)
     if look.density == "source":
         sized = by_density(source, UVMap(result.uv, result.uv_faces))
         packing = Options(**{name: getattr(asked, name) for name in PACKING}, cut="none")
         again = repack_document(document, sized, None, packing, monitor)
         result = replace(again, work="unwrap", repairs=[*result.repairs, *again.repairs])
-    layout = UVMap(result.uv, result.uv_faces)
-    if free:
-        result = _at_size(result, needed_size(source, layout), grows)
-    size = result.options.resolution or size
-    number = options.target_set or 0
-    how = CarryOptions(size, look.samples or 2, look.merge)
+    if not free:
+        return result
+    return _at_size(result, needed_size(source, UVMap(result.uv, result.uv_faces)), grows)
+
+
+def carried_looks(
+    source: Source, result: Result, look: LookOptions, monitor: Monitor
+) -> tuple[Carried, Look]:
+    """The images of a source on the page of a result, and what became of them."""
+    o, layout = result.options, UVMap(result.uv, result.uv_faces)
+    how = CarryOptions(o.resolution or DEFAULT_RESOLUTION, look.samples or 2, look.merge)
     with monitor.stage("textures"):
-        carried, texels = carry(source, layout, number, how, monitor)
-    told = _look(source, layout, carried, texels)
-    back = replace(result.options, format=options.format)
-    dressed = replace(result, document=document.dressed(carried), options=back)
-    saved = save(dressed, output, monitor)
-    if look.check_look:
-        told = replace(told, checked=_checked(source, saved, monitor))
-    warnings = [*saved.warnings, *told.notes]
-    return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), told
+        carried, texels = carry(source, layout, o.target_set or 0, how, monitor)
+    return carried, _look(source, layout, carried, texels)
 
 
 def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dict[str, Any]:
@@ -201,7 +216,7 @@ def bake_all(
     layout = document.require_uv(uv_set)
     origin = source or document
     name = format_of(output)
-    _check_home(origin, name, look)
+    check_home(origin, name, look)
     check_place(output, origin, name, overwrite)
     if source is not None and not same_surface(document.mesh, source.mesh):
         raise InputError(
@@ -225,7 +240,7 @@ def bake_all(
     return written, told
 
 
-def _check(options: Options, look: LookOptions) -> None:
+def check_page(options: Options, look: LookOptions) -> None:
     """Raise OptionError where the layout would not be one packed page."""
     if not options.packed:
         raise OptionError("--rebake needs a packed page: leave --no-normalize out")
@@ -241,7 +256,7 @@ def _check(options: Options, look: LookOptions) -> None:
         raise OptionError("--rebake draws one page: give its --size in place of --texel-density")
 
 
-def _check_home(document: Document, target: str, look: LookOptions) -> None:
+def check_home(document: Document, target: str, look: LookOptions) -> None:
     """Raise OptionError where a format can't hold the materials of a file."""
     homes = HOMES.get(document.format, ())
     if target not in homes:

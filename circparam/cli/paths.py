@@ -85,6 +85,24 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
             check_place(path, given["overwrite"], given.get("out_dir"))
 
 
+def check_one_atlas(meshes: Sequence[str], given: dict[str, Any]) -> None:
+    """Refuse what makes no sense for several meshes that share an atlas. Raises OptionError."""
+    if given["output"] is not None:
+        raise OptionError(
+            "--one-atlas writes a file for each mesh: give --out-dir DIR in place of -o"
+        )
+    if given["out_dir"] is None:
+        raise OptionError("--one-atlas needs a folder for its outputs: give --out-dir DIR")
+    if "-" in meshes:
+        raise OptionError("--one-atlas reads files, not stdin: name the file in place of '-'")
+    if len(meshes) < 2:
+        raise OptionError("--one-atlas has no effect on one mesh: leave it out")
+    real = [os.path.realpath(mesh) for mesh in meshes]
+    for mesh, path in zip(meshes, real, strict=True):
+        if real.count(path) > 1:
+            raise OptionError(f"{mesh}: the file is named twice: name it once")
+
+
 def check_place(path: str, overwrite: bool, made: str | None = None) -> None:
     """Refuse a file that is there, a folder in its place, and a folder that is missing.
 

@@ -119,6 +119,18 @@ def summary_table(reports: list[dict[str, Any]]) -> Table:
     return table
 
 
+def atlas_table(report: dict[str, Any]) -> Table:
+    """The files that share an atlas, one line each."""
+    parts = report["parts"]
+    rows = {
+        f"{number} {_short(part['input'])}": [
+            f"{part['faces']:,}", str(part["charts"]), _percent(part["packed"]),
+        ]
+        for number, part in enumerate(parts, 1)
+    }  # fmt: skip
+    return columns("mesh", ("faces", "charts", "packed"), rows)
+
+
 def _short(path: str, width: int = 26) -> str:
     """The name of a file without its folder, its middle left out where it is long."""
     name = os.path.basename(path) or path

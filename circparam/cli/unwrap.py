@@ -5,12 +5,19 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import click
 
 from circparam.cli import common, exits, progress
-from circparam.cli.paths import check_outputs, made_folder, output_path, without_outputs
+from circparam.cli.paths import (
+    check_one_atlas,
+    check_outputs,
+    made_folder,
+    output_path,
+    without_outputs,
+)
 from circparam.core.imports import put_off
 from circparam.core.memory import room_for_libraries
 from circparam.core.workers import cores
@@ -24,6 +31,7 @@ Examples:
   circparam unwrap mesh.glb -o out.glb --json
   circparam unwrap *.obj --out-dir unwrapped
   circparam unwrap model.glb --rebake                carries textures along
+  circparam unwrap mesh.obj model.glb --one-atlas --out-dir both
   circparam unwrap disk.obj --cut disk --method circle
   circparam unwrap mesh.obj --max-distortion 1.02 --fail-if 'flips>0'
   circparam unwrap - --format obj < mesh.obj > mesh_uv.obj
@@ -74,6 +82,12 @@ class UnwrapCommand(common.SectionedCommand):
     ),
     common.library_options("packing"),
     common.option(
+        common.PACKING,
+        "--one-atlas",
+        is_flag=True,
+        help="All meshes share the pages, and with --rebake the images; needs --out-dir.",
+    ),
+    common.option(
         common.TEXTURES,
         "--rebake",
         is_flag=True,
@@ -118,6 +132,8 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     from circparam.pipeline.gates import parse_gates
 
     run = _Run(given, parse_gates(given["fail_if"]))
+    if given["one_atlas"]:
+        check_one_atlas(meshes, given)
     asked, again = without_outputs(meshes)
     outputs = [output_path(mesh, given) for mesh in asked]
     check_outputs(asked, outputs, given)
@@ -125,6 +141,8 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
         progress.warn(f"{mesh}: left out, the output of a mesh beside it", run.quiet)
     codes = []
     with made_folder(given["out_dir"]):
+        if given["one_atlas"]:
+            return run.together(asked, outputs)
         for k, (mesh, out) in enumerate(zip(asked, outputs, strict=True), 1):
             run.place = (k, len(asked))
             codes.append(run.one(mesh, out))
@@ -161,14 +179,28 @@ class _Run:
         try:
             self._unwrap(mesh, out)
         except (CircparamError, MemoryError) as error:
-            line = exits.line_about(mesh, error)
-            click.echo(f"circparam: error: {line}", err=True)
-            if not isinstance(error, GateError):
-                self.reports.append(_failure(mesh, line, exits.code_of(error)))
-                if self.as_json:
-                    self._print_json(self.reports[-1])
-            return exits.code_of(error)
+            return self._failed(mesh, error)
         return exits.OK
+
+    def together(self, meshes: list[str], outs: list[str]) -> int:
+        """Unwrap several meshes into one atlas; an error of one is one of all."""
+        try:
+            self._share(meshes, outs)
+        except (CircparamError, MemoryError) as error:
+            return self._failed("--one-atlas", error, meshes)
+        return exits.OK
+
+    def _failed(self, mesh: str, error: Exception, meshes: list[str] | None = None) -> int:
+        """Say what went wrong; returns the exit code. meshes: of one atlas."""
+        line = exits.line_about(mesh, error)
+        click.echo(f"circparam: error: {line}", err=True)
+        if not isinstance(error, GateError):
+            self.reports.append(_failure(mesh, line, exits.code_of(error)))
+            if meshes is not None:
+                self.reports[-1] |= {"schema": "circparam/atlas/1", "input": meshes}
+            if self.as_json:
+                self._print_json(self.reports[-1])
+        return exits.code_of(error)
 
     def summary(self) -> None:
         """One line a mesh where there are several: what became of each."""
@@ -221,6 +253,42 @@ class _Run:
         missed = self.gates.missed(report)
         if missed:
             raise GateError(f"{mesh}: --fail-if {'; '.join(missed)}")
+
+    def _share(self, meshes: list[str], outs: list[str]) -> None:
+        from circparam.pipeline.jobs import monitor_of
+
+        with progress.listener(f"{len(meshes)} meshes", self.quiet, self.place) as listener:
+            monitor = monitor_of(self.options, listener, self.started)
+            from circparam.formats.io import read
+
+            unshare, reader = self.given["unshare"], self.given["reader"]
+            with monitor.stage("read"):
+                documents = [read(mesh, unshare=unshare, reader=reader) for mesh in meshes]
+            look, places = None, [Path(out) for out in outs]
+            if self.look is None:
+                from circparam.pipeline.together import unwrap_documents
+
+                shared = unwrap_documents(documents, places, self.options, monitor)
+            else:
+                from circparam.bake.together import rebake_documents
+
+                shared, look = rebake_documents(documents, places, self.options, self.look, monitor)
+        report = shared.as_dict()
+        if look is not None:
+            report["look"] = look.as_dict()
+            report |= {k: v for k, v in (look.checked or {}).items() if k in ("psnr", "ssim")}
+        for line in report["warnings"]:
+            progress.warn(line, self.quiet)
+        if self.as_json:
+            self._print_json(report)
+        elif not self.quiet:
+            from circparam.cli.tables import atlas_table, console, unwrap_table
+
+            page = report | {"input": f"{len(meshes)} meshes", "output": self.given["out_dir"]}
+            console().print(unwrap_table(page, self.given["verbose"]), "", atlas_table(report))
+        missed = self.gates.missed(report)
+        if missed:
+            raise GateError(f"--one-atlas: --fail-if {'; '.join(missed)}")
 
     def _extras(self, result: Any) -> None:
         """The further files that were asked for."""

@@ -15,9 +15,11 @@ from circparam.formats.source import Source, regular_bytes, safe_path
 
 @dataclass(frozen=True)
 class Assets:
-    """copies: what goes beside the output, by its place. warnings: what won't resolve from there."""
+    """copies: what goes beside the output, by its place. there: places of what lies there already. warnings:
+    what won't resolve from there."""
 
     copies: dict[Path, bytes] = field(default_factory=dict)
+    there: list[Path] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
 
@@ -61,7 +63,7 @@ def find_assets(
         elif not origin.is_file():
             found.warnings.append(f"{name!r} is named by the file and is not there")
         elif folder == out or _same(origin, place):
-            continue
+            found.there.append(place)
         elif name not in needed and copy is False:
             found.warnings.append(
                 f"{name!r} won't resolve from {out.name!r}: leave --no-copy-assets out"

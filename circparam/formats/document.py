@@ -121,6 +121,10 @@ class Document:
             )
         return found
 
+    def rounded(self, uv: FloatArray) -> FloatArray | None:
+        """uv (k, 2) as all files store them that this document is written to; None: as its one format does."""
+        return None
+
     def group_by(self, uv_set: int = 0) -> str | None:
         """What shares an atlas in a uv set, a kind of ``labels``; None where the file does not say so."""
         return None

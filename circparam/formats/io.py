@@ -6,7 +6,7 @@ import contextlib
 import functools
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from circparam.formats.document import (
     check_new_set,
 )
 from circparam.formats.foreign import read_through_trimesh
-from circparam.formats.source import Source, read_bytes
+from circparam.formats.source import Source, read_bytes, regular_bytes
 from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, up_of, writable
 from circparam.mesh.mesh import UVMap
 
@@ -210,7 +210,9 @@ def rounding(
 
 
 def _rounded(round_uv: RoundUV, document: Document | None, uv: FloatArray) -> FloatArray:
-    return round_uv(np.ascontiguousarray(uv, np.float64) + 0.0, document)
+    uv = np.ascontiguousarray(uv, np.float64) + 0.0
+    own = None if document is None else document.rounded(uv)
+    return round_uv(uv, document) if own is None else own
 
 
 def has_doubles(format: str) -> bool:
@@ -258,6 +260,29 @@ def write(
         sys.stdout.buffer.flush()
         told = [*encoded.warnings, *unresolved(encoded, document.source)]
         return Written(None, [], encoded.notes, encoded.vertex_map, encoded.face_map, told)
+    staged = stage(path, document, uvmap, format=format, options=options, overwrite=overwrite)
+    return write_staged([staged], overwrite)[0]
+
+
+@dataclass(frozen=True)
+class Staged:
+    """An output before anything touches the disk.
+
+    contents: all files by their place, the mesh last. there: files that it refers to and that lie in their
+    place already.
+    """
+
+    contents: dict[Path, bytes]
+    written: Written
+    there: list[Path] = field(default_factory=list)
+
+
+def stage(
+    path: str | os.PathLike[str], document: Document, uvmap: UVMap, *,
+    format: str | None = None, options: WriteOptions | None = None, overwrite: bool = False,
+) -> Staged:  # fmt: skip
+    """The files that ``write`` would write. Raises what it does."""
+    options = options or WriteOptions()
     target = Path(path)
     name = format_of(target, format)
     check_place(target, document, name, overwrite)
@@ -266,9 +291,31 @@ def write(
     beside = {target.parent / name: data for name, data in encoded.extra.items()}
     # the file itself comes last: what it refers to is there before it
     contents = {**assets.copies, **beside, target: encoded.data}
-    files = write_files(contents, overwrite, inside=target.resolve().parent)[::-1]
     told = [*encoded.warnings, *assets.warnings]
-    return Written(target, files, encoded.notes, encoded.vertex_map, encoded.face_map, told)
+    maps = encoded.vertex_map, encoded.face_map
+    written = Written(target, list(contents)[::-1], encoded.notes, *maps, told)
+    return Staged(contents, written, assets.there)
+
+
+def write_staged(outputs: Sequence[Staged], overwrite: bool = False) -> list[Written]:
+    """Write several outputs into one folder, all or none; files that are the same in two of them once.
+
+    Raises OptionError where files that differ have one place, and what ``write`` does.
+    """
+    contents: dict[Path, bytes] = {}
+    place: dict[Path, Path] = {}
+    there = {path.resolve() for output in outputs for path in output.there}
+    for output in outputs:
+        for path, data in output.contents.items():
+            known = place.setdefault(path.resolve(), path)
+            other = regular_bytes(path) if path.resolve() in there else data
+            if contents.setdefault(known, data) != data or other != data:
+                raise OptionError(
+                    f"{path}: two outputs need a file of that name, and theirs differ: rename one of them"
+                )
+    folder = next((o.written.path.resolve().parent for o in outputs if o.written.path), None)
+    write_files(contents, overwrite, inside=folder)
+    return [output.written for output in outputs]
 
 
 def check_target(document: Document, format: str, options: WriteOptions) -> None:

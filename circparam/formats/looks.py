@@ -104,7 +104,8 @@ class Carried:
 
     pages: PNG bytes by the name of the page. uv_set: the layout. tangents: (m, 3, 4) of corners with w last,
     those that normals and directions are told in; None where there are none. kept: materials that stay
-    as they are, with the uv that they had.
+    as they are, with the uv that they had. files: the name of each page's file beside the output, where several
+    outputs share it; None where each output has its own.
     """
 
     pages: dict[str, bytes]
@@ -112,6 +113,11 @@ class Carried:
     uv_set: int
     tangents: FloatArray | None = None
     kept: frozenset[int] = frozenset()
+    files: dict[str, str] | None = None
+
+    def file_of(self, page: str, stem: str) -> str:
+        """The name of a page's file beside an output. stem: of names that are the output's own."""
+        return f"{stem}_{page}.png" if self.files is None else self.files[page]
 
 
 def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:

@@ -12,6 +12,7 @@ from circparam.integrations.words import python_words
 from circparam.maps import surfaces as mapping
 from circparam.pipeline import inspect as looking
 from circparam.pipeline import save as saving
+from circparam.pipeline import together
 from circparam.pipeline import unwrap as unwrapping
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Result
@@ -43,6 +44,7 @@ def _notebook(result: Result) -> str:
 
 
 unwrap = with_options(python_words(unwrapping.unwrap))
+unwrap_together = with_options(python_words(together.unwrap_together))
 repack = with_options(python_words(unwrapping.repack))
 inspect = python_words(looking.inspect)
 read = python_words(io.read)

@@ -60,11 +60,15 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
         again = read(result.path or "", format=o.format)
         check_loadable(again)
         layout = again.uv(o.target_set or 0)
-        uvmap = None if layout is None else in_input_order(layout, written.face_map, result)
+        uvmap = (
+            None
+            if layout is None
+            else in_input_order(layout, written.face_map, len(result.mesh.faces))
+        )
         if uvmap is None:
             raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
         # the file holds the very numbers that were verified: what was found for them is found again
-        same = _same_corners(uvmap, UVMap(result.uv, result.uv_faces))
+        same = same_corners(uvmap, UVMap(result.uv, result.uv_faces))
         verification = (
             result.verification
             if same
@@ -91,7 +95,7 @@ def check_loadable(document: Document) -> None:
         raise NoResultError(f"{document.source.name}: common loaders refuse the file: {flaws[0]}")
 
 
-def _same_corners(a: UVMap, b: UVMap) -> bool:
+def same_corners(a: UVMap, b: UVMap) -> bool:
     """Whether all corners of all faces have the same uv, to the last bit, or both none."""
     if a.uv_faces.shape != b.uv_faces.shape or not (len(a.uv) and len(b.uv)):
         return False
@@ -99,9 +103,8 @@ def _same_corners(a: UVMap, b: UVMap) -> bool:
     return none and all(np.array_equal(a.uv[a.uv_faces, k], b.uv[b.uv_faces, k]) for k in (0, 1))
 
 
-def in_input_order(uvmap: UVMap, face_map: IntArray, result: Result) -> UVMap | None:
-    """A layout as read back, its faces in the order of the input; None where they do not fit."""
-    m = len(result.mesh.faces)
+def in_input_order(uvmap: UVMap, face_map: IntArray, m: int) -> UVMap | None:
+    """A layout as read back, its m faces in the order of the input; None where they do not fit."""
     if len(uvmap.uv_faces) != len(face_map):
         return None
     faces = np.full((m, 3), -1)

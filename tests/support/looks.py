@@ -127,9 +127,13 @@ def look_up(
     """(p, 4) what a texture shows, linear."""
     tree = document.tree
     texture = tree.json["textures"][info["index"]]
-    view = tree.json["images"][texture["source"]]["bufferView"]
-    picture = Image.open(io.BytesIO(bytes(tree.view(view, "")[0]))).convert("RGBA")
-    image = np.asarray(picture, np.float64) / 255
+    entry = tree.json["images"][texture["source"]]
+    if "uri" in entry:
+        assert document.source.folder is not None
+        data = (document.source.folder / entry["uri"]).read_bytes()
+    else:
+        data = bytes(tree.view(entry["bufferView"], "")[0])
+    image = np.asarray(Image.open(io.BytesIO(data)).convert("RGBA"), np.float64) / 255
     if colour:
         image = np.concatenate([linear(image[..., :3]), image[..., 3:]], 2)
     moved = info.get("extensions", {}).get("KHR_texture_transform", {})

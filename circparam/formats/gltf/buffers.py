@@ -34,6 +34,8 @@ class Packing:
         self.data: list[tuple[Json, bytes]] = []  # (bufferView, bytes)
         self.touched: set[int] = set()
         self.images: dict[int, bytes] = {}  # new images, by their number
+        # files of images that other outputs use too, by name
+        self.image_files: dict[str, str] = {}
         # nothing moves where an extension may refer to data in a way that is not known here
         self.careful = extensions_hold_data(self.json)
 
@@ -101,7 +103,7 @@ class Packing:
                 image["bufferView"] = len(self.json["bufferViews"]) - 1
                 self.data.append((view, data))
             else:
-                name = f"{stem}_{image['name']}.png"
+                name = self.image_files.get(image["name"], f"{stem}_{image['name']}.png")
                 image["uri"] = quote(name)
                 extra[name] = data
 

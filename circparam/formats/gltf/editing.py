@@ -167,6 +167,7 @@ class TreeEdit(Packing):
         self.kept_set = max([carried.uv_set, *sets]) + 1
         self.json, pages = redressed(self.json, primitives, carried, self.kept_set)
         self.images = {number: carried.pages[page] for number, page in pages.items()}
+        self.image_files = carried.files or {}
         self.told = carried.tangents
 
     def tangents(self, users: list[Primitive], split: Split, told: FloatArray) -> None:

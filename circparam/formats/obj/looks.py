@@ -253,7 +253,7 @@ def redressed(
 ) -> tuple[bytes, dict[str, bytes]]:
     """An OBJ whose faces show carried images: (its text, further files: library and images)."""
     stem = stem or "textures"
-    names = {page: f"{stem}_{page}.png" for page in carried.pages}
+    names = {page: carried.file_of(page, stem) for page in carried.pages}
     leads: dict[str, Group | None] = {}
     renamed: dict[str, str] = {}
     for group in carried.groups:

@@ -82,7 +82,7 @@ def looks(layout: Layout, m: int) -> Looks | None:
 
 def redressed(data: bytes, carried: Carried, stem: str) -> tuple[bytes, dict[str, bytes]]:
     """A PLY file that names its carried image: (the file, the image by its name)."""
-    name = f"{stem or 'mesh'}_texture.png"
+    name = carried.file_of(IMAGE.page, stem or "mesh")
     head, end, body = data.partition(b"end_header")
     line = re.compile(rb"^(comment\s+TextureFile\s+)[^\r\n]+", re.IGNORECASE | re.MULTILINE)
     head = line.sub(lambda found: found[1] + name.encode("latin-1", "replace"), head, count=1)

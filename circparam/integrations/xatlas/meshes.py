@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.graph import components
 from circparam.errors import InputError
 from circparam.formats.document import Document
+from circparam.formats.joined import apart
 from circparam.formats.memory import from_arrays, whole_numbers
 from circparam.mesh.mesh import Mesh
 
@@ -138,20 +138,10 @@ def triangles(indices: npt.ArrayLike, n: int) -> IntArray:
 def side_by_side(meshes: list[AddedMesh]) -> Document:
     """All meshes as one document: faces and vertices of the first, of the second, and so on.
 
-    Each gets a cell of its own in a lattice, so that no vertices of two meshes coincide and are welded. The
-    lattice has steps of a power of two, which keeps float32 coordinates exact. One mesh alone stays where it
-    is.
+    Each gets a cell of its own in space, so that no vertices of two meshes coincide and are welded.
     """
-    points = [added.mesh.points for added in meshes]
+    points = list(apart([a.mesh.points for a in meshes], [a.mesh.faces for a in meshes]))
     first = np.cumsum([0, *map(len, points)])
-    if len(meshes) > 1:
-        used = [p[added.mesh.faces].reshape(-1, 3) for p, added in zip(points, meshes, strict=True)]
-        low = np.min([p.min(0) for p in used], axis=0)
-        high = np.max([p.max(0) for p in used], axis=0)
-        step = 2.0 ** (math.frexp(float((high - low).max()))[1] + 1)
-        side = math.ceil(len(meshes) ** (1 / 3))
-        cells = np.stack(np.unravel_index(np.arange(len(meshes)), (side, side, side)), 1)
-        points = [p + step * cell for p, cell in zip(points, cells, strict=True)]
     faces = np.concatenate([a.mesh.faces + k for a, k in zip(meshes, first, strict=False)])
     tables = [added.uvs for added in meshes if added.uvs is not None]
     whole = np.concatenate(tables) if len(tables) == len(meshes) else None

@@ -1,0 +1,108 @@
+"""Several textured files with one atlas and one set of images: laid out, carried and checked as one model."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from circparam.bake.check_look import check_look
+from circparam.bake.look_source import Source
+from circparam.bake.merging import groups_of
+from circparam.bake.rebake import Look, carried_looks, check_home, check_page, laid_out
+from circparam.core.fields import specs
+from circparam.core.monitor import Listener, Monitor
+from circparam.errors import OptionError
+from circparam.formats.document import Document
+from circparam.formats.io import output_format, read
+from circparam.formats.joined import image_name, join
+from circparam.pipeline.configure import open_source
+from circparam.pipeline.jobs import monitor_of
+from circparam.pipeline.look_options import LookOptions
+from circparam.pipeline.options import Options, from_keywords
+from circparam.pipeline.together import SharedAtlas, check_together, outputs_in, save_together
+
+STEM = "atlas"  # what the names of shared images begin with
+
+
+def rebake_together(
+    sources: Sequence[Any],
+    folder: str | os.PathLike[str],
+    *,
+    names: Sequence[str] | None = None,
+    listener: Listener | None = None,
+    options: Options | None = None,
+    **keywords: Any,
+) -> tuple[SharedAtlas, Look]:
+    """Give several textured meshes one layout and one set of images, which all outputs show.
+
+    sources, folder, names: as for ``circparam.unwrap_together``. keywords: as for ``circparam.rebake``. The
+    images lie in the folder as ``atlas_NAME.png``; a GLB holds them itself.
+
+    Returns the atlas and what became of images and materials. Raises what ``unwrap_together`` and ``rebake``
+    do, for any of the files, and then writes none.
+    """
+    known = specs(LookOptions)
+    look = LookOptions(**{k: v for k, v in keywords.items() if k in known})
+    options = from_keywords({k: v for k, v in keywords.items() if k not in known}, options)
+    monitor = monitor_of(options, listener)
+    with monitor.stage("read"):
+        documents = [open_source(source, options) for source in sources]
+    outputs = outputs_in(folder, documents, names)
+    return rebake_documents(documents, outputs, options, look, monitor)
+
+
+def rebake_documents(
+    documents: Sequence[Document],
+    outputs: Sequence[Path],
+    options: Options,
+    look: LookOptions,
+    monitor: Monitor,
+) -> tuple[SharedAtlas, Look]:
+    """All stages after reading."""
+    check_page(options, look)
+    check_together(documents, outputs, options)
+    for document, output in zip(documents, outputs, strict=True):
+        if document.looks() is not None:
+            check_home(document, output_format(output), look)
+    joined = join(documents)
+    with monitor.stage("images"):
+        source = Source.of(joined, bool(look.keep_tiled))
+    if any(output_format(output) != "glb" for output in outputs):  # a GLB holds its images
+        _check_images(source, outputs[0].parent, look, options.overwrite)
+    result = laid_out(source, options, look, monitor)
+    carried, told = carried_looks(source, result, look, monitor)
+    parts = [joined.dressed_part(k, carried, STEM) for k in range(len(documents))]
+    shared = save_together(joined, parts, result, outputs, monitor)
+    if look.check_look:
+        told = replace(told, checked=_checked(documents, shared, monitor))
+    whole = shared.result
+    warnings = [*whole.warnings, *told.notes]
+    whole = replace(whole, warnings=warnings, seconds=dict(monitor.seconds))
+    return replace(shared, result=whole), told
+
+
+def _check_images(source: Source, folder: Path, look: LookOptions, overwrite: bool) -> None:
+    """Raise OptionError where a shared image would replace a file that it may not replace."""
+    groups = groups_of(source.looks, look.merge, source.kept)
+    for page in sorted({slot.page for group in groups for slot in group.shown}):
+        path = folder / image_name(STEM, page)
+        if path.exists() and not overwrite:
+            raise OptionError(f"{path}: the file exists; replace it with --overwrite")
+
+
+def _checked(
+    documents: Sequence[Document], shared: SharedAtlas, monitor: Monitor
+) -> dict[str, Any]:
+    """What --check-look finds in each textured file; the figures of the whole are those of the worst."""
+    found = {}
+    with monitor.stage("look"):
+        for document, part in zip(documents, shared.parts, strict=True):
+            looks = document.looks()
+            if looks is not None and looks.textured:
+                result = Source.of(read(part.output))
+                found[part.input] = check_look(Source.of(document), result, part.face_map)
+    worst = {name: min(one[name] for one in found.values()) for name in ("psnr", "ssim")}
+    return worst | {"parts": found}

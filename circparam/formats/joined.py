@@ -1,0 +1,269 @@
+"""Several files as one document, for one layout that all of them share.
+
+The meshes stand side by side in a lattice, so that no vertices of two files coincide and are welded; the files
+keep their own positions. A layout of the whole is cut into one for each file again, and so are carried images.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.words import listed
+from circparam.formats.document import Document
+from circparam.formats.looks import Carried, Looks, Material, Slot
+from circparam.formats.source import Source
+from circparam.formats.table import takes_unshare
+from circparam.geometry.shading import corner_normals
+from circparam.mesh.mesh import Mesh, UVMap
+
+# of a format: its pages of images that mean what a page of glTF means, so that one image serves both
+SHARED_PAGES = {
+    "obj": {"map_kd": "base_color", "map_ke": "emissive", "norm": "normal"},
+    "ply": {"texture": "base_color"},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedLooks(Looks):
+    """The materials of several files. first: the number of the first material of each file, and of all."""
+
+    first: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedDocument(Document):
+    """Files whose faces are those of the first, then those of the second, and so on.
+
+    parts: the files. first_face, first_point: (parts + 1,) number of the first face or point of each, and of
+    all.
+    """
+
+    parts: tuple[Document, ...] = field(kw_only=True)
+    first_face: IntArray = field(kw_only=True)
+    first_point: IntArray = field(kw_only=True)
+
+    @property
+    def instances(self) -> int:
+        """How often a mesh of a file is shown again."""
+        return sum(part.instances for part in self.parts)
+
+    def faces_of(self, k: int) -> slice:
+        """The faces of a file."""
+        return slice(int(self.first_face[k]), int(self.first_face[k + 1]))
+
+    def uv(self, uv_set: int = 0) -> UVMap | None:
+        """The layouts of a set of all files, which may lie on each other; −1 where a file has no such set."""
+        found = [part.uv(uv_set) for part in self.parts]
+        if all(layout is None for layout in found):
+            return None
+        rows, faces, count = [np.zeros((0, 2))], [], 0
+        for part, layout in zip(self.parts, found, strict=True):
+            if layout is None:
+                faces.append(np.full(part.mesh.faces.shape, -1))
+                continue
+            faces.append(np.where(layout.uv_faces < 0, -1, layout.uv_faces + count))
+            rows.append(layout.uv)
+            count += len(layout.uv)
+        return UVMap(np.concatenate(rows), np.concatenate(faces))
+
+    def colours(self) -> FloatArray | None:
+        """The colours of all corners, white in files without any."""
+        found = [part.colours() for part in self.parts]
+        if all(one is None for one in found):
+            return None
+        white = [np.ones((len(part.mesh.faces), 3, 3)) for part in self.parts]
+        return np.concatenate([w if c is None else c for w, c in zip(white, found, strict=True)])
+
+    def normals(self) -> FloatArray | None:
+        """The normals of all corners, smooth ones in files without any."""
+        found = [part.normals() for part in self.parts]
+        if all(one is None for one in found):
+            return None
+        pairs = zip(self.parts, found, strict=True)
+        return np.concatenate([_smooth(p.mesh) if n is None else n for p, n in pairs])
+
+    def tangents(self) -> FloatArray | None:
+        """The tangents of all corners, NaN in files without any."""
+        found = [part.tangents() for part in self.parts]
+        if all(one is None for one in found):
+            return None
+        none = [np.full((len(part.mesh.faces), 3, 4), np.nan) for part in self.parts]
+        return np.concatenate([n if t is None else t for n, t in zip(none, found, strict=True)])
+
+    def looks(self) -> JoinedLooks:
+        """The materials of all files."""
+        return self._looks
+
+    @cached_property
+    def _looks(self) -> JoinedLooks:
+        """The same; of a file without materials one that shows no image."""
+        images: list[bytes] = []
+        names: list[str] = []
+        materials: list[Material] = []
+        face, first = [], []
+        for k, part in enumerate(self.parts):
+            m = len(part.mesh.faces)
+            own = part.looks() or Looks((), (), (Material(""),), np.zeros(m, np.int64))
+            first.append(len(materials))
+            face.append(own.face + len(materials))
+            materials += [_moved(one, k, len(images), part.format) for one in own.materials]
+            images += own.images
+            names += own.names
+        return JoinedLooks(
+            tuple(images), tuple(names), tuple(materials), np.concatenate(face),
+            (*first, len(materials)),
+        )  # fmt: skip
+
+    def rounded(self, uv: FloatArray) -> FloatArray:
+        """uv (k, 2) that every format stores to the bit: u, v and 1 − v are float32."""
+        v = uv[:, 1]
+        fraction, power = np.frexp(np.maximum(np.maximum(np.abs(v), np.abs(1 - v)), 1.0))
+        step = np.ldexp(1.0, power - (fraction == 0.5) - 24)
+        return np.stack([uv[:, 0].astype(np.float32), np.rint(v / step) * step], 1) + 0.0
+
+    def layout_of(self, k: int, layout: UVMap) -> UVMap:
+        """The part of a layout that lies over the faces of one file."""
+        faces = layout.uv_faces[self.faces_of(k)]
+        used, index = np.unique(faces, return_inverse=True)
+        index = index.reshape(faces.shape)
+        if len(used) and used[0] < 0:
+            used, index = used[1:], index - 1
+        return UVMap(layout.uv[used], index)
+
+    def dressed_part(self, k: int, carried: Carried, stem: str) -> Document:
+        """A file with its share of carried images, which lie beside it and have names of their own.
+
+        stem: what the names of the images begin with.
+        """
+        part, (start, end) = self.parts[k], self._looks.first[k : k + 2]
+        own = {new: old for old, new in SHARED_PAGES.get(part.format, {}).items()}
+
+        def given(slot: Slot) -> Slot:
+            return replace(slot, page=own.get(slot.page, slot.page))
+
+        groups = tuple(
+            replace(
+                group,
+                members=tuple(member - start for member in group.members),
+                factors={given(slot): value for slot, value in group.factors.items()},
+                shown=tuple(map(given, group.shown)),
+            )
+            for group in carried.groups
+            if start <= group.members[0] < end
+        )
+        kept = frozenset(member - start for member in carried.kept if start <= member < end)
+        pages = {slot.page for group in groups for slot in group.shown}
+        if not pages and not kept:
+            return part
+        images = {own.get(page, page): data for page, data in carried.pages.items()}
+        files = {own.get(page, page): image_name(stem, page) for page in carried.pages}
+        tangents = None if carried.tangents is None else carried.tangents[self.faces_of(k)]
+        return part.dressed(
+            Carried(
+                {page: images[page] for page in images if page in pages},
+                groups, carried.uv_set, tangents, kept,
+                {page: files[page] for page in files if page in pages},
+            )
+        )  # fmt: skip
+
+
+def image_name(stem: str, page: str) -> str:
+    """The file of an image that several outputs share."""
+    return f"{stem}_{page}.png"
+
+
+def _moved(material: Material, k: int, images: int, format: str) -> Material:
+    """A material of file k among those of all: its images have other numbers, pages those of glTF.
+
+    Materials of two files cannot become one.
+    """
+    names = SHARED_PAGES.get(format, {})
+
+    def shared(slot: Slot) -> Slot:
+        return replace(slot, page=names.get(slot.page, slot.page))
+
+    return replace(
+        material,
+        uses={
+            shared(s): replace(use, image=use.image + images) for s, use in material.uses.items()
+        },
+        factors={shared(slot): value for slot, value in material.factors.items()},
+        alike=f"{k} {material.alike}",
+    )
+
+
+def _smooth(mesh: Mesh) -> FloatArray:
+    """(m, 3, 3) smooth unit normals of the corners of a mesh."""
+    _, label = np.unique(mesh.points, axis=0, return_inverse=True)
+    return corner_normals(mesh.points[mesh.faces], label.reshape(-1)[mesh.faces])
+
+
+def join(parts: Sequence[Document]) -> JoinedDocument:
+    """Several files as one document."""
+    meshes = [part.mesh for part in parts]
+    points = list(apart([mesh.points for mesh in meshes], [mesh.faces for mesh in meshes]))
+    first_point = np.cumsum([0, *map(len, points)])
+    faces = [mesh.faces + k for mesh, k in zip(meshes, first_point, strict=False)]
+    names = [part.source.name for part in parts]
+    mesh = Mesh(
+        np.concatenate(points),
+        np.concatenate(faces),
+        polygons=_labels([mesh.polygons for mesh in meshes], meshes),
+        groups=_labels([mesh.groups for mesh in meshes], meshes, one_each=True),
+    )
+    sets = sorted({number for part in parts for number in part.uv_sets})
+    told = [(name, part) for name, part in zip(names, parts, strict=True)]
+    return JoinedDocument(
+        Source(listed(names)),
+        "glb" if any(takes_unshare(part.format) for part in parts) else "arrays",
+        mesh,
+        tuple(sets),
+        [f"{name}: {line}" for name, part in told for line in part.notes],
+        warnings=tuple(f"{name}: {line}" for name, part in told for line in part.warnings),
+        parts=tuple(parts),
+        first_face=np.cumsum([0, *(len(mesh.faces) for mesh in meshes)]),
+        first_point=first_point,
+    )
+
+
+def apart(points: Sequence[FloatArray], faces: Sequence[IntArray]) -> Iterator[FloatArray]:
+    """Points (n, 3) of several meshes, each moved into a cell of its own in a lattice.
+
+    The lattice has steps of a power of two, which keeps float32 coordinates exact. One mesh alone stays where
+    it is.
+    """
+    if len(points) == 1:
+        yield points[0]
+        return
+    used = [p[f].reshape(-1, 3) for p, f in zip(points, faces, strict=True)]
+    low = np.min([p.min(0) for p in used], axis=0)
+    high = np.max([p.max(0) for p in used], axis=0)
+    step = 2.0 ** (math.frexp(float((high - low).max()))[1] + 1)
+    side = math.ceil(len(points) ** (1 / 3))
+    cells = np.stack(np.unravel_index(np.arange(len(points)), (side, side, side)), 1)
+    for p, cell in zip(points, cells, strict=True):
+        yield p + step * cell
+
+
+def _labels(
+    given: Sequence[IntArray | None], meshes: Sequence[Mesh], one_each: bool = False
+) -> IntArray | None:
+    """(m,) labels of all faces, those of two meshes apart; None where no mesh has any.
+
+    one_each: a mesh without labels has one, in place of one for each face.
+    """
+    if all(labels is None for labels in given):
+        return None
+    out, count = [], 0
+    for labels, mesh in zip(given, meshes, strict=True):
+        m = len(mesh.faces)
+        mine = (np.zeros(m, np.int64) if one_each else np.arange(m)) if labels is None else labels
+        out.append(mine + count)
+        count += int(mine.max()) + 1
+    return np.concatenate(out)

@@ -1,0 +1,284 @@
+"""Several files with one atlas: laid out as one mesh, each written by itself, verified together."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+from circparam.core.arrays import IntArray
+from circparam.core.monitor import Listener, Monitor
+from circparam.core.words import counted, listed, percent
+from circparam.errors import NoResultError, OptionError, OutputError
+from circparam.formats.document import Document
+from circparam.formats.io import (
+    Written,
+    check_place,
+    check_target,
+    output_format,
+    read,
+    stage,
+    write_staged,
+)
+from circparam.formats.joined import JoinedDocument, join
+from circparam.formats.table import output_suffix, takes_unshare
+from circparam.geometry.intrinsic import signed_areas
+from circparam.mesh.mesh import UVMap
+from circparam.pipeline.configure import open_source, write_options
+from circparam.pipeline.jobs import monitor_of
+from circparam.pipeline.keywords import Keywords
+from circparam.pipeline.options import Options, from_keywords
+from circparam.pipeline.result import Result, verdict, verify_layout
+from circparam.pipeline.save import check_loadable, in_input_order, same_corners
+from circparam.pipeline.summary import SCHEMA, summarise
+from circparam.pipeline.unwrap import unwrap_document
+
+SMALL = 1e-3  # of the pages: 65 texels a side of 2048, which hold no more than an icon
+# options that speak of one file: by the name of the field, what to do about them
+OF_ONE_FILE = {
+    "pins": "vertices of one file: unwrap it alone",
+    "seams": "vertices of one file: unwrap it alone",
+    "no_seams": "vertices of one file: unwrap it alone",
+    "symmetry": "an axis of one file: unwrap it alone",
+    "checkpoint": "the seams of one file: leave it out",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SharedAtlas:
+    """Files that share an atlas.
+
+    result: of all of them as one mesh, the files side by side. parts: one for each file, in their order.
+    """
+
+    result: Result
+    parts: tuple[Part, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The report: figures of the page, and under ``parts`` those of each file."""
+        whole = summarise(self.result)
+        return whole | {
+            "schema": SCHEMA.format("atlas"),
+            "input": [part.input for part in self.parts],
+            "output": [part.output for part in self.parts],
+            "parts": [part.as_dict() for part in self.parts],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One file of a shared atlas.
+
+    packed: the share of the pages that its charts cover. face_map: (faces of the output,) face of the input.
+    """
+
+    input: str
+    output: str
+    files: list[str]
+    format: str
+    vertices: int
+    faces: int
+    charts: int
+    packed: float | None
+    warnings: list[str]
+    notes: list[str]
+    face_map: IntArray
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures for JSON."""
+        return {name: value for name, value in vars(self).items() if name != "face_map"}
+
+
+def unwrap_together(
+    sources: Sequence[Any],
+    folder: str | os.PathLike[str],
+    *,
+    names: Sequence[str] | None = None,
+    listener: Listener | None = None,
+    options: Options | None = None,
+    **keywords: Unpack[Keywords],
+) -> SharedAtlas:
+    """Give several meshes one layout: charts of all of them share the pages, at one density.
+
+    sources: each as for ``circparam.unwrap``. folder: where the outputs go; it must be there. names: of the
+    outputs; None takes those of the inputs. listener, options, keywords: as for ``circparam.unwrap``.
+
+    Every file keeps all else that it has. Raises what ``unwrap`` does, for any of the files, and then writes
+    none; OptionError for options that speak of one file.
+    """
+    options = from_keywords(keywords, options)
+    monitor = monitor_of(options, listener)
+    with monitor.stage("read"):
+        documents = [open_source(source, options) for source in sources]
+    outputs = outputs_in(folder, documents, names)
+    return unwrap_documents(documents, outputs, options, monitor)
+
+
+def unwrap_documents(
+    documents: Sequence[Document],
+    outputs: Sequence[Path],
+    options: Options,
+    monitor: Monitor,
+) -> SharedAtlas:
+    """All stages after reading."""
+    check_together(documents, outputs, options)
+    joined = join(documents)
+    result = unwrap_document(joined, None, options, monitor)
+    return save_together(joined, joined.parts, result, outputs, monitor)
+
+
+def outputs_in(
+    folder: str | os.PathLike[str], documents: Sequence[Document], names: Sequence[str] | None
+) -> list[Path]:
+    """Where the outputs of files go. Raises OptionError where a file has no name and none is given."""
+    if names is None:
+        paths = [document.path for document in documents]
+        if None in paths:
+            raise OptionError("a mesh that comes from no file has no name: give names")
+        names = [f"{p.stem}{output_suffix(p.suffix)}" for p in paths if p is not None]
+    if len(names) != len(documents):
+        raise OptionError(
+            f"{len(names)} names for {counted(len(documents), 'mesh')}: give one each"
+        )
+    return [Path(folder) / name for name in names]
+
+
+def check_together(
+    documents: Sequence[Document], outputs: Sequence[Path], options: Options
+) -> None:
+    """Refuse before any work what makes no sense for one atlas. Raises OptionError, OutputError."""
+    if not documents:
+        raise OptionError("there is no mesh: give some")
+    for name, what in OF_ONE_FILE.items():
+        if getattr(options, name) is not None:
+            flag = "--pin" if name == "pins" else "--" + name.replace("_", "-")
+            raise OptionError(f"{flag} names {what}")
+    if options.seam_weights not in (None, "colour"):
+        raise OptionError("--seam-weights FILE names vertices of one file: unwrap it alone")
+    if not options.packed or options.scale is False:
+        raise OptionError("one atlas is packed: leave --no-normalize and --no-scale out")
+    if options.grouped:
+        raise OptionError("--group-by makes several atlases: leave it out")
+    if options.format is not None:
+        raise OptionError("--format has no effect on outputs that have names: leave it out")
+    if options.unshare and not any(takes_unshare(d.format) for d in documents):
+        raise OptionError("--unshare has no effect: no glTF is among the files; leave it out")
+    known: dict[Path, Document] = {}
+    for document in documents:
+        if document.path is not None:
+            other = known.setdefault(document.path.resolve(), document)
+            if other is not document:
+                raise OptionError(f"{document.source.name}: the file is named twice: name it once")
+    for k, (document, output) in enumerate(zip(documents, outputs, strict=True)):
+        if output.resolve() in [other.resolve() for other in outputs[:k]]:
+            raise OptionError(f"two meshes would be written to {output}: rename one of them")
+        if not output.parent.is_dir():
+            raise OutputError(f"{output}: there is no folder {str(output.parent)!r}: make it")
+        name = output_format(output)
+        check_target(document, name, write_options(options))
+        check_place(output, document, name, options.overwrite)
+
+
+def save_together(
+    joined: JoinedDocument,
+    parts: Sequence[Document],
+    result: Result,
+    outputs: Sequence[Path],
+    monitor: Monitor,
+) -> SharedAtlas:
+    """Write every file with its share of a layout, read all of them back and verify them as one.
+
+    parts: the files as they are written, those of ``joined`` or the same with other images. Raises what
+    ``save`` does; an error before all outputs are there leaves none.
+    """
+    o = result.options
+    layout = UVMap(result.uv, result.uv_faces)
+    with monitor.stage("write"):
+        asked = write_options(o)
+        staged = [
+            stage(path, part, joined.layout_of(k, layout), options=asked, overwrite=o.overwrite)
+            for k, (part, path) in enumerate(zip(parts, outputs, strict=True))
+        ]
+        written = write_staged(staged, o.overwrite)
+    with monitor.stage("verify"):
+        uvmap = _read_back(joined, written, o)
+        # files that hold the very numbers that were verified need no second look
+        verification = result.verification
+        if not same_corners(uvmap, layout):
+            verification = verify_layout(result.surface, uvmap, o, result.tiles, result.stacks)
+            verification = replace(verification, seen=lambda: result.verification.seam_visible)
+    said = verdict(verification, o, result.repairs, monitor.hurried)
+    charts = result.charts.copy()
+    charts[result.surface.source] = verification.cut_mesh.chart
+    told = [f"{one.path}: {line}" for one in written for line in one.warnings]
+    out = replace(
+        result,
+        uv=uvmap.uv,
+        uv_faces=uvmap.uv_faces,
+        charts=charts,
+        verification=verification,
+        status=said.status,
+        reasons=said.reasons,
+        warnings=[*joined.warnings, *said.warnings, *told],
+        path=listed([str(path) for path in outputs]),
+        files=list(dict.fromkeys(os.fspath(f) for one in written for f in one.files)),
+        seconds=dict(monitor.seconds),
+        vertex_map=_maps([one.vertex_map for one in written], joined.first_point),
+        face_map=_maps([one.face_map for one in written], joined.first_face),
+    )
+    shares = tuple(_part(joined, k, out, one) for k, one in enumerate(written))
+    small = [
+        f"{part.input} covers {percent(part.packed)} of the page: bring it to the units of the others"
+        for part in shares
+        if part.packed is not None and part.packed < SMALL
+    ]
+    return SharedAtlas(replace(out, warnings=[*out.warnings, *small]), shares)
+
+
+def _maps(maps: Sequence[IntArray], first: IntArray) -> IntArray:
+    """Index maps of files as one of all; first: number of the first vertex or face of each."""
+    return np.concatenate([own + k for own, k in zip(maps, first, strict=False)])
+
+
+def _read_back(joined: JoinedDocument, written: Sequence[Written], o: Options) -> UVMap:
+    """The layout of all files as they hold it. Raises NoResultError where one has no uv for its faces."""
+    rows, faces, count = [], [], 0
+    for part, one in zip(joined.parts, written, strict=True):
+        again = read(str(one.path))
+        check_loadable(again)
+        found = again.uv(o.target_set or 0)
+        m = len(part.mesh.faces)
+        layout = None if found is None else in_input_order(found, one.face_map, m)
+        if layout is None:
+            raise NoResultError(f"{one.path}: the file, read back, has no uv for its faces")
+        rows.append(layout.uv)
+        faces.append(np.where(layout.uv_faces < 0, -1, layout.uv_faces + count))
+        count += len(layout.uv)
+    return UVMap(np.concatenate(rows), np.concatenate(faces))
+
+
+def _part(joined: JoinedDocument, k: int, result: Result, written: Written) -> Part:
+    """The figures of one file."""
+    part, mine = joined.parts[k], joined.faces_of(k)
+    faces = result.uv_faces[mine]
+    laid = (faces >= 0).all(1)
+    charts = result.charts[mine]
+    pages = result.measures["pages"]
+    covered = float(np.abs(signed_areas(faces[laid], result.uv)).sum())
+    return Part(
+        part.source.name,
+        str(written.path),
+        [os.fspath(f) for f in written.files],
+        output_format(str(written.path)),
+        len(part.mesh.points),
+        len(part.mesh.faces),
+        len(np.unique(charts[charts >= 0])),
+        covered / pages if pages else None,
+        written.warnings,
+        written.notes,
+        written.face_map,
+    )

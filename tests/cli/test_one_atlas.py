@@ -1,0 +1,274 @@
+"""``unwrap --one-atlas``: several files on one page, with one set of images; and what is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import circparam
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.errors import InputError, OptionError
+from circparam.formats.gltf.document import GltfDocument
+from circparam.formats.io import read
+from circparam.formats.joined import join
+from circparam.formats.memory import from_arrays
+from circparam.geometry.raster import fragments
+from circparam.mesh.mesh import UVMap
+from tests.bake.test_rebake import FAST, looks_alike, run
+from tests.bake.test_rebake_text import shown
+from tests.cli.test_unwrap import one_line_error
+from tests.support.baking import sheet, write_obj
+from tests.support.looks import Painted, model, psnr, waves
+from tests.support.validator import validate
+
+SIDE = 512
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """one.glb, two.glb: a painted sheet each, at the same place. three.obj: one with a library, three.ply: one
+    without images."""
+    out = tmp_path_factory.mktemp("files")
+    for seed, name in enumerate(("one", "two")):
+        g = Painted()
+        image = g.texture(waves(seed, 32))
+        material = {"name": name, "pbrMetallicRoughness": {"baseColorTexture": {"index": image}}}
+        made = model([material], g, sets=1)
+        made.tree["nodes"][0] |= {"name": name, "extras": {"kept": seed}}
+        (out / f"{name}.glb").write_bytes(made.glb())
+    points, faces = sheet(8)
+    layout = UVMap(points[:, :2] * 0.9 + 0.05, faces)
+    write_obj(out / "three.obj", points, layout, faces, mtl="three.mtl")
+    (out / "three.mtl").write_text("newmtl m\nNs 7\nKd 1 1 1\nmap_Kd three.png\n")
+    Image.fromarray(waves(5, 32)).save(out / "three.png")
+    circparam.write(out / "four.ply", from_arrays(points, faces), layout)
+    return out
+
+
+ALL = ("one.glb", "two.glb", "three.obj", "four.ply")
+TEXTURED = ALL[:3]
+
+
+def files(folder: Path, names: tuple[str, ...] = ALL) -> list[Path]:
+    return [folder / name for name in names]
+
+
+def corners(path: Path) -> FloatArray:
+    """(m, 3, 2) uv of all corners of a file."""
+    layout = read(path).uv()
+    assert layout is not None
+    assert (layout.uv_faces >= 0).all()
+    return layout.uv[layout.uv_faces]
+
+
+def flat_area(uv: FloatArray) -> float:
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    return float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2)
+
+
+def area(path: Path) -> float:
+    p = read(path).mesh.points[read(path).mesh.faces]
+    return float(np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1).sum() / 2)
+
+
+def most_on_a_texel(paths: list[Path]) -> int:
+    """How many faces of all files have the centre of one texel."""
+    xy = np.concatenate([corners(path) for path in paths]) * SIDE
+    hits = np.zeros(SIDE * SIDE, np.int64)
+    for part in fragments(xy, SIDE, SIDE):
+        np.add.at(hits, part.pixel, 1)
+    return int(hits.max())
+
+
+def test_files_share_a_page_at_one_density(folder: Path, tmp_path: Path) -> None:
+    """Two of them lie in the same place in space."""
+    out = tmp_path / "out"
+    result = run("unwrap", *files(folder), "--one-atlas", "--out-dir", out, *FAST)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    paths = files(out)
+    assert most_on_a_texel(paths) == 1
+    share = [flat_area(corners(path)) for path in paths]
+    density = np.array(share) / [area(path) for path in paths]
+    np.testing.assert_allclose(density, density.mean(), rtol=0.01)
+    assert report["schema"] == "circparam/atlas/1"
+    assert (report["status"], report["overlap"], report["pages"]) == ("ok", 0, 1)
+    assert report["charts"] == sum(part["charts"] for part in report["parts"])
+    assert [part["output"] for part in report["parts"]] == list(map(str, paths))
+    np.testing.assert_allclose([part["packed"] for part in report["parts"]], share, rtol=1e-6)
+
+
+def test_nothing_of_a_file_is_lost(folder: Path, tmp_path: Path) -> None:
+    """All but the uv stays, and images lie beside the outputs that show them."""
+    shared = circparam.unwrap_together(files(folder), tmp_path, jobs=1, effort="draft")
+    assert [part.output for part in shared.parts] == list(map(str, files(tmp_path)))
+    for name in ("one.glb", "two.glb"):
+        old, new = read(folder / name), read(tmp_path / name)
+        assert isinstance(old, GltfDocument)
+        assert isinstance(new, GltfDocument)
+        for kind in ("nodes", "scenes", "materials", "textures", "samplers"):
+            assert new.tree.json[kind] == old.tree.json[kind]
+        np.testing.assert_array_equal(
+            new.mesh.points[new.mesh.faces], old.mesh.points[old.mesh.faces]
+        )
+    kept = [
+        [
+            line
+            for line in (place / "three.obj").read_text().splitlines()
+            if line[:2] in ("v ", "us", "mt")
+        ]
+        for place in (folder, tmp_path)
+    ]
+    assert kept[0] == kept[1]
+    assert (tmp_path / "three.png").read_bytes() == (folder / "three.png").read_bytes()
+
+
+def test_pages_are_filled_with_charts_of_all_files(folder: Path, tmp_path: Path) -> None:
+    words = ("--pages", 2, "--one-atlas", "--out-dir", tmp_path)
+    result = run("unwrap", *files(folder), *words, *FAST)
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["pages"] == 2
+    page = [np.floor(corners(path).mean(1)[:, 0]) for path in files(tmp_path)]
+    assert set(np.concatenate(page).tolist()) == {0.0, 1.0}
+
+
+def points_of(path: Path) -> tuple[IntArray, FloatArray]:
+    rng = np.random.default_rng(2)
+    return rng.integers(0, len(read(path).mesh.faces), 3000), rng.dirichlet([1, 1, 1], 3000)
+
+
+def test_one_set_of_images_serves_all_outputs(folder: Path, tmp_path: Path) -> None:
+    """A GLB holds it, an OBJ names it; each looks as it did; a file without images goes along."""
+    words = ("--rebake", "--size", 256, "--one-atlas", "--out-dir", tmp_path, "--check-look")
+    result = run("unwrap", *files(folder), *words, *FAST)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert report["look"]["images"] == ["base_color"]
+    assert report["psnr"] == min(one["psnr"] for one in report["look"]["check"]["parts"].values())
+    assert {p.name for p in tmp_path.iterdir()} == {*ALL, "three.mtl", "atlas_base_color.png"}
+    assert "map_Kd atlas_base_color.png" in (tmp_path / "three.mtl").read_text()
+    old, new = validate(folder / "one.glb", tmp_path / "one.glb")
+    assert new <= old
+    for name in ("one.glb", "two.glb"):
+        assert min(looks_alike(folder / name, tmp_path / name).values()) >= 40
+        document = read(tmp_path / name)
+        assert isinstance(document, GltfDocument)
+        image = document.tree.view(document.tree.json["images"][0]["bufferView"], "")[0]
+        assert bytes(image) == (tmp_path / "atlas_base_color.png").read_bytes()
+    face, bary = points_of(folder / "three.obj")
+    before, after = (shown(p / "three.obj", "map_Kd", face, bary) for p in (folder, tmp_path))
+    assert psnr(before, after) >= 40
+    assert most_on_a_texel(files(tmp_path)) == 1
+
+
+def test_one_atlas_in_python(folder: Path, tmp_path: Path) -> None:
+    names = ["a.gltf", "b.gltf"]
+    shared, look = circparam.rebake_together(
+        files(folder)[:2], tmp_path, names=names, size=128, padding=1, jobs=1, effort="draft"
+    )
+    assert (look.size, look.materials) == (128, (2, 2))
+    assert shared.result.verification.valid
+    assert {p.name for p in tmp_path.iterdir()} == {
+        *names,
+        "a.bin",
+        "b.bin",
+        "atlas_base_color.png",
+    }
+    with pytest.raises(OptionError, match="no name"):
+        circparam.unwrap_together([read(folder / "one.glb").mesh], tmp_path)
+    with pytest.raises(OptionError, match="1 names for 2 meshes"):
+        circparam.unwrap_together(files(folder)[:2], tmp_path, names=["a.glb"])
+    with pytest.raises(OptionError, match="named twice"):
+        circparam.unwrap_together([folder / "one.glb"] * 2, tmp_path, names=["c.glb", "d.glb"])
+    with pytest.raises(InputError, match="nothing to carry"):
+        circparam.rebake_together([folder / "four.ply"], tmp_path)
+
+
+REFUSED = {
+    "out": (("-o", "{out}/x.glb"), "--out-dir"),
+    "nowhere": ((), "needs a folder"),
+    "twice": (("{in}/./one.glb", "--out-dir", "{out}"), "named twice"),
+    "names": (("{in}/sub/one.glb", "--out-dir", "{out}"), "two meshes would be written"),
+    "stdin": (("-", "--out-dir", "{out}"), "stdin"),
+    "atlases": (("--out-dir", "{out}", "--group-by", "mesh"), "--group-by"),
+    "unpacked": (("--out-dir", "{out}", "--no-normalize"), "--no-normalize"),
+    "axis": (("--out-dir", "{out}", "--symmetry", "x"), "--symmetry"),
+    "map": (("--out-dir", "{out}", "--map", "{out}/m.npz"), "--map"),
+    "pages": (("--out-dir", "{out}", "--rebake", "--pages", "2"), "--pages"),
+    "images": (("--out-dir", "{in}/there", "--rebake"), "atlas_base_color.png"),
+    "one": (("--out-dir", "{out}"), "no effect on one mesh"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_makes_no_sense_for_one_atlas_is_refused(
+    case: str, folder: Path, tmp_path: Path
+) -> None:
+    for place in ("sub", "there"):
+        (folder / place).mkdir(exist_ok=True)
+    (folder / "sub" / "one.glb").write_bytes((folder / "one.glb").read_bytes())
+    (folder / "there" / "atlas_base_color.png").write_bytes(b"mine")
+    given, word = REFUSED[case]
+    names = TEXTURED[:1] if case == "one" else TEXTURED
+    words = [w.format(**{"in": folder, "out": tmp_path / "out"}) for w in given]
+    one_line_error(run("unwrap", *files(folder, names), "--one-atlas", *words), 2, word)
+    assert not (tmp_path / "out").exists()
+    assert [p.name for p in (folder / "there").iterdir()] == ["atlas_base_color.png"]
+
+
+def broken_mesh(place: Path) -> None:
+    (place / "two.glb").write_bytes((place / "two.glb").read_bytes()[:300])
+
+
+def missing_image(place: Path) -> None:
+    os.remove(place / "three.png")
+
+
+@pytest.mark.parametrize("spoil", [broken_mesh, missing_image])
+def test_one_bad_file_leaves_no_output(
+    spoil: Callable[[Path], None], folder: Path, tmp_path: Path
+) -> None:
+    place, out = tmp_path / "in", tmp_path / "out"
+    place.mkdir()
+    for path in folder.iterdir():
+        if path.is_file():
+            (place / path.name).write_bytes(path.read_bytes())
+    spoil(place)
+    words = ("--rebake", "--one-atlas", "--out-dir", out)
+    one_line_error(run("unwrap", *files(place, TEXTURED), *words), 3)
+    assert not out.exists()
+
+
+def test_files_that_differ_and_have_one_name_are_not_mixed_up(folder: Path, tmp_path: Path) -> None:
+    """Two OBJ files of two folders name two images alike."""
+    other, out = tmp_path / "other", tmp_path / "out"
+    other.mkdir()
+    for name in ("three.mtl", "three.png"):
+        (other / name).write_bytes((folder / name).read_bytes())
+    (other / "five.obj").write_bytes((folder / "three.obj").read_bytes())
+    words = ("--one-atlas", "--out-dir", out, *FAST)
+    same = run("unwrap", folder / "three.obj", other / "five.obj", *words)
+    assert same.exit_code == 0, same.stderr
+    Image.fromarray(waves(9, 32)).save(other / "three.png")
+    result = run("unwrap", folder / "three.obj", other / "five.obj", *words, "--overwrite")
+    one_line_error(result, 2, "three.png", "differ")
+
+
+def test_every_format_stores_shared_uv_to_the_bit(folder: Path) -> None:
+    """u, v and 1 − v are float32, also far out."""
+    whole = join([read(path) for path in files(folder)])
+    rng = np.random.default_rng(3)
+    uv = np.concatenate([rng.random((1000, 2)), rng.normal(0, 300, (1000, 2)), [[0, 0], [1, 1]]])
+    stored = whole.rounded(uv)
+    assert stored is not None
+    for numbers in (stored, 1 - stored[:, 1]):
+        np.testing.assert_array_equal(numbers.astype(np.float32), numbers)
+    np.testing.assert_allclose(stored[:1000], uv[:1000], atol=2**-24)
+    np.testing.assert_allclose(stored, uv, rtol=1e-6, atol=1e-6)
+    np.testing.assert_array_equal(whole.rounded(stored), stored)
