@@ -18,7 +18,7 @@ from circparam.core.graph import components
 from circparam.core.words import counted
 from circparam.errors import InputError, TopologyError
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.sides import Side
+from circparam.maps.map_input import MapInput
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.verify import uv_seams
 
@@ -32,7 +32,7 @@ class ChartGraph:
     the left. chart (2e,): that on the left of each arc, −1 for what closes a boundary; of_face (m,): of
     each face. mark: node → landmark."""
 
-    side: Side
+    side: MapInput
     paths: list[IntArray]
     after: list[int]
     chart: IntArray
@@ -72,7 +72,7 @@ class ChartGraph:
         )
 
 
-def add_charts(marks: Landmarks, layouts: tuple[UVMap, UVMap], a: Side, b: Side) -> None:
+def add_charts(marks: Landmarks, layouts: tuple[UVMap, UVMap], a: MapInput, b: MapInput) -> None:
     """The seams of both layouts as arcs, and their nodes as helpers, or landmarks where they are some.
 
     Raises TopologyError where a chart is no disk or the graphs differ, InputError where they correspond in
@@ -97,47 +97,47 @@ def add_charts(marks: Landmarks, layouts: tuple[UVMap, UVMap], a: Side, b: Side)
     _add(marks, first, second, found[0])
 
 
-def chart_graph(side: Side, layout: UVMap, landmarks: list[int]) -> ChartGraph:
+def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGraph:
     """The graph of one side. Raises TopologyError where a chart is no disk."""
-    sheet, surface = side.sheet, side.surface
-    m = len(sheet.faces)
+    mesh, surface = side.closed, side.surface
+    m = len(mesh.faces)
     cut = np.zeros(3 * m, bool)
     cut[surface.edges[uv_seams(surface, layout)].ravel()] = True
-    outside = np.repeat(sheet.parent < 0, 3)
-    cut |= outside != outside[sheet.twin]
+    outside = np.repeat(mesh.parent < 0, 3)
+    cut |= outside != outside[mesh.twin]
     if not cut.any():
         raise TopologyError(f"{side.name}: its uv have no seam: --charts needs both surfaces cut")
     h = np.flatnonzero(~cut)
-    _, of_face = components(m, h // 3, sheet.twin[h] // 3)
+    _, of_face = components(m, h // 3, mesh.twin[h] // 3)
     paths = _traced(side, cut, landmarks)
     twin_of = {(int(p[0]), int(p[1])): d for d, p in enumerate(paths)}
     after = [0] * len(paths)
     for d, p in enumerate(paths):
-        ring = sheet.ring(int(p[-1]))
+        ring = mesh.ring(int(p[-1]))
         at = ring.index(int(p[-2]))
         for back in range(1, len(ring) + 1):  # clockwise from where it came
             follower = twin_of.get((int(p[-1]), ring[at - back]))
             if follower is not None:
                 after[d] = follower
                 break
-    left = np.array([int(sheet.half_edges(p[:1], p[1:2])[0]) // 3 for p in paths])
-    chart = np.where(sheet.parent[left] < 0, -1, of_face[left])
+    left = np.array([int(mesh.half_edges(p[:1], p[1:2])[0]) // 3 for p in paths])
+    chart = np.where(mesh.parent[left] < 0, -1, of_face[left])
     number = {v: k for k, v in enumerate(landmarks)}
     graph = ChartGraph(side, paths, after, chart, of_face, number)
     _require_disks(graph, cut)
     return graph
 
 
-def _traced(side: Side, cut: IntArray, landmarks: list[int]) -> list[IntArray]:
+def _traced(side: MapInput, cut: IntArray, landmarks: list[int]) -> list[IntArray]:
     """Paths of cut edges between nodes, each beside itself backwards."""
-    sheet = side.sheet
+    mesh = side.closed
     h = np.flatnonzero(cut)
-    start, end = sheet.faces.ravel()[h], sheet.faces[:, [1, 2, 0]].ravel()[h]
-    degree = group_count(start, sheet.n)
+    start, end = mesh.faces.ravel()[h], mesh.faces[:, [1, 2, 0]].ravel()[h]
+    degree = group_count(start, mesh.n)
     node = (degree > 0) & (degree != 2)
     node[[v for v in landmarks if degree[v]]] = True
     order = np.argsort(start, kind="stable")
-    begin = np.searchsorted(start[order], np.arange(sheet.n + 1))
+    begin = np.searchsorted(start[order], np.arange(mesh.n + 1))
     neighbours = end[order]
     used: set[tuple[int, int]] = set()
     paths = []
@@ -160,18 +160,18 @@ def _traced(side: Side, cut: IntArray, landmarks: list[int]) -> list[IntArray]:
 
 
 def _require_disks(graph: ChartGraph, cut: IntArray) -> None:
-    sheet, label = graph.side.sheet, graph.of_face
+    mesh, label = graph.side.closed, graph.of_face
     count = int(label.max()) + 1
     open_ = np.flatnonzero(~cut)
-    on = np.zeros(sheet.n, bool)
-    on[sheet.faces.ravel()[cut]] = True
+    on = np.zeros(mesh.n, bool)
+    on[mesh.faces.ravel()[cut]] = True
     inner = np.flatnonzero(~on)
     euler = (
         group_count(label, count)
         - group_count(label[open_ // 3], count) // 2
-        + group_count(label[sheet.first_out[inner] // 3], count)
+        + group_count(label[mesh.first_out[inner] // 3], count)
     )
-    for chart in np.unique(label[sheet.parent >= 0]).tolist():
+    for chart in np.unique(label[mesh.parent >= 0]).tolist():
         if euler[chart] != 1:
             face = int(graph.side.surface.source[np.flatnonzero(label == chart)[0]])
             loops = max(2 - int(euler[chart]), 0)
@@ -220,8 +220,8 @@ def _fits(marks: Landmarks, a: ChartGraph, b: ChartGraph, goes: list[int]) -> bo
         if (u in on[0]) != (v in on[1]):
             return False
         if u not in on[0]:
-            own = int(a.of_face[a.side.sheet.first_out[u] // 3])
-            if to.get(own) != int(b.of_face[b.side.sheet.first_out[v] // 3]):
+            own = int(a.of_face[a.side.closed.first_out[u] // 3])
+            if to.get(own) != int(b.of_face[b.side.closed.first_out[v] // 3]):
                 return False
     return True
 
@@ -264,18 +264,11 @@ def _pieces(path: IntArray, cut: IntArray) -> list[IntArray]:
     return [path[i : j + 1] for i, j in itertools.pairwise(at)]
 
 
-def _cut(side: Side, path: IntArray, parts: int) -> IntArray:
+def _cut(side: MapInput, path: IntArray, parts: int) -> IntArray:
     """The entries of a path that divide it into so many parts by length, none at its ends."""
     if len(path) <= parts:
         raise TopologyError(
             f"{side.name}: a seam of {counted(len(path) - 1, 'edge')} is too short to be divided: "
             "subdivide the mesh"
         )
-    step = np.linalg.norm(np.diff(side.sheet.points[path], axis=0), axis=1)
-    run = np.r_[0.0, np.cumsum(step)]
-    out, last = [], 0
-    for k in range(1, parts):
-        pick = int(np.abs(run - run[-1] * k / parts).argmin())
-        last = min(max(pick, last + 1), len(path) - 1 - (parts - k))
-        out.append(last)
-    return np.array(out, np.int64)
+    return side.closed.divided(path, parts)

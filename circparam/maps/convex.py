@@ -1,4 +1,4 @@
-"""Convex combinations over a sheet: every free vertex a weighted mean of its neighbours, one sparse system."""
+"""Convex combination maps: every free vertex is a weighted mean of its neighbours (Tutte, Floater)."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
 from circparam.core.linalg import Factor
-from circparam.errors import NoResultError
-from circparam.maps.sheet import Sheet
+from circparam.maps.closed_mesh import ClosedMesh
+from circparam.maps.tracing import Tracer
 from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
 
 
-def row_weights(sheet: Sheet, weights: str) -> FloatArray:
+def row_weights(mesh: ClosedMesh, weights: str) -> FloatArray:
     """(3m,) weights of all half-edges of a row of WEIGHTS, those that leave a vertex of sum 1."""
-    w = half_edge_weights(sheet.cut_mesh, WEIGHTS[weights].function)
-    start = sheet.faces.ravel()
-    result: FloatArray = w / group_sum(w, start, sheet.n)[start]
+    w = half_edge_weights(mesh.cut_mesh, WEIGHTS[weights].function)
+    start = mesh.faces.ravel()
+    result: FloatArray = w / group_sum(w, start, mesh.n)[start]
     return result
 
 
 def combined(
-    sheet: Sheet, free: BoolArray, weights: FloatArray, known: Callable[[IntArray], FloatArray]
+    mesh: ClosedMesh, free: BoolArray, weights: FloatArray, known: Callable[[IntArray], FloatArray]
 ) -> FloatArray:
-    """(k, d) places of the free vertices (n,) of a sheet, in their order.
+    """(k, d) places of the free vertices (n,) of a mesh, in their order.
 
     weights: (3m,) of the half-edges, see ``row_weights``. known: half-edges that leave free vertices → (h, d)
     the places of their ends, which are not free.
     """
-    i, j = sheet.faces.ravel(), sheet.faces[:, [1, 2, 0]].ravel()
+    i, j = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
     inner, edge = np.flatnonzero(free[i] & free[j]), np.flatnonzero(free[i] & ~free[j])
     number, n = np.cumsum(free) - 1, int(free.sum())
     matrix = sps.identity(n, format="csr") - sps.csr_matrix(
@@ -41,10 +41,42 @@ def combined(
     return Factor(matrix).solve(b)
 
 
-def refuse_crushed(faces: int) -> None:
-    """Raise NoResultError where faces of a convex map are turned over all the same: crushed by rounding."""
-    if faces:
-        raise NoResultError(
-            f"{faces} faces are crushed between landmarks beyond double precision: "
-            "give a landmark at the end of every long thin part"
-        )
+def border_places(
+    tracer: Tracer, polygons: list[list[int]], corners: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """(keys polygon · n + vertex ascending, (k, d) places) of the vertices round polygons of arcs.
+
+    polygons: the arcs round each, laid by arc length on the sides of the flat polygon with corners (c, d).
+    """
+    keys, places = [], []
+    for number, arcs in enumerate(polygons):
+        for arc, start, end in zip(arcs, corners, np.roll(corners, -1, 0), strict=True):
+            path = tracer.arcs[arc]
+            t = tracer.mesh.shares(path)[:, None]
+            keys.append(number * tracer.mesh.n + path)
+            places.append((1 - t) * start + t * end)
+    key, first = np.unique(np.concatenate(keys), return_index=True)
+    return key, np.concatenate(places)[first]
+
+
+def laid_in_patches(tracer: Tracer, regions: IntArray, weights: str) -> tuple[IntArray, FloatArray]:
+    """(patch (m,) of each face, places (m, 3, 3): barycentric coordinates of its corners in the patch).
+
+    regions (r, 3): the arcs round each triangular patch, which lies on their left; no patch has a landmark
+    twice. What lies inside the patches is one linear system.
+    """
+    mesh, free = tracer.mesh, ~tracer.on
+    flat, ends = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+    patch = tracer.regions(regions.tolist())
+    key, known = border_places(tracer, regions.tolist(), np.eye(3))
+
+    def around(corner: IntArray, vertex: IntArray) -> FloatArray:
+        return known[np.searchsorted(key, patch[corner // 3] * mesh.n + vertex)]
+
+    inside = combined(mesh, free, row_weights(mesh, weights), lambda h: around(h, ends[h]))
+    places = np.empty((len(flat), 3))
+    use = free[flat]
+    places[use] = inside[(np.cumsum(free) - 1)[flat[use]]]
+    on = np.flatnonzero(~use)
+    places[on] = around(on, flat[on])
+    return patch, places.reshape(-1, 3, 3)

@@ -1,7 +1,7 @@
-"""A sheet over a surface with handles: every face in a frame of its own, and matrices across the edges.
+"""A closed mesh over its domain: the universal cover without unrolling it.
 
-The universal cover without unrolling it. A face lies as a cone of three vectors in its own frame; a place is a
-vector in the frame of a face; whoever walks across an edge multiplies by its matrix.
+Every face lies as a cone of three vectors in a frame of its own. A place is a vector in the frame of a face,
+and a walk across an edge multiplies by the matrix of that edge. On the sphere there is one frame and no matrix.
 """
 
 from __future__ import annotations
@@ -11,46 +11,41 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.maps.base import Geometry
-from circparam.maps.cones import STRAIGHT, WALK, signs_of, weights_in
-from circparam.maps.sheet import Sheet
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.maps.closed_mesh import ClosedMesh
+from circparam.maps.cones import signs_of, weights_in
+from circparam.maps.geometries import Geometry
+
+STRAIGHT_STEPS = 60  # faces that a walk crosses by the edge that its goal lies farthest behind
+WALK_STEPS = 400  # faces that a walk crosses at most
 
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """From the frame of each vertex to that of each face it is a corner of.
+    """From the frame of each vertex of a mesh to that of each face it is a corner of.
 
-    faces (m, 3). special (s,): faces with a corner in another frame than their own; matrices (s, 3, 3, 3):
-    of each of their corners. All others lie in the frame of their vertices.
+    special (s,): faces with a corner in another frame than their own; corner_matrices (s, 3, 3, 3): of their
+    corners. All others lie in the frame of their vertices. index (3m,): of each half-edge the matrix in
+    matrices (k, 3, 3) that leads across it; the first one is the identity.
     """
 
-    faces: IntArray
+    mesh: ClosedMesh
     special: IntArray
+    corner_matrices: FloatArray
+    index: IntArray
     matrices: FloatArray
 
     def corners(self, vectors: FloatArray) -> FloatArray:
         """(m, 3, ...) vectors of vertices (n, 3) or tangents (n, 3, 2) in the frames of the faces."""
-        out: FloatArray = vectors[self.faces]
+        out: FloatArray = vectors[self.mesh.faces]
         if len(self.special):
-            out[self.special] = np.einsum("scij,scj...->sci...", self.matrices, out[self.special])
+            turned = np.einsum("scij,scj...->sci...", self.corner_matrices, out[self.special])
+            out[self.special] = turned
         return out
-
-    def crossings(self, sheet: Sheet) -> tuple[IntArray, FloatArray]:
-        """(index (3m,), matrices (k, 3, 3), the first one the identity) across every half-edge."""
-        m, number = len(self.faces), self._number
-        f = np.arange(3 * m) // 3
-        twin = sheet.twin
-        h = np.flatnonzero((number[f] >= 0) | (number[twin // 3] >= 0))
-        own = self.of(h)
-        other = self.of(twin[h] // 3 * 3 + (twin[h] + 1) % 3)
-        index = np.zeros(3 * m, np.int64)
-        index[h] = 1 + np.arange(len(h))
-        return index, np.concatenate([np.eye(3)[None], other @ np.linalg.inv(own)])
 
     @cached_property
     def _number(self) -> IntArray:
-        number = np.full(len(self.faces), -1)
+        number = np.full(len(self.mesh.faces), -1)
         number[self.special] = np.arange(len(self.special))
         return number
 
@@ -58,51 +53,167 @@ class Development:
         """(k, 3, 3) the matrices of corners 3f + k."""
         at = self._number[corner // 3]
         out = np.broadcast_to(np.eye(3), (len(corner), 3, 3)).copy()
-        out[at >= 0] = self.matrices[at[at >= 0], corner[at >= 0] % 3]
+        out[at >= 0] = self.corner_matrices[at[at >= 0], corner[at >= 0] % 3]
+        return out
+
+    def between(self, half_edge: IntArray) -> FloatArray:
+        """(k, 3, 3) from the frame of the end of each half-edge to that of its start."""
+        after = next_half_edge(half_edge)
+        return np.asarray(np.linalg.inv(self.of(half_edge)) @ self.of(after), np.float64)
+
+    def rolled_out(
+        self, roots: IntArray, passable: BoolArray | None = None
+    ) -> tuple[IntArray, FloatArray]:
+        """Faces are laid beside each other from root faces (r,) on, across ``passable`` half-edges (3m,).
+
+        Returns (the root of each face (m,), −1 where it is not reached; the matrix (m, 3, 3) from the frame of
+        each face into that of its root).
+        """
+        m, twin = len(self.mesh.faces), self.mesh.twin
+        root, way = np.full(m, -1), np.broadcast_to(np.eye(3), (m, 3, 3)).copy()
+        root[roots] = np.arange(len(roots))
+        front = roots
+        while len(front):
+            h = (3 * front[:, None] + np.arange(3)).ravel()
+            h = h[root[twin[h] // 3] < 0]
+            h = h if passable is None else h[passable[h]]
+            front, first = np.unique(twin[h] // 3, return_index=True)
+            h = h[first]
+            root[front] = root[h // 3]
+            way[front] = way[h // 3] @ self.matrices[self.index[twin[h]]]
+        return root, way
+
+
+def own_development(
+    mesh: ClosedMesh, index: IntArray, matrices: FloatArray
+) -> tuple[Development, IntArray]:
+    """(the development of a mesh whose half-edges have matrices, (n,) the half-edge of each vertex in whose
+    face's frame it lies: of the surface where it has one)."""
+    flat, twin = mesh.faces.ravel(), mesh.twin
+    order = np.argsort(np.repeat(mesh.parent < 0, 3), kind="stable")[::-1]
+    first = np.full(mesh.n, -1)
+    first[flat[order]] = order
+    touched = np.zeros(mesh.n, bool)
+    touched[flat[index > 0]] = True
+    special = np.flatnonzero(touched[mesh.faces].any(1))
+    number = np.full(len(mesh.faces), -1)
+    number[special] = np.arange(len(special))
+    corner_matrices = np.broadcast_to(np.eye(3), (len(special), 3, 3, 3)).copy()
+    start = first[touched]
+    at, now = start.copy(), np.broadcast_to(np.eye(3), (len(start), 3, 3)).copy()
+    going = np.arange(len(start))
+    while len(going):  # round every vertex
+        back = at[going] // 3 * 3 + (at[going] + 2) % 3  # into the vertex, from the next face round
+        now[going] = matrices[index[back]] @ now[going]
+        at[going] = twin[back]
+        going = going[at[going] != start[going]]
+        corner_matrices[number[at[going] // 3], at[going] % 3] = now[going]
+    return Development(mesh, special, corner_matrices, index, matrices), first
+
+
+def whole_development(split: Development, mesh: ClosedMesh) -> Development:
+    """The development of the mesh that another one was before its edges were split, every face in the frame of
+    the part that has kept its number."""
+    parts, m = split.mesh, len(mesh.faces)
+    if not len(split.special):
+        return Development(
+            mesh, split.special, split.corner_matrices, np.zeros(3 * m, np.int64), split.matrices
+        )
+    special = np.unique(parts.origin[split.special])
+    same = np.repeat(parts.origin, 3) == np.repeat(parts.origin, 3)[parts.twin]
+    way = split.rolled_out(special, same)[1]
+    # of every corner of a special face, a part that has it
+    corner = np.flatnonzero(np.isin(np.repeat(parts.origin, 3), special))
+    face = parts.origin[corner // 3]
+    found = mesh.faces[face] == parts.faces.ravel()[corner][:, None]
+    part = np.zeros((m, 3), np.int64)
+    rows, k = np.nonzero(found)
+    part[face[rows], k] = corner[rows]
+    part = part[special]
+    matrices = way[part // 3] @ split.of(part.ravel()).reshape(-1, 3, 3, 3)
+    bare = Development(mesh, special, matrices, np.zeros(0, np.int64), np.zeros((0, 3, 3)))
+    h = np.flatnonzero((bare._number >= 0).repeat(3) | (bare._number >= 0).repeat(3)[mesh.twin])
+    across = bare.of(next_half_edge(mesh.twin[h])) @ np.linalg.inv(bare.of(h))
+    index = np.zeros(3 * m, np.int64)
+    index[h] = 1 + np.arange(len(h))
+    return Development(mesh, special, matrices, index, np.concatenate([np.eye(3)[None], across]))
+
+
+@dataclass(frozen=True, eq=False)
+class CoverPoints:
+    """Places over a cover: face (k,), weights (k, 3), and turn (k, 3, 3) from the frame of the face to that in
+    which the place is asked for: of a vertex of the other mesh."""
+
+    face: IntArray
+    weights: FloatArray
+    turn: FloatArray
+
+    def take(self, count: int) -> CoverPoints:
+        """The first places."""
+        return CoverPoints(self.face[:count], self.weights[:count], self.turn[:count])
+
+    def put(self, rows: IntArray, other: CoverPoints) -> CoverPoints:
+        """The places with others in some rows."""
+        out = CoverPoints(self.face.copy(), self.weights.copy(), self.turn.copy())
+        out.face[rows], out.weights[rows], out.turn[rows] = other.face, other.weights, other.turn
         return out
 
 
 @dataclass(frozen=True, eq=False)
 class Cover:
-    """A sheet as cones (m, 3, 3), every one counter-clockwise in the frame of its face; index (3m,): of
-    each half-edge the matrix (k, 3, 3) that leads across it."""
+    """A mesh over its domain: vectors (n, 3) of its vertices in their frames."""
 
     geometry: Geometry
-    sheet: Sheet
-    cones: FloatArray
-    index: IntArray
-    matrices: FloatArray
+    development: Development
+    vectors: FloatArray
+
+    @property
+    def mesh(self) -> ClosedMesh:
+        """The mesh."""
+        return self.development.mesh
+
+    @cached_property
+    def cones(self) -> FloatArray:
+        """(m, 3, 3) the corners of every face in its frame."""
+        return self.development.corners(self.vectors)
 
     @property
     def inversions(self) -> int:
         """Faces of the surface that are not counter-clockwise, by exact signs."""
-        return int((signs_of(self.cones)[self.sheet.parent >= 0] <= 0).sum())
+        return int((signs_of(self.cones)[self.mesh.parent >= 0] <= 0).sum())
 
     def direction(self, face: IntArray, w: FloatArray) -> FloatArray:
         """(k, 3) places with weights (k, 3) in faces, in the frames of these."""
         return self.geometry.normal(np.einsum("kc,kcd->kd", w, self.cones[face]))
 
+    def vectors_of(self, points: CoverPoints) -> FloatArray:
+        """(k, 3) places in the frames in which they are asked for."""
+        there = self.direction(points.face, points.weights)
+        return np.asarray(np.einsum("kij,kj->ki", points.turn, there), np.float64)
+
     def crossed(self, turn: FloatArray, who: IntArray, half_edge: IntArray) -> None:
-        """Places ``who`` go across half-edges: their ways back (turn (n, 3, 3), from the frame that they
-        are in to the one they began in) go on, in place."""
-        k = self.index[half_edge]
+        """Places ``who`` go across half-edges: their turns (n, 3, 3) go on, in place."""
+        k = self.development.index[half_edge]
         moved = k > 0
         if moved.any():
-            back = np.linalg.inv(self.matrices[k[moved]])
+            back = np.linalg.inv(self.development.matrices[k[moved]])
             turn[who[moved]] = turn[who[moved]] @ back
 
-    def find(self, q: FloatArray, start: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
-        """(face (k,), weights (k, 3), turn (k, 3, 3) back into the frame of the start) of places q (k, 3),
-        each in the frame of a face near it, ``start``."""
+    def find(self, q: FloatArray, start: IntArray) -> CoverPoints:
+        """Places q (k, 3), each in the frame of a face near it, ``start``; turns lead back into these frames.
+
+        All walk together, each across the edge that its goal lies farthest behind. Walks may go in circles:
+        late steps prefer the edges in turn, and a walk without an end stays in its last face.
+        """
+        index, matrices, twin = self.development.index, self.development.matrices, self.mesh.twin
         face, q = start.copy(), q.copy()
         out = np.empty((len(q), 3))
         turn = np.broadcast_to(np.eye(3), (len(q), 3, 3)).copy()
-        twin = self.sheet.twin
         open_ = np.arange(len(q))
-        for step in range(WALK):
+        for step in range(WALK_STEPS):
             w = weights_in(q[open_], self.cones[face[open_]])
             score = w.copy()
-            if step > STRAIGHT:
+            if step > STRAIGHT_STEPS:
                 score[:, step % 3] *= 1e3
             least = score.argmin(1)
             inside = w[np.arange(len(open_)), least] >= 0
@@ -110,97 +221,22 @@ class Cover:
             open_, least = open_[~inside], least[~inside]
             if len(open_) == 0:
                 break
-            h = 3 * face[open_] + (least + 1) % 3
+            h = 3 * face[open_] + (least + 1) % 3  # opposite to the corner
             self.crossed(turn, open_, h)
-            k = self.index[h]
-            q[open_[k > 0]] = np.einsum("kij,kj->ki", self.matrices[k[k > 0]], q[open_[k > 0]])
+            k = index[h]
+            q[open_[k > 0]] = np.einsum("kij,kj->ki", matrices[k[k > 0]], q[open_[k > 0]])
             face[open_] = twin[h] // 3
         else:
-            face[open_], out[open_] = self._beside(q[open_], face[open_])
+            w = weights_in(q[open_], self.cones[face[open_]])
+            out[open_] = np.maximum(w / np.maximum(np.abs(w).sum(1, keepdims=True), 1e-300), 1e-300)
         out = np.maximum(out, 0)
-        return face, out / out.sum(1, keepdims=True), turn
+        return CoverPoints(face, out / out.sum(1, keepdims=True), turn)
 
-    def _beside(self, q: FloatArray, face: IntArray) -> tuple[IntArray, FloatArray]:
-        """For places that no walk ends at: the face round the last one that they lie least outside."""
-        w = weights_in(q, self.cones[face])
-        size = np.abs(w).sum(1, keepdims=True)
-        return face, np.maximum(w / np.maximum(size, 1e-300), 1e-300)
-
-
-def references(sheet: Sheet) -> IntArray:
-    """(n,) the half-edge of each vertex in whose face's frame it lies: of the surface where it has one."""
-    flat = sheet.faces.ravel()
-    order = np.argsort(np.repeat(sheet.parent < 0, 3), kind="stable")[::-1]
-    out = np.full(sheet.n, -1)
-    out[flat[order]] = order
-    return out
-
-
-def ways(
-    sheet: Sheet, index: IntArray, matrices: FloatArray, first: IntArray
-) -> tuple[IntArray, FloatArray]:
-    """Of every corner whose vertex touches a half-edge with a matrix: (slot (3m,), matrices (s, 3, 3)) from
-    the frame of the vertex, that of half-edge first (n,), to the frame of the corner's face; slot 0 is the
-    identity."""
-    flat, twin = sheet.faces.ravel(), sheet.twin
-    touched = np.zeros(sheet.n, bool)
-    touched[flat[index > 0]] = True
-    vertices = np.flatnonzero(touched)
-    slot = np.zeros(len(flat), np.int64)
-    corners = np.flatnonzero(touched[flat])
-    slot[corners] = 1 + np.arange(len(corners))
-    out = np.broadcast_to(np.eye(3), (len(corners) + 1, 3, 3)).copy()
-    first = first[vertices]
-    at = first.copy()
-    now = np.broadcast_to(np.eye(3), (len(vertices), 3, 3)).copy()
-    going = np.arange(len(vertices))
-    while len(going):
-        back = (
-            at[going] // 3 * 3 + (at[going] + 2) % 3
-        )  # into the vertex: across it lies the next face round
-        now[going] = matrices[index[back]] @ now[going]
-        at[going] = twin[back]
-        going = going[at[going] != first[going]]
-        out[slot[at[going]]] = now[going]
-    return slot, out
-
-
-def own_development(
-    sheet: Sheet, index: IntArray, matrices: FloatArray, first: IntArray
-) -> Development:
-    """The development of a sheet from the frames of its vertices to those of its faces."""
-    slot, way = ways(sheet, index, matrices, first)
-    special = np.flatnonzero((slot.reshape(-1, 3) > 0).any(1))
-    return Development(sheet.faces, special, way[slot.reshape(-1, 3)[special]])
-
-
-def whole_development(
-    sheet: Sheet, index: IntArray, matrices: FloatArray, first: IntArray, faces: IntArray
-) -> Development:
-    """The development of the faces (m, 3) that a sheet was before its edges were split, each in the frame
-    of the part that has kept its number."""
-    slot, way = ways(sheet, index, matrices, first)
-    m, twin = len(sheet.faces), sheet.twin
-    marked = np.zeros(len(faces), bool)
-    marked[sheet.origin[np.flatnonzero(slot > 0) // 3]] = True
-    special = np.flatnonzero(marked)
-    to_root = np.broadcast_to(np.eye(3), (m, 3, 3)).copy()
-    known: BoolArray = ~marked[sheet.origin]
-    known[special] = True
-    h = np.flatnonzero(np.repeat(marked[sheet.origin], 3))
-    h = h[sheet.origin[h // 3] == sheet.origin[twin[h] // 3]]
-    while len(new := h[known[h // 3] & ~known[twin[h] // 3]]):
-        target, at = np.unique(twin[new] // 3, return_index=True)
-        new = new[at]
-        to_root[target] = to_root[new // 3] @ matrices[index[twin[new]]]
-        known[target] = True
-        h = h[~known[twin[h] // 3]]
-    # of every corner of a whole face, a part that has it
-    flat = sheet.faces.ravel()
-    corner = np.flatnonzero(np.repeat(marked[sheet.origin], 3))
-    whole = faces[sheet.origin[corner // 3]] == flat[corner][:, None]
-    corner, k = corner[whole.any(1)], whole[whole.any(1)].argmax(1)
-    part = np.zeros((len(faces), 3), np.int64)
-    part[sheet.origin[corner // 3], k] = corner
-    of = part[special]
-    return Development(faces, special, to_root[of // 3] @ way[slot[of]])
+    def found_again(self, q: FloatArray, near: CoverPoints) -> CoverPoints:
+        """Places q (k, 3) in the frames in which ``near`` are asked for, looked for from there; what has not
+        moved keeps its place."""
+        moved = np.flatnonzero((q != self.vectors_of(near)).any(1))
+        local = np.linalg.solve(near.turn[moved], q[moved][..., None])[..., 0]
+        found = self.find(np.asarray(local, np.float64), near.face[moved])
+        turned = CoverPoints(found.face, found.weights, near.turn[moved] @ found.turn)
+        return near.put(moved, turned)

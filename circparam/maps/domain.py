@@ -1,115 +1,194 @@
-"""Two surfaces on one sphere: the common domain of a map, landmark on landmark, no face turned over."""
+"""The common domain of a map: both surfaces over one triangulation by arcs, patch on patch, no face flipped."""
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
-from circparam.errors import InputError
-from circparam.maps.cones import signs
-from circparam.maps.convex import refuse_crushed
-from circparam.maps.embedding import embed
-from circparam.maps.helpers import ROUNDS, add_helpers
+from circparam.errors import InputError, NoResultError
+from circparam.maps.cones import signs_of
+from circparam.maps.convex import laid_in_patches
+from circparam.maps.cover import (
+    Cover,
+    CoverPoints,
+    Development,
+    own_development,
+    whole_development,
+)
+from circparam.maps.geometries import Base, base_of
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.layout import Layout
-from circparam.maps.mend import mend
-from circparam.maps.polyhedron import polyhedron
-from circparam.maps.sheet import Sheet
-from circparam.maps.sides import Side
+from circparam.maps.layout import Layout, laid_out
+from circparam.maps.map_input import MapInput
+from circparam.maps.mend import Mender
+from circparam.maps.places import along_boundaries
 from circparam.maps.straighten import straighten
 from circparam.maps.tracing import Tracer
+
+PATCH_DISTANCE = 10.0  # how far patches lie from each other where faces near a place are looked for
+HELPER_DISTANCE = 0.35  # roots of the area from all landmarks, from which on a patch gets a helper
+SAME_PLACE = 0.15  # barycentric coordinates that differ by less are about the same place of a patch
+HELPER_ROUNDS = 3  # of layouts with more and more helpers
+# Landmarks and helpers: the convex polyhedron of many is uneven, which costs more than large patches do.
+MOST_NODES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class PatchedMesh:
+    """One mesh of the domain. patch (m,), places (m, 3, 3): see ``laid_in_patches``; cover; first (n,): the
+    half-edge in whose face's frame each vertex lies; whole: the development before edges were split."""
+
+    patch: IntArray
+    places: FloatArray
+    cover: Cover
+    first: IntArray
+    whole: Development
 
 
 @dataclass(frozen=True, eq=False)
 class Domain:
-    """Both sheets on one sphere: sheets, and the directions (n, 3) of their vertices; every face
-    counter-clockwise.
-    """
+    """Both meshes over one triangulation."""
 
-    sheets: tuple[Sheet, Sheet]
-    spheres: tuple[FloatArray, FloatArray]
-
-    def turned(self) -> Domain:
-        """The other one first."""
-        return Domain(self.sheets[::-1], self.spheres[::-1])
+    base: Base
+    meshes: tuple[PatchedMesh, PatchedMesh]
 
 
-def common_domain(a: Side, b: Side, marks: Landmarks, method: str, monitor: Monitor) -> Domain:
-    """Both sheets on the sphere by convex maps of the patches between arcs.
+def common_domain(
+    a: MapInput, b: MapInput, marks: Landmarks, method: str, monitor: Monitor
+) -> Domain:
+    """Both meshes over one geometry by convex maps of the patches between arcs. Helpers are added to ``marks``.
 
-    Helpers are added to ``marks``. Raises TopologyError where the landmarks have no common layout,
-    NoResultError where double precision cannot hold the maps.
+    Raises TopologyError where the landmarks have no common layout, NoResultError where double precision
+    cannot hold the maps.
     """
     with monitor.stage("layout"):
-        layout = _laid_out(a, b, marks)
-        for _ in range(ROUNDS):
+        layout = laid_out(a, b, marks)
+        for _ in range(0 if a.genus else HELPER_ROUNDS):
             if not add_helpers(layout, marks, a, b, method):
                 break
-            layout = _laid_out(a, b, marks)
-    if layout.k < 4:
+            layout = laid_out(a, b, marks)
+        for u, v in zip(*(t.marks[len(marks.a) :] for t in layout.tracers), strict=True):
+            marks.add(int(u), int(v), False)
+    if layout.k < 4 and not a.genus:
         raise InputError(
             "the three landmarks lie so close that no fourth pair fits between them: give one more"
         )
     with monitor.stage("straighten"):
         straighten(layout, method, 2 * marks.arcs)
     with monitor.stage("embed"):
-        faces = np.array([[layout.ends[arc][0] for arc in r] for r in layout.regions()])
-        corners = polyhedron(faces)
-        first, second = (_on_sphere(t, layout, corners, method) for t in layout.tracers)
-    return Domain((layout.tracers[0].sheet, layout.tracers[1].sheet), (first, second))
+        regions = np.array(layout.regions())
+        base = base_of(regions, np.array(layout.ends))
+        first, second = (
+            _patched(t, side, base, regions, method)
+            for t, side in zip(layout.tracers, (a, b), strict=True)
+        )
+    return Domain(base, (first, second))
 
 
-def _on_sphere(tracer: Tracer, layout: Layout, corners: FloatArray, method: str) -> FloatArray:
-    """(n, 3) directions of the vertices of one sheet."""
-    q = embed(tracer, layout.ends, corners, method)
-    q /= np.linalg.norm(q, axis=1)[:, None]
-    q[tracer.marks] = corners
-    if (signs(q, tracer.sheet.faces) > 0).all():
-        return q
-    q, _ = mend(tracer.sheet, q, tracer.on)
-    refuse_crushed(int((signs(q, tracer.sheet.faces) <= 0).sum()))
-    return q
+def _patched(
+    tracer: Tracer, side: MapInput, base: Base, regions: IntArray, method: str
+) -> PatchedMesh:
+    """One mesh over the base; regions (r, 3): the arcs round each patch."""
+    mesh = tracer.mesh
+    patch, places = laid_in_patches(tracer, regions, method)
+    index = np.zeros(3 * len(mesh.faces), np.int64)
+    for arc, path in tracer.arcs.items():
+        if (base.across[arc] != np.eye(3)).any():
+            index[mesh.half_edges(path[:-1], path[1:])] = arc + 1
+    matrices = np.concatenate([np.eye(3)[None], base.across])
+    development, first = own_development(mesh, index, matrices)
+    q = np.einsum("vp,vpd->vd", places.reshape(-1, 3)[first], base.corners[patch[first // 3]])
+    cover = Cover(base.geometry, development, base.geometry.normal(q))
+    if (signs_of(cover.cones) <= 0).any():
+        q, _ = Mender(base.geometry, development, tracer.on).mended(cover.vectors)
+        cover = replace(cover, vectors=q)
+        crushed = int((signs_of(cover.cones) <= 0).sum())
+        if crushed:
+            raise NoResultError(
+                f"{crushed} faces are crushed between landmarks beyond double precision: "
+                "give a landmark at the end of every long thin part"
+            )
+    return PatchedMesh(patch, places, cover, first, whole_development(development, side.closed))
 
 
-def _laid_out(a: Side, b: Side, marks: Landmarks) -> Layout:
-    """The common triangulation of the landmarks."""
-    layout = begun(a, b, marks, Layout)
-    layout.triangulate()
-    return layout
+def located(one: PatchedMesh, two: PatchedMesh) -> CoverPoints:
+    """All vertices of one mesh on the other, each looked for in its patch."""
+    patch, place = one.patch[one.first // 3], one.places.reshape(-1, 3)[one.first]
+    tree = cKDTree(np.column_stack([PATCH_DISTANCE * two.patch, two.places.mean(1)]))
+    near = tree.query(np.column_stack([PATCH_DISTANCE * patch, place]))[1]
+    return two.cover.find(one.cover.vectors, np.asarray(near, np.int64))
 
 
-LayoutType = TypeVar("LayoutType", bound=Layout)
+def composed(
+    a: MapInput, b: MapInput, marks: Landmarks, one: PatchedMesh, two: PatchedMesh
+) -> CoverPoints:
+    """All vertices of the mesh of A on the mesh of B, patch by patch, landmarks on landmarks."""
+    found = located(one, two).put(*along_boundaries(a, b, marks, two.cover.mesh))
+    patch = one.patch[one.first // 3]
+    for u, v in zip(marks.a, marks.b, strict=True):
+        same = np.repeat(two.patch == patch[u], 3)
+        corner = np.flatnonzero((two.cover.mesh.faces == v).ravel() & same)[:1]
+        there = CoverPoints(corner // 3, np.eye(3)[corner % 3], np.eye(3)[None])
+        found = found.put(np.array([u]), there)
+    return found
 
 
-def begun(a: Side, b: Side, marks: Landmarks, kind: type[LayoutType]) -> LayoutType:
-    """A layout with what closes boundaries: it has the first arcs."""
-    tracers = Tracer(a.sheet, np.array(marks.a)), Tracer(b.sheet, np.array(marks.b))
-    layout = kind(tracers, (float(np.sqrt(a.area)), float(np.sqrt(b.area))))
-    for corners, tip in zip(marks.corners, marks.tips, strict=True):
-        for n, i in enumerate(corners):
-            j = corners[(n + 1) % len(corners)]
-            first, second = _along(a, marks.a[i], marks.a[j]), _along(b, marks.b[i], marks.b[j])
-            layout.lay_known(i, j, first, second)
-        for i in corners:
-            spokes = (np.array([v[tip], v[i]]) for v in (marks.a, marks.b))
-            layout.lay_known(tip, i, *spokes)
-    for known in marks.known:
-        layout.lay_known(*known)
-    for path in marks.paths:
-        for i, j in itertools.pairwise(path):
-            layout.lay_shortest(i, j)
-    return layout
+def add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, method: str) -> bool:
+    """Add a helper to every patch that is large (to all where there are three landmarks only); whether one
+    was added.
+
+    What lies far from every arc is crushed by a convex map. The vertex of a patch that is farthest from all
+    landmarks goes with the one on the other surface that is farthest among those in about the same place of
+    the patch. Helpers shape the layout only: relaxation moves them like any other vertex.
+    """
+    if layout.k >= MOST_NODES:
+        return False
+    sides, regions = (a, b), layout.regions()
+    far = [t.from_landmarks() / np.sqrt(s.area) for t, s in zip(layout.tracers, sides, strict=True)]
+    own = [t.regions(regions) for t in layout.tracers]
+    places: list[FloatArray] = []
+    pairs = []
+    for n in range(len(regions)):
+        inside = [
+            _inside(t, patch == n, side.n)
+            for t, patch, side in zip(layout.tracers, own, sides, strict=True)
+        ]
+        if not len(inside[0]) or not len(inside[1]):
+            continue
+        if max(far[k][inside[k]].max() for k in (0, 1)) < HELPER_DISTANCE and layout.k > 3:
+            continue
+        if not places:
+            places = [
+                laid_in_patches(t, np.array(regions), method)[1].reshape(-1, 3)[t.mesh.first_out]
+                for t in layout.tracers
+            ]
+        pairs.append(_pair(inside, places, far))
+    for u, v in pairs[: MOST_NODES - layout.k]:
+        marks.add(u, v, False)
+    return bool(pairs)
 
 
-def _along(side: Side, start: int, end: int) -> IntArray:
-    """The vertices of a boundary from one to another, with the surface on the left."""
-    loop = side.loops[int(side.on_boundary[start])]
-    first, last = (int(np.flatnonzero(loop == v)[0]) for v in (start, end))
-    count = (last - first) % len(loop)
-    out: IntArray = loop[(first + np.arange(count + 1)) % len(loop)]
+def _inside(tracer: Tracer, faces: IntArray, n: int) -> IntArray:
+    """Vertices of the surface inside a patch without what closes a boundary."""
+    mesh = tracer.mesh
+    if (mesh.parent[faces] < 0).any():
+        return np.zeros(0, np.int64)
+    vertices = np.unique(mesh.faces[faces])
+    out: IntArray = vertices[~tracer.on[vertices] & (vertices < n)]
     return out
+
+
+def _pair(
+    inside: list[IntArray], places: list[FloatArray], far: list[FloatArray]
+) -> tuple[int, int]:
+    """Which vertices inside a patch of both meshes go together; far: their distances from all landmarks."""
+    one, two = inside
+    u = int(one[far[0][one].argmax()])
+    near = np.abs(places[1][two] - places[0][u]).max(1) < SAME_PLACE
+    if near.any():
+        return u, int(two[np.where(near, far[1][two], -1).argmax()])
+    u, v = (int(i[places[k][i].min(1).argmax()]) for k, i in enumerate(inside))
+    return u, v

@@ -6,19 +6,26 @@ import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.words import percent
 from circparam.errors import InputError, TopologyError
-from circparam.maps.sides import Side
+from circparam.maps.map_input import MapInput
 
 SAMPLES = 64  # places along a boundary at which two boundaries are compared
 MIRRORED = 0.5  # a reflection that fits the landmarks so many times better than a rotation is taken for one
 FLAT = 0.1  # and fits them to this share of the size at least
 
+GUESSED = 8  # landmarks that are guessed
+FOR_HANDLE = 6  # and so many more for every handle
+TRUST = 0.03  # mean distance of the aligned surfaces, in sizes, up to which a guess is made
+ROUNDS = 12  # of the alignment by closest points
+
 
 @dataclass
 class Landmarks:
-    """a, b (k,): vertices of the sheets that correspond. exact (k,): whether they were asked for, not helpers.
+    """a, b (k,): vertices of both meshes that correspond. exact (k,): whether they were asked for, not helpers.
 
     corners[l]: the landmarks on boundary l, in order along it. tips (b,): the landmark over each boundary.
     known: arcs that both surfaces have (two landmarks, the vertices between them on each); paths: landmarks
@@ -47,7 +54,7 @@ class Landmarks:
         return len(self.a) - 1
 
 
-def given_landmarks(pairs: IntArray, a: Side, b: Side) -> Landmarks:
+def given_landmarks(pairs: IntArray, a: MapInput, b: MapInput) -> Landmarks:
     """Landmarks from pairs (k, 2) of vertex numbers of the meshes, counted from 0.
 
     Raises InputError where a number names no vertex of a face, or two lines name the same.
@@ -82,7 +89,7 @@ def given_landmarks(pairs: IntArray, a: Side, b: Side) -> Landmarks:
     return out
 
 
-def add_paths(marks: Landmarks, paths: list[list[int]], a: Side) -> None:
+def add_paths(marks: Landmarks, paths: list[list[int]], a: MapInput) -> None:
     """Paths, given by vertices of the mesh of A, as sequences of landmarks.
 
     Raises InputError where a vertex is no landmark, or two paths join the same landmarks.
@@ -112,9 +119,9 @@ def add_paths(marks: Landmarks, paths: list[list[int]], a: Side) -> None:
         marks.paths.append(found)
 
 
-def points_of(side: Side, vertices: list[int]) -> FloatArray:
+def points_of(side: MapInput, vertices: list[int]) -> FloatArray:
     """(k, 3) their positions, in units of the root of the area."""
-    result: FloatArray = side.sheet.points[vertices] / np.sqrt(side.area)
+    result: FloatArray = side.closed.points[vertices] / np.sqrt(side.area)
     return result
 
 
@@ -131,7 +138,7 @@ def aligned(p: FloatArray, q: FloatArray, mirror: bool = False) -> tuple[float, 
     return error, np.column_stack([turn.T, cq - turn.T @ cp])
 
 
-def refuse_mirrored(marks: Landmarks, a: Side, b: Side) -> None:
+def refuse_mirrored(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     """Raise TopologyError where the landmarks say that one surface is the mirror image of the other."""
     if sum(marks.exact) < 4:
         return
@@ -148,7 +155,7 @@ def refuse_mirrored(marks: Landmarks, a: Side, b: Side) -> None:
         )
 
 
-def add_boundaries(marks: Landmarks, a: Side, b: Side) -> None:
+def add_boundaries(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     """Match the boundaries; give each at least three corners and a landmark at its tip.
 
     Raises InputError where it is not clear which boundary belongs to which, or their landmarks come in
@@ -160,7 +167,7 @@ def add_boundaries(marks: Landmarks, a: Side, b: Side) -> None:
         marks.tips.append(marks.add(int(a.tips[k]), int(b.tips[j]), False))
 
 
-def _partners(marks: Landmarks, a: Side, b: Side) -> list[int]:
+def _partners(marks: Landmarks, a: MapInput, b: MapInput) -> list[int]:
     """The boundary of b that each boundary of a belongs to."""
     partner = [-1] * len(a.loops)
     for line, (u, v) in enumerate(zip(marks.a, marks.b, strict=True), 1):
@@ -184,18 +191,9 @@ def _partners(marks: Landmarks, a: Side, b: Side) -> list[int]:
     return partner
 
 
-def _places(side: Side, loop: IntArray) -> FloatArray:
-    """(n,) share of the length of a boundary at which each of its vertices lies, from 0."""
-    p = side.sheet.points[loop]
-    step = np.linalg.norm(np.roll(p, -1, 0) - p, axis=1)
-    result: FloatArray = (np.cumsum(step) - step) / step.sum()
-    return result
-
-
-def _corners(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> list[int]:
+def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list[int]:
     """The landmarks on a pair of boundaries, in order, with helpers where there are fewer than three."""
     loop_a, loop_b = a.loops[k], b.loops[j]
-    at_a, at_b = _places(a, loop_a), _places(b, loop_b)
     index_a = {int(v): n for n, v in enumerate(loop_a)}
     index_b = {int(v): n for n, v in enumerate(loop_b)}
     own = [n for n, v in enumerate(marks.a) if v in index_a]
@@ -224,48 +222,41 @@ def _corners(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> list[int]:
     for n, mark in enumerate(own):
         out.append(mark)
         after = own[(n + 1) % len(own)]
-        ra = _between(at_a, index_a[marks.a[mark]], index_a[marks.a[after]], span)
-        rb = _between(at_b, index_b[marks.b[mark]], index_b[marks.b[after]], span)
-        out += [
-            marks.add(int(loop_a[x]), int(loop_b[y]), False) for x, y in zip(ra, rb, strict=True)
-        ]
+        for x, y in zip(
+            _between(a, marks.a[mark], marks.a[after], span),
+            _between(b, marks.b[mark], marks.b[after], span),
+            strict=True,
+        ):
+            out.append(marks.add(x, y, False))
     return out
 
 
-def _between(at: FloatArray, start: int, end: int, span: int) -> list[int]:
-    """Entries of a boundary that divide the way from one entry to another (or round) into ``span`` parts."""
-    n = len(at)
-    count = (end - start) % n or n
-    if count < span:
+def _between(side: MapInput, start: int, end: int, parts: int) -> list[int]:
+    """Vertices that divide a boundary from one vertex to another (or round) into so many parts by length."""
+    path = side.along_boundary(start, end)
+    if len(path) <= parts:
         raise TopologyError(
             "a boundary has too few vertices between two landmarks to be divided: "
             "subdivide the mesh, or move a landmark"
         )
-    way = (at[(start + np.arange(count + 1)) % n] - at[start]) % 1.0
-    way[-1] = way[-1] or 1.0
-    out, last = [], 0
-    for k in range(1, span):
-        goal = way[-1] * k / span
-        pick = int(np.abs(way - goal).argmin())
-        last = min(max(pick, last + 1), count - (span - k))
-        out.append((start + last) % n)
+    out: list[int] = path[side.closed.divided(path, parts)].tolist()
     return out
 
 
-def _sampled(side: Side, loop: IntArray, begin: float) -> FloatArray:
+def _sampled(side: MapInput, loop: IntArray, begin: float) -> FloatArray:
     """(SAMPLES, 3) points along a boundary, evenly by length, from a share of its length on."""
-    p = side.sheet.points[loop] / np.sqrt(side.area)
-    at = np.r_[_places(side, loop), 1.0]
+    p = side.closed.points[loop] / np.sqrt(side.area)
+    at = side.closed.shares(np.r_[loop, loop[0]])
     closed = np.concatenate([p, p[:1]])
     t = (begin + np.arange(SAMPLES) / SAMPLES) % 1.0
     return np.stack([np.interp(t, at, closed[:, d]) for d in range(3)], 1)
 
 
-def _best_start(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> int:
+def _best_start(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> int:
     """The entry of boundary j of b that belongs to entry 0 of boundary k of a, by the best rigid alignment."""
     own = _sampled(a, a.loops[k], 0.0)
     known_a, known_b = points_of(a, marks.a), points_of(b, marks.b)
-    at = _places(b, b.loops[j])
+    at = b.closed.shares(np.r_[b.loops[j], b.loops[j][0]])[:-1]
     best, chosen = np.inf, 0
     for n in range(SAMPLES):
         other = _sampled(b, b.loops[j], n / SAMPLES)
@@ -276,3 +267,73 @@ def _best_start(marks: Landmarks, a: Side, b: Side, k: int, j: int) -> int:
             gap = np.abs(at - n / SAMPLES)
             best, chosen = error, int(np.minimum(gap, 1 - gap).argmin())
     return chosen
+
+
+def guess(a: MapInput, b: MapInput) -> Landmarks:
+    """Landmarks for two surfaces that lie alike: far-apart vertices of a and what is nearest to them on b,
+    more for every handle, none on boundaries.
+
+    The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
+    fit well enough for that to be trusted.
+    """
+    p = points_of(a, list(range(a.n)))
+    q = points_of(b, list(range(b.n)))
+    error, moved = _best_motion(p, q)
+    size = float(np.linalg.norm(np.ptp(q, axis=0)))
+    if error > TRUST * size:
+        raise InputError(
+            f"{a.name} and {b.name} are too unlike to guess landmarks (aligned, {percent(error / size)} of "
+            f"the size apart, {percent(TRUST)} at most): give --landmarks with 3 or more pairs"
+        )
+    inside = a.on_boundary < 0
+    out_there = np.linalg.norm(moved - moved.mean(0), axis=1)
+    chosen = [int(np.where(inside, out_there, -1).argmax())]
+    distance = np.where(inside, np.inf, -1.0)
+    while len(chosen) < min(GUESSED + FOR_HANDLE * a.genus, len(p)):
+        distance = np.minimum(distance, np.linalg.norm(p - p[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+    own = np.flatnonzero(b.on_boundary < 0)
+    nearest: list[int] = own[cKDTree(q[own]).query(moved[chosen])[1]].tolist()
+    out = Landmarks()
+    for u, v in zip(chosen, nearest, strict=True):
+        if v not in out.b and u not in out.a:
+            out.add(u, v, False)
+    if len(out.a) < 4:
+        raise InputError(
+            "no landmarks, and none could be guessed: give --landmarks with 3 or more pairs"
+        )
+    out.notes.append(
+        f"{len(out.a)} landmarks guessed from the alignment of the surfaces "
+        f"(mean distance {percent(error / size)} of the size)"
+    )
+    return out
+
+
+def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
+    """(mean distance both ways, p moved) after aligning axes of inertia in all proper ways, then closest
+    points.
+    """
+    axes_p, axes_q = (np.linalg.svd(x - x.mean(0), full_matrices=False)[2] for x in (p, q))
+    step_p, step_q = (x[:: max(1, len(x) // 2000)] for x in (p, q))
+    tree = cKDTree(q)
+    best, motion = np.inf, np.column_stack([np.eye(3), np.zeros(3)])
+    signs = [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]
+    orders = [(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)]
+    starts = [np.column_stack([np.eye(3), q.mean(0) - p.mean(0)])]
+    for order in orders:
+        odd = -1 if np.linalg.det(np.eye(3)[list(order)]) < 0 else 1
+        for s in signs:
+            turn = axes_q.T @ (np.array(s)[:, None] * odd * axes_p[list(order)])
+            turn *= np.sign(np.linalg.det(turn))
+            starts.append(np.column_stack([turn, q.mean(0) - turn @ p.mean(0)]))
+    for start in starts:
+        now = start
+        for _ in range(ROUNDS):
+            moved = step_p @ now[:, :3].T + now[:, 3]
+            now = aligned(step_p, q[tree.query(moved)[1]])[1]
+        moved = step_p @ now[:, :3].T + now[:, 3]
+        there = float(np.mean(tree.query(moved)[0]))
+        error = (there + float(np.mean(cKDTree(moved).query(step_q)[0]))) / 2
+        if error < best - 1e-9:
+            best, motion = error, now
+    return best, p @ motion[:, :3].T + motion[:, 3]

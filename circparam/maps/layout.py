@@ -6,19 +6,31 @@ parameterizations"): at first those that join what hangs not yet together, so th
 a landmark on one surface alone, then those that cut the regions between the arcs down to triangles. Every arc
 leaves and enters its landmarks between the same two arcs on both surfaces, so the two layouts are the
 same, whatever the shapes.
+
+On a sphere every region between connected arcs is a disk. With handles an arc may cut a region apart on one
+surface and open a handle on the other: arcs are kept only where they do the same to both.
 """
 
 from __future__ import annotations
 
 import heapq
+import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from circparam.core.arrays import IntArray
+import numpy as np
+
+from circparam.core.arrays import IntArray, group_count
+from circparam.core.graph import components
+from circparam.core.words import counted
 from circparam.errors import TopologyError
+from circparam.maps.landmarks import Landmarks
+from circparam.maps.map_input import MapInput
 from circparam.maps.tracing import Traced, Tracer
 
-PATIENCE = 1.2  # an arc that has grown by less than this since it was queued is laid at once
+QUEUE_SLACK = (
+    1.2  # times that the next arc in the queue may be cheaper than an arc that is laid at once
+)
 
 
 class Both(NamedTuple):
@@ -34,20 +46,22 @@ class Both(NamedTuple):
 
 @dataclass
 class Layout:
-    """A triangulation of k landmarks on two sheets.
+    """A triangulation of k landmarks on two meshes.
 
     tracers: the arcs on each. ends[arc]: the landmarks that it joins; arc ^ 1 is the same read backwards.
-    around[i]: the arcs that leave landmark i, counter-clockwise.
+    around[i]: the arcs that leave landmark i, counter-clockwise. scales: of lengths on each. genus: of both.
     """
 
     tracers: tuple[Tracer, Tracer]
     scales: tuple[float, float]
+    genus: int
 
     def __post_init__(self) -> None:
         k = len(self.tracers[0].marks)
         self.ends: list[tuple[int, int]] = []
         self.around: list[list[int]] = [[] for _ in range(k)]
         self._group = list(range(k))
+        self._disks = not self.genus  # whether all regions are disks
 
     @property
     def k(self) -> int:
@@ -66,7 +80,7 @@ class Layout:
         old, new = self._group[j], self._group[i]
         self._group = [new if g == old else g for g in self._group]
 
-    def take_back(self) -> None:
+    def _take_back(self) -> None:
         """Take the arc that was laid last away again; what hangs together is told as before."""
         arc = len(self.ends) - 2
         for at, name in zip(self.ends[arc], (arc, arc ^ 1), strict=True):
@@ -150,7 +164,9 @@ class Layout:
         self._greedy(pairs, joining=True)
         laid = {frozenset(e) for e in self.ends}
         self._greedy([p for p in pairs if frozenset(p) not in laid], joining=False)
-        self._finish()
+        if self.genus:
+            self._require_disks()
+            self._fill()
         if any(len(r) != 3 for r in self.regions()):
             raise TopologyError(
                 "the landmarks have no common layout, since paths between them cross: check that each line "
@@ -160,12 +176,13 @@ class Layout:
     def _greedy(self, pairs: list[tuple[int, int]], joining: bool) -> None:
         """Lay what costs least of the pairs, until none is left; costs only grow as arcs are laid."""
         a, b = self.tracers
+        most = 3 * self.k - 6 + 6 * self.genus  # arcs of a triangulation
         queue = [
             (a.distance[i, j] / self.scales[0] + b.distance[i, j] / self.scales[1], i, j)
             for i, j in pairs
         ]
         heapq.heapify(queue)
-        while queue and len(self.ends) < 2 * self._most:
+        while queue and len(self.ends) < 2 * most:
             cost, i, j = heapq.heappop(queue)
             if joining and self.connected(i, j):
                 continue
@@ -175,29 +192,21 @@ class Layout:
             if both is None:
                 continue
             real = both.cost(self.scales)
-            if queue and real > PATIENCE * max(cost, queue[0][0]):
+            if queue and real > QUEUE_SLACK * max(cost, queue[0][0]):
                 heapq.heappush(queue, (real, i, j))
                 continue
-            if self._lay_if_same(i, j, both):
+            self.lay(i, j, both)
+            if self._disks or self._same_shape():
                 for tracer in self.tracers:
                     tracer.split_chords()
-
-    @property
-    def _most(self) -> int:
-        """Arcs of a triangulation."""
-        return 3 * self.k - 6
-
-    def _lay_if_same(self, i: int, j: int, both: Both) -> bool:
-        """Lay an arc that does the same to both surfaces, as every one does on spheres."""
-        self.lay(i, j, both)
-        return True
-
-    def _finish(self) -> None:
-        """Cut what the shortest paths have left."""
+            else:
+                self._take_back()
 
     def _may_meet(self, i: int, j: int) -> bool:
-        """Whether an arc between two landmarks can be laid: they lie on one region."""
-        return any({i, j} <= {self.ends[arc][0] for arc in region} for region in self.regions())
+        """Whether an arc between two landmarks can be laid: they lie on one disk, or not all regions are."""
+        return not self._disks or any(
+            {i, j} <= {self.ends[arc][0] for arc in region} for region in self.regions()
+        )
 
     def _paths(self, i: int, j: int) -> Both | None:
         """The cheapest of: both free, one free and the other in the same sectors."""
@@ -214,3 +223,149 @@ class Layout:
         if led_a is not None:
             found.append(Both(led_a, free_b))
         return min(found, key=lambda x: x.cost(self.scales)) if found else None
+
+    def _same_shape(self) -> bool:
+        """Whether the arcs leave the same of both meshes."""
+        walks = self.regions()
+        first, second = (shape_of(t, walks) for t in self.tracers)
+        self._disks = all(euler == 1 and len(own) == 1 for euler, own in first + second)
+        return first == second
+
+    def _require_disks(self) -> None:
+        """Raise TopologyError where handles are left uncut, or the paths cut them otherwise."""
+        if not self._same_shape():
+            raise TopologyError(
+                "the paths cut one surface apart and not the other: "
+                "check that each names the same places on both"
+            )
+        if self._disks:
+            return
+        walks = self.regions()
+        left = sum((2 - len(own) - euler) // 2 for euler, own in shape_of(self.tracers[0], walks))
+        raise TopologyError(
+            f"the paths between the landmarks leave {counted(max(left, 1), 'handle')} of {self.genus} uncut: "
+            "give three landmarks round and through every handle, or paths (lines 'path 1 2 3 1')"
+        )
+
+    def _fill(self) -> None:
+        """Cut all disks between the arcs to triangles without a landmark twice: diagonals, cheapest first; what
+        has none gets a landmark inside (a helper) with an arc to every corner."""
+        while True:
+            regions = [r for r in self.regions() if len(r) > 3]
+            if not regions:
+                return
+            for region in regions:
+                if not self._diagonal(region):
+                    self._star(region)
+                for tracer in self.tracers:
+                    tracer.split_chords()
+
+    def _diagonal(self, region: list[int]) -> bool:
+        """Lay the cheapest diagonal whose two parts can be cut on; whether there is one."""
+        marks = [self.ends[arc][0] for arc in region]
+        k, best = len(region), None
+        for p, q in itertools.combinations(range(k), 2):
+            if q - p < 2 or p + k - q < 2 or marks[p] == marks[q]:
+                continue
+            if not (_good(marks[p : q + 1]) and _good(marks[q:] + marks[: p + 1])):
+                continue
+            sectors = region[p], region[q]
+            found = [t.path(marks[p], marks[q], sectors) for t in self.tracers]
+            if found[0] is None or found[1] is None:
+                continue
+            both = Both(found[0], found[1])
+            cost = both.cost(self.scales)
+            if best is None or cost < best[0]:
+                best = cost, marks[p], marks[q], both
+        if best is None:
+            return False
+        self.lay(*best[1:])
+        return True
+
+    def _star(self, region: list[int]) -> None:
+        """A helper inside a region, and an arc from it to every corner."""
+        walks = self.regions()
+        number = walks.index(region)
+        centre = [_deepest(t, t.regions(walks) == number) for t in self.tracers]
+        new = self.add_landmark(*centre)
+        for arc in region:
+            i = self.ends[arc][0]
+            sectors = -1, arc
+            if self.around[new]:  # after the spoke to the corner before, which the walk has reached
+                sectors = self.around[new][-1], arc
+            found = [t.path(new, i, sectors) for t in self.tracers]
+            if found[0] is None or found[1] is None:
+                raise TopologyError(
+                    "a region between the paths is too narrow for its meshes: subdivide both surfaces"
+                )
+            self.lay(new, i, Both(found[0], found[1]))
+            for tracer in self.tracers:
+                tracer.split_chords()
+
+
+Shape = list[
+    tuple[int, list[int]]
+]  # of each component between the arcs: Euler characteristic, walks
+
+
+def shape_of(tracer: Tracer, walks: list[list[int]]) -> Shape:
+    """What the arcs leave of a mesh: of every component its Euler characteristic and the walks round it."""
+    mesh = tracer.mesh
+    twin = mesh.twin
+    open_ = ~tracer.on_arcs()
+    h = np.flatnonzero(open_)
+    count, label = components(len(mesh.faces), h // 3, twin[h] // 3)
+    edges = group_count(label[h // 3], count) // 2
+    inner = ~tracer.on
+    vertices = group_count(label[mesh.first_out[inner] // 3], count)
+    euler = group_count(label, count) - edges + vertices
+    out: dict[int, list[int]] = {}
+    for n, walk in enumerate(walks):
+        path = tracer.arcs[walk[0]]
+        half_edge = int(mesh.half_edges(path[:1], path[1:2])[0])
+        out.setdefault(int(label[half_edge // 3]), []).append(n)
+    return [(int(euler[c]), w) for c, w in out.items()]
+
+
+def _good(marks: list[int]) -> bool:
+    """Whether a polygon with these landmarks can be cut to triangles without a landmark twice, or by a star."""
+    return len(marks) > 3 or len(set(marks)) == 3
+
+
+def _deepest(tracer: Tracer, inside: IntArray) -> int:
+    """The vertex of some faces that lies farthest from all arcs."""
+    mesh = tracer.mesh
+    vertices = np.unique(mesh.faces[inside])
+    vertices = vertices[~tracer.on[vertices]]
+    if not len(vertices):
+        raise TopologyError(
+            "a region between the paths has no vertex inside: subdivide both surfaces"
+        )
+    far = tracer.from_arcs()[vertices]
+    return int(vertices[far.argmax()])
+
+
+def laid_out(a: MapInput, b: MapInput, marks: Landmarks) -> Layout:
+    """The common triangulation of the landmarks."""
+    layout = begun(a, b, marks)
+    layout.triangulate()
+    return layout
+
+
+def begun(a: MapInput, b: MapInput, marks: Landmarks) -> Layout:
+    """A layout with its first arcs: boundaries and what closes them, arcs that both surfaces have, paths."""
+    tracers = Tracer(a.closed, np.array(marks.a)), Tracer(b.closed, np.array(marks.b))
+    layout = Layout(tracers, (float(np.sqrt(a.area)), float(np.sqrt(b.area))), a.genus)
+    for corners, tip in zip(marks.corners, marks.tips, strict=True):
+        for i, j in zip(corners, [*corners[1:], corners[0]], strict=True):
+            along = (s.along_boundary(v[i], v[j]) for s, v in ((a, marks.a), (b, marks.b)))
+            layout.lay_known(i, j, *along)
+        for i in corners:
+            spokes = (np.array([v[tip], v[i]]) for v in (marks.a, marks.b))
+            layout.lay_known(tip, i, *spokes)
+    for known in marks.known:
+        layout.lay_known(*known)
+    for path in marks.paths:
+        for i, j in itertools.pairwise(path):
+            layout.lay_shortest(i, j)
+    return layout

@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, OptionError
 from circparam.maps import landmarks as marking
 from circparam.maps.charts import add_charts
+from circparam.maps.closed_mesh import ClosedMesh
+from circparam.maps.cover import CoverPoints
 from circparam.maps.distortion import Distortion, distortion, face_energies
-from circparam.maps.found import Found, on_sphere, with_handles
-from circparam.maps.guess import guess
 from circparam.maps.landmarks import Landmarks
+from circparam.maps.map_input import MapInput, map_input_of, require_same
 from circparam.maps.overlaid import refinement
 from circparam.maps.places import at_vertices, for_file, on_surface
-from circparam.maps.sheet import Sheet
-from circparam.maps.sides import Side, require_same, side_of
+from circparam.maps.solution import MapSolution, solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.solvers.tutte.weights import WEIGHTS
@@ -103,13 +103,12 @@ def map_meshes(
         )
     monitor = monitor or Monitor()
     with monitor.stage("repair"):
-        side_a, side_b = side_of(a, "A"), side_of(b, "B", given.mirrored)
+        side_a, side_b = map_input_of(a, "A"), map_input_of(b, "B", given.mirrored)
         require_same(side_a, side_b)
     with monitor.stage("landmarks"):
         marks = _landmarks(given, side_a, side_b)
     notes = [f"{s.name}: {line}" for s in (side_a, side_b) for line in s.notes] + marks.notes
-    make = with_handles if side_a.genus else on_sphere
-    found = make(side_a, side_b, marks, (method, given.relax), monitor)
+    found = solve_map(side_a, side_b, marks, method, given.relax, monitor)
     if given.relax and not found.relaxed:
         notes.append(
             "relaxation turns faces over in the common domain: "
@@ -135,7 +134,7 @@ def map_meshes(
     )
 
 
-def _landmarks(given: Given, a: Side, b: Side) -> Landmarks:
+def _landmarks(given: Given, a: MapInput, b: MapInput) -> Landmarks:
     if given.paths and given.layouts:
         raise OptionError(
             "paths between landmarks and --charts both say where to cut: leave one out"
@@ -147,7 +146,7 @@ def _landmarks(given: Given, a: Side, b: Side) -> Landmarks:
     elif (a.loops and not a.genus) or given.layouts:
         marks = Landmarks()
     else:
-        marks = guess(a, b)
+        marks = marking.guess(a, b)
     if given.paths:
         marking.add_paths(marks, given.paths, a)
     if given.layouts:
@@ -164,13 +163,13 @@ def _landmarks(given: Given, a: Side, b: Side) -> Landmarks:
 class _Checked:
     """What a map is worth, counted and measured from the domain that it goes through."""
 
-    def __init__(self, a: Side, b: Side, marks: Landmarks, found: Found) -> None:
+    def __init__(self, a: MapInput, b: MapInput, marks: Landmarks, found: MapSolution) -> None:
         self.a, self.b = a, b
         exact = np.array(marks.exact, bool)
         self.exact = np.stack([np.array(marks.a)[exact], np.array(marks.b)[exact]], 1)
         ends = self.exact, self.exact[:, ::-1]
-        self.to_b = _places(a, b, found.there, found.sheets[1], ends[0])
-        self.to_a = _places(b, a, found.back, found.sheets[0], ends[1])
+        self.to_b = _places(a, b, found.on_b, found.covers[1].mesh, ends[0])
+        self.to_a = _places(b, a, found.on_a, found.covers[0].mesh, ends[1])
         pa, pb = a.surface.vertex_points, b.surface.vertex_points
         self.there = self.to_b.of(pb, b.surface.corner_vertex)
         back = self.to_a.of(pa, a.surface.corner_vertex)
@@ -211,8 +210,8 @@ class _Checked:
 
 
 def _places(
-    a: Side, b: Side, found: tuple[IntArray, FloatArray], sheet: Sheet, exact: IntArray
+    a: MapInput, b: MapInput, found: CoverPoints, mesh: ClosedMesh, exact: IntArray
 ) -> Places:
     """Where the vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
-    places = on_surface(found[0][: a.n], found[1][: a.n], sheet)
+    places = on_surface(found.face[: a.n], found.weights[: a.n], mesh)
     return at_vertices(places, exact[:, 0], exact[:, 1], b.surface.corner_vertex)

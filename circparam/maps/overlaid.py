@@ -11,18 +11,17 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.materials import Textures, moved_layout
 from circparam.formats.memory import PlainDocument
-from circparam.maps.found import Found
-from circparam.maps.overlay import overlay
-from circparam.maps.places import on_file, on_surface
-from circparam.maps.sheet import Sheet
-from circparam.maps.sides import Side
+from circparam.maps.closed_mesh import ClosedMesh
+from circparam.maps.cover import CoverPoints
+from circparam.maps.map_input import MapInput
+from circparam.maps.overlay import LaidOver, overlay
+from circparam.maps.places import on_file, on_half_edges, on_surface
+from circparam.maps.solution import MapSolution
 from circparam.maps.surface_map import Refinement, SurfaceMap
 from circparam.mesh.mesh import Mesh, UVMap
 
-OnSheet = tuple[IntArray, FloatArray]
 
-
-def refinement(a: Side, b: Side, found: Found) -> Refinement:
+def refinement(a: MapInput, b: MapInput, found: MapSolution) -> Refinement:
     """The common refinement of both files.
 
     Raises OptionError for surfaces with boundaries, NoResultError where double precision cannot tell edges
@@ -32,36 +31,33 @@ def refinement(a: Side, b: Side, found: Found) -> Refinement:
         raise OptionError(
             "--overlay: it is made for closed surfaces, and these have boundaries: close them, or leave it out"
         )
-    laid, back = found.laid()
-    made = overlay(laid)
-    one, two = laid.a.sheet, laid.b.sheet
-    there = laid.lifted.face, laid.lifted.weights
-    on_a = _joined(_corners(one), back, _along(made.edge_a, made.share_a))
-    on_b = _joined(there, _corners(two), _along(made.edge_b, made.share_b))
+    made = overlay(LaidOver(*found.covers, found.on_b))
+    one, two = (cover.mesh for cover in found.covers)
+    on_a = _joined(_corners(one), found.on_a, made.edge_a, made.share_a), one, a
+    on_b = _joined(found.on_b, _corners(two), made.edge_b, made.share_b), two, b
     parents = np.stack([_source(made.a, one, a), _source(made.b, two, b)], 1)
-    on_both = on_file(on_surface(*on_a, one), a), on_file(on_surface(*on_b, two), b)
+    on_both = [on_file(on_surface(*places, mesh), side) for places, mesh, side in (on_a, on_b)]
     return Refinement(made.faces, parents, *on_both)
 
 
-def _source(face: IntArray, sheet: Sheet, side: Side) -> IntArray:
-    """Faces of the file that faces of a sheet are parts of."""
-    result: IntArray = side.surface.source[sheet.parent[face]]
+def _source(face: IntArray, mesh: ClosedMesh, side: MapInput) -> IntArray:
+    """Faces of the file that faces of a mesh are parts of."""
+    result: IntArray = side.surface.source[mesh.parent[face]]
     return result
 
 
-def _corners(sheet: Sheet) -> OnSheet:
-    """The vertices of a sheet as places on it."""
-    return sheet.first_out // 3, np.eye(3)[sheet.first_out % 3]
+def _corners(mesh: ClosedMesh) -> CoverPoints:
+    """The vertices of a mesh as places on it."""
+    h = mesh.first_out
+    return CoverPoints(h // 3, np.eye(3)[h % 3], np.zeros((0, 3, 3)))
 
 
-def _along(half_edge: IntArray, share: FloatArray) -> OnSheet:
-    """Places on half-edges."""
-    k, t = half_edge % 3, share[:, None]
-    return half_edge // 3, (1 - t) * np.eye(3)[k] + t * np.eye(3)[(k + 1) % 3]
-
-
-def _joined(*parts: OnSheet) -> OnSheet:
-    return np.concatenate([f for f, _ in parts]), np.concatenate([w for _, w in parts])
+def _joined(
+    a: CoverPoints, b: CoverPoints, half_edge: IntArray, share: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """(face, weights) of the vertices of both meshes and of crossings along half-edges."""
+    face, weights = on_half_edges(half_edge, share)
+    return np.concatenate([a.face, b.face, face]), np.concatenate([a.weights, b.weights, weights])
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,17 +16,30 @@ from circparam.core.arrays import FloatArray, IntArray, next_half_edge, ranges
 from circparam.core.graph import components, cycles
 from circparam.errors import NoResultError
 from circparam.maps.cones import counter_clockwise, determinants, signs_of
-from circparam.maps.cover import Cover
-from circparam.maps.handles import Laid, Lifted
+from circparam.maps.cover import Cover, CoverPoints
 
-NOISES = (1e-9, 1e-7, 1e-6, 1e-5)  # of an edge, tried in turn
+EDGE_NOISES = (
+    1e-9,
+    1e-7,
+    1e-6,
+    1e-5,
+)  # shares of an edge that vertices are moved by, tried in turn
+
+
+@dataclass(frozen=True, eq=False)
+class LaidOver:
+    """Two meshes over one domain, and the places of all vertices of A on the mesh of B."""
+
+    a: Cover
+    b: Cover
+    on_b: CoverPoints
 
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """faces (m, 3) of the refinement; the faces of both sheets that each is a part of, a (m,) and b (m,).
+    """faces (m, 3) of the refinement; the faces of both meshes that each is a part of, a (m,) and b (m,).
     Its vertices are those of A, those of B, and crossings, which lie on edges: edge_a, edge_b (c,)
-    half-edges of the sheets, share_a, share_b (c,) how far along them."""
+    half-edges of the meshes, share_a, share_b (c,) how far along them."""
 
     faces: IntArray
     a: IntArray
@@ -48,9 +61,9 @@ class Crossings:
     share_b: FloatArray
 
 
-def overlay(laid: Laid) -> Overlay:
+def overlay(laid: LaidOver) -> Overlay:
     """The common refinement. Raises NoResultError where double precision cannot tell edges apart."""
-    for noise in NOISES:
+    for noise in EDGE_NOISES:
         moved = _shaken(laid, noise)
         found = None if moved is None else _crossings(moved)
         out = None if found is None else _assembled(laid.a, laid.b, found)
@@ -62,34 +75,28 @@ def overlay(laid: Laid) -> Overlay:
     )
 
 
-def _shaken(laid: Laid, noise: float) -> Laid | None:
+def _shaken(laid: LaidOver, noise: float) -> LaidOver | None:
     """Every vertex of A a little aside, in the same way every time; None where that turns a face over."""
-    faces = laid.a.sheet.faces
-    edge = np.linalg.norm(laid.a.cones - np.roll(laid.a.cones, 1, 1), axis=2).min(1)
-    least = np.full(len(laid.vertices), np.inf)
-    np.minimum.at(least, faces.ravel(), np.repeat(edge, 3))
-    shake = np.random.default_rng(0).uniform(-1, 1, laid.vertices.shape)
-    q = laid.a.geometry.normal(laid.vertices + noise * least[:, None] * shake)
-    cones = laid.whole.corners(q)
-    if not counter_clockwise(cones).all():
+    a, b = laid.a, laid.b
+    edge = np.linalg.norm(a.cones - np.roll(a.cones, 1, 1), axis=2).min(1)
+    least = np.full(a.mesh.n, np.inf)
+    np.minimum.at(least, a.mesh.faces.ravel(), np.repeat(edge, 3))
+    shake = np.random.default_rng(0).uniform(-1, 1, a.vectors.shape)
+    moved = replace(a, vectors=a.geometry.normal(a.vectors + noise * least[:, None] * shake))
+    if not counter_clockwise(moved.cones).all():
         return None
-    near = laid.lifted
-    start = np.asarray(np.linalg.solve(near.turn, q[..., None])[..., 0], np.float64)
-    face, w, turn = laid.b.find(start, near.face)
-    if (w <= 0).any():
-        return None
-    lifted = Lifted(face, w, near.turn @ turn)
-    return replace(laid, a=replace(laid.a, cones=cones), vertices=q, lifted=lifted)
+    on_b = b.found_again(moved.vectors, laid.on_b)
+    return None if (on_b.weights <= 0).any() else LaidOver(moved, b, on_b)
 
 
-def _crossings(laid: Laid) -> Crossings | None:
+def _crossings(laid: LaidOver) -> Crossings | None:
     """All edges of A walk over B at once; None where one loses its way."""
-    a, b, at = laid.a, laid.b, laid.lifted
-    twin, other = a.sheet.twin, b.sheet.twin
+    a, b, at = laid.a, laid.b, laid.on_b
+    twin, other = a.mesh.twin, b.mesh.twin
     edges = np.flatnonzero(np.arange(len(twin)) < twin)
     f, k = edges // 3, edges % 3
-    v = a.sheet.faces[f, k]
-    into = np.linalg.inv(laid.whole.of(edges) @ at.turn[v])
+    v = a.mesh.faces[f, k]
+    into = np.linalg.inv(a.development.of(edges) @ at.turn[v])
     p = np.einsum("kij,kj->ki", into, a.cones[f, k])
     q = np.einsum("kij,kj->ki", into, a.cones[f, (k + 1) % 3])
     face, came = at.face[v], np.full(len(edges), -1)
@@ -121,7 +128,7 @@ def _crossings(laid: Laid) -> Crossings | None:
         if not ((s0 > 0) & (s1 > 0) & (t0 > 0) & (t1 > 0)).all():
             return None
         out.append((edges[going], s0 / (s0 + s1), h, t0 / (t0 + t1)))
-        matrix = b.matrices[b.index[h]]
+        matrix = b.development.matrices[b.development.index[h]]
         p[going] = np.einsum("kij,kj->ki", matrix, p[going])
         q[going] = np.einsum("kij,kj->ki", matrix, q[going])
         came[going], face[going] = other[h], other[h] // 3
@@ -135,7 +142,7 @@ def _crossings(laid: Laid) -> Crossings | None:
 
 def _assembled(a: Cover, b: Cover, x: Crossings) -> Overlay | None:
     """The faces between the parts of all edges; None where they do not close."""
-    m_a, m_b = a.sheet, b.sheet
+    m_a, m_b = a.mesh, b.mesh
     n, count = m_a.n + m_b.n, len(x.edge_a)
     own = np.arange(count)
     lower = np.minimum(x.edge_b, m_b.twin[x.edge_b])
@@ -155,8 +162,8 @@ def _assembled(a: Cover, b: Cover, x: Crossings) -> Overlay | None:
 
 
 class _Chains:
-    """The parts of the edges of one sheet: part s of an edge is the half-edges 2s along its lower half-edge
-    and 2s + 1 back. of (2p,): the half-edge of the sheet that each lies on; start (2p,): the vertex it
+    """The parts of the edges of one mesh: part s of an edge is the half-edges 2s along its lower half-edge
+    and 2s + 1 back. of (2p,): the half-edge of the mesh that each lies on; start (2p,): the vertex it
     leaves."""
 
     def __init__(
@@ -218,14 +225,14 @@ def _triangles(
     start: IntArray,
     x: Crossings,
 ) -> Overlay:
-    """The polygons in fans of triangles, with the faces of both sheets round each."""
+    """The polygons in fans of triangles, with the faces of both meshes round each."""
     label, order, size = walks
     parents = []
     shift = 2 * chains[0].total
     half = (np.arange(shift), np.arange(shift, len(label)))
     for k in (0, 1):
         own, across = half[k], half[1 - k]
-        # what hangs together across the edges of the other sheet lies in one face of this one
+        # what hangs together across the edges of the other mesh lies in one face of this one
         count, group = components(len(size), label[across], label[across ^ 1])
         face = np.full(count, -1)
         face[group[label[own]]] = chains[k].of // 3

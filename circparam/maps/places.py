@@ -5,71 +5,57 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
+from circparam.maps.closed_mesh import ClosedMesh
+from circparam.maps.cover import CoverPoints
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.sheet import Sheet
-from circparam.maps.sides import Side
+from circparam.maps.map_input import MapInput
 from circparam.maps.surface_map import Places
 
 
 def along_boundaries(
-    a: Side, b: Side, marks: Landmarks, sheet: Sheet
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Where the vertices on the boundaries of A lie on the sheet of B: (vertices (k,), face (k,), weights
-    (k, 3)).
+    a: MapInput, b: MapInput, marks: Landmarks, mesh: ClosedMesh
+) -> tuple[IntArray, CoverPoints]:
+    """(vertices (k,) on the boundaries of A, their places on the mesh of B).
 
     Between two corners, by length. The edges along boundaries are never split, so they are those of the
     surface.
     """
-    vertices, faces, weights = [], [], []
+    vertices, half_edges, shares = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
     for corners in marks.corners:
         loop_a, at_a = _unrolled(a, [marks.a[c] for c in corners])
         loop_b, at_b = _unrolled(b, [marks.b[c] for c in corners])
         k = np.clip(np.searchsorted(at_b, at_a, side="right") - 1, 0, len(loop_b) - 1)
         end = np.r_[at_b[1:], float(len(corners))]
-        t = np.clip((at_a - at_b[k]) / (end[k] - at_b[k]), 0, 1)
-        h = sheet.half_edges(loop_b, np.roll(loop_b, -1))[k]
-        w = np.zeros((len(k), 3))
-        rows = np.arange(len(k))
-        w[rows, h % 3] = 1 - t
-        w[rows, (h + 1) % 3] = t
         vertices.append(loop_a)
-        faces.append(h // 3)
-        weights.append(w)
-    if not vertices:
-        none = np.zeros(0, np.int64)
-        return none, none, np.zeros((0, 3))
-    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(weights)
+        half_edges.append(mesh.half_edges(loop_b, np.roll(loop_b, -1))[k])
+        shares.append(np.clip((at_a - at_b[k]) / (end[k] - at_b[k]), 0, 1))
+    face, weights = on_half_edges(np.concatenate(half_edges), np.concatenate(shares))
+    turn = np.broadcast_to(np.eye(3), (len(face), 3, 3))
+    return np.concatenate(vertices), CoverPoints(face, weights, turn)
 
 
-def _unrolled(side: Side, corners: list[int]) -> tuple[IntArray, FloatArray]:
+def _unrolled(side: MapInput, corners: list[int]) -> tuple[IntArray, FloatArray]:
     """(a boundary from its first corner on, how far each vertex lies: corners passed, and the share to the
-    next).
-    """
+    next)."""
     loop = side.loops[int(side.on_boundary[corners[0]])]
     loop = np.roll(loop, -int(np.flatnonzero(loop == corners[0])[0]))
-    p = side.sheet.points[loop]
-    step = np.linalg.norm(np.roll(p, -1, 0) - p, axis=1)
-    step = np.maximum(step, 1e-9 * step.max())
-    run = np.r_[0.0, np.cumsum(step)]
+    run = side.closed.shares(np.r_[loop, loop[0]])
     at = np.array([int(np.flatnonzero(loop == c)[0]) for c in corners] + [len(loop)])
     place = np.asarray(np.interp(run, run[at], np.arange(len(at), dtype=np.float64)), np.float64)
     return loop, place[:-1]
 
 
-def with_boundaries(
-    found: tuple[IntArray, FloatArray], edge: tuple[IntArray, IntArray, FloatArray]
-) -> tuple[IntArray, FloatArray]:
-    """Faces and weights with those of ``along_boundaries`` put in."""
-    face, w = found[0].copy(), found[1].copy()
-    face[edge[0]], w[edge[0]] = edge[1], edge[2]
-    return face, w
+def on_half_edges(half_edge: IntArray, share: FloatArray) -> tuple[IntArray, FloatArray]:
+    """(face (k,), weights (k, 3)) so far along half-edges."""
+    k, t = half_edge % 3, share[:, None]
+    return half_edge // 3, (1 - t) * np.eye(3)[k] + t * np.eye(3)[(k + 1) % 3]
 
 
-def on_surface(face: IntArray, w: FloatArray, sheet: Sheet) -> Places:
+def on_surface(face: IntArray, w: FloatArray, mesh: ClosedMesh) -> Places:
     """Places on a sheet as places on the surface that it was made of."""
-    weights = np.einsum("kc,kcd->kd", w, sheet.corners[face])
+    weights = np.einsum("kc,kcd->kd", w, mesh.corners[face])
     weights = np.maximum(weights, 0)
-    return Places(sheet.parent[face], weights / weights.sum(1, keepdims=True))
+    return Places(mesh.parent[face], weights / weights.sum(1, keepdims=True))
 
 
 def at_vertices(places: Places, vertices: IntArray, there: IntArray, faces: IntArray) -> Places:
@@ -83,7 +69,7 @@ def at_vertices(places: Places, vertices: IntArray, there: IntArray, faces: IntA
     return Places(face, weights)
 
 
-def for_file(places: Places, source: Side, target: Side) -> Places:
+def for_file(places: Places, source: MapInput, target: MapInput) -> Places:
     """Places (by vertices of the surface, on faces of the other surface) by vertices and faces of the files.
 
     Vertices that no face uses get the first corner of the first face.
@@ -95,7 +81,7 @@ def for_file(places: Places, source: Side, target: Side) -> Places:
     return found
 
 
-def on_file(places: Places, side: Side) -> Places:
+def on_file(places: Places, side: MapInput) -> Places:
     """Places on the faces of a surface as places on the faces of its file."""
     out = np.empty_like(places.weights)
     np.put_along_axis(out, side.winding[places.face], places.weights, 1)

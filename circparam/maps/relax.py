@@ -1,9 +1,8 @@
-"""Move the vertices of a sheet over the sphere until its map onto a target is as near to an isometry as it
-gets.
+"""Move the vertices of a mesh over its domain until its map onto a target is as near to an isometry as it gets.
 
 The energy is the symmetric Dirichlet energy of every face onto the triangle of its three places on the target.
-Steps are Newton's, projected (Smith, Goes and Kim 2019), in the tangent planes of the target. No face of
-the sheet may turn over on the sphere, so the map stays one to one, and fixed vertices stay where they are.
+Steps are Newton's, projected (Smith, Goes and Kim 2019), in the tangent planes of the target. No face of the
+mesh may turn over in the domain, so the map stays one to one, and fixed vertices stay where they are.
 """
 
 from __future__ import annotations
@@ -13,61 +12,62 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, first_of_runs, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, first_of_runs, group_sum
 from circparam.core.clock import tick
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
-from circparam.maps.base import Geometry
 from circparam.maps.cones import counter_clockwise
 from circparam.maps.cover import Development
-from circparam.maps.targets import Spot, Target
+from circparam.maps.targets import Target, TargetPoint
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 
-ARMIJO = 1e-4
-HALVINGS = 12
-RIDGE = 1e-8
-WORSE = 1.5
-LOCAL = 8
-STILL = 12  # further times that such vertices stay where they are, and those of the faces that turn over then
-HOLDS = 3
-PATIENCE = 3
-SHORT = 0.1  # times that the steps of single vertices are halved where faces would turn over
+RIDGE = 1e-8  # added to the diagonal of the Hessian, of its trace
+WORST_RISE = (
+    1.5  # times that the energy of a face may rise in one step before its vertices are slowed down
+)
+LOCAL_HALVINGS = 8  # times that the steps of such vertices are halved,
+LOCAL_STOPS = 12  # times that they stay then, with those of the faces that turn over,
+HALVINGS = 12  # and times that the whole step is halved in the end
+HOLDS = 3  # directions that are tried in one step, each with more vertices at rest
+PATIENCE = 3  # steps without a gain after which the relaxation ends
+SHORT_STEP = 0.1  # share of a step by which faces turn over whatever its length
 
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """spot: where the vertices came to lie; energy: mean over the area, 1 for an isometry; steps made."""
+    """at: where the vertices came to lie; energy: mean over the area, 1 for an isometry; steps made."""
 
-    spot: Spot
+    at: TargetPoint
     energy: float
     steps: int
 
 
 class Relaxation:
-    """One sheet on its way. rest (m, 3, 2): its faces laid flat. fixed: (n,) bool. weight: (m,) of each face,
-    of sum 1; 0 where a face does not count."""
+    """One mesh on its way onto a target.
+
+    development: of the mesh over the domain. rest (m, 3, 2): its faces laid flat. fixed: (n,) bool. weight:
+    (m,) of each face, of sum 1; 0 where a face does not count. guard: faces stay unflipped in the domain, else
+    on the target.
+    """
 
     def __init__(
         self,
-        faces: IntArray,
+        development: Development,
         rest: FloatArray,
         target: Target,
         fixed: BoolArray,
         weight: FloatArray,
-        development: Development | None = None,
-        geometry: Geometry | None = None,
+        guard: bool = True,
     ) -> None:
-        """development: of a sheet over a surface with handles; geometry: where it is relaxed in that itself."""
-        self.target, self.fixed, self.faces, self.n = target, fixed, faces, len(fixed)
-        self.development, self.geometry = development, geometry
+        self.development, self.target, self.fixed, self.guard = development, target, fixed, guard
+        self.faces, self.n = development.mesh.faces, len(fixed)
         self.counts = np.flatnonzero(weight > 0)
-        self.corners = faces[self.counts].T.copy()
-        part = CutMesh(faces[self.counts], rest[self.counts], faces[self.counts, 0], faces[:0, :2])
-        gradients = part.gradients
-        self.gradients = np.ascontiguousarray(gradients.transpose(1, 2, 0))
+        faces = self.faces[self.counts]
+        self.corners = faces.T.copy()
+        part = CutMesh(faces, rest[self.counts], faces[:, 0], self.faces[:0, :2])
+        self.gradients = np.ascontiguousarray(part.gradients.transpose(1, 2, 0))
         self.weight = weight[self.counts]
-        self.guard, self.worse = True, WORSE
         self._pattern()
 
     def _pattern(self) -> None:
@@ -91,9 +91,8 @@ class Relaxation:
         self.row = (key[by[head]] % n).astype(np.int32)
         self.start = np.searchsorted(key[by[head]], np.arange(n + 1) * n).astype(np.int32)
 
-    def jacobians(self, spot: Spot) -> tuple[FloatArray, FloatArray]:
-        """((2, 2, m) of each face that counts onto its triangle on the target, (m, 2, d) the axes there)."""
-        p = self._points(spot)
+    def jacobians(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """((2, 2, m) of each face that counts onto its triangle (3, m, d), (m, 2, d) the axes there)."""
         d, e = p[1] - p[0], p[2] - p[0]
         long = np.linalg.norm(d, axis=1)
         x = d / np.maximum(long, 1e-300)[:, None]
@@ -107,54 +106,28 @@ class Relaxation:
         jacobian[1] = high * g[:, 2]
         return jacobian, np.stack([x, y], 1)
 
-    def _points(self, spot: Spot) -> FloatArray:
-        """(3, m, d) the corners of each face that counts: on the target, or flat round the middle of the
-        face."""
-        if self.geometry is None:
-            result: FloatArray = spot.points[self.corners]
-            return result
-        scale = spot.points[0, 2] / spot.sphere[0, 2]
-        return self._flat(spot)[0].transpose(1, 0, 2) * float(scale)
+    def triangles(self, at: TargetPoint) -> tuple[FloatArray, FloatArray]:
+        """Corners of the faces that count, and how they move: see ``Target.triangles``."""
+        return self.target.triangles(at, self.corners, self.counts)
 
-    def _frames(self, spot: Spot) -> FloatArray:
-        """(3, m, d, 2) how the corners move with the steps of their vertices."""
-        if self.geometry is None:
-            result: FloatArray = spot.frame[self.corners]
-            return result
-        return self._flat(spot)[1].transpose(1, 0, 2, 3)
-
-    def _flat(self, spot: Spot) -> tuple[FloatArray, FloatArray]:
-        if self.development is None or self.geometry is None:
-            raise TypeError("only a sheet over a surface with handles is laid flat")
-        corners, frames = (
-            self.development.corners(x)[self.counts] for x in (spot.sphere, spot.frame)
-        )
-        return self.geometry.flat(corners, frames)
-
-    def cones(self, spot: Spot) -> FloatArray:
-        """(m, 3, 3) the faces in the domain."""
-        if self.development is None:
-            result: FloatArray = spot.sphere[self.faces]
-            return result
-        return self.development.corners(spot.sphere)
-
-    def face_energy(self, spot: Spot) -> FloatArray:
+    def face_energy(self, at: TargetPoint) -> FloatArray:
         """(m,) the energy of each face that counts."""
-        return dirichlet.energy(self.jacobians(spot)[0])
+        return dirichlet.energy(self.jacobians(self.triangles(at)[0])[0])
 
-    def energy(self, spot: Spot) -> float:
+    def energy(self, at: TargetPoint) -> float:
         """The mean energy."""
-        return float((self.face_energy(spot) * self.weight).sum())
+        return float((self.face_energy(at) * self.weight).sum())
 
-    def direction(self, spot: Spot, held: BoolArray) -> tuple[FloatArray, float]:
-        """((n, 2) Newton's step in the frames, its slope); held (n,): vertices that stay beside the fixed
+    def direction(self, at: TargetPoint, resting: BoolArray) -> tuple[FloatArray, float]:
+        """((n, 2) Newton's step in the frames, its slope); resting (n,): vertices that stay beside the fixed
         ones.
         """
-        jacobian, axes = self.jacobians(spot)
+        places, frames = self.triangles(at)
+        jacobian, axes = self.jacobians(places)
         n = self.n
         # a corner's frame in the axes of its face; fixed vertices do not move
-        into = np.einsum("mad,cmdb->cabm", axes, self._frames(spot))
-        into *= ~(self.fixed | held)[self.corners][:, None, None]
+        into = np.einsum("mad,cmdb->cabm", axes, frames)
+        into *= ~(self.fixed | resting)[self.corners][:, None, None]
         p = dirichlet.gradient(jacobian) * self.weight
         q = p[:, 0, None] * self.gradients[0] + p[:, 1, None] * self.gradients[1]  # (2, 3, m)
         local = np.einsum("acm,cabm->cbm", q, into)
@@ -168,8 +141,8 @@ class Relaxation:
         width = m.shape[-1]
         for a in range(3):
             for b in range(3):
-                at = slice((3 * a + b) * width, (3 * a + b + 1) * width)
-                blocks[:, :, at] = np.einsum("kim,kjm->ijm", scaled[:, a], m[:, b])
+                block = slice((3 * a + b) * width, (3 * a + b + 1) * width)
+                blocks[:, :, block] = np.einsum("kim,kjm->ijm", scaled[:, a], m[:, b])
         blocks[:, :, 9 * width :] = 0.0
         d = self._solved(blocks, g)
         return d, float((d * g).sum())
@@ -184,9 +157,7 @@ class Relaxation:
         diagonal = np.flatnonzero(self.row == column)
         trace = data[diagonal, 0, 0] + data[diagonal, 1, 1]
         free = trace > 0
-        mean = trace[free].sum() / max(
-            np.count_nonzero(free), 1
-        )  # all vertices of a triangle are fixed
+        mean = trace[free].sum() / max(np.count_nonzero(free), 1)  # none where all are fixed
         ridge = np.where(free, RIDGE * trace + 1e-3 * RIDGE * mean, 1.0)
         data[diagonal, 0, 0] += ridge
         data[diagonal, 1, 1] += ridge
@@ -197,78 +168,75 @@ class Relaxation:
         out[self.order] = x.reshape(-1, 2)
         return out
 
-    def upright(self, spot: Spot) -> BoolArray:
-        """(m,) bool: the face is not turned over, on the sphere where it is guarded, else on the target."""
+    def unflipped(self, at: TargetPoint) -> BoolArray:
+        """(m,) bool: the face is not turned over, in the domain where it is guarded, else on the target."""
         if self.guard:
-            return counter_clockwise(self.cones(spot))
-        p, normal = spot.points[self.corners], spot.normals()[self.corners].sum(0)
+            return counter_clockwise(self.development.corners(at.vectors))
+        p, frames = self.triangles(at)
+        normal = np.cross(frames[..., 0], frames[..., 1]).sum(0)
         out = np.ones(len(self.faces), bool)
         out[self.counts] = (np.cross(p[1] - p[0], p[2] - p[0]) * normal).sum(1) > 0
         return out
 
-    def run(self, q: FloatArray, steps: int, tolerance: float, monitor: Monitor) -> Moved:
-        """Newton's steps from directions q (n, 3), with every face counter-clockwise, until they gain
-        little.
-        """
-        return self.run_from(self.target.at(q), steps, tolerance, monitor)
-
-    def run_from(self, spot: Spot, steps: int, tolerance: float, monitor: Monitor) -> Moved:
-        """As ``run``, from places that are known."""
-        energy = self.energy(spot)
+    def run(self, at: TargetPoint, steps: int, tolerance: float, monitor: Monitor) -> Moved:
+        """Newton's steps from known places until they gain less than ``tolerance`` of the energy."""
+        energy = self.energy(at)
         done = small = 0
         for _ in range(steps):
             tick()
             if monitor.expired:
                 break
-            found = self.step(spot, energy)
-            if found is None:
+            better = self.step(at, energy)
+            if better is None:
                 break
-            spot, after, promised = found
+            at, after, promised = better
             done += 1
             gain, energy = energy - after, after
             small = small + 1 if gain < tolerance * energy else 0
             if promised < tolerance * energy or small == PATIENCE:
                 break
-        return Moved(spot, energy, done)
+        return Moved(at, energy, done)
 
-    def step(self, spot: Spot, energy: float) -> tuple[Spot, float, float] | None:
+    def step(self, at: TargetPoint, energy: float) -> tuple[TargetPoint, float, float] | None:
         """One step: (where it leads, energy there, what Newton's model promised to gain), None where none is
-        found.
+        better.
 
         Where faces turn over whatever the length of the step, their vertices stay, and the others are asked
         again.
         """
-        held = np.zeros(self.n, bool)
+        resting = np.zeros(self.n, bool)
         for _ in range(HOLDS):
-            d, slope = self.direction(spot, held)
-            found = self._line_search(spot, d, energy)
-            if found is not None:
-                return (*found, -slope / 2)
-            trial = self.target.moved(spot, SHORT * d)
-            bad = ~counter_clockwise(self.cones(trial))
+            d, slope = self.direction(at, resting)
+            better = self._line_search(at, d, energy)
+            if better is not None:
+                return (*better, -slope / 2)
+            trial = self.target.moved(at, SHORT_STEP * d)
+            bad = ~counter_clockwise(self.development.corners(trial.vectors))
             if not bad.any():
                 break
-            held[self.faces[bad]] = True
+            resting[self.faces[bad]] = True
         return None
 
-    def _line_search(self, spot: Spot, d: FloatArray, energy: float) -> tuple[Spot, float] | None:
+    def _line_search(
+        self, at: TargetPoint, d: FloatArray, energy: float
+    ) -> tuple[TargetPoint, float] | None:
         """The step d, of single vertices shortened where faces turn over or get much worse, then without
         these, then as a whole."""
         whole, d = d, d.copy()
-        before, good = self.face_energy(spot), self.upright(spot)
-        for k in range(LOCAL + STILL + HALVINGS):
-            if k == LOCAL + STILL:
+        before, good = self.face_energy(at), self.unflipped(at)
+        for k in range(LOCAL_HALVINGS + LOCAL_STOPS + HALVINGS):
+            if k == LOCAL_HALVINGS + LOCAL_STOPS:
                 d = whole
-            there = self.target.moved(spot, d)
-            bad = ~self.upright(there) & good
+            there = self.target.moved(at, d)
+            bad = ~self.unflipped(there) & good
             value = self.face_energy(there)
             after = float((value * self.weight).sum())
             if not bad.any() and after < energy:
                 return there, after
-            if k < LOCAL + STILL:
-                bad[self.counts[value > self.worse * before + 1]] = True
-            if bad.any() and k < LOCAL + STILL:
-                d[np.unique(self.faces[bad])] *= 0.5 if k < LOCAL else 0.0
+            if k < LOCAL_HALVINGS + LOCAL_STOPS:
+                bad[self.counts[value > WORST_RISE * before + 1]] = True
+            if bad.any() and k < LOCAL_HALVINGS + LOCAL_STOPS:
+                d[np.unique(self.faces[bad])] *= 0.5 if k < LOCAL_HALVINGS else 0.0
             else:
                 d = d / 2
         return None

@@ -11,17 +11,18 @@ from __future__ import annotations
 import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.maps.convex import combined, row_weights
+from circparam.maps.convex import border_places, combined, row_weights
 from circparam.maps.layout import Layout
-from circparam.maps.tracing import Tracer, shares
+from circparam.maps.tracing import Tracer
 
-NEAREST = 0.05  # of an edge: how near to its ends it is split
+SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+LEAST_SHARE = 0.05  # of an edge: how near to its ends it is split
 # how far beside the diagonal an arc runs: on regular meshes vertices lie on it exactly
 BESIDE = 1e-6
 
 
 def straighten(layout: Layout, weights: str, first: int) -> None:
-    """Replace the arcs from number ``first`` on by diagonals, on both sheets, in place."""
+    """Replace the arcs from number ``first`` on by diagonals, on both meshs, in place."""
     for arcs in _rounds(layout, first):
         for tracer in layout.tracers:
             _Straightener(tracer, layout, arcs).run(weights)
@@ -55,29 +56,19 @@ def _quad(layout: Layout, arc: int) -> list[int]:
 
 
 class _Straightener:
-    """Some arcs of one sheet, whose pairs of patches do not touch each other. pair (m,): of each face, −1
+    """Some arcs of one mesh, whose pairs of patches do not touch each other. pair (m,): of each face, −1
     elsewhere.
     """
 
     def __init__(self, tracer: Tracer, layout: Layout, arcs: list[int]) -> None:
-        self.tracer, self.layout, self.arcs, self.sheet = tracer, layout, arcs, tracer.sheet
-        n = self.sheet.n
+        self.tracer, self.layout, self.arcs, self.mesh = tracer, layout, arcs, tracer.mesh
         regions = layout.regions()
         region_of = {arc: k for k, r in enumerate(regions) for arc in r}
         name = np.full(len(regions), -1)
-        keys, places = [], []
         for pair, arc in enumerate(arcs):
             name[[region_of[arc], region_of[arc ^ 1]]] = pair
-            for side, corner, after in zip(
-                self._sides(arc), _CORNERS, np.roll(_CORNERS, -1, 0), strict=True
-            ):
-                path = tracer.arcs[side]
-                t = shares(tracer, path)[:, None]
-                keys.append(pair * n + path)
-                places.append((1 - t) * corner + t * after)
         self.pair = name[tracer.regions(regions)]
-        key, index = np.unique(np.concatenate(keys), return_index=True)
-        self.key, self.place = key, np.concatenate(places)[index]
+        self.key, self.place = border_places(tracer, [self._sides(arc) for arc in arcs], SQUARE)
 
     def _sides(self, arc: int) -> list[int]:
         """The arcs round the pair, counter-clockwise from its start: two of the right patch, two of the
@@ -88,14 +79,14 @@ class _Straightener:
 
     def run(self, weights: str) -> None:
         """Lay the new arcs."""
-        sheet, n = self.sheet, self.sheet.n
+        mesh, n = self.mesh, self.mesh.n
         uv, of = self._flat(weights)
         h = np.flatnonzero((self.pair >= 0).repeat(3))
-        h = h[h < sheet.twin[h]]
+        h = h[h < mesh.twin[h]]
         pair = self.pair[h // 3]
-        same = self.pair[sheet.twin[h] // 3] == pair
+        same = self.pair[mesh.twin[h] // 3] == pair
         h, pair = h[same], pair[same]
-        a, b = sheet.faces.ravel()[h], sheet.faces[:, [1, 2, 0]].ravel()[h]
+        a, b = mesh.faces.ravel()[h], mesh.faces[:, [1, 2, 0]].ravel()[h]
         pa, pb = self._at(uv, of, pair, a), self._at(uv, of, pair, b)
         sa, sb = pa[:, 0] - pa[:, 1] - BESIDE, pb[:, 0] - pb[:, 1] - BESIDE
         ends = np.array([self.layout.ends[arc] for arc in self.arcs])
@@ -104,12 +95,12 @@ class _Straightener:
         h, pair, a, b = h[cross], pair[cross], a[cross], b[cross]
         t = sa[cross] / (sa[cross] - sb[cross])
         along = ((1 - t)[:, None] * pa[cross] + t[:, None] * pb[cross]).sum(1)
-        ratio = np.clip(t, NEAREST, 1 - NEAREST)
-        marked: BoolArray = np.zeros(3 * len(sheet.faces), bool)
-        share = np.full(3 * len(sheet.faces), 0.5)
-        marked[h] = marked[sheet.twin[h]] = True
-        share[h], share[sheet.twin[h]] = ratio, 1 - ratio
-        new, middle = sheet.split(marked, share)
+        ratio = np.clip(t, LEAST_SHARE, 1 - LEAST_SHARE)
+        marked: BoolArray = np.zeros(3 * len(mesh.faces), bool)
+        share = np.full(3 * len(mesh.faces), 0.5)
+        marked[h] = marked[mesh.twin[h]] = True
+        share[h], share[mesh.twin[h]] = ratio, 1 - ratio
+        new, middle = mesh.split(marked, share)
         self.tracer.renew(new)
         vertex = middle[np.searchsorted(middle[:, 0], np.minimum(a, b) * n + np.maximum(a, b)), 1]
         order = np.lexsort((along, pair))
@@ -126,23 +117,23 @@ class _Straightener:
         """((n, 2) places of the free vertices in the square of their pair, (n,) that pair, −1 for those not
         free).
         """
-        sheet = self.sheet
-        i, j = sheet.faces.ravel(), sheet.faces[:, [1, 2, 0]].ravel()
-        low, high = np.full(sheet.n, len(self.arcs)), np.full(sheet.n, -1)
+        mesh = self.mesh
+        i, j = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+        low, high = np.full(mesh.n, len(self.arcs)), np.full(mesh.n, -1)
         np.minimum.at(low, i, np.repeat(self.pair, 3))
         np.maximum.at(high, i, np.repeat(self.pair, 3))
         free = (low == high) & (high >= 0)
         free[self.tracer.marks] = False
         of = np.where(free, high, -1)
-        uv = np.zeros((sheet.n, 2))
+        uv = np.zeros((mesh.n, 2))
         uv[free] = combined(
-            sheet, free, row_weights(sheet, weights), lambda h: self._known(of[i[h]], j[h])
+            mesh, free, row_weights(mesh, weights), lambda h: self._known(of[i[h]], j[h])
         )
         return uv, of
 
     def _known(self, pair: IntArray, vertices: IntArray) -> FloatArray:
         """(k, 2) places of vertices on the boundary of a pair."""
-        found: FloatArray = self.place[np.searchsorted(self.key, pair * self.sheet.n + vertices)]
+        found: FloatArray = self.place[np.searchsorted(self.key, pair * self.mesh.n + vertices)]
         return found
 
     def _at(self, uv: FloatArray, of: IntArray, pair: IntArray, vertices: IntArray) -> FloatArray:
@@ -153,7 +144,7 @@ class _Straightener:
 
 
 def _with_middles(path: IntArray, middle: IntArray, n: int) -> IntArray:
-    """A path after some of its edges were split; middle: as ``Sheet.split`` returns it."""
+    """A path after some of its edges were split; middle: as ``ClosedMesh.split`` returns it."""
     low, high = np.minimum(path[:-1], path[1:]), np.maximum(path[:-1], path[1:])
     out = np.full(2 * len(path) - 1, -1)
     out[::2] = path
@@ -163,6 +154,3 @@ def _with_middles(path: IntArray, middle: IntArray, n: int) -> IntArray:
         out[1::2][found] = middle[at[found], 1]
     result: IntArray = out[out >= 0]
     return result
-
-
-_CORNERS = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])

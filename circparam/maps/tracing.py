@@ -11,10 +11,9 @@ import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
 from circparam.core.graph import components, distances, nearest
-from circparam.maps.sheet import Sheet
+from circparam.maps.closed_mesh import ClosedMesh
 
-# times the shortest distance between two landmarks: how far a path is looked for at first
-FIRST = 1.5
+FIRST_RADIUS = 1.5  # distances between two landmarks within which a path is looked for at first
 
 
 @dataclass(frozen=True)
@@ -31,20 +30,20 @@ class Traced:
 
 @dataclass
 class Tracer:
-    """The arcs laid so far on one sheet.
+    """The arcs laid so far on one mesh.
 
     marks (k,): the vertex of each landmark. on (n,): vertices of landmarks and arcs, which no path touches.
     steps[i]: for landmark i, the first vertex of each arc that leaves it → the arc.
     """
 
-    sheet: Sheet
+    mesh: ClosedMesh
     marks: IntArray
     steps: list[dict[int, int]] = field(default_factory=list)
     arcs: dict[int, IntArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.steps = [{} for _ in self.marks]
-        self.on = np.zeros(self.sheet.n, bool)
+        self.on = np.zeros(self.mesh.n, bool)
         self.on[self.marks] = True
         self._prepare()
         self.distance = np.stack([self._distances(int(v)) for v in self.marks])
@@ -77,27 +76,27 @@ class Tracer:
 
     def on_arcs(self) -> BoolArray:
         """(3m,) bool: half-edges that lie on an arc."""
-        out = np.zeros(3 * len(self.sheet.faces), bool)
+        out = np.zeros(3 * len(self.mesh.faces), bool)
         if self.arcs:
             start = np.concatenate([p[:-1] for p in self.arcs.values()])
             end = np.concatenate([p[1:] for p in self.arcs.values()])
-            out[self.sheet.half_edges(start, end)] = True
+            out[self.mesh.half_edges(start, end)] = True
         return out
 
     def split_chords(self) -> None:
         """Split every edge that joins two vertices of arcs and is on none, so that paths pass between all
         arcs.
         """
-        flat = self.sheet.faces.ravel()
+        flat = self.mesh.faces.ravel()
         h = np.arange(len(flat))
         chord = self.on[flat] & self.on[flat[next_half_edge(h)]] & ~self.on_arcs()
         if chord.any():
-            self.renew(self.sheet.split(chord)[0])
+            self.renew(self.mesh.split(chord)[0])
 
-    def renew(self, sheet: Sheet) -> None:
-        """Go on with the sheet after edges were split."""
-        self.sheet = sheet
-        self.on = np.concatenate([self.on, np.zeros(sheet.n - len(self.on), bool)])
+    def renew(self, mesh: ClosedMesh) -> None:
+        """Go on with the mesh after edges were split."""
+        self.mesh = mesh
+        self.on = np.concatenate([self.on, np.zeros(mesh.n - len(self.on), bool)])
         self._prepare()
 
     def replace(self, arc: int, path: IntArray, i: int, j: int) -> None:
@@ -114,10 +113,10 @@ class Tracer:
             self.on[path] = True
 
     def _prepare(self) -> None:
-        sheet = self.sheet
-        i, j = sheet.faces.ravel(), sheet.faces[:, [1, 2, 0]].ravel()
-        self._graph = sps.csr_matrix((sheet.edge_lengths, (i, j)), shape=(sheet.n, sheet.n))
-        self._row = np.repeat(np.arange(sheet.n), np.diff(self._graph.indptr))
+        mesh = self.mesh
+        i, j = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+        self._graph = sps.csr_matrix((mesh.edge_lengths, (i, j)), shape=(mesh.n, mesh.n))
+        self._row = np.repeat(np.arange(mesh.n), np.diff(self._graph.indptr))
 
     def _distances(self, vertex: int) -> FloatArray:
         return distances(self._graph, np.array([vertex]))[self.marks]
@@ -128,13 +127,13 @@ class Tracer:
 
     def regions(self, known: list[list[int]]) -> IntArray:
         """(m,) the region of each face; known: the arcs round each region, which lies on their left."""
-        sheet = self.sheet
+        mesh = self.mesh
         h = np.flatnonzero(~self.on_arcs())
-        _, label = components(len(sheet.faces), h // 3, sheet.twin[h] // 3)
+        _, label = components(len(mesh.faces), h // 3, mesh.twin[h] // 3)
         name = np.full(int(label.max()) + 1, -1)
         for n, region in enumerate(known):
             path = self.arcs[region[0]]
-            name[label[sheet.half_edges(path[:1], path[1:2]) // 3]] = n
+            name[label[mesh.half_edges(path[:1], path[1:2]) // 3]] = n
         out: IntArray = name[label]
         return out
 
@@ -142,7 +141,7 @@ class Tracer:
         """The sector of landmark i in which its neighbour ``step`` lies."""
         if not self.steps[i]:
             return -1
-        ring = self.sheet.ring(int(self.marks[i]))
+        ring = self.mesh.ring(int(self.marks[i]))
         at = ring.index(step)
         for back in range(len(ring)):
             arc = self.steps[i].get(ring[at - back])
@@ -152,7 +151,7 @@ class Tracer:
 
     def _allowed(self, i: int, sector: int | None) -> IntArray:
         """Neighbours of landmark i over which a path may leave, in a sector or anywhere."""
-        ring = np.array(self.sheet.ring(int(self.marks[i])))
+        ring = np.array(self.mesh.ring(int(self.marks[i])))
         free = ring[~self.on[ring]]
         if sector is None or sector < 0:
             out: IntArray = free
@@ -178,7 +177,7 @@ class Tracer:
             usable[own] |= column[own] == end
         data = np.where(usable, self._graph.data, np.inf)
         graph = sps.csr_matrix((data, column, self._graph.indptr), shape=self._graph.shape)
-        for limit in (FIRST * float(self.distance[i, j]), 1e300):
+        for limit in (FIRST_RADIUS * float(self.distance[i, j]), 1e300):
             distance, before, _ = nearest(graph, np.array([start]), limit)
             if np.isfinite(distance[end]):
                 break
@@ -190,11 +189,3 @@ class Tracer:
         vertices = np.array(out[::-1], np.int64)
         found = (self.sector_of(i, int(vertices[1])), self.sector_of(j, int(vertices[-2])))
         return Traced(vertices, float(distance[end]), found)
-
-
-def shares(tracer: Tracer, path: IntArray) -> FloatArray:
-    """(p,) how far along a path each of its vertices lies, from 0 to 1, by length."""
-    steps = np.linalg.norm(np.diff(tracer.sheet.points[path], axis=0), axis=1)
-    run = np.r_[0.0, np.cumsum(np.maximum(steps, 1e-9 * steps.max()))]
-    result: FloatArray = run / run[-1]
-    return result

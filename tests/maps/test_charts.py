@@ -13,7 +13,7 @@ from circparam.formats.document import Document
 from circparam.formats.io import read
 from circparam.maps.charts import add_charts, chart_graph
 from circparam.maps.landmarks import Landmarks
-from circparam.maps.sides import side_of
+from circparam.maps.map_input import map_input_of
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.support import pairs, shapes, tori
 from tests.support.baking import write_obj
@@ -135,7 +135,7 @@ def test_a_ring_is_no_chart(tmp_path: Path) -> None:
     with pytest.raises(TopologyError, match="closed loop that meets no other"):
         circparam.map_surfaces(a, a, charts=True)
     rings, layout = tori.patchwork(24, 12, 3, 1)
-    side = side_of(rings, "A")
+    side = map_input_of(rings, "A")
     at = tori.angles(rings.points)
     goals = [[k * 2 * np.pi / 3, 0] for k in (0, 1, -1)]
     marks = [int(side.vertex[np.linalg.norm(at - goal, axis=1).argmin()]) for goal in goals]
@@ -157,7 +157,7 @@ def test_layouts_without_seams_or_uv_are_told(tmp_path: Path) -> None:
 def test_the_charts_are_those_of_the_uv() -> None:
     """Every face lies in the chart of its uv, every arc between two, and the arcs are all the seams."""
     mesh, layout = tori.patchwork(24, 12, 4, 3)
-    side = side_of(mesh, "A")
+    side = map_input_of(mesh, "A")
     graph = chart_graph(side, layout, [])
     own = (layout.uv[layout.uv_faces][:, 0, 0] // 10).astype(int)[side.surface.source]
     pairs_of = np.unique(np.stack([own, graph.of_face], 1), axis=0)

@@ -162,22 +162,21 @@ def test_paths_decide_the_way_round(tmp_path) -> None:
 
 
 def test_the_arcs_of_paths_are_laid_before_all_others() -> None:
-    from circparam.maps.domain import begun
     from circparam.maps.landmarks import add_paths, given_landmarks
-    from circparam.maps.loops import HandleLayout
-    from circparam.maps.sides import side_of
+    from circparam.maps.layout import begun
+    from circparam.maps.map_input import map_input_of
 
-    a, b = (side_of(m, n) for m, n in ((tori.torus(24, 12), "A"), (tori.torus(30, 14), "B")))
+    a, b = (map_input_of(m, n) for m, n in ((tori.torus(24, 12), "A"), (tori.torus(30, 14), "B")))
     marks = given_landmarks(tori.marks(a.mesh, b.mesh), a, b)
     given = loops(tori.marks(a.mesh, b.mesh))
     add_paths(marks, given, a)
-    layout = begun(a, b, marks, HandleLayout)
+    layout = begun(a, b, marks)
     assert len(layout.ends) == 2 * (tori.ALONG + tori.ROUND)
     for tracer in layout.tracers:
         for arc, (i, j) in enumerate(layout.ends):
             path = tracer.arcs[arc]
             assert (path[0], path[-1]) == (tracer.marks[i], tracer.marks[j])
-            assert (tracer.sheet.half_edges(path[:-1], path[1:]) >= 0).all()
+            assert (tracer.mesh.half_edges(path[:-1], path[1:]) >= 0).all()
 
 
 @pytest.mark.parametrize(

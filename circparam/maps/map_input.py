@@ -1,4 +1,4 @@
-"""A mesh as one side of a map: what it must be, and the closed sheet that stands for it."""
+"""A mesh as one side of a map: what it must be, and the closed mesh that stands for it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.words import counted
 from circparam.errors import InputError, TopologyError
-from circparam.maps.sheet import Sheet
+from circparam.maps.closed_mesh import ClosedMesh
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
@@ -18,12 +18,13 @@ from circparam.mesh.surface import Surface
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class MapInput:
     """A connected surface, with or without boundaries.
 
-    name: what messages call it. surface: in the winding of the solve. sheet: closed, its first vertices those
-    of the surface. tips (b,): the vertex that closes each boundary. loops: the vertices of each boundary, in
-    order with the surface on the left. vertex (n,): of each vertex of the mesh, −1 where no face uses it.
+    name: what messages call it. surface: in the winding of the solve. closed: the surface with closed
+    boundaries, the vertices of the surface first. tips (b,): the vertex that closes each boundary. loops:
+    the vertices of each boundary, in order with the surface on the left. vertex (n,): of each vertex of the
+    mesh, −1 where no face uses it.
     scale: by what the points of the surface are those of the mesh. winding (m, 3): the corner of the file that
     each corner of a face is. notes: what was repaired.
     """
@@ -31,7 +32,7 @@ class Side:
     name: str
     mesh: Mesh
     surface: Surface
-    sheet: Sheet
+    closed: ClosedMesh
     tips: IntArray
     loops: list[IntArray]
     vertex: IntArray
@@ -47,12 +48,12 @@ class Side:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the box round it, in units of the sheet."""
+        """Diagonal of the box round it, in units of the solve."""
         return float(np.linalg.norm(np.ptp(self.surface.vertex_points, axis=0)))
 
     @cached_property
     def area(self) -> float:
-        """Area of the surface, in units of the sheet."""
+        """Area of the surface, in units of the solve."""
         return float(self.surface.areas.sum())
 
     @cached_property
@@ -63,8 +64,16 @@ class Side:
             out[loop] = k
         return out
 
+    def along_boundary(self, start: int, end: int) -> IntArray:
+        """The vertices of a boundary from one to another (or round), with the surface on the left."""
+        loop = self.loops[int(self.on_boundary[start])]
+        first, last = (int(np.flatnonzero(loop == v)[0]) for v in (start, end))
+        count = (last - first) % len(loop) or len(loop)
+        out: IntArray = loop[(first + np.arange(count + 1)) % len(loop)]
+        return out
 
-def side_of(mesh: Mesh, name: str, mirrored: bool = False) -> Side:
+
+def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:
     """Prepare one side of a map. mirrored: read every face the other way round.
 
     Raises InputError where no face has an area, TopologyError where the mesh is no single surface whose edges
@@ -81,8 +90,8 @@ def side_of(mesh: Mesh, name: str, mirrored: bool = False) -> Side:
         cut_mesh.faces.ravel()[cut_mesh.loops.half_edges[a:b]]
         for a, b in zip(cut_mesh.loops.start[:-1], cut_mesh.loops.start[1:], strict=True)
     ]
-    sheet, tips = closed_sheet(cut_mesh.faces, surface.vertex_points, loops)
-    if not sheet.simple:
+    closed, tips = _closed(cut_mesh.faces, surface.vertex_points, loops)
+    if not closed.simple:
         raise TopologyError(
             f"{name}: two edges join the same two vertices, so no path is known by its vertices; "
             "subdivide or weld it first"
@@ -92,11 +101,11 @@ def side_of(mesh: Mesh, name: str, mirrored: bool = False) -> Side:
     vertex[surface.from_file(mesh.faces)] = solved
     missing = (vertex < 0) & (report.weld != np.arange(len(vertex)))
     vertex[missing] = vertex[report.weld[missing]]
-    return Side(
+    return MapInput(
         name,
         mesh,
         surface,
-        sheet,
+        closed,
         tips,
         loops,
         vertex,
@@ -136,9 +145,9 @@ def _checked(surface: Surface, name: str) -> tuple[CutMesh, int]:
     return cut_mesh, genus
 
 
-def closed_sheet(
+def _closed(
     faces: IntArray, points: FloatArray, loops: list[IntArray]
-) -> tuple[Sheet, IntArray]:
+) -> tuple[ClosedMesh, IntArray]:
     """(the surface with a cone over each boundary, (b,) the tip of each)."""
     m, n = len(faces), len(points)
     tips, more = [], []
@@ -153,17 +162,17 @@ def closed_sheet(
         after = np.roll(loop, -1)
         more.append(np.stack([after, loop, np.full(len(loop), n + k)], 1))
     closing = sum(len(x) for x in more)
-    sheet = Sheet(
+    closed = ClosedMesh(
         np.concatenate([points, np.array(tips).reshape(-1, 3)]),
         np.concatenate([faces, *more]),
         np.r_[np.arange(m), np.full(closing, -1)],
         np.broadcast_to(np.eye(3), (m + closing, 3, 3)).copy(),
         np.arange(m + closing),
     )
-    return sheet, n + np.arange(len(loops))
+    return closed, n + np.arange(len(loops))
 
 
-def require_same(a: Side, b: Side) -> None:
+def require_same(a: MapInput, b: MapInput) -> None:
     """Raise TopologyError unless both have as many handles and boundaries."""
     if a.genus != b.genus:
         raise TopologyError(

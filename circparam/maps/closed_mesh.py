@@ -1,6 +1,4 @@
-"""A closed working mesh of genus 0: one side of a map, its boundaries closed by cones, its edges split at
-will.
-"""
+"""A closed working mesh: one side of a map, its boundaries closed by cones, its edges split at will."""
 
 from __future__ import annotations
 
@@ -14,13 +12,13 @@ from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class ClosedMesh:
     """points (n, 3); faces (m, 3), closed, wound counter-clockwise seen from outside.
 
     parent (m,): the face of the surface that each face is a part of, −1 where it closes a boundary.
     corners (m, 3, 3): barycentric coordinates of its corners in that face. The vertices of the surface come
     first, then the tips of the cones over its boundaries, then those that split edges. origin (m,): the face of
-    the sheet before its edges were split.
+    the mesh before its edges were split.
     """
 
     points: FloatArray
@@ -96,35 +94,52 @@ class Sheet:
             np.stack([h[lower], self.twin[lower]], 1),
         )
 
+    def shares(self, path: IntArray) -> FloatArray:
+        """(p,) how far along a path each of its vertices lies, from 0 to 1, by length."""
+        steps = np.linalg.norm(np.diff(self.points[path], axis=0), axis=1)
+        run = np.r_[0.0, np.cumsum(np.maximum(steps, 1e-9 * steps.max()))]
+        result: FloatArray = run / run[-1]
+        return result
+
+    def divided(self, path: IntArray, parts: int) -> IntArray:
+        """The entries of a path that divide it into so many parts by length, none at its ends; it has more
+        vertices than parts."""
+        share = self.shares(path)
+        out: list[int] = []
+        for k in range(1, parts):
+            pick = int(np.abs(share - k / parts).argmin())
+            out.append(min(max(pick, out[-1] + 1 if out else 1), len(path) - 1 - (parts - k)))
+        return np.array(out, np.int64)
+
     def split(
         self, half_edges: BoolArray, share: FloatArray | None = None
-    ) -> tuple[Sheet, IntArray]:
+    ) -> tuple[ClosedMesh, IntArray]:
         """The marked edges ((3m,) bool on both half-edges) split into two each.
 
-        share: (3m,) how far along each half-edge, half where None. Returns (sheet, (edges, 2): the key low · n
+        share: (3m,) how far along each half-edge, half where None. Returns (mesh, (edges, 2): the key low · n
         + high of the ends of every edge that was split, ascending, and the vertex that splits it).
         """
-        sheet, marked, n = self, half_edges, self.n
+        mesh, marked, n = self, half_edges, self.n
         share = np.full(len(marked), 0.5) if share is None else share
         middles = [np.zeros((0, 2), np.int64)]
         while marked.any():
             h = np.arange(len(marked))
-            number = np.where(marked, np.minimum(h, sheet.twin), len(marked))
+            number = np.where(marked, np.minimum(h, mesh.twin), len(marked))
             lowest = np.repeat(number.reshape(-1, 3).min(1), 3)
             own = marked & (number == lowest)
-            now = own & own[sheet.twin]  # at most one edge of a face at a time
-            lower = np.flatnonzero(now & (h < sheet.twin))
-            i, j = sheet.faces.ravel()[lower], sheet.faces.ravel()[next_half_edge(lower)]
+            now = own & own[mesh.twin]  # at most one edge of a face at a time
+            lower = np.flatnonzero(now & (h < mesh.twin))
+            i, j = mesh.faces.ravel()[lower], mesh.faces.ravel()[next_half_edge(lower)]
             key = np.minimum(i, j) * n + np.maximum(i, j)
-            middles.append(np.stack([key, sheet.n + np.arange(len(lower))], 1))
-            sheet, marked, share = sheet._split_apart(now, marked, share)
+            middles.append(np.stack([key, mesh.n + np.arange(len(lower))], 1))
+            mesh, marked, share = mesh._split_apart(now, marked, share)
         found = np.concatenate(middles)
-        return sheet, found[np.argsort(found[:, 0], kind="stable")]
+        return mesh, found[np.argsort(found[:, 0], kind="stable")]
 
     def _split_apart(
         self, now: BoolArray, marked: BoolArray, share: FloatArray
-    ) -> tuple[Sheet, BoolArray, FloatArray]:
-        """Split edges of which no face has two; returns (sheet, what of ``marked`` is left, its shares)."""
+    ) -> tuple[ClosedMesh, BoolArray, FloatArray]:
+        """Split edges of which no face has two; returns (mesh, what of ``marked`` is left, its shares)."""
         h = np.flatnonzero(now)
         lower = np.minimum(h, self.twin[h])
         edges, index = np.unique(lower, return_inverse=True)
@@ -148,7 +163,7 @@ class Sheet:
         new_left[rows, ahead], new_shares[rows, ahead] = left[f, ahead], shares[f, ahead]
         left[f, k] = left[f, ahead] = False
         s = share[edges][:, None]
-        sheet = Sheet(
+        mesh = ClosedMesh(
             np.concatenate([self.points, (1 - s) * self.points[a] + s * self.points[b]]),
             np.concatenate([faces, new_faces]),
             np.concatenate([self.parent, self.parent[f]]),
@@ -156,7 +171,7 @@ class Sheet:
             np.concatenate([self.origin, self.origin[f]]),
         )
         return (
-            sheet,
+            mesh,
             np.concatenate([left, new_left]).ravel(),
             np.concatenate([shares, new_shares]).ravel(),
         )

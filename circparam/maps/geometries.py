@@ -1,0 +1,287 @@
+"""Geometries that carry a map's domain, and triangulations of them: a convex polyhedron on the sphere, circles
+that touch in the plane (one handle) and in the hyperbolic plane (more).
+
+A place is a vector of three numbers, up to a positive factor: a direction, (x, y, 1), or a time-like vector
+of Minkowski's space. In all three a geodesic is a plane through the origin, the weights of a place are its
+coordinates in three corners, and the sign of a determinant tells which way a face looks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+from circparam.errors import NoResultError
+from circparam.maps.cones import signs_of
+
+NEWTON_STEPS = 200  # of the radii at most; a dozen do
+ANGLE_GOAL = (
+    1e-13  # radians that the angles round a node may miss a full turn by, times the number of nodes
+)
+ANGLE_LIMIT = 1e-9  # radians that they may miss it by where Newton's method ends early
+IN_SIGHT = 0.1  # least cosine to the middle at which a direction is seen in the tangent plane
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The unit sphere (curvature 1), the plane (0) or the hyperbolic plane (−1)."""
+
+    curvature: int
+
+    @property
+    def metric(self) -> FloatArray:
+        """(3,) the diagonal of the inner product."""
+        return np.array([1.0, 1.0, self.curvature])
+
+    def normal(self, q: FloatArray) -> FloatArray:
+        """Vectors (..., 3) scaled to lie on the sphere, the plane or the hyperboloid."""
+        if not self.curvature:
+            return q / q[..., 2:]
+        square = self.curvature * (q * q * self.metric).sum(-1, keepdims=True)
+        result: FloatArray = q / np.sqrt(np.maximum(square, 1e-300))
+        return result
+
+    def contains(self, q: FloatArray) -> BoolArray:
+        """(n,) bool: the vectors (n, 3) are positive multiples of places."""
+        least = np.hypot(q[:, 0], q[:, 1]) if self.curvature < 0 else 0.0
+        return np.asarray((q[:, 2] > least) | (self.curvature > 0))
+
+    def tangents(self, q: FloatArray) -> FloatArray:
+        """(n, 3, 2) two tangents at places (n, 3), orthonormal, counter-clockwise."""
+        if self.curvature > 0:
+            return tangents(q)
+        out = np.zeros((len(q), 3, 2))
+        out[:, 0, 0] = out[:, 1, 1] = 1.0
+        if self.curvature:
+            x, y, z = q.T
+            out[:, 0, 0] += x * x / (1 + z)
+            out[:, 1, 1] += y * y / (1 + z)
+            out[:, 0, 1] = out[:, 1, 0] = x * y / (1 + z)
+            out[:, 2, 0], out[:, 2, 1] = x, y
+        return out
+
+    def flat(self, corners: FloatArray, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Triangles (m, 3, 3) as flat ones, and how their corners move with steps in the tangents (m, 3, 3, 2).
+
+        On the sphere both stay vectors of three numbers: the triangle is that of the chords. Else they are
+        those of the tangent plane at the middle, (m, 3, 2) and (m, 3, 2, 2): straight stays straight.
+        """
+        if self.curvature > 0:
+            return corners, frames
+        middle = self.normal(corners.sum(1))
+        axes = self.tangents(middle) * self.metric[:, None]
+        up = -middle * self.metric if self.curvature else np.array([0.0, 0.0, 1.0])
+        up = np.broadcast_to(up, middle.shape)
+        high = np.einsum("mcd,md->mc", corners, up)[..., None]
+        offset = 0.0 if self.curvature else middle[:, None, :2]
+        place = np.einsum("mcd,mda->mca", corners, axes) / high - offset
+        move = np.einsum("mcdb,mda->mcab", frames, axes)
+        move -= (place + offset)[..., None] * np.einsum("mcdb,md->mcb", frames, up)[:, :, None]
+        return place, move / high[..., None]
+
+    def seen(self, q: FloatArray) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
+        """(uv (k, 2) of vectors (k, 3) in the tangent plane of their middle, NaN where they are out of sight;
+        the way back)."""
+        middle = self.normal(q.sum(0))
+        axes = self.tangents(middle[None])[0]
+        high = self.curvature * (q * self.metric) @ middle if self.curvature else q[:, 2]
+        origin = np.zeros(3) if self.curvature else np.r_[middle[:2], 0.0]
+        least = IN_SIGHT if self.curvature > 0 else 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            flat = np.where(high > least, 1 / high, np.nan)[:, None] * q - origin
+        uv: FloatArray = np.asarray((flat * self.metric) @ axes, np.float64)
+        return uv, lambda uv: np.asarray(middle + uv @ axes.T, np.float64)
+
+    def polar(self, length: FloatArray, angle: FloatArray) -> FloatArray:
+        """Places at a distance from (0, 0, 1) in a direction, in the plane or the hyperbolic plane."""
+        curved = self.curvature < 0
+        far, up = (np.sinh(length), np.cosh(length)) if curved else (length, np.ones_like(length))
+        return np.stack([far * np.cos(angle), far * np.sin(angle), up], -1)
+
+    def frames(self, p: FloatArray, q: FloatArray) -> FloatArray:
+        """(k, 3, 3) for places p, q (k, 3) off the sphere: columns are the way from p to q, the way to its
+        left, and p."""
+        curved = self.curvature < 0
+        way = q - (-(p * q * self.metric).sum(1)[:, None] * p if curved else p)
+        way = way / np.sqrt((way * way * self.metric).sum(1))[:, None]
+        if curved:
+            left = np.cross(p, way) * self.metric
+        else:
+            left = np.stack([-way[:, 1], way[:, 0], np.zeros(len(way))], 1)
+        return np.stack([way, left, p], 2)
+
+
+def tangents(normal: FloatArray) -> FloatArray:
+    """(n, 3, 2) two unit vectors at right angles to each other and to unit vectors (n, 3)."""
+    axis = np.eye(3)[np.abs(normal).argmin(1)]
+    first = np.cross(normal, axis)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(normal, first)], 2)
+
+
+@dataclass(frozen=True)
+class Base:
+    """A triangulation of a geometry by the arcs of a layout.
+
+    corners (r, 3, 3): of each triangle, in its own frame. across (2e, 3, 3): for every arc the matrix from
+    the frame of the triangle on its left to the frame of the one on its right. area: of them all.
+    """
+
+    geometry: Geometry
+    corners: FloatArray
+    across: FloatArray
+    area: float
+
+
+def base_of(regions: IntArray, ends: IntArray) -> Base:
+    """The geometry of triangles of arcs. regions (r, 3): arcs round each, counter-clockwise; ends (2e, 2): of
+    each arc, arc ^ 1 the same backwards. Raises NoResultError where double precision holds none."""
+    nodes = ends[regions, 0]
+    euler = int(ends.max()) + 1 - len(ends) // 2 + len(regions)
+    if euler > 0:
+        across = np.broadcast_to(np.eye(3), (len(ends), 3, 3))
+        return Base(Geometry(1), polyhedron(nodes)[nodes], across, 4 * np.pi)
+    return _packed_circles(Geometry(-1 if euler < 0 else 0), regions, ends)
+
+
+def _packed_circles(geometry: Geometry, regions: IntArray, ends: IntArray) -> Base:
+    """Circles round the nodes that touch along the arcs (Thurston; Bobenko and Springborn 2004) make every
+    triangle a geodesic one and every node smooth."""
+    nodes = ends[regions, 0]
+    curved = geometry.curvature < 0
+    radius = _radii(nodes, int(ends.max()) + 1, curved)
+    r = radius[nodes]
+    angle, zero = _angles(r, curved), np.zeros(len(r))
+    sides = (zero, r[:, 0] + r[:, 1], r[:, 0] + r[:, 2])
+    corners = [geometry.polar(s, t) for s, t in zip(sides, (zero, zero, angle[:, 0]), strict=True)]
+    corner = np.stack(corners, 1)
+    place = np.empty((len(ends), 2), np.int64)
+    for k in range(3):
+        place[regions[:, k]] = np.stack([np.arange(len(regions)), np.full(len(regions), k)], 1)
+    start, stop = (corner[place[:, 0], (place[:, 1] + k) % 3] for k in (0, 1))
+    twin = (
+        np.arange(len(ends)) ^ 1
+    )  # in the triangle on the right it leads from its end to its start
+    own = np.linalg.inv(geometry.frames(start, stop))
+    across = np.asarray(geometry.frames(stop[twin], start[twin]) @ own, np.float64)
+    areas = np.pi - angle.sum(1) if curved else corner[:, 1, 0] * corner[:, 2, 1] / 2
+    return Base(geometry, corner, across, float(areas.sum()))
+
+
+def _angles(r: FloatArray, curved: bool) -> FloatArray:
+    """(k, 3) angles of the triangles of the centres of touching circles with radii r (k, 3)."""
+    s = r.sum(1)
+    part, whole = (np.sinh(r), np.sinh(s)) if curved else (r, s)
+    log = np.log(part)
+    tangent = np.exp((log.sum(1)[:, None] - 2 * log - np.log(whole)[:, None]) / 2)
+    result: FloatArray = 2 * np.arctan(tangent)
+    return result
+
+
+def _radii(nodes: IntArray, n: int, curved: bool) -> FloatArray:
+    """(n,) radii of the circles. Newton's method on a convex energy, in u = ln tanh(r / 2), or ln r."""
+    u = np.full(n, np.log(np.tanh(0.25)) if curved else 0.0)
+
+    def at(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        r: FloatArray = 2 * np.arctanh(np.exp(u)) if curved else np.exp(u)
+        return r, 2 * np.pi - group_sum(_angles(r[nodes], curved).ravel(), nodes.ravel(), n)
+
+    r, missing = at(u)
+    for _ in range(NEWTON_STEPS):
+        if np.abs(missing).max() < ANGLE_GOAL * n:
+            break
+        step = _newton_step(nodes, r, missing, curved)
+        share = min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-300))
+        while share > 1e-12:
+            new = u + share * step
+            if not curved or (new < -1e-12).all():
+                r_new, less = at(new)
+                if np.linalg.norm(less) < np.linalg.norm(missing):
+                    break
+            share /= 2
+        else:
+            break
+        u, r, missing = new, r_new, less
+    if np.abs(missing).max() > ANGLE_LIMIT:
+        raise NoResultError(
+            "the layout of the landmarks has no circles that touch (an arc closes a handle too tightly): "
+            "add a landmark or two"
+        )
+    return r
+
+
+def _newton_step(nodes: IntArray, r: FloatArray, missing: FloatArray, curved: bool) -> FloatArray:
+    """Newton's step for the logarithmic radii, by the derivatives of all angles."""
+    own, n = r[nodes], len(r)
+    s = own.sum(1)[:, None]
+    sign = 1 - 2 * np.eye(3)
+    if curved:
+        rate = np.cosh(own)[:, None] * sign - (np.sinh(own) / np.tanh(s))[:, None]
+    else:
+        rate = sign - (own / s)[:, None]
+    value = np.sin(_angles(own, curved))[:, :, None] * rate / 2
+    at = nodes[:, :, None] * n + nodes[:, None]
+    matrix = group_sum(value.ravel(), at.ravel(), n * n).reshape(n, n)
+    free = 0.0 if curved else 1.0 / n  # in the plane a common factor is
+    return np.asarray(np.linalg.solve(matrix - free, missing), np.float64)
+
+
+def polyhedron(faces: IntArray) -> FloatArray:
+    """(k, 3) unit vectors of the vertices of a simple triangulation of the sphere, faces (2k − 4, 3), k ≥ 4.
+
+    Tutte's drawing of a 3-connected plane graph is in equilibrium, so it is the shadow of a convex surface
+    (Maxwell 1864, Cremona; the lifting as in Richter-Gebert 1996): across an edge the slope changes by the
+    stress of the edge times its length, at a right angle to it. Every face is counter-clockwise seen from a
+    point inside, by exact signs. Raises NoResultError where double precision cannot tell the faces apart
+    (hundreds of vertices).
+    """
+    k = int(faces.max()) + 1
+    plane = _drawing(faces, k)
+    height = _lifted(faces, plane)
+    p = np.column_stack([plane, -height / max(float(np.ptp(height)), 1e-300)])
+    inside = p.mean(0)
+    p -= inside
+    p /= np.linalg.norm(p, axis=1)[:, None]
+    if (signs_of(p[faces]) > 0).all():
+        return p
+    raise NoResultError(
+        f"{k} landmarks are too many for a common domain in double precision: leave some out"
+    )
+
+
+def _drawing(faces: IntArray, k: int) -> FloatArray:
+    """(k, 2) Tutte's drawing with unit stresses; the last face is the outer one, clockwise in the drawing."""
+    joined = np.zeros((k, k))
+    joined[faces.ravel(), faces[:, [1, 2, 0]].ravel()] = 1
+    outer = faces[-1][::-1]
+    angle = 2 * np.pi * np.arange(3) / 3
+    out = np.zeros((k, 2))
+    out[outer] = np.stack([np.cos(angle), np.sin(angle)], 1)
+    free = np.setdiff1d(np.arange(k), outer)
+    laplacian = np.diag(joined.sum(1)) - joined
+    out[free] = np.linalg.solve(
+        laplacian[np.ix_(free, free)], joined[np.ix_(free, outer)] @ out[outer]
+    )
+    return out
+
+
+def _lifted(faces: IntArray, plane: FloatArray) -> FloatArray:
+    """(k,) heights of the convex lifting, 0 at the outer face, below 0 inside."""
+    inner, outer, k = faces[:-1], faces[-1], len(plane)
+    owner = np.full((k, k), -1)
+    owner[inner, inner[:, [1, 2, 0]]] = np.arange(len(inner))[:, None]
+    i, j = np.nonzero((owner >= 0) & (owner.T >= 0))
+    d = plane[j] - plane[i]
+    step = np.stack([d[:, 1], -d[:, 0]], 1)  # out of the face on the left of i → j
+    jump = np.column_stack([step, -(step * plane[i]).sum(1)])
+    one = np.eye(len(inner))
+    # height = slope · (x, y, 1) on each face
+    slope = np.linalg.lstsq(one[owner[j, i]] - one[owner[i, j]], jump, rcond=None)[0]
+    places = np.column_stack([plane, np.ones(k)])
+    height = np.zeros(k)
+    height[inner] = (slope[:, None] * places[inner]).sum(2)
+    result: FloatArray = height - places @ np.linalg.solve(places[outer], height[outer])
+    return result

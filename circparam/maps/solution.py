@@ -1,0 +1,167 @@
+"""The map between two surfaces: composed over their common domain, then relaxed towards an isometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray
+from circparam.core.monitor import Monitor
+from circparam.maps.cones import counter_clockwise, signs_of
+from circparam.maps.cover import Cover, CoverPoints
+from circparam.maps.distortion import Distortion, distortion
+from circparam.maps.domain import Domain, PatchedMesh, common_domain, composed
+from circparam.maps.landmarks import Landmarks
+from circparam.maps.map_input import MapInput
+from circparam.maps.mend import Mender
+from circparam.maps.places import along_boundaries
+from circparam.maps.relax import Relaxation
+from circparam.maps.targets import GeometryTarget, MeshTarget
+
+CAP_WEIGHT = (
+    1e-3  # weight of what closes boundaries, beside 1 for the surface, in the domain's energy
+)
+DOMAIN_STEPS, DOMAIN_TOLERANCE = (
+    4,
+    1e-4,
+)  # Newton's steps of the domain, and the gain that ends them
+DOMAIN_ROUNDS = 4  # of such steps at most, each followed by a count of the turned faces
+MAP_STEPS, MAP_TOLERANCE = 15, 1e-4  # of the map, on the surface of B alone
+GUARDED_STEPS = 12  # of the map, after turned faces were mended
+
+
+@dataclass(frozen=True, eq=False)
+class MapSolution:
+    """A map over its domain.
+
+    covers: of both closed meshes. on_b: places of all vertices of the mesh of A on that of B; on_a: the other
+    way. start: the distortion of A → B before relaxation. relaxed: whether it was relaxed.
+    """
+
+    covers: tuple[Cover, Cover]
+    on_b: CoverPoints
+    on_a: CoverPoints
+    start: Distortion
+    relaxed: bool
+
+    @property
+    def inversions(self) -> tuple[int, int]:
+        """Faces of both surfaces that are turned over in the domain, by exact signs."""
+        return self.covers[0].inversions, self.covers[1].inversions
+
+
+def solve_map(
+    a: MapInput, b: MapInput, marks: Landmarks, method: str, relax: bool, monitor: Monitor
+) -> MapSolution:
+    """The map of two surfaces of one topology. method: the weights of the convex maps.
+
+    Raises TopologyError where the landmarks have no common layout, NoResultError where double precision cannot
+    hold the maps.
+    """
+    domain = common_domain(a, b, marks, method, monitor)
+    one, two = domain.meshes
+    with monitor.stage("compose"):
+        on_b = composed(a, b, marks, one, two)
+        corners = two.cover.mesh.points[two.cover.mesh.faces[on_b.face[: a.n]]]
+        image = np.einsum("kc,kcd->kd", on_b.weights[: a.n], corners)
+        start = distortion(a.surface.vertex_points, a.surface.corner_vertex, image)
+    found = relaxed(a, b, marks, domain, on_b.take(a.closed.n), monitor) if relax else None
+    turned = replace(marks, a=marks.b, b=marks.a)
+    with monitor.stage("check"):
+        if found is None:
+            on_a = composed(b, a, turned, two, one)
+            return MapSolution((one.cover, two.cover), on_b, on_a, start, False)
+        *covers, on_b = found
+        on_a = _inverse(covers[0], covers[1], on_b, two)
+        on_a = on_a.put(*along_boundaries(b, a, turned, covers[0].mesh))
+        return MapSolution((covers[0], covers[1]), on_b, on_a, start, True)
+
+
+def relaxed(
+    a: MapInput, b: MapInput, marks: Landmarks, domain: Domain, start: CoverPoints, monitor: Monitor
+) -> tuple[Cover, Cover, CoverPoints] | None:
+    """(covers of A as it was read and of B, places of A on B) of low distortion; None where that leaves faces
+    turned over in the domain, or costs more than it gains.
+
+    A moves over the surface of B, unguarded; the domain of B is relaxed until A is unflipped in it; what is
+    left is mended, and A moves on, guarded.
+    """
+    one, two = domain.meshes
+    geometry, whole = domain.base.geometry, one.whole
+    fixed = np.zeros(a.closed.n, bool)
+    fixed[np.array(marks.a)[np.array(marks.exact, bool)]] = True
+    fixed[a.n :] = True
+    fixed[: a.n] |= a.on_boundary >= 0
+    weight = np.where(a.closed.parent < 0, 0.0, a.closed.cut_mesh.areas / a.area)
+    rest = a.closed.cut_mesh.rest_triangles / np.sqrt(a.area)
+    scale = 1 / float(np.sqrt(b.area))
+    with monitor.stage("relax"):
+        target = MeshTarget(two.cover, scale)
+        run = Relaxation(whole, rest, target, fixed, weight, guard=False)
+        first = target.at(start)
+        begun = run.energy(first)
+        at = run.run(first, MAP_STEPS, MAP_TOLERANCE, monitor).at
+    with monitor.stage("domain"):
+        cover = _untied(b, domain, at.cover_points, monitor)
+    with monitor.stage("relax"):
+        q = cover.vectors_of(at.cover_points)
+        mender = Mender(geometry, whole, fixed)
+        if mender.turned(q).any():
+            q, left = mender.mended(q)
+            if left:
+                return None
+            run.target, run.guard = MeshTarget(cover, scale), True
+            again = run.target.at(cover.found_again(q, at.cover_points), q)
+            moved = run.run(again, GUARDED_STEPS, MAP_TOLERANCE, monitor)
+            if moved.energy > begun:
+                return None
+            at, q = moved.at, moved.at.vectors
+    mine = Cover(geometry, whole, q)
+    if cover.inversions or (signs_of(mine.cones) <= 0).any():
+        return None
+    return mine, cover, at.cover_points
+
+
+def _untied(b: MapInput, domain: Domain, at: CoverPoints, monitor: Monitor) -> Cover:
+    """The mesh of B, its domain relaxed until no face of A is turned over in it, or it gets no better.
+
+    Convex maps have kinks where patches meet. A face of A may lie well on the surface of B and be turned over
+    where the domain bends under it.
+    """
+    one, two = domain.meshes
+    cover, geometry, mesh = two.cover, domain.base.geometry, two.cover.mesh
+    areas = mesh.cut_mesh.areas * np.where(mesh.parent < 0, CAP_WEIGHT, 1.0)
+    fixed: BoolArray = np.zeros(mesh.n, bool)
+    fixed[: b.n] = b.on_boundary >= 0  # it stays on the arcs that both meshes have
+    fixed[b.tips] = True
+    target = GeometryTarget(geometry, 1 / float(np.sqrt(domain.base.area)), cover.development)
+    run: Relaxation | None = None
+    before = len(one.whole.mesh.faces) + 1
+    for _ in range(DOMAIN_ROUNDS):
+        left = int((~counter_clockwise(one.whole.corners(cover.vectors_of(at)))).sum())
+        if left == 0 or left >= before:
+            break
+        before = left
+        if run is None:
+            rest = mesh.cut_mesh.rest_triangles / np.sqrt(areas.sum())
+            run = Relaxation(cover.development, rest, target, fixed, areas / areas.sum())
+        moved = run.run(target.at(cover.vectors), DOMAIN_STEPS, DOMAIN_TOLERANCE, monitor)
+        if moved.steps == 0:
+            break
+        cover = replace(cover, vectors=moved.at.vectors)
+    return cover
+
+
+def _inverse(mine: Cover, cover: Cover, on_b: CoverPoints, two: PatchedMesh) -> CoverPoints:
+    """Places on A of all vertices of the mesh of B, looked for from vertices of A near them.
+
+    Faces of B that hold a vertex of A know the frame of a face of A; the others have it from a neighbour.
+    """
+    face, vertex = np.unique(on_b.face, return_index=True)
+    corner = mine.mesh.first_out[vertex]
+    root, way = cover.development.rolled_out(face)
+    way = (mine.development.of(corner) @ on_b.turn[vertex])[root] @ way
+    own = two.first // 3  # the face in whose frame each vertex of B lies
+    q = np.einsum("nij,nj->ni", way[own], cover.vectors)
+    return mine.find(q, (corner // 3)[root[own]])
