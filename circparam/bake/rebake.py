@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -48,6 +49,7 @@ class Look:
 
     size: texels a side of every new image. pages: their names. materials: how many faces showed, before and
     after. sharp: what is left of the density of every old image. covered: share of the page in charts.
+    draw_calls: before and after, as ``Document`` has them; None where that is open.
     """
 
     size: int
@@ -57,6 +59,7 @@ class Look:
     covered: float
     notes: list[str] = field(default_factory=list)
     checked: dict[str, Any] | None = None  # what --check-look found
+    draw_calls: tuple[int, int] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The figures for JSON."""
@@ -65,6 +68,8 @@ class Look:
             "images": list(self.pages),
             "materials_before": self.materials[0],
             "materials": self.materials[1],
+            "draw_calls_before": None if self.draw_calls is None else self.draw_calls[0],
+            "draw_calls": None if self.draw_calls is None else self.draw_calls[1],
             "covered": self.covered,
             **({} if self.checked is None else {"check": self.checked}),
             "textures": [
@@ -126,6 +131,7 @@ def rebake_document(
     back = replace(result.options, format=options.format)
     dressed = replace(result, document=document.dressed(carried), options=back)
     saved = save(dressed, output, monitor)
+    told = as_written(told, document, [saved.path])
     if look.check_look:
         told = replace(told, checked=_checked(source, saved, monitor))
     warnings = [*saved.warnings, *told.notes]
@@ -168,6 +174,18 @@ def carried_looks(
     with monitor.stage("textures"):
         carried, texels = carry(source, layout, o.target_set or 0, how, monitor)
     return carried, _look(source, layout, carried, texels)
+
+
+def as_written(
+    told: Look, document: Document, paths: Sequence[str | os.PathLike[str] | None]
+) -> Look:
+    """The figures with the draw calls of the files that were written, where they can be read back."""
+    before = document.draw_calls
+    if before is None or not all(path is not None and os.path.isfile(path) for path in paths):
+        return told
+    after = [read(path).draw_calls for path in paths if path is not None]
+    known = [call for call in after if call is not None]
+    return replace(told, draw_calls=(before, sum(known))) if len(known) == len(after) else told
 
 
 def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dict[str, Any]:
@@ -235,6 +253,7 @@ def bake_all(
     told = _look(found, layout, carried, texels)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     written = write(output, origin.dressed(carried), layout, options=options, overwrite=overwrite)
+    told = as_written(told, origin, [written.path])
     if look.check_look:
         told = replace(told, checked=_checked(found, written, monitor))
     return written, told

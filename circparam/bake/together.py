@@ -11,7 +11,7 @@ from typing import Any
 from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
 from circparam.bake.merging import groups_of
-from circparam.bake.rebake import Look, carried_looks, check_home, check_page, laid_out
+from circparam.bake.rebake import Look, as_written, carried_looks, check_home, check_page, laid_out
 from circparam.core.fields import specs
 from circparam.core.monitor import Listener, Monitor
 from circparam.errors import OptionError
@@ -76,6 +76,7 @@ def rebake_documents(
     carried, told = carried_looks(source, result, look, monitor)
     parts = [joined.dressed_part(k, carried, STEM) for k in range(len(documents))]
     shared = save_together(joined, parts, result, outputs, monitor)
+    told = as_written(told, joined, [part.output for part in shared.parts])
     if look.check_look:
         told = replace(told, checked=_checked(documents, shared, monitor))
     whole = shared.result

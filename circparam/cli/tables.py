@@ -87,6 +87,8 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
         pages = "the page" if report["pages"] == 1 else f"{report['pages']} pages"
         row("packed", f"{100 * report['pack']:.1f} % of {pages}")
     _density_row(row, report)
+    for name, value in _look(report.get("look")):
+        row(name, value)
     row("time", f"{report['seconds']:.2f} s")
     for line in report["repairs"]:
         row("repaired", plain(line))
@@ -97,6 +99,19 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
         for line in report["notes"]:
             row("note", plain(line))
     return table
+
+
+def _look(look: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """What became of images, materials and draw calls."""
+    if look is None:
+        return []
+    rows = [
+        ("images", f"{len(look['images'])} of {look['size']} texels: {', '.join(look['images'])}"),
+        ("materials", f"{look['materials_before']} before, {look['materials']} now"),
+    ]
+    if look["draw_calls"] is not None:
+        rows.append(("draw calls", f"{look['draw_calls_before']} before, {look['draw_calls']} now"))
+    return rows
 
 
 def summary_table(reports: list[dict[str, Any]]) -> Table:

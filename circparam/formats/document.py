@@ -103,6 +103,11 @@ class Document:
         """How often a mesh of the file is shown again by a further node (0 where none is shared)."""
         return 0
 
+    @property
+    def draw_calls(self) -> int | None:
+        """How often a viewer draws for the file: once for a primitive of a node; None where that is open."""
+        return None
+
     def copies(self) -> list[tuple[IntArray, FloatArray]]:
         """Parts that the file shows again: faces (k,), and the (4, 4) transform from where they are read."""
         return []

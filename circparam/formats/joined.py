@@ -53,6 +53,12 @@ class JoinedDocument(Document):
         """How often a mesh of a file is shown again."""
         return sum(part.instances for part in self.parts)
 
+    @property
+    def draw_calls(self) -> int | None:
+        """Those of all files; None where those of one are open."""
+        calls = [part.draw_calls for part in self.parts]
+        return None if None in calls else sum(call for call in calls if call is not None)
+
     def faces_of(self, k: int) -> slice:
         """The faces of a file."""
         return slice(int(self.first_face[k]), int(self.first_face[k + 1]))

@@ -50,6 +50,12 @@ class GltfDocument(Document):
         """How many further nodes show a mesh that another node shows already."""
         return len(self.again)
 
+    @property
+    def draw_calls(self) -> int:
+        """The primitives of all nodes that show them."""
+        meshes = [p.mesh for p in self.primitives]
+        return len(meshes) + sum(meshes.count(again.mesh) for again in self.again)
+
     def copies(self) -> list[tuple[IntArray, FloatArray]]:
         """The meshes that further nodes show, where those put them."""
         size = np.array([len(p.triangles) for p in self.primitives])

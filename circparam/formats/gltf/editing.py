@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.words import counted
 from circparam.formats.document import Encoded
 from circparam.formats.gltf.buffers import Packing
+from circparam.formats.gltf.joining import join_primitives
 from circparam.formats.gltf.looks import redressed
 from circparam.formats.gltf.model import (
     ARRAY_BUFFER,
@@ -22,6 +24,7 @@ from circparam.formats.gltf.model import (
     Json,
     Pool,
     Primitive,
+    index_type,
 )
 from circparam.formats.gltf.scene import mesh_matrices, times
 from circparam.formats.looks import Carried
@@ -67,10 +70,28 @@ def write_uv(
     if dropped:
         of = counted(dropped, "primitive")
         notes.append(f"tangents of {of} were dropped: they belonged to the old uv")
+    blocks = join_primitives(edit, primitives, edit.merged)
+    joined = sum(len(block) for block in blocks if len(block) > 1)
+    if joined:
+        left = joined - len(primitives) + len(blocks)
+        notes.append(
+            f"{counted(joined, 'primitive')} joined into {left}: their materials are one now"
+        )
     data, extra, assets = edit.finish(format, stem)
-    return Encoded(
-        data, format, np.concatenate(sources), np.arange(len(uvmap.uv_faces)), extra, assets, notes
-    )
+    order = [i for block in blocks for i in block]
+    faces = np.concatenate([np.arange(start[i], start[i + 1]) for i in order])
+    vertices = np.concatenate([sources[k] for k in _pool_order(blocks, primitives, len(pools))])
+    return Encoded(data, format, vertices, faces, extra, assets, notes)
+
+
+def _pool_order(blocks: list[list[int]], primitives: list[Primitive], n: int) -> list[int]:
+    """The pools in the order in which they are read where primitives are joined in blocks."""
+    place = np.arange(n)
+    for block in blocks:
+        own = sorted({primitives[i].pool for i in block})
+        place[own] = place[own[0]]
+    order: list[int] = np.argsort(place, kind="stable").tolist()
+    return order
 
 
 def stored_uv(uv: FloatArray) -> FloatArray:
@@ -88,14 +109,6 @@ def file_uv(uv: FloatArray) -> Any:
     return np.stack([uv[:, 0], 1.0 - uv[:, 1]], 1).astype(np.float32) + np.float32(0)
 
 
-def index_type(n: int, least: int = 5123) -> int:
-    """The component type of indices of n vertices: the smallest from ``least`` on that holds them.
-
-    The highest value of a type is kept free: it restarts strips (glTF 2.0, 3.7.2.1).
-    """
-    return next(k for k in (5121, 5123, 5125) if k >= least and n <= np.iinfo(COMPONENTS[k]).max)
-
-
 class TreeEdit(Packing):
     """A copy of a tree in which vertices and uv of primitives change.
 
@@ -106,6 +119,8 @@ class TreeEdit(Packing):
     # primitives (mesh, number) that keep the uv which are replaced, and the set in which
     keeps: frozenset[tuple[int, int]] = frozenset()
     kept_set: int = 0
+    # primitives whose materials became one
+    merged: Sequence[int] = ()
 
     def pool(
         self, users: list[Primitive], pool: Pool, split: Split, rows: npt.NDArray[Any], number: int
@@ -169,6 +184,8 @@ class TreeEdit(Packing):
         self.images = {number: carried.pages[page] for number, page in pages.items()}
         self.image_files = carried.files or {}
         self.told = carried.tangents
+        one = {k for group in carried.groups if len(group.members) > 1 for k in group.members}
+        self.merged = [k for k, (_, e) in enumerate(entries) if e.get("material", default) in one]
 
     def tangents(self, users: list[Primitive], split: Split, told: FloatArray) -> None:
         """TANGENT of primitives with normals: those of corners (c, 4) in the world; the last of a vertex

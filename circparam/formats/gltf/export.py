@@ -22,9 +22,9 @@ from circparam.formats.document import (
 from circparam.formats.gltf.appearance import Appearance, appearance_of
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import read_gltf
-from circparam.formats.gltf.editing import file_uv, index_type, stored_uv
+from circparam.formats.gltf.editing import file_uv, stored_uv
 from circparam.formats.gltf.groups import store_grouping
-from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json
+from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json, index_type
 from circparam.formats.gltf.normals import unit_rows
 from circparam.formats.source import Source
 from circparam.formats.upright import y_up

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from circparam.core.arrays import IntArray
 
 Json: TypeAlias = dict[str, Any]
@@ -37,3 +39,11 @@ class Pool:
     targets: list[dict[str, int]]
     first: int
     count: int
+
+
+def index_type(n: int, least: int = 5123) -> int:
+    """The component type of indices of n vertices: the smallest from ``least`` on that holds them.
+
+    The highest value of a type is kept free: it restarts strips (glTF 2.0, 3.7.2.1).
+    """
+    return next(k for k in (5121, 5123, 5125) if k >= least and n <= np.iinfo(COMPONENTS[k]).max)
