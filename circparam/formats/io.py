@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -23,13 +25,19 @@ from circparam.formats.document import (
     check_layout,
     check_new_set,
 )
+from circparam.formats.endless import (
+    LONGEST_LINE,
+    LineLimit,
+    blocks_in,
+    blocks_of,
+    check_lines,
+)
 from circparam.formats.foreign import read_through_trimesh
 from circparam.formats.source import Source, read_bytes, regular_bytes
-from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, RoundUV, sniff, up_of, writable
+from circparam.formats.table import DEFAULT_OUTPUT, FORMATS, Format, RoundUV, sniff, up_of, writable
 from circparam.mesh.mesh import UVMap
 
-# bytes of a file that is looked at before it is read; of its ends
-PEEKED, PEEKED_AT = 1 << 28, 1 << 20
+PEEKED = 1 << 20  # bytes of each end of a large file that are looked at before it is read
 
 
 @dataclass(frozen=True)
@@ -116,25 +124,49 @@ def read(
     its name says another format than its content.
     """
     if os.fspath(path) != "-":
-        _peek(Path(path))
-    data, source = read_bytes(path)
+        _peek(Path(path), format)
+    data, source = read_bytes(path, functools.partial(_blocks_of_input, format=format))
     return read_data(data, source, format=format, unshare=unshare, reader=reader)
 
 
-def _peek(path: Path) -> None:
-    """Refuse a large file that its ends tell to be broken, instead of filling the memory with it first."""
+def _peek(path: Path, format: str | None) -> None:
+    """Refuse a large file that its ends tell to be broken, or that has an endless line, instead of filling the
+    memory with it first."""
     with contextlib.suppress(OSError, ValueError):  # reading will say it
         size = os.stat(path).st_size
-        if size < PEEKED or not path.is_file():
+        if size < LONGEST_LINE or not path.is_file():
             return
+        source = Source(os.fspath(path), path)
         with path.open("rb") as file:
-            head = file.read(PEEKED_AT)
-            file.seek(max(size - PEEKED_AT, 0))
-            tail = file.read()
-        name = sniff(head)
-        peek = None if name is None else FORMATS[name].function.peek
-        if peek is not None:
-            peek(head, tail, size, Source(os.fspath(path), path))
+            head = file.read(PEEKED)
+            row = _row_of(head, format, path.suffix)
+            if row is None:
+                return
+            if row.peek is not None:
+                file.seek(max(size - PEEKED, 0))
+                row.peek(head, file.read(), size, source)
+            if row.lined(head):
+                file.seek(0)
+                check_lines(blocks_in(file), source)
+
+
+def _blocks_of_input(file: BinaryIO, format: str | None) -> Iterator[bytes]:
+    """Standard input block by block; InputError as soon as a line has no end."""
+    head = file.read(PEEKED)
+    row = _row_of(head, format, "")
+    limit = LineLimit(Source("standard input")) if row is not None and row.lined(head) else None
+    for block in itertools.chain([head], blocks_in(file)):
+        if limit is not None:
+            limit.follow(block)
+        yield block
+
+
+def _row_of(head: bytes, format: str | None, suffix: str) -> Format | None:
+    """What will read a file that begins so, as far as these bytes and its suffix tell."""
+    name = sniff(head) if format is None else format_of("", format)
+    if name is None:
+        return next((r.function for r in FORMATS if suffix.lower() in r.function.suffixes), None)
+    return FORMATS[name].function
 
 
 def read_data(
@@ -144,6 +176,8 @@ def read_data(
     """Read a mesh from bytes; see ``read``."""
     source = source or Source("the given data")
     name = _format_of_content(data, source) if format is None else format_of("", format)
+    if FORMATS[name].function.lined(data[:PEEKED]):
+        check_lines(blocks_of(data), source)
     if reader == "trimesh":
         return read_through_trimesh(data, source, name)
     row = FORMATS[name].function

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import stat
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import unquote
 
 from circparam.errors import InputError
@@ -32,11 +35,16 @@ class Source:
         return InputError(f"{self.name}: {' '.join(str(cause).split())}")
 
 
-def read_bytes(path: str | os.PathLike[str]) -> tuple[bytes, Source]:
-    """The content of a file, or of standard input for ``-``; InputError where it can't be read or is empty."""
+def read_bytes(
+    path: str | os.PathLike[str], blocks: Callable[[BinaryIO], Iterator[bytes]] | None = None
+) -> tuple[bytes, Source]:
+    """The content of a file, or of standard input for ``-``; InputError where it can't be read or is empty.
+
+    blocks: what reads standard input piece by piece, and may refuse it before its end.
+    """
     if os.fspath(path) == "-":
         source = Source("standard input")
-        data = sys.stdin.buffer.read()
+        data = _joined(blocks(sys.stdin.buffer)) if blocks else sys.stdin.buffer.read()
     else:
         source = Source(os.fspath(path), Path(path))
         try:
@@ -57,6 +65,13 @@ def read_bytes(path: str | os.PathLike[str]) -> tuple[bytes, Source]:
     if not data[:HEAD].strip() and not data.strip():  # else a copy of gigabytes of text
         raise source.error("the file is empty")
     return data, source
+
+
+def _joined(blocks: Iterator[bytes]) -> bytes:
+    """All blocks one after the other, without a second copy at the end."""
+    out = io.BytesIO()
+    out.writelines(blocks)
+    return out.getvalue()
 
 
 def safe_path(folder: Path, uri: str) -> Path | None:

@@ -8,7 +8,6 @@ import re
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray, doubles
 from circparam.core.words import counted
@@ -26,28 +25,38 @@ def read_stl(data: bytes, source: Source) -> PlainDocument:
     Vertices are numbered by their first corner. Raises InputError where the file has no faces, or cannot be
     read as STL.
     """
-    if _is_text(data):
+    if is_text_stl(data):
         return _through_trimesh(data, source)
-    facets = _facets(data, source)
+    facets = np.frombuffer(data, FACET, _promised(data, len(data), source), HEADER)
     corners = doubles(facets["corners"].reshape(-1, 3))
     behind = len(data) - HEADER - facets.nbytes
     warnings = (f"{counted(behind, 'byte')} behind the last facet were left out",) if behind else ()
     return PlainDocument(source, "stl", _welded(corners), warnings=warnings)
 
 
-def _is_text(data: bytes) -> bool:
-    """Whether the file is text; binary files may begin with 'solid' too, but hold zeros."""
+def is_text_stl(data: bytes) -> bool:
+    """Whether a file, or its beginning, is text; binary files may begin with 'solid' too, but hold zeros."""
     return data.lstrip()[:5].lower() == b"solid" and b"\0" not in data
 
 
-def _facets(data: bytes, source: Source) -> npt.NDArray[np.void]:
-    """(m,) facets of a binary file. Raises InputError where it holds more or fewer than its header promises."""
-    if len(data) < HEADER:
+def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
+    """Refuse a binary file of a size that its header denies, before the file is read. Raises InputError.
+
+    head, tail: its first and last bytes. size: of the whole, in bytes.
+    """
+    if not is_text_stl(head):
+        _promised(head, size, source)
+
+
+def _promised(head: bytes, size: int, source: Source) -> int:
+    """The number of facets of a binary file of so many bytes. Raises InputError where it holds more or fewer
+    than its header promises."""
+    if size < HEADER:
         raise source.error(
-            f"its {counted(len(data), 'byte')} are shorter than the header of an STL: it is cut short"
+            f"its {counted(size, 'byte')} are shorter than the header of an STL: it is cut short"
         )
-    count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
-    there = (len(data) - HEADER) // FACET.itemsize
+    count = int.from_bytes(head[HEADER - 4 : HEADER], "little")
+    there = (size - HEADER) // FACET.itemsize
     if there < count:
         raise source.error(
             f"its header promises {count} facets, its length is that of {there}: it is cut short, or whatever "
@@ -60,7 +69,7 @@ def _facets(data: bytes, source: Source) -> npt.NDArray[np.void]:
         )
     if count == 0:
         raise source.error("it has no faces: there is nothing to unwrap")
-    return np.frombuffer(data, FACET, count, HEADER)
+    return count
 
 
 def _welded(corners: FloatArray, groups: IntArray | None = None) -> Mesh:

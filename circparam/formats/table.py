@@ -20,9 +20,11 @@ from circparam.formats.obj.export import to_obj
 from circparam.formats.off import read_off
 from circparam.formats.ply.document import read_ply, round_ply
 from circparam.formats.ply.export import to_ply
-from circparam.formats.ply.reading import look_ahead
+from circparam.formats.ply.reading import is_ascii
+from circparam.formats.ply.reading import look_ahead as look_ahead_ply
 from circparam.formats.source import Source
-from circparam.formats.stl import read_stl
+from circparam.formats.stl import is_text_stl, read_stl
+from circparam.formats.stl import look_ahead as look_ahead_stl
 from circparam.formats.tokens import BYTE_ORDER_MARK
 from circparam.formats.usd.document import read_usd
 from circparam.formats.usd.export import to_usda, to_usdc, to_usdz
@@ -50,7 +52,8 @@ class Format:
     output: the format that its meshes are written to when nothing is said, '' for itself. unshare: reads with
     meshes that several nodes use copied for each; None where meshes of the format cannot be shared. foreign: it
     is read through trimesh, which keeps geometry and uv only. peek: (first bytes, last bytes, size, source),
-    raises InputError where these tell that a large file is not worth reading. up: the axis that points up in
+    raises InputError where these tell that a large file is not worth reading. lined: whether a file of the
+    format that begins so is text in lines, of which none may be endless. up: the axis that points up in
     meshes of the format, '' where nothing says which. also: suffixes of other rows that files of this content
     may have too. require: raises OptionError where a package is missing that writes the format.
     """
@@ -66,6 +69,7 @@ class Format:
     unshare: Read | None = None
     foreign: bool = False
     peek: Callable[[bytes, bytes, int, Source], None] | None = None
+    lined: Callable[[bytes], bool] = lambda head: False
     up: str = ""
     also: tuple[str, ...] = ()
     require: Callable[[], None] | None = None
@@ -104,6 +108,10 @@ def _is_obj(data: bytes) -> bool:
     if b"\0" in data[:HEAD]:
         return False
     return re.search(rb"^[ \t]*v[ \t]+[-+.\d]", data[:OBJ_HEAD], re.M) is not None
+
+
+def _always_lined(head: bytes) -> bool:
+    return True
 
 
 def _is_3mf(data: bytes) -> bool:
@@ -149,10 +157,11 @@ def _read_unshared(data: bytes, source: Source) -> Document:
 
 FORMATS: Table[Format] = Table(
     "format",
-    Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is),
+    Row("obj", Format(read_obj, (".obj",), _is_obj, rank=3, export=to_obj, round_uv=_as_it_is,
+                      lined=_always_lined),
         "Wavefront OBJ: vt lines and the vt field of f; every other byte kept"),
     Row("ply", Format(read_ply, (".ply",), _is_ply, export=to_ply, round_uv=round_ply,
-                      round_double=_as_it_is, peek=look_ahead, up="z"),
+                      round_double=_as_it_is, peek=look_ahead_ply, lined=is_ascii, up="z"),
         "PLY, ascii or binary: s, t at vertices or texcoord at faces; all properties kept"),
     Row("gltf", Format(read_gltf, (".gltf",), _is_gltf, rank=1, export=to_gltf, round_uv=_as_gltf,
                        unshare=_read_unshared, up="y"),
@@ -169,9 +178,10 @@ FORMATS: Table[Format] = Table(
     Row("usdz", Format(read_usd, (".usdz",), is_package, export=to_usdz, round_uv=_as_float32,
                        require=require_usd),
         "a package of USD: the same, in a package with all that was in it"),
-    Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), _is_stl, rank=2, output="glb", up="z"),
+    Row("stl", Format(read_stl, (".stl", ".stla", ".stlb"), _is_stl, rank=2, output="glb",
+                      peek=look_ahead_stl, lined=is_text_stl, up="z"),
         "STL: no place for uv, written as GLB"),
-    Row("off", Format(read_off, (".off", ".coff"), _is_off, output="glb"),
+    Row("off", Format(read_off, (".off", ".coff"), _is_off, output="glb", lined=_always_lined),
         "OFF: no place for uv, written as GLB"),
     Row("3mf", Format(read_as("3mf"), (".3mf",), _is_3mf, output="glb", foreign=True, up="z"),
         "3MF through trimesh, written as GLB"),

@@ -9,11 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circparam.core.arrays import FloatArray, IntArray, ranges
-from circparam.formats.source import Source
 
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
 SPACE, NEWLINE, RETURN, BACKSLASH, SLASH, HASH = (ord(c) for c in " \n\r\\/#")
-LONGEST_LINE = 1 << 24  # bytes; a polygon of a million corners takes as many
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # that some programs write before UTF-8
 _TO_SPACE = bytes.maketrans(b"\t\n\v\f\r", b"     ")
 
@@ -69,22 +67,6 @@ def tokenize(data: bytes, *, continuation: bool = False) -> Tokens:
     start, end = edge[0::2], edge[1::2]
     line = np.concatenate([np.searchsorted(start, line_start), [len(start)]])
     return Tokens(clean, start, end, line.astype(np.int64), line_start)
-
-
-def check_lines(data: bytes, source: Source) -> None:
-    """Refuse a text with an endless line before its words, of 16 bytes each and more, are found.
-
-    Raises InputError.
-    """
-    at = 0
-    while len(data) - at > LONGEST_LINE:
-        window = at, at + LONGEST_LINE
-        end = data.rfind(b"\n" if b"\n" in data[at : window[1]] else b"\r", *window)
-        if end < 0:
-            raise source.error(
-                f"line {line_number(data, at)} is longer than {LONGEST_LINE >> 20} MB: no mesh has such lines"
-            )
-        at = end + 1
 
 
 def line_number(data: bytes, position: int) -> int:

@@ -37,12 +37,14 @@ TRIANGLE = (
 
 @dataclass(frozen=True)
 class Kind:
-    """name: of the file, too. data: its bytes. slow: it takes a second or more, or a process."""
+    """name: of the file, too. data: its bytes. slow: it takes a second or more, or a process. size: to which a
+    hole behind the bytes makes the file, 0 for none."""
 
     name: str
     data: Callable[[], bytes]
     slow: bool = False
     command: str = "check"
+    size: int = 0
 
 
 def lay_out(root: Path) -> Path:
@@ -257,6 +259,13 @@ def _text_kinds() -> Iterator[Kind]:
     yield Kind("endless vertex.obj", lambda: TEXT_OBJ + b"v " + b"1 2 3 " * (5 * million), True)
     yield Kind("endless face.obj", lambda: TEXT_OBJ + b"f " + b"1 2 3 " * (5 * million), True)
     yield Kind("continued face.obj", lambda: TEXT_OBJ + b"f " + b"1 2 3 \\\n" * million, True)
+    begun = {
+        "obj": TEXT_OBJ + b"f ", "off": b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 ",
+        "ply": ply(3, 1, b"0 0 0\n1 0 0\n0 1 0\n999999999 "),
+        "stl": b"solid x\nfacet normal 0 0 1\nouter loop\nvertex ",
+    }  # fmt: skip
+    for name, text in begun.items():
+        yield Kind(f"two gigabytes.{name}", lambda t=text: t + b"1 2 3 " * million, size=1 << 31)
     yield Kind("star.obj", lambda: polygon(60_000, (1.0, 1.5)), True)
     yield Kind(
         "spikes.obj",
@@ -326,6 +335,8 @@ def words_of(kind: Kind, folder: Path) -> list[str]:
     """Write the file of a kind; the words of its command line."""
     path = folder / kind.name.replace(" ", "_")
     path.write_bytes(kind.data())
+    if kind.size:
+        os.truncate(path, kind.size)
     return [
         kind.command,
         str(path),

@@ -15,7 +15,6 @@ from circparam.formats.tokens import (
     SPACE,
     as_bytes,
     bad_token,
-    check_lines,
     gather,
     line_number,
     parse_floats,
@@ -30,7 +29,6 @@ class Scan:
     def __init__(self, data: bytes, source: Source) -> None:
         self.data, self.source = data, source
         self.raw = as_bytes(data)
-        check_lines(data, source)
         self.tokens = t = tokenize(data, continuation=True)
         self.first = t.line[:-1]
         self.last = t.line[1:].copy()

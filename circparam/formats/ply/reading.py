@@ -20,6 +20,11 @@ KEYWORDS = {"ply", "format", "comment", "obj_info", "element", "property", "end_
 MAX_HEADER = 1 << 20  # bytes: the longest header of a real file is a thousandth of it
 
 
+def is_ascii(head: bytes) -> bool:
+    """Whether the header in the first bytes of a file says that its rows are text."""
+    return re.search(rb"[\r\n][ \t]*format[ \t]+ascii\b", head[:MAX_HEADER]) is not None
+
+
 def look_ahead(head: bytes, tail: bytes, size: int, source: Source) -> None:
     """Refuse a binary file that cannot hold what its header promises, before the file is read.
 

@@ -9,7 +9,6 @@ from circparam.errors import InputError
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.obj.reading import Scan
 from circparam.formats.source import Source
-from circparam.formats.tokens import LONGEST_LINE
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     assert_round_trip,
@@ -159,15 +158,3 @@ def test_a_byte_order_mark_hides_no_line() -> None:
     np.testing.assert_array_equal(document.mesh.points, read_data(text, format="obj").mesh.points)
     layout = UVMap(np.eye(3)[:, :2], document.mesh.faces)
     assert encode(document, layout, "obj").data.startswith(mark + text[:-8])
-
-
-@pytest.mark.parametrize("newline", [b"\n", b"\r"])
-def test_an_endless_line_is_refused_before_its_words_are_found(newline: bytes) -> None:
-    data = b"v 0 0 0" + newline + b"f " + b"1 1 1 " * (LONGEST_LINE // 6 + 1)
-    with pytest.raises(InputError, match=r"line 2 is longer than 16 MB"):
-        read_data(data, format="obj")
-    lines = (
-        b"v 0 0 0" + newline + b"v 1 0 0" + newline + b"v 0 1 0" + newline + b"f 1 2 3" + newline
-    )
-    comment = b"# " + b"x" * (LONGEST_LINE - 100) + newline
-    assert len(read_data(comment + lines, format="obj").mesh.faces) == 1

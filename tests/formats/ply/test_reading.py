@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from circparam.errors import InputError
-from circparam.formats import io
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read, read_data
 from circparam.formats.ply import reading
 from circparam.formats.ply.model import Element
-from circparam.formats.ply.reading import Layout
+from circparam.formats.ply.reading import Layout, look_ahead
 from circparam.formats.source import Source
 from tests.support.formats_tools import (
     corpus_files,
@@ -263,11 +262,7 @@ def test_a_large_file_that_cannot_be_whole_is_refused_before_it_is_read(
     monkeypatch.setattr(Path, "read_bytes", read_bytes)
 
 
-def test_a_large_file_that_is_whole_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(io, "PEEKED", 1)
+def test_a_look_ahead_lets_whole_files_pass() -> None:
     for encoding in ORDERS:
-        path = tmp_path / "whole.ply"
-        path.write_bytes(sample(encoding))
-        assert len(read(path).mesh.faces) == len(read_data(sample(encoding)).mesh.faces)
+        data = sample(encoding)
+        look_ahead(data, data, len(data), Source("whole.ply"))
