@@ -14,8 +14,9 @@ from circparam.errors import OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
 from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
+from circparam.formats.usd.layers import referred
 from circparam.formats.usd.reading import Arrays, read_stage
-from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, kind_of, opened, referred
+from circparam.formats.usd.stage import CRATE, PACKAGE, TEXT, kind_of, opened, silent
 from circparam.formats.usd.writing import Parts, embedded, packaged, stronger
 from circparam.mesh.mesh import Mesh, UVMap
 
@@ -171,10 +172,11 @@ def _told(arrays: Arrays, missing: list[str]) -> list[str]:
 
 def _check_alone(stage: Any, source: Source) -> None:
     """Raise InputError where bytes without a folder refer to other layers: what they hold depends on those."""
-    _, _, missing = referred(Path(stage.GetRootLayer().realPath))
+    with silent():
+        found = referred(Path(stage.GetRootLayer().realPath), source)
     layers = [
         Path(name).name
-        for name in missing
+        for name in found.missing
         if Path(name).suffix.lower() in (".usd", ".usda", ".usdc", ".usdz")
     ]
     if layers:
@@ -188,10 +190,9 @@ def _files(source: Source) -> tuple[list[str], list[str], list[str], list[str]]:
     folder = source.folder
     if source.path is None or folder is None:
         return [], [], [], []
-    layers, assets, missing = referred(source.path)
-    inside = [[p for p in found if p.is_relative_to(folder)] for found in (layers, assets)]
-    names = [[p.relative_to(folder).as_posix() for p in found] for found in inside]
-    outside = [
-        os.path.relpath(p, folder) for p in (*layers, *assets) if not p.is_relative_to(folder)
-    ]
-    return names[0], names[1], outside, missing
+    with silent():
+        found = referred(source.path, source)
+    layers, assets = (
+        [p.relative_to(folder).as_posix() for p in files] for files in (found.layers, found.assets)
+    )
+    return layers, assets, [os.path.relpath(p, folder) for p in found.outside], found.missing

@@ -12,6 +12,7 @@ from typing import Any
 
 from circparam.errors import OptionError
 from circparam.formats.source import Source
+from circparam.formats.usd.layers import composed_of
 
 DATE = 1_767_225_600  # 2026-01-01: the same files make the same package
 EXTRA = "pip install 'circparam[usd]'"
@@ -68,8 +69,9 @@ def silent() -> Iterator[None]:
 def opened(data: bytes, source: Source) -> Iterator[Any]:
     """The composed stage of a file, or of bytes that came without one.
 
-    Raises InputError where usd-core is missing or cannot open it. Nothing of the stage may be kept: USD hands
-    out the same layer as long as somebody holds it, whatever the file has become.
+    Raises InputError where usd-core is missing or cannot open it, and where a layer is no regular file inside
+    the file's folder. Nothing of the stage may be kept: USD hands out the same layer as long as somebody holds
+    it, whatever the file has become.
     """
     if not have_usd():
         raise source.error(f"USD is read with usd-core: {EXTRA}")
@@ -82,10 +84,12 @@ def opened(data: bytes, source: Source) -> Iterator[Any]:
             path.write_bytes(data)
         try:
             with silent():
-                stage = Usd.Stage.Open(str(path))
+                layers = composed_of(path, source).opened
+                stage = Usd.Stage.Open(str(path.resolve()))
         except Tf.ErrorException as error:
             said = " ".join(str(error).split("--")[-1].split())[:160]
             raise source.error(f"USD can't open it ({said})") from None
+        del layers
         yield stage
 
 
@@ -123,14 +127,3 @@ def package_files(data: bytes) -> dict[str, bytes]:
         path.write_bytes(data)
         archive = Sdf.ZipFile.Open(str(path))
         return {name: bytes(archive.GetFile(name)) for name in archive.GetFileNames()}
-
-
-def referred(path: Path) -> tuple[list[Path], list[Path], list[str]]:
-    """(layers, other files, names that lead nowhere) that a layer and all below it refer to; without itself."""
-    from pxr import UsdUtils
-
-    with silent():
-        layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path))
-    own = path.resolve()
-    below = [Path(layer.realPath).resolve() for layer in layers if layer.realPath]
-    return [p for p in below if p != own], [Path(a).resolve() for a in assets], list(missing)
