@@ -1,42 +1,59 @@
-"""Charts at the density of the images that they show: sharp ones large, blurred ones small, plain ones tiny."""
+"""Sizes of charts by what they show: plain ones tiny, and where asked for, sharp ones large."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from circparam.bake.look_source import Source
+from circparam.bake.sharpness import FILLED
 from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
 from circparam.mesh.mesh import UVMap
 
-SPREAD = 16.0  # times the density of the sharpest chart may be that of another: below, little room is won
-PLAIN = (
-    0.25  # of the least density of charts with images, for those without: they need a few texels
-)
+FEW = 4.0  # texels a side of a chart without an image, and of the smallest with one
+A_FACE = 0.5  # texels a side for each face of it, so that numbers of the file tell its faces apart
 PATTERN = 2.0  # times the density of the sharpest image, up to which images that repeat count
 TAIL = 0.01  # share of a chart's surface that may be sharper than the chart
 
 
-def by_density(source: Source, layout: UVMap) -> UVMap:
-    """A layout whose charts have sizes in proportion to the density of what they show; they still have to be
-    packed.
+@dataclass(frozen=True, eq=False)
+class Sized:
+    """layout: charts at new sizes, still to be packed. factor: (m,) that of each face's chart."""
 
-    layout: of charts with one density, as ``unwrap`` makes them. Images that repeat count up to PATTERN times
-    the density of the others.
+    layout: UVMap
+    factor: FloatArray
+
+
+def chart_sizes(source: Source, layout: UVMap, side: int, even: bool) -> Sized | None:
+    """Charts without an image at a few texels; the others at one density, or at that of what they show.
+
+    layout: of charts with one density, as ``unwrap`` makes them. side: texels of the page. even: whether charts
+    with images keep one density; else images that repeat count up to PATTERN times the density of the others.
+    None where all charts stay as they are.
     """
     chart = layout.charts
     mapped = chart >= 0
     n = int(chart.max()) + 1
     dense = _texels_a_length(source)
-    area = _areas(source)
-    sharp = _of_charts(dense[mapped], area[mapped], chart[mapped], n)
+    sharp = _of_charts(dense[mapped], _areas(source)[mapped], chart[mapped], n)
     shown = sharp > 0
-    if not shown.any():
-        return layout
-    factor = np.maximum(sharp / sharp.max(), 1 / SPREAD)
-    factor[~shown] = PLAIN * factor[shown].min()
+    if not shown.any() or (even and shown.all()):
+        return None
+    factor = np.ones(n) if even else sharp / sharp.max()
+    corners = layout.uv[layout.uv_faces[mapped]]
+    covered = np.abs(cross2(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])) / 2
+    area = group_sum(covered, chart[mapped], n)
+    page = float((area * factor**2)[shown].sum()) / FILLED
+    faces = np.bincount(chart[mapped], minlength=n)
+    texels = np.maximum(FEW, A_FACE * np.sqrt(faces))
+    least = texels * np.sqrt(page / np.maximum(area, 1e-300)) / side
+    factor = np.minimum(np.where(shown, np.maximum(factor, least), least), 1.0)
     size = np.ones(len(layout.uv))
     size[layout.uv_faces[mapped].ravel()] = np.repeat(factor[chart[mapped]], 3)
-    return UVMap(layout.uv * size[:, None], layout.uv_faces)
+    return Sized(
+        UVMap(layout.uv * size[:, None], layout.uv_faces), np.where(mapped, factor[chart], 1.0)
+    )
 
 
 def _areas(source: Source) -> FloatArray:

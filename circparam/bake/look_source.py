@@ -17,6 +17,7 @@ from circparam.formats.looks import Looks, Use, pixels
 from circparam.geometry.shading import Frames, corner_normals, frames
 from circparam.render.scene import row_labels
 
+FARTHEST = 1e9  # copies of an image away, where doubles still tell its texels apart
 TILES = 1.5  # times an image is laid over the surface, from which on it is a pattern that repeats
 
 
@@ -70,10 +71,10 @@ class Source:
     def check(self, use: Use, faces: npt.NDArray[np.bool_]) -> None:
         """Raise InputError where faces have uv for a texture that are not finite."""
         corners, has = self.places(use)
-        bad = int(np.count_nonzero(has & faces & ~np.isfinite(corners).all((1, 2))))
+        bad = int(np.count_nonzero(has & faces & ~(np.abs(corners) <= FARTHEST).all((1, 2))))
         if bad:
             raise self.document.source.error(
-                f"{bad} faces have NaN or infinite uv in set {use.uv_set}, where the texture "
+                f"{bad} faces have NaN, infinite or huge uv in set {use.uv_set}, where the texture "
                 f"{self.looks.names[use.image]} is looked up: unwrap the mesh without --rebake"
             )
 
@@ -88,7 +89,7 @@ class Source:
             else:
                 uv = layout.uv[np.maximum(layout.uv_faces, 0)]
                 down = np.stack([uv[..., 0], 1 - uv[..., 1], np.ones(uv.shape[:2])], 2)
-                with np.errstate(invalid="ignore"):
+                with np.errstate(invalid="ignore", over="ignore"):
                     self._known[key] = down @ use.move.T, (layout.uv_faces >= 0).all(1)
         found: tuple[FloatArray, npt.NDArray[np.bool_]] = self._known[key]
         return found

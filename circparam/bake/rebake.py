@@ -11,12 +11,13 @@ import numpy as np
 
 from circparam.bake.bake import tiles_of
 from circparam.bake.carry import CarryOptions, carry
-from circparam.bake.chart_sizes import by_density
+from circparam.bake.chart_sizes import chart_sizes
 from circparam.bake.check_look import check_look
 from circparam.bake.look_source import Source
 from circparam.bake.sampling import same_surface
 from circparam.bake.sharpness import Sharpness, blurred, needed_size, sharpness
 from circparam.bake.texels import Texels
+from circparam.core.arrays import FloatArray
 from circparam.core.fields import specs
 from circparam.core.limits import auto_padding
 from circparam.core.monitor import Listener, Monitor
@@ -24,6 +25,7 @@ from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
 from circparam.formats.io import Written, check_place, check_target, format_of, read, write
 from circparam.formats.looks import Carried
+from circparam.geometry.distortion import measure
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import open_source, target_format, write_options
 from circparam.pipeline.jobs import monitor_of
@@ -155,14 +157,35 @@ def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monit
     padding = auto_padding(size) + 1 if free and grows else options.padding
     asked = replace(options, resolution=size, padding=padding)
     result = unwrap_document(document, None, asked, monitor)
-    if look.density == "source":
-        sized = by_density(source, UVMap(result.uv, result.uv_faces))
+    sized = None
+    if options.drop_floaters is None:
+        even = look.density != "source"
+        sized = chart_sizes(source, UVMap(result.uv, result.uv_faces), size, even)
+    if sized is not None:
         packing = Options(**{name: getattr(asked, name) for name in PACKING}, cut="none")
-        again = repack_document(document, sized, None, packing, monitor)
-        result = replace(again, work="unwrap", repairs=[*result.repairs, *again.repairs])
-    if not free:
-        return result
-    return _at_size(result, needed_size(source, UVMap(result.uv, result.uv_faces)), grows)
+        again = repack_document(document, sized.layout, None, packing, monitor)
+        repairs = list(dict.fromkeys([*result.repairs, *again.repairs]))
+        result = replace(again, work="unwrap", effort=result.effort, repairs=repairs)
+    if free:
+        result = _at_size(result, needed_size(source, UVMap(result.uv, result.uv_faces)), grows)
+    return result if sized is None else _in_own_sizes(result, sized.factor, asked)
+
+
+def _in_own_sizes(result: Result, factor: FloatArray, asked: Options) -> Result:
+    """A result whose distortion is that of charts at the sizes that were chosen for them.
+
+    factor: (m,) size of each face's chart beside that of a page of one density. asked: options of the unwrap,
+    which the result has again but for the page.
+    """
+    o = result.options
+    options = replace(asked, resolution=o.resolution, padding=o.padding_texels)
+    found = result.verification
+    own = np.ones(found.cut_mesh.n_charts)
+    own[found.cut_mesh.chart] = factor[result.surface.source]
+    part, vertices, _ = found.cut_mesh.subset(found.used)
+    alike = (found.uv / own[found.cut_mesh.vertex_chart][:, None])[vertices]
+    judged = replace(found, measures=measure(part, alike))
+    return replace(result, options=options, verification=judged)
 
 
 def carried_looks(

@@ -10,7 +10,7 @@ import numpy as np
 
 from circparam.bake.look_source import Source
 from circparam.bake.texels import corners_in_texels, density
-from circparam.core.arrays import FloatArray
+from circparam.core.arrays import BoolArray, FloatArray
 from circparam.core.limits import RESOLUTION
 from circparam.core.words import percent
 from circparam.mesh.mesh import UVMap
@@ -77,7 +77,8 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
     mesh, looks = source.document.mesh, source.looks
     solid = mesh.points[mesh.faces]
     area = np.linalg.norm(np.cross(solid[:, 1] - solid[:, 0], solid[:, 2] - solid[:, 0]), axis=1)
-    new = _flat(area) if layout is None else corners_in_texels(layout, size)
+    shows = np.array([bool(m.uses) for m in looks.materials])[looks.face]
+    new = _flat(area, shows) if layout is None else corners_in_texels(layout, size)
     worst: dict[int, tuple[float, bool]] = {}
     for k in np.unique(looks.face).tolist():
         if k in source.kept:
@@ -93,9 +94,11 @@ def _densities(source: Source, layout: UVMap | None, size: int) -> list[tuple[st
     return [(looks.names[k], *value) for k, value in sorted(worst.items())]
 
 
-def _flat(area: FloatArray) -> FloatArray:
-    """(m, 3, 2) triangles of the areas that faces will have on a page of side 1."""
-    side = np.sqrt(area / area.sum() * FILLED) if area.sum() > 0 else area
+def _flat(area: FloatArray, shows: BoolArray) -> FloatArray:
+    """(m, 3, 2) triangles of the areas that faces will have on a page of side 1; shows: (m,) those with an
+    image, for the others take a few texels."""
+    whole = area[shows].sum()
+    side = np.sqrt(area / whole * FILLED) if whole > 0 else area
     out = np.zeros((len(area), 3, 2))
     out[:, 1, 0] = out[:, 2, 1] = side
     return out

@@ -134,8 +134,11 @@ def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uin
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # large, and read
             image = Image.open(io.BytesIO(data))
             image.load()
-    except Image.DecompressionBombError as error:
-        raise InputError(f"the texture {name} is too large ({error}): scale it down") from None
+    except Image.DecompressionBombError:
+        most = int((2 * (Image.MAX_IMAGE_PIXELS or 0)) ** 0.5) // 1000 * 1000
+        raise InputError(
+            f"the texture {name} is too large: scale it down to {most:,} pixels a side at most"
+        ) from None
     except (OSError, ValueError, SyntaxError) as error:
         unknown = isinstance(error, UnidentifiedImageError)
         cause = _kind_of(data) if unknown else str(error)

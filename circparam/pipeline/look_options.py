@@ -26,7 +26,7 @@ class LookOptions:
         shown="auto",
     )
     density: str | None = option(
-        "look", "Texel density of charts: equal, or as in the source images.",
+        "look", "Texel density of charts with images: equal, or as in these; others get a few texels.",
         choices=("even", "source"), shown="even",
     )
     keep_tiled: bool | None = option(

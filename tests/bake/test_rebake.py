@@ -201,7 +201,7 @@ def test_what_images_can_be_wrong(painted: Path) -> None:
     huge = io.BytesIO()
     Image.new("1", (20_000, 20_000)).save(huge, "PNG")
     wrong = {
-        "is too large (Image size (400000000 pixels)": huge.getvalue(),
+        "is too large: scale it down": huge.getvalue(),
         "KTX2": b"\xabKTX 20\xbb\r\n",
         "a video": b"\0\0\0 ftypmp42",
     }
@@ -219,6 +219,49 @@ def test_what_images_can_be_wrong(painted: Path) -> None:
     (painted / "broken.gltf").write_bytes(beside.gltf())
     result = run("unwrap", painted / "broken.gltf", "--rebake")
     assert (result.exit_code, "gone.png" in result.stderr) == (3, True)
+
+
+@pytest.mark.parametrize("wrong", ["factor", "scale"])
+def test_numbers_that_no_texel_holds_are_refused_before_the_work(
+    wrong: str, tmp_path: Path
+) -> None:
+    """Without a warning of NumPy beside the line."""
+    g = Painted()
+    info: dict[str, object] = {"index": g.texture(waves(1, 8))}
+    pbr: dict[str, object] = {"baseColorTexture": info}
+    if wrong == "factor":
+        pbr["baseColorFactor"] = [1, 1e300, 1, 1]
+    else:
+        info["extensions"] = {"KHR_texture_transform": {"scale": [1e300, 1e300]}}
+    (tmp_path / "m.glb").write_bytes(model([{"pbrMetallicRoughness": pbr}], g).glb())
+    result = run("unwrap", tmp_path / "m.glb", "--rebake")
+    assert (result.exit_code, result.stderr.count("\n")) == (3, 1), result.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["m.glb"]
+
+
+def test_faces_without_an_image_take_a_few_texels(tmp_path: Path) -> None:
+    """The page goes to those with one; distortion is that of charts at the sizes meant for them."""
+    g = Painted()
+    shown = {"pbrMetallicRoughness": {"baseColorTexture": {"index": g.texture(waves(1, 16))}}}
+    plain = {"pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.7, 0.4, 1.0]}}
+    (tmp_path / "m.glb").write_bytes(model([shown, plain, plain], g).glb())
+    words = ("--rebake", "--size", 256, "--padding", 2, "-o", tmp_path / "new.glb")
+    result = run("unwrap", tmp_path / "m.glb", *words, *FAST)
+    assert result.exit_code == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert report["distortion_max_chart"] <= 1.05
+    assert (report["cut"], report["status"], report["look"]["materials"]) == ("charts", "ok", 1)
+    new = read(tmp_path / "new.glb")
+    layout = new.uv()
+    assert layout is not None
+    uv = 256 * layout.uv[layout.uv_faces].reshape(3, -1, 3, 2)
+    a, b = uv[:, :, 1] - uv[:, :, 0], uv[:, :, 2] - uv[:, :, 0]
+    texels = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(1) / 2
+    assert texels[0] > 0.5 * 256**2
+    assert (texels[1:] < 8**2).all()
+    assert (texels[1:] > 3**2).all()
+    looks = looks_alike(tmp_path / "m.glb", tmp_path / "new.glb")
+    assert looks["base"] >= 40
 
 
 REFUSED = {

@@ -114,13 +114,18 @@ def texture_info(holder: Json, place: Place) -> Json | None:
 
 
 def factors_of(holder: Json, place: Place) -> FloatArray:
-    """The numbers of a slot, defaults where they are not given. Raises ValueError for too many or too few."""
+    """The numbers of a slot, defaults where they are not given.
+
+    Raises ValueError for too many or too few, and for one that is beyond float32, as JSON parsers read it.
+    """
     origin = texture_info(holder, place) or {} if place.inside else holder
     out = []
     for key, default in place.factors:
         value = np.atleast_1d(np.asarray(origin.get(key, default), np.float64))
         if value.shape != (len(default),):
             raise ValueError(f"{key} has {value.size} numbers, {len(default)} are needed")
+        if not (np.abs(value) <= np.finfo(np.float32).max).all():
+            raise ValueError(f"{key} holds a number that no float32 is")
         out.append(value)
     return np.concatenate(out)
 
