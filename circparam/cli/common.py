@@ -31,7 +31,7 @@ SECTIONS = {
     "Input and output": ("files", "writing"),
     "Method": ("method", "flattening"),
     "Seams": ("seams",),
-    "Packing": ("packing",),
+    "Packing": ("packing", "locking"),
     "Textures": ("look",),
     "Checks": ("repair", "bounds"),
     "Information": (),

@@ -14,6 +14,7 @@ _EPILOG = """\b
 Examples:
   circparam pack mesh.obj                          writes mesh_uv.obj
   circparam pack mesh.glb -o packed.glb --resolution 4096 --padding 8
+  circparam pack mesh.glb --lock material=face     these charts stay
   circparam pack mesh.obj -o packed.obj --rotate none --fail-if 'pack<0.6'
 """
 
@@ -26,6 +27,7 @@ Examples:
     common.named_format_option,
     common.library_option("reader"),
     common.library_options("packing"),
+    common.library_option("lock"),
     common.library_option("uv_set"),
     common.library_option("ply_uv"),
     common.library_option("up"),
@@ -42,6 +44,7 @@ def command(mesh: str, **given: Any) -> None:
     Every chart keeps its shape and its size relative to the others; none is mirrored. At least --padding
     texels stay empty between charts and at the border of the page.
     """
+    from circparam.cli.unwrap import with_files
     from circparam.pipeline.gates import parse_gates
     from circparam.pipeline.summary import summarise
     from circparam.pipeline.unwrap import repack
@@ -49,7 +52,7 @@ def command(mesh: str, **given: Any) -> None:
     gates = parse_gates(given["fail_if"])
     out = output_path(mesh, given)
     check_outputs((mesh,), [out], given)
-    keywords = common.library_keywords(given)
+    keywords = with_files(common.library_keywords(given))
     if "-" not in (mesh, out):  # it named the output
         keywords.pop("format", None)
     if mesh == "-" and given["format"] is None:

@@ -157,6 +157,8 @@ FROM_FILES = {
     "seams",
     "no_seams",
     "seam_weights",
+    "only",
+    "lock",
 }  # options that may name files
 
 
@@ -340,10 +342,16 @@ def library_options_of(given: dict[str, Any]) -> dict[str, Any]:
     """
     out = common.library_keywords(given)
     out.pop("format", None)
+    return with_files(out)
+
+
+def with_files(out: dict[str, Any]) -> dict[str, Any]:
+    """Options of the library with what stands in the files that they name."""
     if not out.keys() & FROM_FILES:
         return out
     # only now: workers start before anything large is imported
     from circparam.formats import sidecars
+    from circparam.pipeline.selection import by_name
 
     if out.get("boundary", "").startswith("polygon:"):
         corners = out["boundary"].removeprefix("polygon:")
@@ -357,6 +365,9 @@ def library_options_of(given: dict[str, Any]) -> dict[str, Any]:
             out[name] = sidecars.read_seams(out[name])
     if out.get("seam_weights") not in (None, "colour"):
         out["seam_weights"] = sidecars.read_weights(out["seam_weights"])
+    for name in ("only", "lock"):
+        if name in out and not by_name(out[name]):
+            out[name] = sidecars.read_faces(out[name])
     return out
 
 

@@ -70,6 +70,16 @@ class Encoded:
 
 
 @dataclass(frozen=True, eq=False)
+class Named:
+    """Names of faces. label: (m,) int64 of each face. names: pairs of a name and a label; a name may have
+    several labels, as a node with meshes below it has, and a label several names, as a mesh of two nodes has.
+    """
+
+    label: IntArray
+    names: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Document:
     """A file as read, able to write itself back with uv added and everything else kept.
 
@@ -142,6 +152,13 @@ class Document:
         if kind == "primitive" and groups is not None:
             return groups
         return np.zeros(len(self.mesh.faces), np.int64)
+
+    def named(self, kind: str) -> Named | None:
+        """What faces are called by ``kind``: 'material', 'group' or 'node'; None where the file has none."""
+        groups = self.mesh.groups
+        if kind == "node" or groups is None or not self.group_names:
+            return None
+        return Named(groups, tuple((name, k) for k, name in enumerate(self.group_names)))
 
     def polygons(self) -> Polygons:
         """The polygons of the file with their triangles, for writing into another format."""

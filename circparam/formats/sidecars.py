@@ -49,6 +49,19 @@ def read_paths(path: str | os.PathLike[str]) -> list[list[int]]:
     return out
 
 
+def read_faces(path: str | os.PathLike[str]) -> IntArray:
+    """(k,) face numbers, any number of them a line. Raises InputError where a line holds something else."""
+    out: list[int] = []
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not all(word.isdecimal() and int(word) <= HIGHEST for word in words):
+            raise InputError(f"{path}, line {number}: {line.strip()!r} is no list of face numbers")
+        out += map(int, words)
+    if not out:
+        raise InputError(f"{path}: it holds no face number")
+    return np.array(out, np.int64)
+
+
 def read_polygon(path: str | os.PathLike[str]) -> FloatArray:
     """(k, 2): the corners of a polygon. Raises InputError where a line holds something else."""
     return _numbers(path, 2, "x and y of a corner")

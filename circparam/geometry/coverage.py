@@ -44,13 +44,18 @@ class Coverage:
 
 
 def cover(
-    cut_mesh: CutMesh, uv: FloatArray, resolution: int, search: int, charts: BoolArray | None = None
+    cut_mesh: CutMesh,
+    uv: FloatArray,
+    resolution: int,
+    search: int,
+    charts: BoolArray | None = None,
+    stays: BoolArray | None = None,
 ) -> Coverage:
     """Rasterise every page that holds a chart, and measure it.
 
     uv: (nv, 2), page p of the pages shown lies at u in [p, p + 1], v in [0, 1]. resolution: texels a side.
     search: the radius in texels up to which gaps are looked for. charts: (n_charts,) those that have uv;
-    None: all.
+    None: all. stays: (n_charts,) those whose gaps between each other and to the border are nobody's promise.
     """
     page = pages_of(cut_mesh, uv)
     used = np.ones(len(page), bool) if charts is None else charts
@@ -58,7 +63,12 @@ def cover(
     for p in sorted_distinct(page[used]):
         grid = label_grid(cut_mesh, uv - [p, 0], resolution, used & (page == p))
         shares.append(float((grid >= 0).mean()))
-        border = min(border, free_border(grid))
+        if stays is not None and stays.any():
+            old = np.where(grid >= 0, stays[grid], False)
+            grid[old] = np.flatnonzero(stays)[0]
+            border = min(border, free_border(np.where(old, -1, grid)))
+        else:
+            border = min(border, free_border(grid))
         here, pair = smallest_gap(grid, search)
         if here < gap:
             gap, near = here, pair

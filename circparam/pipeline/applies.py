@@ -86,7 +86,7 @@ def fills_page(o: Any) -> bool:
     """Whether charts may be cut where a fuller page is worth the seam."""
     from circparam.methods import METHODS
 
-    one = o.packed and o.cut == "charts" and not o.grouped
+    one = o.packed and o.cut == "charts" and not o.grouped and o.only is None
     free = o.scale is not False and o.rotate in (None, "free")
     return bool(
         one and free and o.symmetry is None and "convex-boundary" not in METHODS[o.method].tags
@@ -103,6 +103,32 @@ def with_stack(o: Any, name: str) -> str | None:
     return (
         None if o.stack in ("identical", "mirrored") else "it needs --stack identical or mirrored"
     )
+
+
+def with_page_in_use(o: Any, name: str) -> str | None:
+    """Only where some charts go onto a page that is in use."""
+    if o.grouped or o.lightmap:
+        return "it works on the one atlas that the file has"
+    if o.pages is not None:
+        return "the pages are those in use, not those of --pages"
+    if o.scale is False:
+        return "--no-scale keeps the sizes of the solver, new charts get the density of the others"
+    if o.drop_floaters is not None:
+        return "--drop-floaters lays out the whole mesh anew"
+    if o.stack in ("identical", "mirrored"):
+        return "--stack lays out the whole mesh anew"
+    return with_packing(o, name)
+
+
+def with_given_charts(o: Any, name: str) -> str | None:
+    """Only where the charts of the file are packed again."""
+    return with_page_in_use(o, name) if o.cut == "none" else "it is an option of circparam pack"
+
+
+def with_kept(o: Any, name: str) -> str | None:
+    """Only beside charts that stay."""
+    there = o.only is not None or o.lock is not None
+    return None if there else "it needs --only, or --lock of circparam pack"
 
 
 def with_target(o: Any, name: str) -> str | None:

@@ -75,7 +75,7 @@ def write_options(o: Options, uv_double: bool = False, group_by: str | None = No
     """How uv go into the file."""
     return WriteOptions(
         uv_set=o.target_set,
-        overwrite_uv=bool(o.overwrite_uv),
+        overwrite_uv=bool(o.overwrite_uv or o.only is not None),
         ply_uv=o.ply_uv,
         copy_assets=o.copy_assets,
         up=None if o.up == AUTO else o.up,
@@ -193,6 +193,7 @@ def check_density(surface: Surface, o: Options, name: str) -> None:
         or o.seam_weights is not None
         or o.blend
         or o.pins is not None
+        or o.only is not None
     ):
         return  # each group has its own pages, or nothing holds charts to the bound
     asked = pack_options(o)

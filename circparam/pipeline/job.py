@@ -11,7 +11,7 @@ import numpy as np
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
-from circparam.errors import InputError
+from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
 from circparam.formats.io import check_place, check_target, rounding, stored
 from circparam.mesh.atlas import Atlas
@@ -29,6 +29,7 @@ from circparam.pipeline.configure import (
     write_options,
 )
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
+from circparam.pipeline.kept import Kept, find_lock, find_only
 from circparam.pipeline.options import Options
 from circparam.pipeline.stacks import Stacks, find_stacks
 from circparam.pipeline.verify import Declared, corners_of, uv_seams
@@ -41,7 +42,7 @@ class Job:
     target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
     the file, None where there is one; group_by: what has one, as ``Document.group_by``. floaters: what is left
     out of the layout; the surface is without it. stacks: copies that lie on what is laid out; the surface is
-    without them.
+    without them. kept: what stays where it is; the surface is without it.
     """
 
     document: Document
@@ -53,10 +54,13 @@ class Job:
     floaters: Floaters | None = None
     group_by: str | None = None
     stacks: Stacks | None = None
+    kept: Kept | None = None
 
     @property
     def whole(self) -> Surface:
-        """The surface with the parts that are not laid out, since they lie on others."""
+        """The surface with the parts that are not laid out, since they lie on others or stay where they are."""
+        if self.kept is not None:
+            return self.kept.whole
         return self.surface if self.stacks is None else self.stacks.whole
 
     @property
@@ -82,7 +86,10 @@ class Job:
         uv_faces = cut_mesh.faces
         if self.stacks is not None:
             uv, uv_faces = self.stacks.spread(uv, uv_faces)
-        uvmap = complete(mesh, self.whole, self.repair_report, uv, uv_faces)
+        laid = self.surface if self.kept is not None else self.whole
+        uvmap = complete(mesh, laid, self.repair_report, uv, uv_faces)
+        if self.kept is not None:
+            return self.kept.merged(uvmap)
         if self.floaters is None or not self.floaters.components:
             return uvmap
         number = rounding(self.target, self.document, double)
@@ -124,8 +131,26 @@ def prepare(
     tiles = tiles_of(document, group_by, options)
     with monitor.stage("repair"):
         surface, stacks = find_stacks(document, surface, report, options, tiles)
+        surface, kept = _staying(document, surface, options, uvmap, tiles)
     check_density(surface, options, document.source.name)
-    return Job(document, options, target, surface, report, tiles, floaters, group_by, stacks)
+    return Job(document, options, target, surface, report, tiles, floaters, group_by, stacks, kept)
+
+
+def _staying(
+    document: Document,
+    surface: Surface,
+    options: Options,
+    uvmap: UVMap | None,
+    tiles: IntArray | None,
+) -> tuple[Surface, Kept | None]:
+    """What is laid out beside charts that stay, and those. Raises OptionError where the options do not fit."""
+    if options.lock is None:
+        return find_only(document, surface, options)
+    if uvmap is None:
+        raise OptionError("--lock has no effect here: it is an option of circparam pack")
+    if tiles is not None:
+        raise OptionError("--lock has no effect here: the file has several atlases")
+    return find_lock(document, surface, uvmap, options)
 
 
 def given_atlas(surface: Surface, uvmap: UVMap, name: str) -> Atlas:

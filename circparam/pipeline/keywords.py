@@ -36,6 +36,7 @@ class Keywords(TypedDict, total=False):
     hide_seams: float | None
     symmetry: Literal["x", "y", "z", "auto"] | None
     drop_floaters: float | None
+    only: Any
     pack_splits: int | Literal["auto"] | None
     resolution: int | None
     padding: int | Literal["auto"] | None
@@ -45,6 +46,8 @@ class Keywords(TypedDict, total=False):
     effort: float | str | None
     stack: Literal["off", "identical", "mirrored"] | None
     stack_offset: bool | None
+    keep_page: bool | None
+    lock: Any
     scale: bool | None
     normalize: bool | None
     uv_set: int | None

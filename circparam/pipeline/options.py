@@ -66,10 +66,10 @@ class Options:
     """What an unwrap is asked to do; the help text of each field says what it is.
 
     Angles (``sharp``) are degrees. ``polygon``: (k, 2) corners. ``pins``: (p, 3) vertex of the mesh, u, v
-    in the written file. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``bff_boundary``: "disk", or the
-    target length of each edge of the outer boundary. ``max_distortion``: the area-weighted symmetric
-    Dirichlet energy / 4 (1 is perfect). ``weld``: a distance in mesh units. ``cut_materials`` None: where
-    there are several.
+    in the written file. ``seams``, ``no_seams``: (s, 2) vertex pairs. ``only``, ``lock``: "KIND=NAME",
+    (m,) bool of the triangles, or face numbers. ``bff_boundary``: "disk", or the target length of each edge
+    of the outer boundary. ``max_distortion``: the area-weighted symmetric Dirichlet energy / 4 (1 is
+    perfect). ``weld``: a distance in mesh units. ``cut_materials`` None: where there are several.
 
     Raises OptionError, in one line, where a value is out of range, two options contradict each other, or an
     option has no effect beside the others.
@@ -183,6 +183,10 @@ class Options:
         bounds=Range(0.0, 1.0, "a share of the surface's area between 0 and 1: 1e-4 is a small floater"),
         applies=applies.with_packing,
     )
+    only: Any = option(
+        "seams", "Unwrap these faces again, by name or a file of numbers (from 0); all others stay.",
+        metavar="material=|group=|node=NAME|FILE", applies=applies.with_page_in_use,
+    )
     pack_splits: int | str | None = option(
         "seams", "Cut charts for a fuller page: where it is worth the seam, or up to N times.",
         metavar="auto|N", shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of cuts, from 0 on"),
@@ -223,6 +227,14 @@ class Options:
     stack_offset: bool | None = option(
         "packing", "Put copies whole pages to the right of their original.",
         applies=applies.with_stack,
+    )
+    keep_page: bool | None = option(
+        "packing", "What goes onto a page in use keeps its density, or nothing is written.",
+        applies=applies.with_kept,
+    )
+    lock: Any = option(
+        "locking", "Charts with these faces stay, the others are packed round them.",
+        metavar="material=|group=|node=NAME|FILE", applies=applies.with_given_charts,
     )
     scale: bool | None = option(
         "packing", "Keep the chart sizes: 1 unit is 1 page.", flag="--no-scale",

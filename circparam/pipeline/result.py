@@ -19,9 +19,10 @@ from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.floaters import Floaters
+from circparam.pipeline.kept import Kept
 from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
 from circparam.pipeline.stacks import Stacks
-from circparam.pipeline.verify import Promise, Verification, reasons, verify
+from circparam.pipeline.verify import Declared, Promise, Staying, Verification, reasons, verify
 
 if TYPE_CHECKING:
     from circparam.formats.memory import Image, Trimesh
@@ -80,6 +81,7 @@ class Result:
     uv_double: bool = False
     floaters: Floaters | None = None
     stacks: Stacks | None = None
+    kept: Kept | None = None
     path: str | None = None
     format: str = ""
     files: list[str] = field(default_factory=list)
@@ -161,15 +163,19 @@ def verify_layout(
     options: Options,
     tiles: IntArray | None = None,
     stacks: Stacks | None = None,
+    kept: Kept | None = None,
 ) -> Verification:
     """Verify a layout of the whole mesh as the options ask for it."""
+    declared: Declared | Staying | None = None if stacks is None else stacks.declared
+    if kept is not None:
+        declared = Staying(~kept.fresh)
     return verify(
         surface,
         uvmap,
         resolution=(options.resolution or DEFAULT_RESOLUTION) if options.packed else None,
         padding=options.padding_texels,
         tiles=tiles,
-        declared=None if stacks is None else stacks.declared,
+        declared=declared,
     )
 
 
@@ -183,13 +189,19 @@ class Verdict:
 
 
 def verdict(
-    verification: Verification, options: Options, repairs: list[str], expired: bool
+    verification: Verification,
+    options: Options,
+    repairs: list[str],
+    expired: bool,
+    kept: Kept | None = None,
 ) -> Verdict:
-    """The judgement on what was verified. expired: the time given has run out.
+    """The judgement on what was verified. expired: the time given has run out. kept: charts that stay, for
+    whose distortion and number nothing is promised.
 
     Raises OutOfTimeError where time ran out with no valid layout.
     """
-    wrong = reasons(verification, promise(options))
+    made = None if kept is None else kept.charts(verification.cut_mesh)
+    wrong = reasons(verification, promise(options), made)
     warnings = []
     if expired:
         if not verification.valid:
@@ -199,7 +211,8 @@ def verdict(
                 + "; give a longer --timeout"
             )
         warnings.append("out of time: this is the best valid result so far")
-    count, most = verification.cut_mesh.n_charts, options.max_charts
+    most = options.max_charts
+    count = verification.cut_mesh.n_charts if made is None else int(made.sum())
     if most is not None and count > most:
         warnings.append(
             f"--max-charts {most}: {count} charts are reached; separate parts, edges that must be cut and "

@@ -72,11 +72,11 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
         verification = (
             result.verification
             if same
-            else verify_layout(result.surface, uvmap, o, result.tiles, result.stacks)
+            else verify_layout(result.surface, uvmap, o, result.tiles, result.stacks, result.kept)
         )
     charts = result.charts.copy()
     charts[result.surface.source] = verification.cut_mesh.chart
-    said = verdict(verification, o, result.repairs, monitor.hurried)
+    said = verdict(verification, o, result.repairs, monitor.hurried, result.kept)
     return replace(
         result,
         uv=uvmap.uv,

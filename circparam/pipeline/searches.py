@@ -125,7 +125,8 @@ def searched(
 
 def _packed(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """The layout with its packing, which is part of its cost; pages of several atlases are no part of it."""
-    if cascade.packing is not None or not options.packed or options.grouped:
+    whole = options.packed and not options.grouped and options.only is None
+    if cascade.packing is not None or not whole:
         return cascade
     from circparam.pipeline.fuller_page import packing
 

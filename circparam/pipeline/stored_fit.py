@@ -17,11 +17,13 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade
+from circparam.pipeline.configure import pack_options
 from circparam.pipeline.job import Job
+from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.lattice import Rounding
 from circparam.pipeline.options import Options
 from circparam.pipeline.pinned import place_pinned
-from circparam.pipeline.place import chart_signs, chart_tiles, place, sized
+from circparam.pipeline.place import Placed, chart_signs, chart_tiles, place, sized
 from circparam.pipeline.stored_repair import Stored, store
 
 # share of the packing's work that is done again for a layout that stored numbers spoilt
@@ -96,10 +98,13 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
         uv[:, 0] *= sign[cut_mesh.vertex_chart]
         if options.pins is not None:
             placed = place_pinned(job, cut_mesh, uv, options.pins)
+        elif job.kept is not None:
+            at_size, asked = sized(cut_mesh, uv, keep), pack_options(options)
+            placed = Placed(*put_into_room(job.kept, cut_mesh, at_size, options, asked))
         else:
             placed = place(cut_mesh, uv, options, monitor, group, keep, cascade.packing)
     with monitor.stage("check"):
-        turn = options.packed and options.rotate != "none"
+        turn = options.packed and options.rotate != "none" and job.kept is None
         held = hold(job, cut_mesh, placed.uv, sign < 0, turn)
     uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
     size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, uv, keep))

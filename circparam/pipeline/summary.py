@@ -11,6 +11,7 @@ from circparam.core.arrays import norms2
 from circparam.core.limits import mip_level
 from circparam.geometry.boundary import boundary_in
 from circparam.packing.options import PackOptions
+from circparam.pipeline.kept import kept_figures
 from circparam.pipeline.options import DEFAULT_RESOLUTION
 from circparam.pipeline.stacks import stacked_figures
 
@@ -61,6 +62,9 @@ def summarise(result: Result) -> dict[str, Any]:
         "stack": None
         if result.stacks is None
         else stacked_figures(result.stacks, result.verification),
+        "kept": None
+        if result.kept is None
+        else kept_figures(result.kept, result.verification, result.options),
         "padding": result.options.padding_texels if result.options.packed else None,
         "mip_level": mip_level(result.options.padding_texels) if result.options.packed else None,
         "repairs": result.repairs,

@@ -23,17 +23,18 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline import checkpoint
 from circparam.pipeline.cascade import Cascade
-from circparam.pipeline.configure import open_source, padding_note
+from circparam.pipeline.configure import open_source, pack_options, padding_note
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.floaters import told
 from circparam.pipeline.job import Job, given_atlas, prepare
 from circparam.pipeline.jobs import monitor_of, start_for
+from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.pinned import check_held, check_storable
-from circparam.pipeline.place import chart_tiles, pack_groups
+from circparam.pipeline.place import Placed, chart_tiles, pack_groups
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.searches import best_layout, with_room
@@ -159,7 +160,10 @@ def repack_document(
     cut_mesh, uv = cascade.open()
     with monitor.stage("pack"):
         group = None if job.tiles is None else chart_tiles(cut_mesh, job.tiles[job.surface.source])
-        packed = pack_groups(cut_mesh, uv, options, monitor, group)
+        if job.kept is None:
+            packed = pack_groups(cut_mesh, uv, options, monitor, group)
+        else:
+            packed = Placed(*put_into_room(job.kept, cut_mesh, uv, options, pack_options(options)))
     fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, packed.uv)
     return finish(job, fitted, output, monitor, "pack")
 
@@ -174,7 +178,8 @@ def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray)
     fault, _ = faults(cut_mesh, upright)
     if (fault > 0).any():
         return Fitted(cascade, job.stored(cut_mesh, uv))
-    held = hold(job, cut_mesh, uv, mirrored, job.options.rotate != "none")
+    turn = job.options.rotate != "none" and job.kept is None
+    held = hold(job, cut_mesh, uv, mirrored, turn)
     uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
     return Fitted(cascade.noted(*held.notes), uvmap, held.double)
 
@@ -192,7 +197,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     """What was made, and what it is worth."""
     cascade, uvmap = fitted.cascade, fitted.uvmap
     with monitor.stage("verify"):
-        verification = verify_layout(job.whole, uvmap, job.options, job.tiles, job.stacks)
+        verification = verify_layout(job.whole, uvmap, job.options, job.tiles, job.stacks, job.kept)
     charts = np.full(len(job.document.mesh.faces), -1)
     charts[job.whole.source] = verification.cut_mesh.chart
     repairs = [*job.repair_report.messages, *cascade.repairs]
@@ -202,7 +207,8 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     left_out += [] if job.stacks is None else job.stacks.told()
     if job.options.pins is not None:
         check_held(job.document.mesh, uvmap, job.options.pins, [*cascade.notes, *cascade.repairs])
-    said = verdict(verification, job.options, repairs, monitor.hurried)
+    left_out += [] if job.kept is None else job.kept.told(uvmap)
+    said = verdict(verification, job.options, repairs, monitor.hurried, job.kept)
     return Result(
         options=job.options,
         document=job.document,
@@ -226,6 +232,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         uv_double=fitted.double,
         floaters=job.floaters,
         stacks=job.stacks,
+        kept=job.kept,
         advice=cascade.advice,
     )
 
@@ -238,7 +245,7 @@ def finish(
     work: str = "unwrap",
 ) -> Result:
     """The result, verified, and written where an output is named."""
-    seen = SeenBeside(job.surface, fitted.uvmap, monitor)
+    seen = SeenBeside(job.surface if job.kept is None else job.whole, fitted.uvmap, monitor)
     verified = replace(_verified(job, fitted, monitor), work=work)
     result = verified if output is None else save(verified, output, monitor)
     found = result.verification

@@ -56,6 +56,18 @@ class Declared:
 
 
 @dataclass(frozen=True, eq=False)
+class Staying:
+    """Faces, (m,) bool, that lie where they lay before: gaps between their charts, and to the border, are none
+    of the layout's promises."""
+
+    faces: BoolArray
+
+    def charts(self, cut_mesh: CutMesh) -> BoolArray:
+        """(n_charts,) bool: charts of such faces."""
+        return group_count(cut_mesh.chart[self.faces], cut_mesh.n_charts) > 0
+
+
+@dataclass(frozen=True, eq=False)
 class Verification:
     """What was found. Faces are those of the surface: without degenerate ones, and without duplicates.
 
@@ -181,7 +193,7 @@ def verify(
     padding: int = 4,
     tiles: IntArray | None = None,
     most_pages: int | None = None,
-    declared: Declared | None = None,
+    declared: Declared | Staying | None = None,
 ) -> Verification:
     """Judge a layout over the faces of the mesh that the surface was made from.
 
@@ -189,7 +201,7 @@ def verify(
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this. tiles:
     (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane; tile t
     is laid out t units to the right. most_pages: of a layout on more, nothing is rasterised. declared: what may
-    lie on what; only charts that lie there whole are allowed to.
+    lie on what, or what lay there before; only charts that lie there whole are allowed to.
     Raises InputError where no face has uv that are numbers.
     """
     corners, ok = corners_of(surface, uvmap)
@@ -210,6 +222,7 @@ def verify(
     side = resolution if most_pages is None or pages <= most_pages else None
     part, vertices, faces = cut_mesh.subset(used)
     points = uv[vertices]
+    old = declared.charts(cut_mesh) if isinstance(declared, Staying) else None
     alike = points if own is None else _at_best_scales(part, points, own[faces])
     return Verification(
         surface=surface,
@@ -229,7 +242,7 @@ def verify(
         uv_min=points.min(0),
         uv_max=points.max(0),
         pages=pages if resolution else None,
-        coverage=cover(cut_mesh, uv, side, padding + 2, laid) if side else None,
+        coverage=cover(cut_mesh, uv, side, padding + 2, laid, old) if side else None,
         stacked=np.flatnonzero(stacked),
         resolution=resolution,
     )
@@ -254,11 +267,11 @@ def _overlapping(cut_mesh: CutMesh, uv: FloatArray, which: BoolArray) -> tuple[I
 
 
 def _stacked(
-    cut_mesh: CutMesh, corners: FloatArray, declared: Declared | None
+    cut_mesh: CutMesh, corners: FloatArray, declared: Declared | Staying | None
 ) -> tuple[BoolArray, BoolArray]:
     """(n_charts,) bool: charts that lie on others as declared, whole, and those of them that lie mirrored."""
     n = cut_mesh.n_charts
-    if declared is None:
+    if not isinstance(declared, Declared):
         return np.zeros(n, bool), np.zeros(n, bool)
     there = declared.stacked(corners)
     stacked = group_count(cut_mesh.chart[~there], n) == 0
@@ -369,8 +382,11 @@ class Promise:
     stretch: float | None = None
 
 
-def reasons(v: Verification, promise: Promise) -> list[str]:
-    """Why a layout is less than what was promised, one line each; empty where it is all right."""
+def reasons(v: Verification, promise: Promise, made: BoolArray | None = None) -> list[str]:
+    """Why a layout is less than what was promised, one line each; empty where it is all right.
+
+    made: (n_charts,) bool, those that the bound is promised of; None: all.
+    """
     out = []
     if v.missing:
         out.append(f"{counted(v.missing, 'face')} without finite uv")
@@ -394,9 +410,10 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
             f"charts on {v.pages} pages, each 1 wide in u: too many to measure pack, gaps and borders"
         )
     if promise.bound is not None:
-        high = np.flatnonzero(v.measures.charts["sd"] > promise.bound * (1 + BOUND_SLACK))
+        number, sd = _distortions(v, made)
+        high = number[sd > promise.bound * (1 + BOUND_SLACK)]
         if len(high):
-            worst = v.measures.sd_max_chart
+            worst = float(sd.max())
             out.append(f"{_named(high)} above the bound {promise.bound:g}: up to {worst:.4g}")
     if promise.stretch is not None:
         share = v.measures.tail.share_over(promise.stretch * (1 + BOUND_SLACK))
@@ -417,6 +434,14 @@ def reasons(v: Verification, promise: Promise) -> list[str]:
                 f"{c.border} texels are empty at the border: {promise.padding} were asked for"
             )
     return out
+
+
+def _distortions(v: Verification, made: BoolArray | None) -> tuple[IntArray, FloatArray]:
+    """Charts (k,) and the distortion (k,) of each, at the scale of all of them. made: those; None: all."""
+    if made is None:
+        return np.flatnonzero(v.used), v.measures.charts["sd"]
+    part, vertices, _ = v.cut_mesh.subset(made & v.used)
+    return np.flatnonzero(made & v.used), measure(part, v.uv[vertices]).charts["sd"]
 
 
 def _named(charts: IntArray) -> str:

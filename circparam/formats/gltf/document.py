@@ -8,12 +8,20 @@ from urllib.parse import unquote
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
-from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    Named,
+    WriteOptions,
+    check_uv_set,
+    free_set,
+)
 from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import TreeEdit, write_uv
 from circparam.formats.gltf.groups import store_grouping, stored_grouping
 from circparam.formats.gltf.looks import read_looks
 from circparam.formats.gltf.model import Json, Pool, Primitive
+from circparam.formats.gltf.names import entry_names, material_of, node_names
 from circparam.formats.gltf.reading import COMPRESSED, DECODE, Tree, sound_tree
 from circparam.formats.gltf.rows import short_views
 from circparam.formats.gltf.scene import (
@@ -95,6 +103,21 @@ class GltfDocument(Document):
             of = np.arange(len(size)) if kind == "primitive" else [p.mesh for p in self.primitives]
             return relabel(np.repeat(of, size))[1]
         return super().labels(kind)
+
+    def named(self, kind: str) -> Named | None:
+        """Names of materials, of meshes for groups, and of nodes, which have the faces of those below them."""
+        with sound_tree(self.source):
+            if kind == "material":
+                of = [material_of(self.tree, p) for p in self.primitives]
+                names = entry_names(self.tree, "materials", of)
+            else:
+                of = [p.mesh for p in self.primitives]
+                meshes = entry_names(self.tree, "meshes", of)
+                names = meshes if kind == "group" else node_names(self.tree)
+        if not names:
+            return None
+        size = [len(p.triangles) for p in self.primitives]
+        return Named(np.repeat(np.array(of, np.int64), size), names)
 
     def colours(self) -> FloatArray | None:
         """COLOR_0 of the vertices."""
@@ -235,9 +258,7 @@ def _read(tree: Tree, source: Source, unshare: bool) -> GltfDocument:
 
 
 def _materials(tree: Tree, primitives: list[Primitive]) -> tuple[IntArray | None, tuple[str, ...]]:
-    used = [
-        tree.json["meshes"][p.mesh]["primitives"][p.number].get("material", -1) for p in primitives
-    ]
+    used = [material_of(tree, p) for p in primitives]
     if len(set(used)) < 2:
         return None, ()
     _, label = relabel(np.array(used, np.int64))

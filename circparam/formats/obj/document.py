@@ -12,7 +12,14 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, relabel
-from circparam.formats.document import Document, Encoded, WriteOptions, check_uv_set, free_set
+from circparam.formats.document import (
+    Document,
+    Encoded,
+    Named,
+    WriteOptions,
+    check_uv_set,
+    free_set,
+)
 from circparam.formats.looks import Carried, Looks
 from circparam.formats.materials import Textures
 from circparam.formats.obj import looks, materials
@@ -59,6 +66,18 @@ class ObjDocument(Document):
             lines, _ = self.scan.lines(b"o")
             return relabel(np.searchsorted(lines, self.scan.face_lines)[self.polys.owner])[1]
         return super().labels(kind)
+
+    def named(self, kind: str) -> Named | None:
+        """Names of ``usemtl`` for materials, of ``g`` for groups, of ``o`` for nodes."""
+        words = {"material": b"usemtl", "group": b"g", "node": b"o"}
+        lines, names = self.scan.lines(words[kind])
+        if len(lines) == 0:
+            return None
+        number = {name: k for k, name in enumerate(dict.fromkeys([b"", *names]))}
+        label = np.array([0, *(number[name] for name in names)], np.int64)
+        of_face = label[np.searchsorted(lines, self.scan.face_lines)]
+        pairs = tuple((name.decode("utf-8", "replace"), k) for name, k in number.items() if name)
+        return Named(of_face[self.polys.owner], pairs)
 
     def colours(self) -> FloatArray | None:
         """The colours behind the coordinates of ``v``, as many programs write them."""

@@ -1,0 +1,258 @@
+"""Room on pages that are in use: charts of fixed sizes go where no other chart lies.
+
+All is drawn on a grid of cells, too large rather than too small: a cell counts as used where a triangle touches
+it. A chart fits where the correlation of its cells with those in use is zero, which one Fourier transform tells
+for all places. Small charts among many are placed by their boxes, with a table of sums.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, ranges
+from circparam.core.imports import OnDemand
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes, least_box_angles
+
+sf = OnDemand("scipy.fft")
+
+SIDE, MANY_SIDE = 1024, 512  # cells along a page, at most: 2 and 4 texels of a page of 2048
+MANY = 32  # charts; more are placed on the coarser grid
+BOXED = 400  # cells of a box up to which one of more charts than ``MANY`` is placed by its box
+SMALLEST = 1 / 64  # of the sizes asked for: charts smaller than this are no layout
+# of the ratio between a size that fits and one that does not: to 2 %, and to 14 % of more than ``MANY`` charts
+HALVINGS, MANY_HALVINGS = 8, 5
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """Charts in their places. uv: (nv, 2) in the unit square, u shifted by the page. page: (n,). scale: of the
+    sizes asked for."""
+
+    uv: FloatArray
+    page: IntArray
+    scale: float
+
+
+def find_room(
+    shapes: Shapes, pages: Sequence[FloatArray], options: PackOptions, exact: bool
+) -> Room | None:
+    """Places for charts, whose units are pages, beside what lies on pages; None where there are none.
+
+    pages: (t, 3, 2) triangles on each page, in the unit square. exact: at the sizes that the charts have; else
+    smaller where that is needed, all alike.
+    """
+    side = min(options.resolution, SIDE if shapes.n <= MANY else MANY_SIDE)
+    grid = _Grid(side, options.resolution / side, options)
+    used = [grid.blocked(cells_of(triangles * side, side, side)) for triangles in pages]
+    angle = least_box_angles(shapes, options.rotate)
+    turns = 1 if options.rotate == "none" else 4
+    found = _placed(shapes, grid, used, angle, turns, 1.0)
+    if found is not None or exact:
+        return found
+    low, high = SMALLEST, 1.0
+    for _ in range(HALVINGS if shapes.n <= MANY else MANY_HALVINGS):
+        middle = float(np.sqrt(low * high))
+        got = _placed(shapes, grid, used, angle, turns, middle)
+        found, low, high = (found, low, middle) if got is None else (got, middle, high)
+    return found or _placed(shapes, grid, used, angle, turns, low)
+
+
+def free_share(pages: Sequence[FloatArray], options: PackOptions) -> float:
+    """Pages that nothing lies on, in pages, without the gaps round what lies there."""
+    side = min(options.resolution, SIDE)
+    return float(sum(1.0 - cells_of(t * side, side, side).mean() for t in pages))
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """side: cells along the page. texels: of a cell."""
+
+    side: int
+    texels: float
+    options: PackOptions
+
+    def reach(self) -> BoolArray:
+        """Cells round one in the middle, of which a point is nearer than the gap to a point of that one."""
+        gap = self.options.gap / self.texels
+        k = int(np.ceil(gap))
+        apart = np.maximum(np.abs(np.arange(-k, k + 1)) - 1, 0)
+        result: BoolArray = np.hypot(apart[:, None], apart) < gap
+        return result
+
+    def blocked(self, cells: BoolArray) -> BoolArray:
+        """Cells that no chart may touch: those near cells in use, and those at the border."""
+        from scipy.ndimage import binary_dilation
+
+        out: BoolArray = binary_dilation(cells, self.reach())
+        border = int(np.ceil(self.options.border / self.texels))
+        if border:
+            out[:border] = out[-border:] = True
+            out[:, :border] = out[:, -border:] = True
+        return out
+
+    def paint(self, used: BoolArray, cells: BoolArray, row: int, column: int) -> None:
+        """Block a chart that was placed, and what is near it."""
+        from scipy.ndimage import binary_dilation
+
+        reach = self.reach()
+        k = len(reach) // 2
+        near = binary_dilation(np.pad(cells, k), reach)
+        top, left = max(row - k, 0), max(column - k, 0)
+        h, w = near.shape
+        part = used[top : row - k + h, left : column - k + w]
+        skip = top - (row - k), left - (column - k)
+        part |= near[skip[0] : skip[0] + part.shape[0], skip[1] : skip[1] + part.shape[1]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """One chart on the grid. points: (k, 2) of its vertices, in cells from its box. cells: that it touches."""
+
+    points: FloatArray
+    cells: BoolArray
+
+    def turned(self) -> _Piece:
+        """A quarter further, grid and all."""
+        x, y = self.points.T
+        return _Piece(np.stack([len(self.cells) - y, x], 1), self.cells[::-1].T)
+
+
+def _placed(
+    shapes: Shapes,
+    grid: _Grid,
+    used: Sequence[BoolArray],
+    angle: FloatArray,
+    turns: int,
+    scale: float,
+) -> Room | None:
+    """All charts at a scale, the largest first; None where one has no place."""
+    world = shapes.place(angle, np.zeros((shapes.n, 2)), scale * grid.side)
+    box = shapes.boxes(angle) * scale * grid.side
+    size = box[:, 2:] - box[:, :2]
+    if (size.max(1) > grid.side).any():
+        return None
+    pages = [_Page(grid, cells.copy()) for cells in used]
+    order = np.argsort(shapes.chart, kind="stable")
+    first = np.searchsorted(shapes.chart[order], np.arange(shapes.n + 1))
+    uv, page = np.zeros_like(world), np.zeros(shapes.n, np.int64)
+    for c in np.argsort(-size.prod(1), kind="stable").tolist():
+        faces = shapes.faces[order[first[c] : first[c + 1]]]
+        vertices, local = np.unique(faces, return_inverse=True)
+        points = world[vertices] - world[vertices].min(0)
+        height, width = np.maximum(np.ceil(points.max(0)[::-1] - 1e-9).astype(int), 1)
+        cells = cells_of(points[local.reshape(-1, 3)], int(height), int(width))
+        boxed = shapes.n > MANY and cells.size <= BOXED
+        pieces = [_Piece(points, cells)]
+        for _ in range(turns - 1):
+            pieces.append(pieces[-1].turned())
+        for number, sheet in enumerate(pages):
+            at = sheet.put(pieces, boxed)
+            if at is not None:
+                piece, row, column = at
+                uv[vertices] = (piece.points + np.array([column, row])) / grid.side
+                uv[vertices, 0] += number
+                page[c] = number
+                break
+        else:
+            return None
+    return Room(uv, page, scale)
+
+
+class _Page:
+    """The cells of one page that charts may not touch, and their transform."""
+
+    def __init__(self, grid: _Grid, used: BoolArray) -> None:
+        self.grid, self.used = grid, used
+        self._spectrum: FloatArray | None = None
+        self._sums: IntArray | None = None
+
+    def put(self, pieces: Sequence[_Piece], boxed: bool) -> tuple[_Piece, int, int] | None:
+        """Place a chart in the lowest of the places of some turns: (piece, row, column); None without room."""
+        at = self._lowest(pieces, self._in_boxes) if boxed else None
+        at = at or self._lowest(pieces, self._free)
+        if at is not None:
+            piece, row, column = at
+            self.grid.paint(self.used, piece.cells, row, column)
+            self._spectrum = self._sums = None
+        return at
+
+    def _lowest(
+        self, pieces: Sequence[_Piece], free: Callable[[BoolArray], list[tuple[int, int]]]
+    ) -> tuple[_Piece, int, int] | None:
+        """The place of least height over all turns."""
+        found = []
+        for k, piece in enumerate(pieces):
+            h, w = piece.cells.shape
+            if max(h, w) > self.grid.side:
+                continue
+            for row, column in free(piece.cells):
+                if not (self.used[row : row + h, column : column + w] & piece.cells).any():
+                    found.append((row + h, row, column, k))
+                    break
+        if not found:
+            return None
+        _, row, column, k = min(found)
+        return pieces[k], row, column
+
+    def _in_boxes(self, cells: BoolArray) -> list[tuple[int, int]]:
+        """The lowest place whose box is free."""
+        h, w = cells.shape
+        if self._sums is None:
+            self._sums = np.pad(self.used.astype(np.int64).cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+        total = self._sums
+        inside = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
+        return _first(inside == 0)
+
+    def _free(self, cells: BoolArray) -> list[tuple[int, int]]:
+        """The lowest places at which the correlation is zero, up to rounding."""
+        n = self.grid.side
+        if self._spectrum is None:
+            self._spectrum = sf.rfft2(self.used.astype(np.float32))
+        mask = np.zeros((n, n), np.float32)
+        mask[: cells.shape[0], : cells.shape[1]] = cells
+        hits = sf.irfft2(self._spectrum * np.conj(sf.rfft2(mask)), (n, n))
+        return _first(hits[: n - cells.shape[0] + 1, : n - cells.shape[1] + 1] < 0.5)
+
+
+def _first(free: BoolArray, count: int = 8) -> list[tuple[int, int]]:
+    """The first places that are free, row after row."""
+    flat = np.flatnonzero(free.ravel())[:count]
+    return [divmod(int(k), free.shape[1]) for k in flat]
+
+
+def cells_of(triangles: FloatArray, height: int, width: int) -> BoolArray:
+    """(height, width) bool, row by y: cells that triangles (t, 3, 2), in cells, touch anywhere.
+
+    Each triangle is cut by the slab of every row of cells that it reaches; what it covers of that row is one
+    interval, since triangles are convex.
+    """
+    t = np.asarray(triangles, np.float64).reshape(-1, 3, 2)
+    low = np.clip(np.floor(t[:, :, 1].min(1)), 0, height).astype(np.int64)
+    high = np.clip(np.floor(t[:, :, 1].max(1)), -1, height - 1).astype(np.int64)
+    count = np.maximum(high - low + 1, 0)
+    which = np.repeat(np.arange(len(t)), count)
+    row = ranges(count) + low[which]
+    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
+    for k in range(3):
+        a, b = t[which, k], t[which, (k + 1) % 3]
+        rise = b[:, 1] - a[:, 1]
+        meets = (np.minimum(a[:, 1], b[:, 1]) <= row + 1) & (np.maximum(a[:, 1], b[:, 1]) >= row)
+        for y, x in ((a[:, 1], a[:, 0]), (b[:, 1], b[:, 0])):
+            inside = np.clip(y, row, row + 1)
+            share = np.divide(inside - y, rise, out=np.zeros_like(rise), where=rise != 0)
+            at = x + share * (b[:, 0] - a[:, 0])
+            left = np.where(meets, np.minimum(left, at), left)
+            right = np.where(meets, np.maximum(right, at), right)
+    first = np.clip(np.floor(left), 0, width)
+    last = np.clip(np.floor(right) + 1, 0, width)
+    ok = last > first
+    begin = row[ok] * (width + 1) + first[ok].astype(np.int64)
+    end = row[ok] * (width + 1) + last[ok].astype(np.int64)
+    size = height * (width + 1)
+    steps = np.bincount(begin, minlength=size) - np.bincount(end, minlength=size)
+    result: BoolArray = np.cumsum(steps.reshape(height, width + 1), 1)[:, :width] > 0
+    return result

@@ -1,0 +1,178 @@
+"""A page that is in use: some faces get new charts (``--only``) or new places (``pack``), all others stay.
+
+What stays keeps its uv to the last bit; the others go where no chart lies, at the density of what stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, cross2, group_count
+from circparam.core.words import counted
+from circparam.errors import NoResultError, OptionError
+from circparam.formats.document import Document
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.mesh import UVMap
+from circparam.mesh.surface import Surface
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes, shapes_of
+from circparam.packing.room import Room, find_room, free_share
+from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
+from circparam.pipeline.selection import selected_faces
+from circparam.pipeline.verify import Verification, corners_of, uv_seams
+
+SMALLER = 0.999  # of the density of the others: from there on a smaller one is worth a note
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """whole: the surface with all faces; fresh: (m,) bool, those of its faces that are laid out anew; uvmap:
+    the layout of the file; density: uv units per unit of the mesh, of what stays.
+    """
+
+    whole: Surface
+    fresh: BoolArray
+    uvmap: UVMap
+    density: float
+
+    def merged(self, uvmap: UVMap) -> UVMap:
+        """A layout of the new charts over the faces of the file, with the old uv of all other faces."""
+        faces = np.zeros(len(self.uvmap.uv_faces), bool)
+        faces[self.whole.source[self.fresh]] = True
+        old = self.uvmap.uv_faces
+        # what repair set aside goes with the new charts where all its neighbours do, and had no uv
+        faces |= (old < 0).any(1) & (uvmap.uv_faces >= 0).all(1) & self._aside()
+        uv = np.concatenate([self.uvmap.uv, uvmap.uv])
+        new = uvmap.uv_faces + len(self.uvmap.uv)
+        return UVMap(uv, np.where(faces[:, None], new, old))
+
+    def _aside(self) -> BoolArray:
+        aside = np.ones(len(self.uvmap.uv_faces), bool)
+        aside[self.whole.source] = False
+        return aside
+
+    def charts(self, cut_mesh: CutMesh) -> BoolArray:
+        """(n_charts,) bool: charts of a cut mesh of the whole surface that were laid out anew."""
+        return group_count(cut_mesh.chart[self.fresh], cut_mesh.n_charts) > 0
+
+    def pages(self) -> list[FloatArray]:
+        """(t, 3, 2) triangles that stay on each page, in its unit square."""
+        corners, ok = corners_of(self.whole, self.uvmap)
+        corners = corners[ok & ~self.fresh]
+        page = np.maximum(np.floor(corners[:, :, 0].mean(1)), 0).astype(np.int64)
+        return [corners[page == k] - [k, 0] for k in range(int(page.max(initial=0)) + 1)]
+
+    def told(self, uvmap: UVMap) -> list[str]:
+        """A line where corners that stay were rounded, as the numbers of another format are coarser."""
+        there, ok = corners_of(self.whole, self.uvmap)
+        here, _ = corners_of(self.whole, uvmap)
+        same = ok & ~self.fresh
+        off = float(np.abs(here[same] - there[same]).max(initial=0.0))
+        return [f"uv that stay were rounded to other numbers, up to {off:.1g} off"] if off else []
+
+
+def find_only(
+    document: Document, surface: Surface, options: Options
+) -> tuple[Surface, Kept | None]:
+    """The surface of the faces that ``only`` selects, and what stays; None where it is not asked for.
+
+    Raises InputError where the file has no uv, OptionError where all faces or none are selected.
+    """
+    if options.only is None:
+        return surface, None
+    uvmap = document.require_uv(options.uv_set or 0)
+    fresh = selected_faces(document, options.only, "--only")[surface.source]
+    if not fresh.any():
+        raise OptionError("--only: the faces selected have no area, nothing can be unwrapped")
+    if fresh.all():
+        raise OptionError("--only selects all faces: leave it out")
+    corners, ok = corners_of(surface, uvmap)
+    density = _density(surface.areas, corners, ok & ~fresh)
+    if not density > 0:
+        raise OptionError("--only: the faces that stay have no uv: unwrap the whole mesh")
+    return surface.part(fresh), Kept(surface, fresh, uvmap, density)
+
+
+def find_lock(
+    document: Document, surface: Surface, uvmap: UVMap, options: Options
+) -> tuple[Surface, Kept]:
+    """The surface of the charts of a layout that are packed again, and those that ``lock`` keeps in place.
+
+    Raises OptionError where all charts or none are selected.
+    """
+    chosen = selected_faces(document, options.lock, "--lock")[surface.source]
+    count, chart = surface.charts(uv_seams(surface, uvmap))
+    locked = group_count(chart[chosen], count)[chart] > 0
+    if locked.all():
+        raise OptionError("--lock keeps every chart in place: nothing is left to pack")
+    if not locked.any():
+        raise OptionError("--lock: the faces selected have no area, no chart holds them")
+    return surface.part(~locked), Kept(surface, ~locked, uvmap, 1.0)
+
+
+def _density(areas: FloatArray, corners: FloatArray, faces: BoolArray) -> float:
+    """Uv units per unit of length over some faces: areas (m,), corners (m, 3, 2), faces (m,) bool."""
+    p = corners[faces]
+    plane = float(np.abs(cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])).sum() / 2)
+    return float(np.sqrt(plane / max(float(areas[faces].sum()), 1e-300)))
+
+
+def put_into_room(
+    kept: Kept, cut_mesh: CutMesh, uv: FloatArray, options: Options, asked: PackOptions
+) -> tuple[FloatArray, list[str]]:
+    """Charts (nv, 2), one unit a unit of the mesh for ``only``, of a page for ``lock``, where room is.
+
+    Returns (uv (nv, 2), notes). Raises NoResultError where there is no room.
+    """
+    density = kept.density
+    if options.texel_density is not None:
+        density = options.texel_density / asked.resolution
+    shapes = shapes_of(cut_mesh.faces, uv * density, cut_mesh.chart)
+    pages = kept.pages()
+    exact = bool(options.keep_page) or options.texel_density is not None
+    found = find_room(shapes, pages, asked, exact)
+    if found is None:
+        raise NoResultError(_missing(shapes, pages, asked, density))
+    if found.scale > SMALLER:
+        return found.uv, []
+    note = (
+        f"{counted(shapes.n, 'new chart')} at {100 * found.scale:.0f} % of the density of the others for want "
+        "of room"
+    )
+    return found.uv, [note]
+
+
+def _missing(shapes: Shapes, pages: list[FloatArray], asked: PackOptions, density: float) -> str:
+    """The line that says how much room is missing for charts in units of a page."""
+    need, free = float(shapes.area.sum()), free_share(pages, asked)
+    fits: Room | None = find_room(shapes, pages, asked, exact=False)
+    what = (
+        f"{counted(shapes.n, 'chart')} of {100 * need:.3g} % of a page, {asked.padding} texels round each, "
+        f"where {100 * free:.3g} % are free"
+    )
+    if fits is None:
+        return f"no room for {what}: pack all charts anew, or make room for them"
+    missing = need * (1 - fits.scale**2)
+    return (
+        f"no room for {what}: {100 * missing:.3g} % are missing. They fit at --texel-density "
+        f"{fits.scale * density * asked.resolution:.4g}, or without --keep-page"
+    )
+
+
+def kept_figures(kept: Kept, found: Verification, options: Options) -> dict[str, object]:
+    """What the report tells of a page that was in use.
+
+    faces: laid out anew; kept_faces: those that stayed. charts: new ones. texel_density, kept_density: of the
+    new charts and of what stayed, in texels per unit of the mesh.
+    """
+    side = options.resolution or DEFAULT_RESOLUTION
+    flat = found.uv[found.cut_mesh.faces]
+    return {
+        "faces": int(kept.fresh.sum()),
+        "kept_faces": int((~kept.fresh).sum()),
+        "charts": int(kept.charts(found.cut_mesh).sum()),
+        "texel_density": side * _density(kept.whole.areas, flat, kept.fresh),
+        "kept_density": side * _density(kept.whole.areas, flat, ~kept.fresh),
+    }

@@ -1,0 +1,101 @@
+"""Room on pages in use: charts go where nothing lies, with the gap between them, or are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from circparam.packing.options import PackOptions
+from circparam.packing.outlines import Shapes, shapes_of
+from circparam.packing.room import cells_of, find_room, free_share
+
+ASKED = PackOptions(resolution=256, padding=4)
+
+
+def boxes(*sizes: tuple[float, float]) -> Shapes:
+    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    uv = np.concatenate([corner * size for size in sizes])
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(sizes))])
+    return shapes_of(faces, uv, np.repeat(np.arange(len(sizes)), 2))
+
+
+def page(*rectangles: tuple[float, float, float, float]) -> np.ndarray:
+    out = []
+    for u, v, width, height in rectangles:
+        a, b, c, d = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [width, height] + [u, v]
+        out += [[a, b, c], [a, c, d]]
+    return np.array(out).reshape(-1, 3, 2)
+
+
+def dense(rectangle: np.ndarray, count: int = 60) -> np.ndarray:
+    """Points all over the box of some points."""
+    t = np.linspace(0, 1, count)
+    low, high = rectangle.min(0), rectangle.max(0)
+    return low + np.stack(np.meshgrid(t, t), -1).reshape(-1, 2) * (high - low)
+
+
+def test_cells_are_all_that_a_triangle_touches_and_few_others() -> None:
+    rng = np.random.default_rng(1)
+    for triangle in rng.random((20, 3, 2)):
+        cells = cells_of(triangle[None] * 64, 64, 64)
+        u, v = np.floor((rng.dirichlet([0.5] * 3, 4000) @ triangle) * 64).astype(int).T
+        assert cells[v, u].all()
+        edge = np.roll(triangle, -1, 0) - triangle
+        area = abs(edge[0, 0] * edge[1, 1] - edge[0, 1] * edge[1, 0]) / 2
+        border = np.linalg.norm(edge, axis=1).sum()
+        assert cells.sum() / 64**2 <= area + border * 1.5 / 64 + 9 / 64**2
+
+
+@pytest.mark.parametrize("rotate", ["free", "90", "none"])
+def test_the_gap_stays_round_every_chart(rotate: str) -> None:
+    used = page((0, 0, 1, 0.4), (0.6, 0.5, 0.1, 0.3))
+    shapes = boxes((0.3, 0.2), (0.2, 0.35), (0.25, 0.25))
+    asked = PackOptions(resolution=256, padding=4, rotate=rotate)
+    found = find_room(shapes, [used], asked, exact=True)
+    assert found is not None
+    assert found.scale == 1.0
+    charts = [found.uv[4 * k : 4 * k + 4] for k in range(3)]
+    for k, chart in enumerate(charts):
+        size = np.sort(np.ptp(chart, axis=0))
+        assert size == pytest.approx(np.sort(np.ptp(shapes.points[4 * k : 4 * k + 4], axis=0)))
+        assert chart.min() >= asked.border / 256
+        assert chart.max() <= 1 - asked.border / 256
+    placed = [dense(used[:2].reshape(-1, 2)), dense(used[2:].reshape(-1, 2)), *map(dense, charts)]
+    for i, a in enumerate(placed):
+        for b in placed[max(i + 1, 2) :]:
+            assert cKDTree(a).query(b)[0].min() >= asked.gap / 256
+
+
+def test_charts_shrink_alike_or_are_refused() -> None:
+    used = page((0, 0, 1, 0.75))
+    shapes = boxes((0.5, 0.5), (0.1, 0.1))
+    assert find_room(shapes, [used], ASKED, exact=True) is None
+    found = find_room(shapes, [used], ASKED, exact=False)
+    assert found is not None
+    assert 0.35 < found.scale < 0.5
+    assert np.ptp(found.uv[:4], axis=0) == pytest.approx([0.5 * found.scale] * 2)
+    assert np.ptp(found.uv[4:], axis=0) == pytest.approx([0.1 * found.scale] * 2)
+    assert find_room(shapes, [page((0, 0, 1, 1))], ASKED, exact=False) is None
+
+
+def test_a_second_page_takes_what_the_first_has_no_room_for() -> None:
+    found = find_room(boxes((0.4, 0.4)), [page((0, 0, 1, 1)), page((0, 0, 0.5, 1))], ASKED, True)
+    assert found is not None
+    assert found.page.tolist() == [1]
+    assert 1.5 < found.uv[:, 0].min() <= found.uv[:, 0].max() < 2
+
+
+def test_many_small_charts_find_room() -> None:
+    shapes = boxes(*[(0.03, 0.05)] * 150)
+    found = find_room(shapes, [page((0, 0, 1, 0.5))], PackOptions(resolution=256, padding=1), True)
+    assert found is not None
+    low = found.uv.reshape(150, 4, 2).min(1)
+    assert found.uv[:, 1].min() > 0.5
+    assert cKDTree(low).query(low, 2)[0][:, 1].min() > 0.03
+
+
+def test_what_is_free_is_told_in_pages() -> None:
+    assert free_share([page((0, 0, 1, 0.5)), page((0, 0, 0.25, 1))], ASKED) == pytest.approx(
+        1.25, abs=0.02
+    )

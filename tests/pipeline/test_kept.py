@@ -1,0 +1,201 @@
+"""A page in use: what is selected gets new charts where room is, every other corner stays to the last bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.errors import InputError, NoResultError, OptionError
+from circparam.formats.io import read
+from circparam.formats.memory import from_arrays
+from circparam.pipeline.summary import summarise
+from tests.support import shapes
+from tests.support.named import named_scene
+
+QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
+
+
+def corners(path: Path) -> np.ndarray:
+    uvmap = read(path).uv()
+    assert uvmap is not None
+    return np.where(uvmap.uv_faces[:, :, None] >= 0, uvmap.uv[uvmap.uv_faces], np.nan)
+
+
+def top(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    middle = points[faces].mean(1)
+    return np.asarray(middle[:, 2] > middle[:, 2].max() - 1e-6)
+
+
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cube of 192 faces with a layout that fills a part of its page."""
+    folder = tmp_path_factory.mktemp("kept")
+    points, faces = shapes.cube(4)
+    circparam.unwrap((points, faces), folder / "a.obj", texel_density=90, **QUICK)
+    for ending in ("glb", "ply"):
+        circparam.unwrap((points, faces), folder / f"a.{ending}", texel_density=90, **QUICK)
+    return folder
+
+
+@pytest.mark.parametrize("ending", ["obj", "glb", "ply"])
+def test_only_moves_no_other_corner_by_a_bit(cube: Path, tmp_path: Path, ending: str) -> None:
+    path, out = cube / f"a.{ending}", tmp_path / f"b.{ending}"
+    mesh = read(path).mesh
+    chosen = top(mesh.points, mesh.faces)
+    report = summarise(circparam.unwrap(path, out, only=chosen, keep_page=True, **QUICK))
+    assert (report["status"], report["flips"], report["overlap"]) == ("ok", 0, 0)
+    assert report["kept"]["faces"] == chosen.sum()
+    assert report["kept"]["texel_density"] == pytest.approx(
+        report["kept"]["kept_density"], rel=0.02
+    )
+    before, after = corners(path), corners(out)
+    if len(before) == len(after):
+        assert np.array_equal(before[~chosen], after[~chosen])
+        assert (before[chosen] != after[chosen]).any()
+    gap = report["gap_texels"]
+    assert gap is None or gap >= 5
+
+
+def test_new_charts_shrink_where_the_page_is_full_and_keep_page_refuses(
+    cube: Path, tmp_path: Path
+) -> None:
+    points, faces = shapes.grid(9, 9)
+    full = tmp_path / "full.obj"
+    circparam.unwrap((points, faces), full, **QUICK)
+    chosen = (np.abs(points[faces].mean(1)[:, :2] - 0.5) < 0.3).all(1)
+    report = summarise(circparam.unwrap(full, tmp_path / "o.obj", only=chosen, padding=12, **QUICK))
+    assert report["kept"]["texel_density"] < 0.97 * report["kept"]["kept_density"]
+    assert any("density of the others" in note for note in report["notes"])
+    assert report["overlap"] == 0
+    with pytest.raises(NoResultError, match=r"% are missing"):
+        circparam.unwrap(full, tmp_path / "p.obj", only=chosen, padding=12, keep_page=True, **QUICK)
+    assert not (tmp_path / "p.obj").exists()
+
+
+def test_faces_without_uv_get_some_beside_the_others(tmp_path: Path) -> None:
+    """A part that was added to a mesh with a layout."""
+    points, faces = shapes.cube(2)
+    a, b = tmp_path / "a.obj", tmp_path / "b.obj"
+    circparam.unwrap((points, faces), a, texel_density=60, **QUICK)
+    text = a.read_text()
+    n = len(points)
+    more = "".join(f"v {x} {y} {z}\n" for x, y, z in (points * 0.5 + 9).tolist())
+    more += "g added\n" + "".join(f"f {i} {j} {k}\n" for i, j, k in (faces + n + 1).tolist())
+    b.write_text(text + more)
+    report = summarise(circparam.unwrap(b, tmp_path / "c.obj", only="group=added", **QUICK))
+    assert (report["status"], report["missing"], report["overlap"]) == ("ok", 0, 0)
+    assert np.array_equal(corners(a), corners(tmp_path / "c.obj")[: len(faces)])
+
+
+def test_faces_that_stay_without_uv_stay_so_and_are_told(cube: Path, tmp_path: Path) -> None:
+    points, faces = shapes.cube(4)
+    uvmap = read(cube / "a.obj").uv()
+    holes = uvmap.uv_faces.copy()
+    holes[:5] = -1
+    document = from_arrays(points, faces, uv=uvmap.uv, uv_faces=holes)
+    chosen = top(points, faces)
+    chosen[:5] = False
+    result = circparam.unwrap(document, only=chosen, **QUICK)
+    assert result.verification.missing == 5
+    assert result.status == "degraded"
+
+
+def test_names_select_and_wrong_ones_are_answered_with_near_ones(tmp_path: Path) -> None:
+    obj, glb = named_scene(tmp_path)
+    for path in (obj, glb):
+        circparam.unwrap(path, path, overwrite=True, texel_density=40, **QUICK)
+        document = read(path)
+        third = len(document.mesh.faces) // 3
+        for name in ("material=face", "group=head", "node=Head"):
+            result = circparam.unwrap(document, only=name, **QUICK)
+            assert result.kept.fresh.sum() == third
+        both = circparam.unwrap(document, only="material=face,sole", **QUICK)
+        assert both.kept.fresh.sum() == 2 * third
+        with pytest.raises(OptionError, match="did you mean face"):
+            circparam.unwrap(document, only="material=fase", **QUICK)
+    with pytest.raises(OptionError, match="material=NAME"):
+        circparam.unwrap(read(obj), only="materail=face", **QUICK)
+    # a node above others has their faces
+    assert circparam.unwrap(read(glb), only="node=Body", **QUICK).kept.fresh.sum() == 2 * third
+    with pytest.raises(OptionError, match="names no materials"):
+        circparam.unwrap(shapes_with_uv(), only="material=face", **QUICK)
+
+
+def shapes_with_uv():
+    points, faces = shapes.grid(3, 3)
+    return from_arrays(points, faces, uv=points[:, :2] / 2, uv_faces=faces)
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({"only": [10**6]}, "names face 1000000"),
+        ({"only": [0.5]}, "whole numbers"),
+        ({"only": np.ones(3, bool)}, "mask"),
+        ({"only": np.ones(8, bool)}, "all faces"),
+        ({"only": np.zeros(8, bool)}, "no face is selected"),
+        ({"only": [0], "pages": 2}, "the pages are those in use"),
+        ({"only": [0], "stack": "identical"}, "stack lays out"),
+        ({"only": [0], "lightmap": True}, "one atlas"),
+        ({"only": [0], "normalize": False}, "normalize"),
+        ({"keep_page": True}, "needs"),
+        ({"lock": [0]}, "circparam pack"),
+    ],
+)
+def test_selections_that_make_no_sense_are_refused(given: dict, match: str) -> None:
+    document = shapes_with_uv()
+    with pytest.raises(OptionError, match=match):
+        circparam.unwrap(document, **(QUICK | given))
+
+
+def test_a_file_without_uv_has_no_page_in_use() -> None:
+    with pytest.raises(InputError, match="no uv set"):
+        circparam.unwrap(shapes.grid(3, 3), only=[0], **QUICK)
+
+
+def test_numbers_count_polygons_as_the_file_does(tmp_path: Path) -> None:
+    path = tmp_path / "quads.obj"
+    path.write_text(
+        "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\n"
+        "vt 0 0\nvt .2 0\nvt .4 0\nvt 0 .2\nvt .2 .2\nvt .4 .2\n"
+        "f 1/1 2/2 5/5 4/4\nf 2/2 3/3 6/6 5/5\n"
+    )
+    result = circparam.unwrap(path, only=[1], **QUICK)
+    assert result.surface.source[result.kept.fresh].tolist() == [2, 3]
+
+
+def test_pack_moves_no_locked_chart_and_packs_the_others_round_it(tmp_path: Path) -> None:
+    parts = [shapes.grid(3, 3), shapes.grid(4, 3, 1.5), shapes.grid(3, 5, 0.7)]
+    points, faces = shapes.join(*parts)
+    path, out = tmp_path / "a.obj", tmp_path / "b.obj"
+    circparam.unwrap((points, faces), path, texel_density=100, **QUICK)
+    before = corners(path)
+    result = circparam.repack(path, out, lock=[0], padding=8, resolution=512, jobs=1)
+    after = corners(out)
+    locked = np.arange(len(faces)) < len(parts[0][1])
+    assert np.array_equal(before[locked], after[locked])
+    assert (before[~locked] != after[~locked]).any()
+    edge = np.linalg.norm(np.diff(before, axis=1), axis=2)
+    assert np.linalg.norm(np.diff(after, axis=1), axis=2) == pytest.approx(edge, rel=1e-5)
+    assert result.verification.overlap == 0
+    assert result.verification.coverage.gap >= 9
+    with pytest.raises(OptionError, match="every chart"):
+        circparam.repack(path, lock=np.ones(len(faces), bool))
+
+
+def test_a_layout_that_overlaps_new_charts_would_be_found(cube: Path) -> None:
+    """The verifier looks at the whole page: a chart pushed onto one that stays is an overlap."""
+    points, faces = shapes.cube(4)
+    chosen = top(points, faces)
+    result = circparam.unwrap(cube / "a.obj", only=chosen, **QUICK)
+    from circparam.mesh.mesh import UVMap
+    from circparam.pipeline.result import verify_layout
+
+    uv = result.uv[result.uv_faces].copy()
+    uv[chosen] += uv[~chosen].reshape(-1, 2).mean(0) - uv[chosen].reshape(-1, 2).mean(0)
+    own = UVMap(uv.reshape(-1, 2), np.arange(uv.size // 2).reshape(-1, 3))
+    found = verify_layout(result.surface, own, result.options, kept=result.kept)
+    assert found.overlap > 0
