@@ -201,8 +201,7 @@ def verify(
     coordinates may leave the unit square). padding: gaps are looked for up to a little more than this. tiles:
     (faces of the mesh,) int, faces of different tiles are in different atlases, which share the plane; tile t
     is laid out t units to the right. most_pages: of a layout on more, nothing is rasterised. declared: what may
-    lie on what, or what lay there before; only charts that lie there whole are allowed to.
-    Raises InputError where no face has uv that are numbers.
+    lie on what, whole charts only, or what lay there before. Raises InputError where no face has finite uv.
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
@@ -220,9 +219,9 @@ def verify(
     overlapping, pairs = _overlapping(cut_mesh, uv, laid)
     pages = len(np.unique(pages_of(cut_mesh, uv)[laid]))
     side = resolution if most_pages is None or pages <= most_pages else None
+    old = _staying(cut_mesh, declared)
     part, vertices, faces = cut_mesh.subset(used)
     points = uv[vertices]
-    old = declared.charts(cut_mesh) if isinstance(declared, Staying) else None
     alike = points if own is None else _at_best_scales(part, points, own[faces])
     return Verification(
         surface=surface,
@@ -246,6 +245,11 @@ def verify(
         stacked=np.flatnonzero(stacked),
         resolution=resolution,
     )
+
+
+def _staying(cut_mesh: CutMesh, declared: Declared | Staying | None) -> BoolArray | None:
+    """(n_charts,) bool: charts that lay there before."""
+    return declared.charts(cut_mesh) if isinstance(declared, Staying) else None
 
 
 def _between(surface: Surface, own: IntArray | None) -> BoolArray:
