@@ -30,6 +30,7 @@ from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import open_source, target_format, write_options
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.look_options import LookOptions
+from circparam.pipeline.named_numbers import EVEN, SOURCE
 from circparam.pipeline.options import AUTO, DEFAULT_RESOLUTION, Options, from_keywords
 from circparam.pipeline.result import Result, promise, verify_layout
 from circparam.pipeline.save import save
@@ -38,7 +39,19 @@ from circparam.pipeline.verify import reasons
 
 # options that a second packing of the same charts has in common with the first
 PACKING = (
-    *("resolution", "padding", "rotate", "effort", "uv_set", "overwrite_uv", "ply_uv", "lightmap"),
+    *(
+        "resolution",
+        "padding",
+        "rotate",
+        "orient",
+        "up",
+        "group_by",
+        "effort",
+        "uv_set",
+        "overwrite_uv",
+        "ply_uv",
+        "lightmap",
+    ),
     *("copy_assets", "repair", "weld", "overwrite", "jobs", "timeout", "format"),
 )
 # formats that can be written with the materials of each format
@@ -155,11 +168,14 @@ def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monit
     grows = options.padding in (None, AUTO)
     # a texel more, since half of a page has half of its padding and a coarser raster
     padding = auto_padding(size) + 1 if free and grows else options.padding
-    asked = replace(options, resolution=size, padding=padding)
+    named = not (options.density is None or str(options.density) in (EVEN, SOURCE))
+    asked = replace(
+        options, resolution=size, padding=padding, density=options.density if named else None
+    )
     result = unwrap_document(document, None, asked, monitor)
     sized = None
-    if options.drop_floaters is None:
-        even = look.density != "source"
+    if options.drop_floaters is None and not named:
+        even = str(options.density) != SOURCE
         sized = chart_sizes(source, UVMap(result.uv, result.uv_faces), size, even)
     if sized is not None:
         packing = Options(**{name: getattr(asked, name) for name in PACKING}, cut="none")
@@ -168,7 +184,8 @@ def laid_out(source: Source, options: Options, look: LookOptions, monitor: Monit
         result = replace(again, work="unwrap", effort=result.effort, repairs=repairs)
     if free:
         result = _at_size(result, needed_size(source, UVMap(result.uv, result.uv_faces)), grows)
-    return result if sized is None else _in_own_sizes(result, sized.factor, asked)
+    said = replace(asked, density=options.density)
+    return result if sized is None else _in_own_sizes(result, sized.factor, said)
 
 
 def _in_own_sizes(result: Result, factor: FloatArray, asked: Options) -> Result:
@@ -252,8 +269,6 @@ def bake_all(
     output can't hold the materials, InputError where the two are not the same triangles or images can't be
     carried.
     """
-    if look.density is not None:
-        raise OptionError("--density has no effect here: the layout is there; leave it out")
     layout = document.require_uv(uv_set)
     origin = source or document
     name = format_of(output)
@@ -288,7 +303,9 @@ def check_page(options: Options, look: LookOptions) -> None:
         raise OptionError("--rebake needs a packed page: leave --no-normalize out")
     if options.grouped or options.pages not in (None, 1) or options.scale is False:
         raise OptionError("--rebake draws one page: leave --pages, --group-by and --no-scale out")
-    if look.density == "source" and options.drop_floaters is not None:
+    if options.pages_by is not None:
+        raise OptionError("--rebake draws one page: give --group-by in place of --pages-by")
+    if str(options.density) == SOURCE and options.drop_floaters is not None:
         raise OptionError(
             "--density source has no effect on what --drop-floaters leaves out: leave one out"
         )

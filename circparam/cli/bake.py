@@ -65,7 +65,6 @@ Examples:
     help="Side of the image; auto, with --all: as sharp as the old ones.  [default: 2048; auto with --all]",
 )
 @common.library_option("merge_materials", LookOptions)
-@common.library_option("density", LookOptions)
 @common.library_option("keep_tiled", LookOptions)
 @common.library_option("samples", LookOptions)
 @common.library_option("check_look", LookOptions)
@@ -124,7 +123,6 @@ def _check_words(given: dict[str, Any], look: LookOptions) -> None:
         raise OptionError("--size auto has no effect here: it needs --all; give a number")
     for flag, value in {
         "--merge-materials": look.merge_materials,
-        "--density": look.density,
         "--keep-tiled": look.keep_tiled,
         "--samples": look.samples,
         "--check-look": look.check_look,

@@ -27,6 +27,11 @@ Examples:
     common.named_format_option,
     common.library_option("reader"),
     common.library_options("packing"),
+    common.library_option(
+        "group_by",
+        type=click.Choice(["material", "node", "group"]),
+        help="Charts of each lie together.",
+    ),
     common.library_option("lock"),
     common.library_option("uv_set"),
     common.library_option("ply_uv"),

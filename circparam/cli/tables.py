@@ -86,7 +86,10 @@ def unwrap_table(report: dict[str, Any], verbose: int = 0) -> Table:
     if report["pack"] is not None:
         pages = "the page" if report["pages"] == 1 else f"{report['pages']} pages"
         row("packed", f"{100 * report['pack']:.1f} % of {pages}")
-    _density_row(row, report)
+    for name, text in _densities(report):
+        row(name, plain(text))
+    for name, text in _groups(report):
+        row(name, plain(text))
     for name, value in _look(report.get("look")):
         row(name, value)
     row("time", f"{report['seconds']:.2f} s")
@@ -265,7 +268,8 @@ def _uv_rows(row: Callable[[str, object], None], uv: dict[str, Any]) -> None:
     row("seam length", _seams(uv))
     if uv["pack"] is not None:
         row("packed", f"{100 * uv['pack']:.1f} %")
-    _density_row(row, uv)
+    for name, text in _densities(uv):
+        row(name, text)
     for line in uv["faults"]:
         row("fault", line)
 
@@ -285,11 +289,23 @@ def _thin(report: dict[str, Any]) -> str:
     return f", {thin} thinner than 8 texels" if thin else ""
 
 
-def _density_row(row: Callable[[str, object], None], report: dict[str, Any]) -> None:
-    """Texels per unit of the charts with the fewest and the most."""
+def _densities(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
+    """Texels per unit of the charts with the fewest and the most, and of what --density names."""
     least, most = report.get("density_min"), report.get("density_max")
     if least is not None and most is not None:
-        row("texels a unit", f"{least:.4g} to {most:.4g}")
+        yield "texels a unit", f"{least:.4g} to {most:.4g}"
+    for part in report.get("density") or ():
+        asked = f"density {part['got']:.3f}, {part['asked']:.3f} asked"
+        yield f"  {plain(part['name'])}", f"{part['texels']:.4g}: {asked}"
+
+
+def _groups(report: dict[str, Any]) -> Iterable[tuple[str, str]]:
+    """Where each of the groups lies that have pages of their own or lie together."""
+    for group in report.get("groups") or ():
+        pages = f"{plural(len(group['pages']), 'page')} {', '.join(map(str, group['pages']))}"
+        u0, v0, u1, v1 = group["box"]
+        box = f"u {u0:.3f} to {u1:.3f}, v {v0:.3f} to {v1:.3f}"
+        yield f"  {plain(group['name'])}", f"{counted(group['charts'], 'chart')} on {pages}, {box}"
 
 
 def _tail(report: dict[str, Any]) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.words import listed
-from circparam.formats.document import Document
+from circparam.formats.document import Document, Named
 from circparam.formats.looks import Carried, Looks, Material, Slot
 from circparam.formats.source import Source
 from circparam.formats.table import takes_unshare
@@ -62,6 +62,19 @@ class JoinedDocument(Document):
     def faces_of(self, k: int) -> slice:
         """The faces of a file."""
         return slice(int(self.first_face[k]), int(self.first_face[k + 1]))
+
+    def named(self, kind: str) -> Named | None:
+        """The names of all files; the same name in two files is one."""
+        label = np.zeros(len(self.mesh.faces), np.int64)
+        names: list[tuple[str, int]] = []
+        count = 1  # 0 is for files without names
+        for k, part in enumerate(self.parts):
+            if (found := part.named(kind)) is None:
+                continue
+            label[self.faces_of(k)] = np.maximum(found.label + count, 0)
+            names += [(name, number + count) for name, number in found.names]
+            count += int(found.label.max(initial=0)) + 1
+        return Named(label, tuple(names)) if names else None
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """The layouts of a set of all files, which may lie on each other; −1 where a file has no such set."""

@@ -72,6 +72,11 @@ def read_lengths(path: str | os.PathLike[str]) -> FloatArray:
     return _numbers(path, 1, "a length")[:, 0]
 
 
+def read_densities(path: str | os.PathLike[str]) -> FloatArray:
+    """(f,): one density a line. Raises InputError where a line holds something else."""
+    return _numbers(path, 1, "a density")[:, 0]
+
+
 def read_seams(path: str | os.PathLike[str]) -> IntArray:
     """(s, 2) vertex pairs: two numbers a line, or the ``l`` elements of an OBJ.
 

@@ -69,7 +69,7 @@ def chart_widths(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
 
 def chart_densities(surface: Surface, cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """(n_charts,) length in uv per unit of the mesh, in the mean over each chart; NaN for one without area."""
-    area = group_sum(surface.areas, cut_mesh.chart, cut_mesh.n_charts)
+    area = group_sum(surface.true_areas, cut_mesh.chart, cut_mesh.n_charts)
     with np.errstate(divide="ignore", invalid="ignore"):
         result: FloatArray = np.sqrt(np.where(area > 0, _uv_areas(cut_mesh, uv) / area, np.nan))
     return result

@@ -30,6 +30,8 @@ class Surface:
     first: (m,) int64, the corner of the file's face that corner 0 is; None where it is that face's own first.
     torn: (t, 2) int64, pairs of half-edges that repair let go because the component has one side only. Both run
     the same way along their edge; the cut between them is a seam like any other, though no pair.
+    density: (m,) positive, how dense the texels of each face are to be beside others; None where all are alike.
+    dense: shapes and areas are those at the density, as layouts are compared with them.
     """
 
     points: FloatArray
@@ -42,6 +44,8 @@ class Surface:
     price: FloatArray | None = None
     first: IntArray | None = None
     weighted: bool = False
+    density: FloatArray | None = None
+    dense: bool = False
 
     @cached_property
     def file_corners(self) -> IntArray:
@@ -74,13 +78,32 @@ class Surface:
 
     @cached_property
     def rest_triangles(self) -> FloatArray:
-        """(m, 3, 2): every face laid isometrically in the plane."""
-        return laid_flat(self.points, self.faces)
+        """(m, 3, 2): every face laid isometrically in the plane; of a dense surface times its density."""
+        flat = laid_flat(self.points, self.faces)
+        if not self.dense or self.density is None:
+            return flat
+        scaled: FloatArray = flat * self.density[:, None, None]
+        return scaled
 
     @cached_property
     def areas(self) -> FloatArray:
         """(m,) area of each face."""
         return self.rest_triangles[:, 1, 0] * self.rest_triangles[:, 2, 1] / 2
+
+    @property
+    def true_areas(self) -> FloatArray:
+        """(m,) area of each face in space, whatever its density."""
+        if not self.dense or self.density is None:
+            return self.areas
+        result: FloatArray = self.areas / self.density**2
+        return result
+
+    def at_density(self) -> Surface:
+        """The surface with faces as large as their density asks, which layouts are compared with.
+
+        Seams are found on the plain one: they run between densities and depend on them no further.
+        """
+        return self if self.density is None or self.dense else replace(self, dense=True)
 
     @cached_property
     def normals(self) -> FloatArray:
@@ -201,6 +224,8 @@ class Surface:
             None if self.price is None else np.tile(self.price, count),
             None if self.first is None else np.tile(self.first, count),
             self.weighted,
+            None if self.density is None else np.tile(self.density, count),
+            self.dense,
         )
 
     def compact(self) -> Surface:
@@ -229,4 +254,6 @@ class Surface:
             price=None if self.price is None else self.price[inside],
             first=None if self.first is None else self.first[fid],
             weighted=self.weighted,
+            density=None if self.density is None else self.density[fid],
+            dense=self.dense,
         )

@@ -86,8 +86,9 @@ def fills_page(o: Any) -> bool:
     """Whether charts may be cut where a fuller page is worth the seam."""
     from circparam.methods import METHODS
 
-    one = o.packed and o.cut == "charts" and not o.grouped and o.only is None
-    free = o.scale is not False and o.rotate in (None, "free")
+    one = o.packed and o.cut == "charts" and not o.grouped and o.sorted_by is None
+    one = one and o.only is None
+    free = o.scale is not False and o.turns in (None, "free")
     return bool(
         one and free and o.symmetry is None and "convex-boundary" not in METHODS[o.method].tags
     )
@@ -117,6 +118,12 @@ def with_page_in_use(o: Any, name: str) -> str | None:
         return "--drop-floaters lays out the whole mesh anew"
     if o.stack in ("identical", "mirrored"):
         return "--stack lays out the whole mesh anew"
+    if o.sorted_by is not None:
+        return f"--{'pages' if o.pages_by else 'group'}-by sorts all charts anew"
+    if o.density is not None:
+        return "--density sizes all charts anew, and the page has its density"
+    if o.orient == "up":
+        return "--orient turns all charts anew"
     return with_packing(o, name)
 
 
@@ -131,6 +138,22 @@ def with_kept(o: Any, name: str) -> str | None:
     return None if there else "it needs --only, or --lock of circparam pack"
 
 
+def with_own_pages(o: Any, name: str) -> str | None:
+    """Only where each group may have a page of its own."""
+    if o.pages is not None:
+        return "there are as many pages as groups, not as --pages says"
+    if o.group_by not in (None, "scene"):
+        return "--group-by says already where charts lie"
+    return with_packing(o, name)
+
+
+def with_orient(o: Any, name: str) -> str | None:
+    """Only where packing does not turn charts by any angle."""
+    if o.orient == "up" and o.rotate == "free":
+        return "--rotate free turns charts by any angle"
+    return with_packing(o, name)
+
+
 def with_target(o: Any, name: str) -> str | None:
     """Only beside the set that it speaks of."""
     return None if o.target_set is not None else "it allows to replace the set of --uv-set"
@@ -138,6 +161,8 @@ def with_target(o: Any, name: str) -> str | None:
 
 def with_atlases(o: Any, name: str) -> str | None:
     """Only where there can be an atlas for each group."""
+    if not o.grouped:
+        return with_packing(o, name)
     fits = o.packed and o.cut != "none"
     return None if fits else "an atlas for each group needs seams and packing"
 

@@ -84,7 +84,7 @@ def _key(job: Job) -> str:
             digest.update(name.encode())
             add(getattr(job.options, name))
     mesh = job.document.mesh
-    for part in (mesh.points, mesh.faces, mesh.polygons, mesh.groups):
+    for part in (mesh.points, mesh.faces, mesh.polygons, mesh.groups, job.surface.density):
         add(part)
     for number in job.document.uv_sets:
         uvmap = job.document.uv(number)

@@ -23,6 +23,7 @@ from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.methods.base import MethodOptions
 from circparam.packing.options import PackOptions, pages_needed, too_dense
+from circparam.pipeline.groups import find_groups
 from circparam.pipeline.options import AUTO, Options
 from circparam.pipeline.seam_weights import edge_weights
 from circparam.pipeline.verify import uv_seams
@@ -98,18 +99,8 @@ def seam_options(
     )
     if o.sharp is not None:
         given["sharp"] = o.sharp * np.pi / 180
-    groups = document.mesh.groups
-    several = groups is not None and len(np.unique(groups)) > 1
-    if o.cut_materials and not several:
-        raise OptionError("--cut-materials has no effect: the file has one material; leave it out")
-    if several and o.cut_materials is not False and o.cut != "none":
-        given |= {"groups": groups, "cut_groups": True}
-    if o.grouped:
-        atlases = document.labels(str(o.group_by))
-        both = atlases
-        if groups is not None and "groups" in given:
-            both = atlases * (int(groups.max()) + 1) + groups
-        given |= {"groups": both, "cut_groups": True}
+    if (labels := _cut_between(document, surface, o)) is not None:
+        given |= {"groups": labels, "cut_groups": True}
     for name, pairs in (("cut", o.seams), ("no_cut", o.no_seams)):
         if pairs is not None:
             given[name] = repair_report.weld[_vertex_pairs(pairs, len(repair_report.weld))]
@@ -121,6 +112,32 @@ def seam_options(
             raise OptionError("--keep-uv-seams: the file has no uv to start from; leave it out")
         given["start"] = uv_seams(surface, uvmap)
     return SeamOptions(**given, search=Search(draft=o.draft))
+
+
+def _cut_between(document: Document, surface: Surface, o: Options) -> IntArray | None:
+    """(m,) label of each face of the mesh, where edges between two labels are seams; None for no such edges.
+
+    Labels differ between materials, atlases, groups and densities.
+    """
+    groups = document.mesh.groups
+    several = groups is not None and len(np.unique(groups)) > 1
+    if o.cut_materials and not several:
+        raise OptionError("--cut-materials has no effect: the file has one material; leave it out")
+    kinds = []
+    if several and o.cut_materials is not False and o.cut != "none":
+        kinds.append(groups)
+    if o.grouped:
+        kinds.append(document.labels(str(o.group_by)))
+    if o.sorted_by is not None and o.cut != "none":
+        kinds.append(find_groups(document, o.sorted_by, o.pages_by is not None).label)
+    if surface.density is not None and o.cut != "none":
+        dense = np.zeros(len(document.mesh.faces))
+        dense[surface.source] = surface.density
+        kinds.append(np.unique(dense, return_inverse=True)[1].reshape(-1))
+    out: IntArray | None = None
+    for label in kinds:
+        out = label if out is None or label is None else out * (int(label.max()) + 1) + label
+    return out
 
 
 def check_scene(document: Document, o: Options) -> None:
@@ -163,7 +180,8 @@ def method_options(o: Options) -> MethodOptions:
 def pack_options(o: Options) -> PackOptions:
     """What packing needs to know."""
     given = _given(o, [f.name for f in dataclasses.fields(PackOptions)])
-    return PackOptions(**given | {"padding": o.padding_texels, "effort": o.packing_effort})
+    known = {"padding": o.padding_texels, "effort": o.packing_effort, "rotate": o.turns or "free"}
+    return PackOptions(**given | known)
 
 
 def padding_note(padding: int) -> str:
@@ -197,7 +215,7 @@ def check_density(surface: Surface, o: Options, name: str) -> None:
     ):
         return  # each group has its own pages, or nothing holds charts to the bound
     asked = pack_options(o)
-    area = float(surface.areas.sum()) * o.texel_density**2 / o.bound
+    area = float(surface.at_density().areas.sum()) * o.texel_density**2 / o.bound
     least = pages_needed(area, asked)
     if least > asked.pages:
         raise OptionError(f"{name}: {too_dense(area, asked)}")

@@ -15,6 +15,7 @@ from circparam.mesh.surface import Surface
 from circparam.methods import METHODS
 from circparam.pipeline.cascade import FAULTY, Cascade, CascadeRules
 from circparam.pipeline.configure import method_options, seam_options
+from circparam.pipeline.density import check_whole
 from circparam.pipeline.job import Job
 from circparam.pipeline.options import Options
 from circparam.pipeline.pinned import pins_of
@@ -55,11 +56,13 @@ def _worth_beginning(monitor: Monitor) -> None:
 
 def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
     """The layout of the method, or the one that the seams come with where that is the same thing."""
-    options = job.options
-    blank = Cascade(Atlas(job.surface, seams.cut), rules(options), notes=tuple(seams.notes))
+    options, surface = job.options, job.surface.at_density()
+    blank = Cascade(Atlas(surface, seams.cut), rules(options), notes=tuple(seams.notes))
     plain = options.method == "isometric" and not (options.blend or options.pins is not None)
+    if options.cut == "none":
+        check_whole(blank.open()[0], surface, job.document.source.name)
     if plain and seams.uv is not None:
-        return replace(blank, atlas=Atlas(job.surface, seams.cut, seams.uv))
+        return replace(blank, atlas=Atlas(surface, seams.cut, seams.uv))
     try:
         with clock.bounded(monitor.last if options.cut == "charts" else None):
             return _flatten(job, blank, monitor)
@@ -67,7 +70,7 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
         if options.cut != "charts":
             raise
         monitor.late |= isinstance(error, OutOfTimeError)
-        atlas = Atlas(job.surface, seams.cut, _no_layout(job.surface))
+        atlas = Atlas(surface, seams.cut, _no_layout(surface))
         return replace(blank, atlas=atlas).repaired(
             f"--method {options.method} failed at first ({error})"
         )

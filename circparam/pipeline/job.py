@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.arrays import FloatArray, IntArray, group_max
 from circparam.core.monitor import Monitor
 from circparam.core.words import counted
 from circparam.errors import InputError, OptionError
@@ -28,9 +28,12 @@ from circparam.pipeline.configure import (
     tiles_of,
     write_options,
 )
+from circparam.pipeline.density import Density, find_density
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
+from circparam.pipeline.groups import Groups, find_groups
 from circparam.pipeline.kept import Kept, find_lock, find_only
 from circparam.pipeline.options import Options
+from circparam.pipeline.place import Sorting
 from circparam.pipeline.stacks import Stacks, find_stacks
 from circparam.pipeline.verify import Declared, corners_of, uv_seams
 
@@ -42,7 +45,8 @@ class Job:
     target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
     the file, None where there is one; group_by: what has one, as ``Document.group_by``. floaters: what is left
     out of the layout; the surface is without it. stacks: copies that lie on what is laid out; the surface is
-    without them. kept: what stays where it is; the surface is without it.
+    without them. kept: what stays where it is; the surface is without it. density: how dense texels are asked to
+    be, None where all are alike. groups: what has pages of its own or lies together.
     """
 
     document: Document
@@ -55,6 +59,8 @@ class Job:
     group_by: str | None = None
     stacks: Stacks | None = None
     kept: Kept | None = None
+    density: Density | None = None
+    groups: Groups | None = None
 
     @property
     def whole(self) -> Surface:
@@ -76,6 +82,22 @@ class Job:
         if not offset:
             return number
         return lambda uv: number(uv + np.array([offset, 0.0])) - [offset, 0.0]
+
+    def sorting(self, cut_mesh: CutMesh) -> Sorting | None:
+        """What charts lie together, or on pages of their own. Raises OptionError for a chart of two groups."""
+        if self.groups is None:
+            return None
+        label = self.groups.label[self.surface.source]
+        n = cut_mesh.n_charts
+        most = group_max(label.astype(np.float64), cut_mesh.chart, n)
+        mixed = np.flatnonzero(most > -group_max(-label.astype(np.float64), cut_mesh.chart, n))
+        if len(mixed):
+            raise OptionError(
+                f"{self.document.source.name}: {counted(len(mixed), 'chart')} with faces of several "
+                f"{self.groups.kind}s, the first is chart {int(mixed[0])}: cut between them with "
+                "circparam unwrap"
+            )
+        return Sorting(np.unique(most, return_inverse=True)[1].reshape(-1), self.groups.pages)
 
     def completed(self, cut_mesh: CutMesh, uv: FloatArray, double: bool = False) -> UVMap:
         """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too.
@@ -120,7 +142,10 @@ def prepare(
             check_place(output, document, target, options.overwrite)
     with monitor.stage("repair"):
         allowed = RepairOptions(options.weld or 0.0, options.repair, by_position=True)
+        density = find_density(document, options.density)
         surface, report = repair(document.mesh, allowed, uvmap)
+        if density is not None:
+            surface = replace(surface, density=density.value[surface.source])
         floaters = None
         if options.drop_floaters is not None:
             surface, floaters = find_floaters(document, surface, options.drop_floaters)
@@ -130,10 +155,16 @@ def prepare(
         group_by = document.group_by(options.uv_set or 0)
     tiles = tiles_of(document, group_by, options)
     with monitor.stage("repair"):
-        surface, stacks = find_stacks(document, surface, report, options, tiles)
+        groups = None
+        if options.sorted_by is not None:
+            groups = find_groups(document, options.sorted_by, options.pages_by is not None)
+        surface, stacks = find_stacks(document, surface, report, options, tiles, groups)
         surface, kept = _staying(document, surface, options, uvmap, tiles)
     check_density(surface, options, document.source.name)
-    return Job(document, options, target, surface, report, tiles, floaters, group_by, stacks, kept)
+    return Job(
+        document, options, target, surface, report, tiles, floaters, group_by, stacks, kept,
+        density, groups,
+    )  # fmt: skip
 
 
 def _staying(

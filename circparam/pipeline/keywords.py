@@ -42,12 +42,15 @@ class Keywords(TypedDict, total=False):
     padding: int | Literal["auto"] | None
     pages: int | None
     texel_density: float | None
+    density: Any
     rotate: Literal["free", "90", "none"] | None
     effort: float | str | None
     stack: Literal["off", "identical", "mirrored"] | None
     stack_offset: bool | None
     keep_page: bool | None
     lock: Any
+    pages_by: Literal["material", "node", "group"] | None
+    orient: Literal["up", "none"] | None
     scale: bool | None
     normalize: bool | None
     uv_set: int | None
@@ -56,7 +59,7 @@ class Keywords(TypedDict, total=False):
     up: Literal["auto", "y", "z"] | None
     copy_assets: bool | None
     lightmap: bool | None
-    group_by: Literal["primitive", "mesh", "scene"] | None
+    group_by: Literal["primitive", "mesh", "scene", "material", "node", "group"] | None
     unshare: bool | None
     repair: bool
     weld: float | None

@@ -25,10 +25,6 @@ class LookOptions:
         "look", "Merge materials that differ only in textures and factors.", choices=("auto", "none"),
         shown="auto",
     )
-    density: str | None = option(
-        "look", "Texel density of charts with images: equal, or as in these; others get a few texels.",
-        choices=("even", "source"), shown="even",
-    )
     keep_tiled: bool | None = option(
         "look", "Keep materials with repeating textures, in a uv set of their own (glTF)."
     )

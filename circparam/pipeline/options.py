@@ -21,6 +21,7 @@ from circparam.core.fields import Range, check, option, specs
 from circparam.core.workers import cores
 from circparam.errors import OptionError
 from circparam.pipeline import applies
+from circparam.pipeline.named_numbers import EVEN, check_density
 
 if TYPE_CHECKING:  # importing this module loads no NumPy: the command line reads it for its help
     from circparam.core.arrays import FloatArray
@@ -210,6 +211,11 @@ class Options:
         "packing", "Texels per unit of the mesh, instead of filling the page.", metavar="D",
         bounds=limits.TEXEL_DENSITY, applies=applies.with_free_scale,
     )
+    density: Any = option(
+        "packing", "How dense beside others: all alike; as their images (--rebake); by material, group, node "
+        "or colour (#rrggbb); a file of one number a face.",
+        metavar="even|source|NAME=X,...|FILE", shown=EVEN, applies=applies.with_free_scale,
+    )
     rotate: str | None = option(
         "packing", "Angles by which charts may be rotated.", shown="free", choices=limits.ROTATIONS,
         applies=applies.with_packing,
@@ -235,6 +241,14 @@ class Options:
     lock: Any = option(
         "locking", "Charts with these faces stay, the others are packed round them.",
         metavar="material=|group=|node=NAME|FILE", applies=applies.with_given_charts,
+    )
+    pages_by: str | None = option(
+        "packing", "A page (UDIM tile) for each, all at one density.",
+        choices=("material", "node", "group"), applies=applies.with_own_pages,
+    )
+    orient: str | None = option(
+        "packing", "Turn charts so that up of the mesh is v; --rotate 90 allows quarter turns from there.",
+        shown="none", choices=("up", "none"), applies=applies.with_orient,
     )
     scale: bool | None = option(
         "packing", "Keep the chart sizes: 1 unit is 1 page.", flag="--no-scale",
@@ -267,7 +281,8 @@ class Options:
         applies=applies.with_one_atlas,
     )
     group_by: str | None = option(
-        "writing", "What shares one atlas.", shown="scene", choices=("primitive", "mesh", "scene"),
+        "writing", "What shares one atlas; charts of a material, node or group lie together on it.",
+        shown="scene", choices=("primitive", "mesh", "scene", "material", "node", "group"),
         applies=applies.with_atlases,
     )
     unshare: bool | None = option("writing", "Copy a glTF mesh for every node that uses it.")
@@ -305,6 +320,7 @@ class Options:
 
     def __post_init__(self) -> None:
         check(self)
+        check_density(self.density)
         limits.check_page(self.resolution or DEFAULT_RESOLUTION, self.padding_texels)
         if self.boundary == "polygon" and self.polygon is None:
             raise OptionError(
@@ -374,6 +390,18 @@ class Options:
     def grouped(self) -> bool:
         """Whether there is more than one atlas."""
         return self.group_by in ("primitive", "mesh")
+
+    @property
+    def sorted_by(self) -> str | None:
+        """By what charts get pages of their own or lie together: material, node or group."""
+        if self.pages_by is not None:
+            return self.pages_by
+        return self.group_by if self.group_by in ("material", "node", "group") else None
+
+    @property
+    def turns(self) -> str | None:
+        """How packing may turn charts, None for freely."""
+        return "none" if self.rotate is None and self.orient == "up" else self.rotate
 
     @property
     def packed(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,10 +12,13 @@ from circparam.geometry.distortion import best_chart_scales
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.packing import pack
+from circparam.packing.options import PackOptions
 from circparam.pipeline.cascade import KnownPacking
 from circparam.pipeline.configure import pack_options
 from circparam.pipeline.options import Options
 from circparam.pipeline.verify import reversed_charts
+
+LEVEL = 1e-9  # by which densities of pages may differ
 
 
 def chart_signs(surface: Surface, cut_mesh: CutMesh, options: Options) -> FloatArray:
@@ -56,6 +59,45 @@ def place(
     if known is not None and group is None and np.array_equal(known.before, uv):
         return Placed(known.packed.uv.copy(), known.packed.notes)
     return pack_groups(cut_mesh, uv, options, monitor, group)
+
+
+@dataclass(frozen=True, eq=False)
+class Sorting:
+    """label: (n_charts,) 0..n-1, what each chart belongs to. pages: whether each has a page, else a box."""
+
+    label: IntArray
+    pages: bool
+
+
+def pack_sorted(
+    cut_mesh: CutMesh, uv: FloatArray, options: Options, monitor: Monitor, sorting: Sorting
+) -> Placed:
+    """Charts packed at the sizes that they have, in pages or boxes of their own, all at one density."""
+    asked = pack_options(options)
+    if not sorting.pages:
+        from circparam.packing.clusters import pack_clusters
+
+        packed = pack_clusters(cut_mesh.faces, uv, cut_mesh.chart, sorting.label, asked, monitor)
+        return Placed(packed.uv, packed.notes)
+    asked, uv = replace(asked, pages=1), uv.copy()
+    parts = [cut_mesh.subset(sorting.label == k)[:2] for k in range(int(sorting.label.max()) + 1)]
+    start = uv.copy()
+
+    def packed_alone(options: PackOptions, which: IntArray) -> FloatArray:
+        """(k,) scales of the parts ``which`` (k,), packed each on its page."""
+        scale = np.zeros(len(which))
+        for at, k in enumerate(which.tolist()):
+            part, vertices = parts[k]
+            found = pack(part.faces, start[vertices], part.chart, options, monitor)
+            uv[vertices], scale[at] = found.uv + np.array([k, 0.0]), found.scale
+        return scale
+
+    scale = packed_alone(asked, np.arange(len(parts)))
+    least = float(scale.min())
+    if asked.fixed_scale is None and (scale > least * (1 + LEVEL)).any():
+        level = replace(asked, texel_density=least * asked.resolution)
+        packed_alone(level, np.flatnonzero(scale > least * (1 + LEVEL)))
+    return Placed(uv, [])
 
 
 def pack_groups(

@@ -18,7 +18,9 @@ from circparam.formats.memory import to_trimesh
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
+from circparam.pipeline.density import Density
 from circparam.pipeline.floaters import Floaters
+from circparam.pipeline.groups import Groups
 from circparam.pipeline.kept import Kept
 from circparam.pipeline.options import DEFAULT_RESOLUTION, Options
 from circparam.pipeline.stacks import Stacks
@@ -55,7 +57,8 @@ class Result:
     uv_double: uv need doubles where the format has them. tiles: (m,) atlas of each face, or None;
     group_by: what has an atlas of its own, or None.
     effort: how many searches the layout is the best of. floaters: what --drop-floaters left out, stacks: what
-    --stack laid on what; None where they were not given. advice: what other options would do
+    --stack laid on what, density: what --density asked for, groups: what --pages-by or --group-by
+    keeps together; None where they were not given. advice: what other options would do
     for the page, where that was tried.
     """
 
@@ -82,6 +85,8 @@ class Result:
     floaters: Floaters | None = None
     stacks: Stacks | None = None
     kept: Kept | None = None
+    density: Density | None = None
+    groups: Groups | None = None
     path: str | None = None
     format: str = ""
     files: list[str] = field(default_factory=list)

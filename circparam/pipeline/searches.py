@@ -90,7 +90,7 @@ def best_layout(first: Cascade, job: Job, monitor: Monitor) -> tuple[Cascade, Ef
             for found in Worker(monitor.jobs).map(searched, tasks, monitor):
                 costs.append(np.inf if found is None else found.cost)
                 if found is not None and found.cost < costs[kept]:
-                    atlas = Atlas(job.surface, found.cut, found.corners)
+                    atlas = Atlas(first.atlas.surface, found.cut, found.corners)
                     best = Cascade(atlas, rules(options), notes=found.notes, packing=found.packing)
                     kept = len(costs) - 1
             took = time.monotonic() - begun
@@ -108,7 +108,7 @@ def searched(
     try:
         asked = replace(asked, search=Search(asked.search.draft, number))
         seams = SEAMS[options.cut].function(surface, asked, own)
-        atlas = Atlas(surface, seams.cut, seams.uv)
+        atlas = Atlas(surface.at_density(), seams.cut, seams.uv)
         cascade = Cascade(atlas, rules(options), notes=tuple(seams.notes))
         cascade = with_room(cascade, options, own)
         cascade = _packed(cascade, options, own)
@@ -125,8 +125,8 @@ def searched(
 
 def _packed(cascade: Cascade, options: Options, monitor: Monitor) -> Cascade:
     """The layout with its packing, which is part of its cost; pages of several atlases are no part of it."""
-    whole = options.packed and not options.grouped and options.only is None
-    if cascade.packing is not None or not whole:
+    own = options.grouped or options.sorted_by is not None or options.only is not None
+    if cascade.packing is not None or not options.packed or own:
         return cascade
     from circparam.pipeline.fuller_page import packing
 

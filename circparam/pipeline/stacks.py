@@ -12,6 +12,7 @@ from circparam.formats.document import Document
 from circparam.geometry.congruent import Congruent, find_congruent
 from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
+from circparam.pipeline.groups import Groups
 from circparam.pipeline.options import Options
 from circparam.pipeline.verify import Declared, Verification
 
@@ -67,6 +68,7 @@ def find_stacks(
     report: RepairReport,
     options: Options,
     tiles: IntArray | None,
+    groups: Groups | None = None,
 ) -> tuple[Surface, Stacks | None]:
     """The surface of one part of each kind, and what lies on what; None where stacks were not asked for.
 
@@ -80,11 +82,13 @@ def find_stacks(
     named = _named(surface, report, options)
     shape[named] = 2 + component[named]
     kind, several = shape, False
-    for label in (document.mesh.groups, tiles):
+    dense = None if surface.density is None else np.unique(surface.density, return_inverse=True)[1]
+    own = None if groups is None else groups.label
+    for label in (document.mesh.groups, tiles, own, dense):
         if label is not None:
-            own = label[surface.source]
-            several |= bool((own != own[0]).any())
-            kind = kind * (int(own.max()) + 1) + own
+            each = label if label is dense else label[surface.source]
+            several |= bool((each != each[0]).any())
+            kind = kind * (int(each.max()) + 1) + each
     mirror = options.stack == "mirrored"
 
     def found(label: IntArray) -> Congruent:
@@ -96,7 +100,8 @@ def find_stacks(
         apart = _parts_of(component, found(shape).copy, count) - _parts_of(
             component, by.copy, count
         )
-    offset = float(options.pages or 1) if options.stack_offset else 0.0
+    pages = len(groups.names) if groups is not None and groups.pages else options.pages or 1
+    offset = float(pages) if options.stack_offset else 0.0
     copies = _parts_of(component, by.copy, count)
     stacks = Stacks(
         surface,
@@ -133,8 +138,9 @@ def stacked_figures(stacks: Stacks, found: Verification) -> dict[str, object]:
     that all parts would cover at this density. density_gain: texels per unit over those without stacks, where
     pages are covered alike.
     """
-    surface, copy = stacks.whole, stacks.declared.copy
+    surface, copy = stacks.whole.at_density(), stacks.declared.copy
     areas, cut = surface.areas, found.cut & ~copy[surface.edges[:, 0] // 3]
+    length = surface.edge_lengths[cut].sum() / np.sqrt(surface.true_areas.sum())
     share = float(areas[~copy].sum() / areas.sum())
     pack = None if found.coverage is None else found.coverage.share
     return {
@@ -146,7 +152,7 @@ def stacked_figures(stacks: Stacks, found: Verification) -> dict[str, object]:
         "offset": stacks.declared.offset,
         "charts": found.charts - len(found.stacked),
         "charts_unstacked": found.charts,
-        "seam_length": float(surface.edge_lengths[cut].sum() / np.sqrt(areas.sum())),
+        "seam_length": float(length),
         "seam_length_unstacked": found.seam_length,
         "pack": pack,
         "pack_unstacked": None if pack is None else pack * (found.pages or 1) / share,

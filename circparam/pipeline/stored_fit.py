@@ -22,8 +22,16 @@ from circparam.pipeline.job import Job
 from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.lattice import Rounding
 from circparam.pipeline.options import Options
+from circparam.pipeline.orient import up_axis, upright
 from circparam.pipeline.pinned import place_pinned
-from circparam.pipeline.place import Placed, chart_signs, chart_tiles, place, sized
+from circparam.pipeline.place import (
+    Placed,
+    chart_signs,
+    chart_tiles,
+    pack_sorted,
+    place,
+    sized,
+)
 from circparam.pipeline.stored_repair import Stored, store
 
 # share of the packing's work that is done again for a layout that stored numbers spoilt
@@ -102,9 +110,17 @@ def _packed(job: Job, cascade: Cascade, options: Options, monitor: Monitor) -> _
             at_size, asked = sized(cut_mesh, uv, keep), pack_options(options)
             placed = Placed(*put_into_room(job.kept, cut_mesh, at_size, options, asked))
         else:
-            placed = place(cut_mesh, uv, options, monitor, group, keep, cascade.packing)
+            if options.orient == "up" and options.packed:
+                turned = upright(cut_mesh, job.surface, uv, up_axis(job.document, options))
+                uv, cascade = turned.uv, cascade.noted(turned.told)
+            sorting = job.sorting(cut_mesh)
+            if sorting is None:
+                placed = place(cut_mesh, uv, options, monitor, group, keep, cascade.packing)
+            else:
+                at_size = sized(cut_mesh, uv, keep)
+                placed = pack_sorted(cut_mesh, at_size, options, monitor, sorting)
     with monitor.stage("check"):
-        turn = options.packed and options.rotate != "none" and job.kept is None
+        turn = options.packed and options.turns != "none" and job.kept is None
         held = hold(job, cut_mesh, placed.uv, sign < 0, turn)
     uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
     size = _length(cut_mesh, placed.uv) / _length(cut_mesh, sized(cut_mesh, uv, keep))

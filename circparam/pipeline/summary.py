@@ -11,6 +11,8 @@ from circparam.core.arrays import norms2
 from circparam.core.limits import mip_level
 from circparam.geometry.boundary import boundary_in
 from circparam.packing.options import PackOptions
+from circparam.pipeline.density import density_rows
+from circparam.pipeline.groups import group_rows
 from circparam.pipeline.kept import kept_figures
 from circparam.pipeline.options import DEFAULT_RESOLUTION
 from circparam.pipeline.stacks import stacked_figures
@@ -65,6 +67,10 @@ def summarise(result: Result) -> dict[str, Any]:
         "kept": None
         if result.kept is None
         else kept_figures(result.kept, result.verification, result.options),
+        "density": _densities(result),
+        "groups": None
+        if result.groups is None
+        else list(group_rows(result.groups, result.verification)),
         "padding": result.options.padding_texels if result.options.packed else None,
         "mip_level": mip_level(result.options.padding_texels) if result.options.packed else None,
         "repairs": result.repairs,
@@ -74,6 +80,14 @@ def summarise(result: Result) -> dict[str, Any]:
         "seconds": round(sum(result.seconds.values()), 4),
         "stages": {name: round(value, 4) for name, value in result.seconds.items()},
     }
+
+
+def _densities(result: Result) -> list[dict[str, Any]] | None:
+    """What each part of --density asked for and got; None where nothing was asked."""
+    if result.density is None or not result.options.packed:
+        return None
+    side = result.options.resolution or DEFAULT_RESOLUTION
+    return list(density_rows(result.density, result.verification, side))
 
 
 def _effort(result: Result) -> dict[str, Any]:

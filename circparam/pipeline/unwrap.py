@@ -21,9 +21,10 @@ from circparam.geometry.overlap import signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline import checkpoint
+from circparam.pipeline import checkpoint, groups
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options, padding_note
+from circparam.pipeline.density import at_densities, check_whole
 from circparam.pipeline.fallback import faults
 from circparam.pipeline.flatten import find_seams, first_layout
 from circparam.pipeline.floaters import told
@@ -33,8 +34,9 @@ from circparam.pipeline.kept import put_into_room
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.memory import fit_memory, memory_limit
 from circparam.pipeline.options import AUTO, Options, from_keywords
+from circparam.pipeline.orient import up_axis, upright
 from circparam.pipeline.pinned import check_held, check_storable
-from circparam.pipeline.place import Placed, chart_tiles, pack_groups
+from circparam.pipeline.place import Placed, chart_tiles, pack_groups, pack_sorted
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.searches import best_layout, with_room
@@ -158,12 +160,20 @@ def repack_document(
     job = prepare(document, output, options, monitor, uvmap)
     cascade = Cascade(_as_given(job, uvmap))
     cut_mesh, uv = cascade.open()
+    if options.density is not None:
+        check_whole(cut_mesh, job.surface, document.source.name)
+        uv = at_densities(cut_mesh, job.surface, uv)
     with monitor.stage("pack"):
         group = None if job.tiles is None else chart_tiles(cut_mesh, job.tiles[job.surface.source])
-        if job.kept is None:
-            packed = pack_groups(cut_mesh, uv, options, monitor, group)
-        else:
+        if options.orient == "up":
+            turned = upright(cut_mesh, job.surface, uv, up_axis(document, options))
+            uv, cascade = turned.uv, cascade.noted(turned.told)
+        if job.kept is not None:
             packed = Placed(*put_into_room(job.kept, cut_mesh, uv, options, pack_options(options)))
+        elif (sorting := job.sorting(cut_mesh)) is not None:
+            packed = pack_sorted(cut_mesh, uv, options, monitor, sorting)
+        else:
+            packed = pack_groups(cut_mesh, uv, options, monitor, group)
     fitted = _packed_again(job, cascade.noted(*packed.notes), cut_mesh, packed.uv)
     return finish(job, fitted, output, monitor, "pack")
 
@@ -178,7 +188,7 @@ def _packed_again(job: Job, cascade: Cascade, cut_mesh: CutMesh, uv: FloatArray)
     fault, _ = faults(cut_mesh, upright)
     if (fault > 0).any():
         return Fitted(cascade, job.stored(cut_mesh, uv))
-    turn = job.options.rotate != "none" and job.kept is None
+    turn = job.options.turns != "none" and job.kept is None
     held = hold(job, cut_mesh, uv, mirrored, turn)
     uvmap = job.completed(cut_mesh, held.stored.uv, held.double)
     return Fitted(cascade.noted(*held.notes), uvmap, held.double)
@@ -197,7 +207,8 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     """What was made, and what it is worth."""
     cascade, uvmap = fitted.cascade, fitted.uvmap
     with monitor.stage("verify"):
-        verification = verify_layout(job.whole, uvmap, job.options, job.tiles, job.stacks, job.kept)
+        whole = job.whole.at_density()
+        verification = verify_layout(whole, uvmap, job.options, job.tiles, job.stacks, job.kept)
     charts = np.full(len(job.document.mesh.faces), -1)
     charts[job.whole.source] = verification.cut_mesh.chart
     repairs = [*job.repair_report.messages, *cascade.repairs]
@@ -205,6 +216,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     left_out = [padding_note(job.options.padding_texels)] if auto else []
     left_out += [] if job.floaters is None else [told(job.floaters)]
     left_out += [] if job.stacks is None else job.stacks.told()
+    left_out += [] if job.groups is None else [groups.told(job.groups)]
     if job.options.pins is not None:
         check_held(job.document.mesh, uvmap, job.options.pins, [*cascade.notes, *cascade.repairs])
     left_out += [] if job.kept is None else job.kept.told(uvmap)
@@ -212,7 +224,7 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
     return Result(
         options=job.options,
         document=job.document,
-        surface=job.whole,
+        surface=whole,
         repair_report=job.repair_report,
         uv=uvmap.uv,
         uv_faces=uvmap.uv_faces,
@@ -233,6 +245,8 @@ def _verified(job: Job, fitted: Fitted, monitor: Monitor) -> Result:
         floaters=job.floaters,
         stacks=job.stacks,
         kept=job.kept,
+        density=job.density,
+        groups=job.groups,
         advice=cascade.advice,
     )
 

@@ -292,8 +292,9 @@ def flipped_faces(surface: Surface, uvmap: UVMap) -> BoolArray:
 def _seam_length(atlas: Atlas) -> float:
     """Length of all seams over the square root of the area, those that open one-sided components too."""
     surface = atlas.surface
+    seams = surface.edge_lengths[atlas.cut].sum()
     torn = surface.lengths(surface.torn_seams(atlas.corners)).sum()
-    return atlas.seam_length + float(torn / np.sqrt(surface.areas.sum()))
+    return float((seams + torn) / np.sqrt(surface.true_areas.sum()))
 
 
 def _orientation(

@@ -1,0 +1,196 @@
+"""Density by what a face is (``--density``): of materials, groups, nodes and colours, or face by face."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_max, group_sum
+from circparam.core.words import counted
+from circparam.errors import InputError, OptionError
+from circparam.formats import sidecars
+from circparam.formats.document import Document
+from circparam.geometry.page_figures import chart_densities
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.surface import Surface
+from circparam.pipeline.named_numbers import EVEN, SOURCE, named_numbers
+from circparam.pipeline.verify import Verification
+
+KINDS = ("material", "group", "node")
+REST = "the rest"
+SHOWN = 12  # rows of a table of densities that a file gives
+_COLOUR = re.compile(r"#[0-9a-fA-F]{6}$")
+
+
+@dataclass(frozen=True, eq=False)
+class Density:
+    """How dense texels are to be. value: (f,) of each face of the mesh, positive, 1 where nothing is said.
+    part: (f,) which row of ``names`` each face belongs to.
+    """
+
+    value: FloatArray
+    part: IntArray
+    names: tuple[str, ...]
+
+
+def find_density(document: Document, given: Any) -> Density | None:
+    """What ``--density`` asks for; None for one density everywhere.
+
+    given: None or "even"; names with numbers, as a mapping or ``NAME=X,NAME=X``; a file of one number a face,
+    or those numbers, of polygons where the file has them. A name may be that of a material, group or node, the
+    first of these that has it, or a colour ``#rrggbb`` of vertices; of several names of a face the last
+    counts. All triangles of a polygon get the largest number of any. Raises OptionError for names that match
+    nothing, and for numbers that do not fit the mesh; InputError for a file that holds something else.
+    """
+    if given is None or (isinstance(given, str) and given == EVEN):
+        return None
+    if isinstance(given, str) and given == SOURCE:
+        raise OptionError("--density source has no effect here: it needs --rebake; leave it out")
+    asked = named_numbers(given)
+    found = _by_number(document, given) if asked is None else _by_name(document, asked)
+    return None if (found.value == found.value[0]).all() and asked is None else found
+
+
+def _by_name(document: Document, asked: dict[str, float]) -> Density:
+    m = len(document.mesh.faces)
+    value, part = np.ones(m), np.full(m, len(asked))
+    for row, (name, number) in enumerate(asked.items()):
+        mine = _called(document, name)
+        value[mine], part[mine] = number, row
+    polygons = document.mesh.polygons
+    if polygons is not None:  # a colour may end inside a polygon, which no seam crosses
+        densest = np.zeros(int(polygons.max()) + 1, np.int64)
+        order = np.argsort(value, kind="stable")
+        densest[polygons[order]] = order
+        value, part = value[densest[polygons]], part[densest[polygons]]
+    return Density(value, part, (*asked, REST))
+
+
+def _called(document: Document, name: str) -> BoolArray:
+    """(f,) faces of a name. Raises OptionError, with what comes near, where nothing is called so."""
+    if _COLOUR.match(name):
+        return _painted(document, name)
+    known: dict[str, None] = {}
+    for kind in KINDS:
+        found = document.named(kind)
+        if found is None:
+            continue
+        labels = [label for word, label in found.names if word == name]
+        if labels:
+            result: BoolArray = np.isin(found.label, labels)
+            if result.any():
+                return result
+        known.update(dict.fromkeys(word for word, _ in found.names))
+    if not known:
+        raise OptionError(
+            f"--density {name!r}: {document.source.name} has no names of materials, groups or nodes: give a "
+            "file of one number a face"
+        )
+    near = difflib.get_close_matches(name, list(known), n=2, cutoff=0.5)
+    cure = (
+        f"did you mean {' or '.join(near)}?" if near else "there are " + ", ".join(list(known)[:6])
+    )
+    raise OptionError(f"--density: no material, group or node is called {name!r}: {cure}")
+
+
+def _painted(document: Document, name: str) -> BoolArray:
+    """(f,) faces whose corners have the colour ``#rrggbb`` in the mean."""
+    colours = document.colours()
+    if colours is None:
+        raise OptionError(f"--density {name!r}: {document.source.name} has no colours of vertices")
+    asked = np.array([int(name[k : k + 2], 16) for k in (1, 3, 5)])
+    seen = np.round(colours.mean(1) * 255).astype(np.int64)
+    result: BoolArray = (seen == asked).all(1)
+    if not result.any():
+        raise OptionError(f"--density: no face is painted {name} at all its corners")
+    return result
+
+
+def _by_number(document: Document, given: Any) -> Density:
+    """One number a face, of the file's polygons or of its triangles."""
+    if isinstance(given, str):
+        given, where = sidecars.read_densities(given), f"--density {given}"
+    else:
+        where = "--density"
+    try:
+        value = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        raise OptionError(f"{where}: give NAME=X, or one number a face") from None
+    mesh = document.mesh
+    m = len(mesh.faces)
+    polygons = np.arange(m) if mesh.polygons is None else mesh.polygons
+    count = int(polygons.max()) + 1
+    if value.shape not in ((m,), (count,)):
+        raise OptionError(
+            f"{where}: {counted(value.size, 'number')} for {counted(count, 'face')}: give one a face"
+        )
+    wrong = np.flatnonzero(~((value > 0) & np.isfinite(value)))
+    if len(wrong):
+        raise InputError(
+            f"{where}: the density of face {int(wrong[0])} is {value[wrong[0]]:g}: give a number above 0"
+        )
+    value = value[polygons] if len(value) == count else group_max(value, polygons, count)[polygons]
+    number, part = np.unique(value, return_inverse=True)
+    return Density(value, part.reshape(-1), tuple(f"{x:g}" for x in number))
+
+
+def check_whole(cut_mesh: CutMesh, surface: Surface, name: str) -> None:
+    """Raise OptionError where a chart that is not to be cut holds parts of several densities."""
+    if surface.density is None:
+        return
+    n = cut_mesh.n_charts
+    most = group_max(surface.density, cut_mesh.chart, n)
+    least = -group_max(-surface.density, cut_mesh.chart, n)
+    mixed = np.flatnonzero(most > least)
+    if len(mixed):
+        raise OptionError(
+            f"{name}: {counted(len(mixed), 'chart')} with parts of several densities, the first is chart "
+            f"{int(mixed[0])}: cut between them with circparam unwrap --cut charts"
+        )
+
+
+def at_densities(cut_mesh: CutMesh, surface: Surface, uv: FloatArray) -> FloatArray:
+    """uv (nv, 2) of charts as they are given, each at the size at which its area is what the density asks."""
+    size = chart_densities(surface, cut_mesh, uv)
+    asked = np.ones(cut_mesh.n_charts)
+    if surface.density is not None:
+        asked[cut_mesh.chart] = surface.density
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = np.where(size > 0, asked / size, 1.0)
+    result: FloatArray = uv * factor[cut_mesh.vertex_chart][:, None]
+    return result
+
+
+def density_rows(
+    density: Density, found: Verification, resolution: int
+) -> Iterator[dict[str, Any]]:
+    """What each part asked for and got, those with the most faces first where a file says it.
+
+    got: in the unit of what was asked, so that both agree over the whole surface. texels: per unit of the mesh.
+    """
+    surface, n = found.surface, len(density.names)
+    used = found.used[found.cut_mesh.chart]
+    part = density.part[surface.source][used]
+    uv = found.uv[found.cut_mesh.faces[used]]
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    page = group_sum(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2, part, n)
+    true = surface.true_areas[used]
+    area = group_sum(true, part, n)
+    asked = group_sum(true * density.value[surface.source][used] ** 2, part, n)
+    faces = np.bincount(part, minlength=n)
+    unit = np.sqrt(page.sum() / asked.sum())
+    rows = np.flatnonzero(faces)
+    for k in rows[np.argsort(-faces[rows], kind="stable")][:SHOWN] if n > SHOWN else rows:
+        texels = np.sqrt(page[k] / max(area[k], 1e-300))
+        yield {
+            "name": density.names[k],
+            "faces": int(faces[k]),
+            "asked": float(np.sqrt(asked[k] / max(area[k], 1e-300))),
+            "got": float(texels / unit),
+            "texels": float(texels * resolution),
+        }

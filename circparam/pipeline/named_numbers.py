@@ -1,0 +1,63 @@
+"""The words of ``--density``; importing this module loads no NumPy."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from circparam.errors import OptionError
+
+EVEN, SOURCE = "even", "source"
+GRAMMAR = "write even, source, NAME=X,NAME=X or the name of a file with one number a face"
+
+
+def named_numbers(given: Any) -> dict[str, float] | None:
+    """Names with their densities out of ``face=2,sole=0.5`` or a mapping; None for what is no such list.
+
+    A string without ``=``, and the name of a file that exists, are no list. Raises OptionError for a number
+    that is not above 0 and finite, or a name that is said twice.
+    """
+    if isinstance(given, Mapping):
+        pairs = [(str(name), value) for name, value in given.items()]
+    elif isinstance(given, str) and "=" in given and not os.path.exists(given):
+        pairs = [_pair(part) for part in given.split(",")]
+    else:
+        return None
+    if not pairs:
+        raise OptionError(f"--density names nothing: {GRAMMAR}")
+    out: dict[str, float] = {}
+    for name, value in pairs:
+        if name in out:
+            raise OptionError(f"--density names {name!r} twice: say one number of it")
+        out[name] = _number(name, value)
+    return out
+
+
+def check_density(given: Any) -> None:
+    """Raise OptionError where a density makes no sense whatever the file is."""
+    if given is None or named_numbers(given) is not None:
+        return
+    if isinstance(given, str) and not given:
+        raise OptionError(f"--density {given!r}: {GRAMMAR}")
+
+
+def _pair(part: str) -> tuple[str, str]:
+    name, sign, value = part.rpartition("=")
+    if not sign or not name.strip():
+        raise OptionError(f"--density {part.strip()!r} is no NAME=X: {GRAMMAR}")
+    return name.strip(), value
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise OptionError(
+            f"--density {name}={str(value).strip()}: a density is a number above 0; 1 is that of what no name "
+            "is given for"
+        )
+    return number

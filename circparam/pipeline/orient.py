@@ -1,0 +1,70 @@
+"""Charts turned so that up of the mesh is v (``--orient up``), for painting and for cloth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, cross2, group_sum
+from circparam.core.words import counted
+from circparam.formats.document import Document
+from circparam.formats.table import FORMATS
+from circparam.mesh.cut_mesh import CutMesh
+from circparam.mesh.surface import Surface
+from circparam.pipeline.options import AUTO, Options
+
+# of the length of up in space: a chart whose mean slope is less lies flat, or goes up as much as down
+SLOPE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Upright:
+    """uv (nv, 2) of charts that were turned, and (n_charts,) bool which of them have an up."""
+
+    uv: FloatArray
+    has_up: BoolArray
+
+    @property
+    def told(self) -> str:
+        """One line on the charts that are upright."""
+        n, some = len(self.has_up), int(self.has_up.sum())
+        rest = f"; {counted(n - some, 'chart')} without an up" if some < n else ""
+        return f"up is v in {some} of {counted(n, 'chart')}{rest}"
+
+
+def up_axis(document: Document, options: Options) -> int:
+    """1 or 2, the axis that points up: as --up says, else the file, else its format, else y."""
+    said = options.up if options.up != AUTO else None
+    row = FORMATS[document.format].function.up if document.format in FORMATS else ""
+    return 2 if (said or document.up or row or "y") == "z" else 1
+
+
+def upright(cut_mesh: CutMesh, surface: Surface, uv: FloatArray, axis: int) -> Upright:
+    """uv (nv, 2) with every chart turned by the angle at which the mean of up over its area is v.
+
+    A chart without an up keeps its angle. cut_mesh: of all faces of the surface, in their order. The mean of
+    the gradient of the height over a triangle is that of a linear function; see ``SLOPE``.
+    """
+    height = surface.points[surface.faces, axis]
+    height = height - height.mean()
+    p = uv[cut_mesh.faces]
+    n = cut_mesh.n_charts
+    doubled = cross2(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    slope = np.zeros((n, 2))
+    for k in range(3):
+        along = p[:, (k + 2) % 3] - p[:, (k + 1) % 3]
+        turned = np.stack([-along[:, 1], along[:, 0]], 1) * height[:, k, None]
+        slope += np.stack([group_sum(turned[:, d], cut_mesh.chart, n) for d in (0, 1)], 1)
+    # twice the integral of the gradient over each chart, in units of height times uv
+    space = group_sum(surface.true_areas, cut_mesh.chart, n)
+    plane = group_sum(np.abs(doubled), cut_mesh.chart, n) / 2
+    length = np.hypot(slope[:, 0], slope[:, 1]) / 2
+    has_up = length > SLOPE * np.sqrt(space * plane)
+    mirrored = group_sum(doubled, cut_mesh.chart, n) < 0
+    c, s = np.ones(n), np.zeros(n)
+    unit = slope[has_up] / (2 * length[has_up, None])
+    unit[mirrored[has_up]] *= -1  # the area of a mirrored chart counts backwards
+    c[has_up], s[has_up] = unit[:, 1], unit[:, 0]
+    c, s = c[cut_mesh.vertex_chart], s[cut_mesh.vertex_chart]
+    return Upright(np.stack([c * uv[:, 0] - s * uv[:, 1], s * uv[:, 0] + c * uv[:, 1]], 1), has_up)

@@ -1,0 +1,193 @@
+"""Groups: a page for each, or a box for each; charts whose up is v."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam import samples
+from circparam.errors import OptionError
+from circparam.formats.io import read
+from circparam.formats.joined import join
+from circparam.formats.memory import from_arrays
+from circparam.pipeline.groups import find_groups, group_rows
+from circparam.pipeline.result import Result
+from circparam.pipeline.summary import summarise
+from circparam.pipeline.unwrap import repack
+from tests.support import shapes
+
+QUICK: dict[str, Any] = {"effort": "draft", "resolution": 512, "hide_seams": 0}
+BRACKET = samples.path("bracket")
+
+
+def boxes(result: Result) -> list[dict[str, Any]]:
+    assert result.groups is not None
+    return list(group_rows(result.groups, result.verification))
+
+
+@pytest.mark.parametrize("kind", ["material", "group"])
+@pytest.mark.parametrize("density", [None, "steel=2", "plate=0.7"])
+def test_every_group_has_its_page_at_one_density(kind: str, density: str | None) -> None:
+    result = circparam.unwrap(BRACKET, pages_by=kind, density=density, **QUICK)
+    assert result.status == "ok"
+    found = boxes(result)
+    assert [row["pages"] for row in found] == [[1001], [1002]]
+    assert result.measures["pages"] == 2
+    low, high = result.measures["density_min"], result.measures["density_max"]
+    ratio = {None: 1.0, "steel=2": 2.0, "plate=0.7": 1 / 0.7}[density]
+    assert float(high or 0) / float(low or 1) == pytest.approx(ratio, rel=0.02)
+    assert summarise(result)["groups"] == found
+
+
+@pytest.mark.parametrize("turn", [None, "none"])
+def test_charts_of_a_group_lie_in_a_box_of_their_own(turn: str | None) -> None:
+    result = circparam.unwrap(BRACKET, group_by="material", rotate=turn, **QUICK)
+    assert result.status == "ok"
+    a, b = (np.array(row["box"]) for row in boxes(result))
+    gap = np.maximum(b[:2] - a[2:], a[:2] - b[2:]).max()
+    assert gap * 512 > 3.9
+    assert float(result.measures["gap_texels"] or 99) >= 5
+    low, high = result.measures["density_min"], result.measures["density_max"]
+    assert float(high or 0) == pytest.approx(float(low or 1), rel=0.02)
+
+
+def test_a_fixed_density_holds_in_boxes_and_pages() -> None:
+    for words in ({"group_by": "material"}, {"pages_by": "material"}):
+        result = circparam.unwrap(BRACKET, texel_density=8.0, **words, **QUICK)
+        assert result.status == "ok"
+        assert result.measures["density_max"] == pytest.approx(8.0, rel=0.02)
+    with pytest.raises(OptionError):
+        circparam.unwrap(BRACKET, texel_density=60.0, group_by="material", **QUICK)
+
+
+def test_pack_sorts_what_is_there(tmp_path: Any) -> None:
+    path = tmp_path / "bracket.obj"
+    circparam.unwrap(BRACKET, path, **QUICK)
+    pages = repack(path, pages_by="material", resolution=512)
+    assert [row["pages"] for row in boxes(pages)] == [[1001], [1002]]
+    assert pages.measures["distortion"] == pytest.approx(1, abs=0.02)
+    together = repack(path, group_by="material", resolution=512)
+    a, b = (np.array(row["box"]) for row in boxes(together))
+    assert np.maximum(b[:2] - a[2:], a[:2] - b[2:]).max() > 0
+
+
+def test_a_chart_of_two_groups_cannot_be_sorted(tmp_path: Any) -> None:
+    path = tmp_path / "one.obj"
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+    path.write_text(text + "usemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1/1 3/3 4/4\n")
+    with pytest.raises(OptionError, match="1 chart with faces of several materials"):
+        repack(path, pages_by="material")
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ({"pages_by": "node"}, "all faces are of node 'bracket'"),
+        ({"pages_by": "material", "pages": 2}, "as many pages as groups"),
+        ({"pages_by": "material", "group_by": "group"}, "says already where charts lie"),
+        ({"pages_by": "colour"}, "choose one of"),
+        ({"pages_by": "material", "normalize": False}, "coordinates of the solver"),
+        ({"orient": "up", "rotate": "free"}, "by any angle"),
+        ({"orient": "down"}, "choose one of"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(words: dict[str, Any], why: str) -> None:
+    with pytest.raises(OptionError, match=why):
+        circparam.unwrap(BRACKET, **words, **QUICK)
+
+
+def test_names_are_needed_and_fit_a_row_of_tiles(tmp_path: Any) -> None:
+    points, faces = shapes.grid(3, 3)
+    with pytest.raises(OptionError, match="no names of materials"):
+        find_groups(from_arrays(points, faces), "material", False)
+    path = tmp_path / "many.obj"
+    lines = [f"v {k} {j} 0" for k in range(12) for j in (0, 1)]
+    for k in range(11):
+        lines += [f"usemtl m{k}", f"f {2 * k + 1} {2 * k + 3} {2 * k + 4}"]
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(OptionError, match="11 materials"):
+        find_groups(read(path), "material", True)
+    assert find_groups(read(path), "material", False).names == tuple(f"m{k}" for k in range(11))
+
+
+def rise(result: Result, axis: int = 1) -> np.ndarray:
+    """(n, 2) mean direction in the plane in which each chart goes up, as long as it is steep."""
+    v = result.verification
+    p, h = v.uv[v.cut_mesh.faces], result.surface.points[result.surface.faces, axis]
+    edges = np.stack([p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]], 1)
+    slope = np.linalg.solve(edges, np.stack([h[:, 1] - h[:, 0], h[:, 2] - h[:, 0]], 1)[..., None])
+    area = np.abs(np.linalg.det(edges))
+    scale = np.sqrt(area.sum() / 2 / result.surface.areas.sum())
+    out = [np.bincount(v.cut_mesh.chart, slope[:, d, 0] * area) for d in (0, 1)]
+    result_: np.ndarray = np.stack(out, 1) / np.bincount(v.cut_mesh.chart, area)[:, None] * scale
+    return result_
+
+
+def leaning_tube(angle: float) -> circparam.Document:
+    """A tube along y, leaning by an angle, beside a flat sheet."""
+    points, faces = shapes.tube(2.0, 12)
+    axis = int(np.ptp(points, axis=0).argmax())
+    points = np.roll(points, 1 - axis, axis=1)
+    c, s = np.cos(angle), np.sin(angle)
+    points = points @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T
+    sheet, squares = shapes.grid(4, 3)
+    flat = sheet[:, [0, 2, 1]] + [9.0, 0.0, 0.0]
+    return from_arrays(*shapes.join((points, faces), (flat, squares)))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+def test_up_is_v_in_charts_that_have_one(angle: float) -> None:
+    free = circparam.unwrap(leaning_tube(angle), **QUICK)
+    result = circparam.unwrap(leaning_tube(angle), orient="up", **QUICK)
+    assert result.status == "ok"
+    steep = np.hypot(*rise(result).T)
+    upright = rise(result)[steep > 0.5] / steep[steep > 0.5, None]
+    assert len(upright) >= 1
+    assert upright == pytest.approx(np.tile([0.0, 1.0], (len(upright), 1)), abs=1e-6)
+    assert (steep < 1e-9).sum() == 1  # the sheet has no up
+    assert any("without an up" in note for note in result.notes)
+    assert free.measures["charts"] == result.measures["charts"]
+
+
+def test_quarter_turns_keep_up_along_an_axis() -> None:
+    result = circparam.unwrap(BRACKET, orient="up", rotate="90", **QUICK)
+    found = rise(result)[np.hypot(*rise(result).T) > 0.3]
+    assert np.abs(found).min(1) == pytest.approx(np.zeros(len(found)), abs=1e-6)
+
+
+def test_up_is_that_of_the_file_or_of_the_user() -> None:
+    result = circparam.unwrap(BRACKET, orient="up", up="z", **QUICK)
+    found = rise(result, axis=2)
+    steep = found[np.hypot(*found.T) > 0.3]
+    assert len(steep) > 0
+    assert (steep[:, 1] > 0).all()
+    assert np.abs(steep[:, 0]).max() < 1e-6
+
+
+def test_pack_turns_charts_upright_and_stacks_go_along(tmp_path: Any) -> None:
+    path = tmp_path / "bracket.obj"
+    circparam.unwrap(BRACKET, path, **QUICK)
+    found = rise(repack(path, orient="up", resolution=512))
+    steep = found[np.hypot(*found.T) > 0.3]
+    assert np.abs(steep[:, 0]).max() < 1e-5
+    points, faces = shapes.row_of(shapes.cube(2), 4)
+    both = circparam.unwrap(
+        from_arrays(points, faces), stack="identical", orient="up", stack_offset=True, **QUICK
+    )
+    assert both.status == "ok"
+    assert both.stacks is not None
+    assert both.stacks.copies == 3
+
+
+def test_several_files_on_one_page_keep_their_names() -> None:
+    joined = join([read(BRACKET), read(samples.path("knot")), read(BRACKET)])
+    found = joined.named("material")
+    assert found is not None
+    names = {label: name for name, label in found.names}
+    counts = np.bincount(found.label)
+    steel = sum(n for label, n in enumerate(counts.tolist()) if names.get(label) == "steel")
+    assert steel == 2 * 1134
+    assert (found.label == 0).sum() == len(read(samples.path("knot")).mesh.faces)
