@@ -45,8 +45,8 @@ class Job:
     target: the format that will be written, which decides how uv are rounded. tiles: (m,) atlas of each face of
     the file, None where there is one; group_by: what has one, as ``Document.group_by``. floaters: what is left
     out of the layout; the surface is without it. stacks: copies that lie on what is laid out; the surface is
-    without them. kept: what stays where it is; the surface is without it. density: how dense texels are asked to
-    be, None where all are alike. groups: what has pages of its own or lies together.
+    without them. kept: what stays where it is; the surface is without it. density: how dense texels are asked
+    to be, None where all are alike. groups: what has pages of its own or lies together.
     """
 
     document: Document
