@@ -6,7 +6,7 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.packing.options import PackOptions
-from circparam.packing.outlines import Shapes, least_box_angles
+from circparam.packing.outlines import Shapes, least_box_angles, least_square_angles
 from circparam.packing.placement import Placement
 
 
@@ -15,14 +15,20 @@ def shelf_placement(
 ) -> Placement | None:
     """Rows of boxes by falling height at the largest scale at which they fit; None where they never do.
 
-    Where the scale is fixed only that one is tried.
+    Where the scale is fixed only that one is tried, and a chart whose box is longer than a page is turned to
+    where it fits the least square.
     """
     if angle is None:
         angle = least_box_angles(shapes, options.rotate)
-    box = shapes.boxes(angle)
+    box, scale = shapes.boxes(angle), options.fixed_scale
+    if scale is not None:
+        room = options.resolution - 2 * options.border
+        long = (box[:, 2:] - box[:, :2]).max(1) * scale > room
+        if long.any():
+            angle = np.where(long, least_square_angles(shapes, options.rotate), angle)
+            box = shapes.boxes(angle)
     size = box[:, 2:] - box[:, :2]
     order = np.argsort(-size[:, 1], kind="stable")
-    scale = options.fixed_scale
     if scale is None:
         scale = _largest_scale(size[order], options)
     placed = None if scale is None else _rows(size[order] * scale, options)

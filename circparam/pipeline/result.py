@@ -35,13 +35,15 @@ class Effort:
     """What was searched.
 
     searches: how many; costs: of each, in their order, infinite where it led nowhere, empty where there was
-    one; best: which one was kept; more: how many more were asked for when time was up.
+    one; best: which one was kept; more: how many more were asked for when time was up. made: the effort that
+    led to the layout, 1 where the charts of a draft did not fit; None where no charts were searched.
     """
 
     searches: int = 1
     costs: tuple[float, ...] = ()
     best: int = 0
     more: int = 0
+    made: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -91,10 +91,11 @@ def _densities(result: Result) -> list[dict[str, Any]] | None:
 
 
 def _effort(result: Result) -> dict[str, Any]:
-    """The effort as a number, the searches made, which one was kept, what each cost, and how many were left."""
+    """The effort asked for and made, the searches, which one was kept, what each cost, how many were left."""
     found = result.effort
     return {
         "asked": result.options.work,
+        "made": result.options.work if found.made is None else found.made,
         "searches": found.searches,
         "best": found.best,
         "costs": [plain(round(cost, 6)) for cost in found.costs],

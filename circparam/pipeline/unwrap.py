@@ -16,12 +16,13 @@ from circparam.core import workers
 from circparam.core.arrays import FloatArray, group_sum
 from circparam.core.memory import keeping_freed
 from circparam.core.monitor import Listener, Monitor
+from circparam.errors import OptionError
 from circparam.formats.document import Document
 from circparam.geometry.overlap import signs
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline import checkpoint, groups
+from circparam.pipeline import applies, checkpoint, groups
 from circparam.pipeline.cascade import Cascade
 from circparam.pipeline.configure import open_source, pack_options, padding_note
 from circparam.pipeline.density import at_densities, check_whole
@@ -37,7 +38,7 @@ from circparam.pipeline.options import AUTO, Options, from_keywords
 from circparam.pipeline.orient import up_axis, upright
 from circparam.pipeline.pinned import check_held, check_storable
 from circparam.pipeline.place import Placed, chart_tiles, pack_groups, pack_sorted
-from circparam.pipeline.result import Result, verdict, verify_layout
+from circparam.pipeline.result import Effort, Result, verdict, verify_layout
 from circparam.pipeline.save import save
 from circparam.pipeline.searches import best_layout, with_room
 from circparam.pipeline.seen import SeenBeside
@@ -105,6 +106,38 @@ def _unwrapped(
     job = prepare(document, output, options, monitor)
     if options.pins is not None:
         check_storable(options.pins, document, job.target)
+    fitted, effort = _searched(job, monitor)
+    result = replace(finish(job, fitted, output, monitor), effort=effort)
+    checkpoint.forget(job)
+    return result
+
+
+def _searched(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
+    """The layout as it will be stored, and what was searched for it.
+
+    Charts of a draft may be longer than pages of a size that is fixed; those of a full search may fit.
+    """
+    options = job.options
+    try:
+        return _searched_once(job, monitor)
+    except OptionError:
+        if not options.draft or options.texel_density is None:
+            raise
+    checkpoint.forget(job)
+    full = replace(job, options=replace(options, effort=1.0))
+    with monitor.shown_as("search"):
+        fitted, effort = _searched_once(full, monitor)
+    checkpoint.forget(full)
+    note = (
+        f"the charts of a draft do not fit at --texel-density {options.texel_density:g}: "
+        "a full search was made (--effort normal)"
+    )
+    return replace(fitted, cascade=fitted.cascade.noted(note)), effort
+
+
+def _searched_once(job: Job, monitor: Monitor) -> tuple[Fitted, Effort]:
+    """As ``_searched``. Raises OptionError where charts fit on no page of the size asked for."""
+    options = job.options
     pace = monitor.seconds.get("repair", 0.0)  # how fast this machine goes through this mesh
     monitor.check(LEAST_COST * pace)
     with monitor.holding(PACK_COST * pace + KEPT), monitor.stage("seams"):
@@ -121,9 +154,8 @@ def _unwrapped(
             with monitor.stage("pack"):
                 best = advised(filled, cascade, options, monitor)
         fitted = fit_stored(job, best, monitor)
-    result = replace(finish(job, fitted, output, monitor), effort=effort)
-    checkpoint.forget(job)
-    return result
+    several = applies.searches(options) and not options.draft
+    return fitted, replace(effort, made=float(effort.searches) if several else options.work)
 
 
 def repack(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -103,3 +105,15 @@ def test_where_time_is_up_few_angles_are_tried_and_rows_are_hardly_smaller(monke
         assert finish(shapes, placed, task.options)[1] is None
     assert calls[1] < calls[0] / 3
     assert 0.97 * scales[0] < scales[1]
+
+
+def test_at_a_fixed_scale_a_chart_is_turned_where_its_box_is_longer_than_the_page():
+    """A bar of 11 x 1 fits a page of 10 askew alone: its least box is 11 long."""
+    shapes = rectangles(np.array([[11.0, 1.0], [4.0, 1.0]]))
+    options = PackOptions(resolution=100, padding=1, texel_density=9.0, pages=2)
+    room = (options.resolution - 2 * options.border) / 9.0
+    assert 12 / np.sqrt(2) < room < 11
+    placed = shelf_placement(shapes, options)
+    assert placed.scale == 9.0
+    assert finish(shapes, placed, options)[1] is None
+    assert shelf_placement(shapes, replace(options, rotate="90")) is None

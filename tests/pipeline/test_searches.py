@@ -107,3 +107,17 @@ def test_an_effort_that_is_none_is_told(word: Any) -> None:
 def test_one_search_says_nothing_of_costs() -> None:
     assert unwrapped(shapes.cube(2)).effort.costs == ()
     assert circparam.summarise(unwrapped(shapes.cube(2), effort=2))["effort"]["searches"] == 2
+
+
+def test_a_draft_refuses_nothing_that_a_full_search_can_pack() -> None:
+    """Charts of a draft that fit on no page of a fixed size: a full search is made, and said."""
+    fixed: dict[str, Any] = {"resolution": 128, "padding": 1, "pages": 100}
+    results = [
+        unwrapped(shapes.cube(3), effort=effort, texel_density=70, **fixed)
+        for effort in ("draft", "normal")
+    ]
+    draft, full = map(circparam.summarise, results)
+    assert (draft["effort"]["asked"], draft["effort"]["made"]) == (0, 1)
+    assert [note for note in draft["notes"] if "a full search was made" in note]
+    np.testing.assert_array_equal(results[0].uv, results[1].uv)
+    assert (full["effort"]["asked"], full["effort"]["made"]) == (1, 1)

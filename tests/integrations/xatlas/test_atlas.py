@@ -214,7 +214,7 @@ def test_texels_per_unit_and_resolution_make_pages_of_that_size() -> None:
         atlas.add_mesh(*shapes.icosphere(1))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        atlas.generate(pack_options=pages, effort=1)
+        atlas.generate(pack_options=pages, **QUICK)
     assert (atlas.width, atlas.height) == (128, 128)
     assert atlas.atlas_count > 1
     assert sum("longer than a page" in str(w.message) for w in said) == 1
