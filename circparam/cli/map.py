@@ -73,8 +73,8 @@ def command(a: str, b: str, **given: Any) -> None:
     onto one domain and relaxes them to low distortion; no face is flipped in that domain.
     """
     from circparam.formats.io import read
+    from circparam.maps.map_surfaces import map_surfaces
     from circparam.maps.surface_map import save_map
-    from circparam.maps.surfaces import map_surfaces
 
     out = Path(given["output"])
     if out.suffix.lower() != ".npz":

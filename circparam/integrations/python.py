@@ -9,7 +9,7 @@ from typing import ParamSpec, TypeVar
 
 from circparam.formats import io
 from circparam.integrations.words import python_words
-from circparam.maps import surfaces as mapping
+from circparam.maps import map_surfaces as mapping
 from circparam.pipeline import inspect as looking
 from circparam.pipeline import save as saving
 from circparam.pipeline import together

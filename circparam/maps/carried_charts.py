@@ -1,33 +1,49 @@
 """The layout of one mesh on another mesh of the same shape: seams follow, nothing flips.
 
-Every face of the target takes the chart that most of it lies on, and every corner the closest point of that
-chart. Faces side by side whose corners found the same points hang together; the other edges are seams. What is
-turned over then goes to a neighbour's chart, or is untangled where it stands.
+The charts of the source lie as sheets in space. Every face of the target takes the chart that most of it lies
+on, and every corner the closest point of that chart, on one side of every seam. Faces side by side whose
+corners found the same points hang together; the other edges are seams. What is turned over then goes to a
+neighbour's chart, or is untangled where it stands.
 """
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sps
+from scipy.spatial import cKDTree
 
 from circparam.core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    cross2,
     first_of_runs,
     group_sum,
     next_half_edge,
+    slices,
 )
 from circparam.core.monitor import Monitor
+from circparam.geometry.closest import closest_on_triangles
+from circparam.geometry.gradient_transfer import space_gradients, turn_gradients
 from circparam.geometry.intrinsic import signed_areas
-from circparam.maps.sheets import Sheets, Spots
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 from circparam.solvers.untangle import untangle
 
+CANDIDATES = 12  # nearest samples whose faces are tried for the closest point
+STEPS = 64  # from the best face on to its neighbours, for as long as one is nearer
+SAMPLES_A_FACE = 4  # mean, more where faces are large
+FEWEST_SAMPLES, MOST_SAMPLES = 50_000, 1_000_000
+UV_WEIGHT = (
+    0.3  # of a distance in the layout against one in space, in the choice between sides of a seam
+)
+BLOCK = 20_000  # places sought at once: some kilobytes each
+LAYER = 10.0  # diagonals by which charts are held apart
 # Places of a face that choose its chart, its middle first: what is nearest to it leads the face's corners.
 PROBES = np.array(
     [
@@ -43,6 +59,151 @@ RELABELS = 4  # rounds in which turned faces go to charts of their neighbours
 
 
 @dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """Points of a surface. face: (p,). bary: (p, 3). distance: (p,) from the places they were sought for."""
+
+    face: IntArray
+    bary: FloatArray
+    distance: FloatArray
+
+    def take(self, rows: IntArray) -> SurfacePoints:
+        """Some of the points."""
+        return SurfacePoints(self.face[rows], self.bary[rows], self.distance[rows])
+
+    def put(self, rows: IntArray, new: SurfacePoints) -> None:
+        """Others in some rows, in place."""
+        self.face[rows], self.bary[rows], self.distance[rows] = new.face, new.bary, new.distance
+
+
+class Sheets:
+    """A surface with its layout, asked for closest points on any chart, or on one chart near a place of it."""
+
+    def __init__(self, atlas: Atlas) -> None:
+        surface = atlas.surface
+        self.atlas = atlas
+        self.count, self.chart = atlas.charts()
+        self.corners = surface.points[surface.faces]
+        self.gradients = space_gradients(atlas)
+        box = np.ptp(self.corners.reshape(-1, 3), axis=0)
+        self.diagonal = max(float(np.linalg.norm(box)), 1e-300)
+        self.beside = np.repeat(np.arange(len(surface.faces))[:, None], 3, axis=1)
+        h = surface.edges[~atlas.cut]
+        flat = self.beside.reshape(-1)
+        flat[h[:, 0]], flat[h[:, 1]] = h[:, 1] // 3, h[:, 0] // 3
+        self.scale = _scale(atlas)
+        self.sample, bary = samples_of(surface.areas)
+        self.places = np.einsum("pk,pkc->pc", bary, self.corners[self.sample])
+        uv = np.einsum("pk,pkc->pc", bary, atlas.corners[self.sample])
+        self.free = cKDTree(self.places)
+        self.layered = cKDTree(self._lifted(self.places, self.chart[self.sample], uv))
+
+    def _lifted(self, places: FloatArray, chart: IntArray, uv: FloatArray) -> FloatArray:
+        """(p, 6) where points of charts are held apart, and those across a seam of one chart too."""
+        layer = chart[:, None] * (LAYER * self.diagonal)
+        return np.concatenate([places, layer, UV_WEIGHT / self.scale * uv], axis=1)
+
+    def anywhere(self, places: FloatArray, normals: FloatArray) -> SurfacePoints:
+        """The closest points of faces that look the way of the normals, where near ones do."""
+        return _in_blocks(self._anywhere, places, normals)
+
+    def _anywhere(self, places: FloatArray, normals: FloatArray) -> SurfacePoints:
+        found = self.sample[_nearest(self.free, places)]
+        bary, d2 = closest_on_triangles(places[:, None], self.corners[found])
+        away = np.einsum("pkc,pc->pk", self.atlas.surface.normals[found], normals) <= 0
+        away &= ~away.all(1)[:, None]
+        best = np.where(away, np.inf, d2).argmin(1)
+        rows = np.arange(len(places))
+        return SurfacePoints(found[rows, best], bary[rows, best], np.sqrt(d2[rows, best]))
+
+    def on_chart(self, places: FloatArray, chart: IntArray, expected: FloatArray) -> SurfacePoints:
+        """The closest points of charts (p,), each on the side of seams where the expected uv (p, 2) lies."""
+        return _in_blocks(self._on_chart, places, chart, expected)
+
+    def _on_chart(self, places: FloatArray, chart: IntArray, expected: FloatArray) -> SurfacePoints:
+        lifted = self._lifted(places, chart, expected)
+        found = self.sample[_nearest(self.layered, lifted)]
+        bary, d2 = closest_on_triangles(places[:, None], self.corners[found])
+        uv = np.einsum("pjk,pjkc->pjc", bary, self.atlas.corners[found])
+        off = ((uv - expected[:, None]) ** 2).sum(2) * (UV_WEIGHT / self.scale) ** 2
+        off[self.chart[found] != chart[:, None]] = np.inf
+        best = (d2 + off).argmin(1)
+        rows = np.arange(len(places))
+        return self._walked(
+            places, SurfacePoints(found[rows, best], bary[rows, best], d2[rows, best])
+        )
+
+    def _walked(self, places: FloatArray, start: SurfacePoints) -> SurfacePoints:
+        """On to neighbours in the same chart for as long as one of them is nearer; start has squares."""
+        face, bary, d2 = start.face.copy(), start.bary.copy(), start.distance.copy()
+        moving = np.arange(len(places))
+        for _ in range(STEPS):
+            around = self.beside[face[moving]]
+            at, gap = closest_on_triangles(places[moving][:, None], self.corners[around])
+            best = gap.argmin(1)
+            rows = np.arange(len(moving))
+            nearer = gap[rows, best] < d2[moving]
+            rows, best, moving = rows[nearer], best[nearer], moving[nearer]
+            if len(moving) == 0:
+                break
+            face[moving], bary[moving] = around[rows, best], at[rows, best]
+            d2[moving] = gap[rows, best]
+        return SurfacePoints(face, bary, np.sqrt(d2))
+
+    def uv(self, spots: SurfacePoints) -> FloatArray:
+        """(p, 2) places of points in the layout."""
+        result: FloatArray = np.einsum("pk,pkc->pc", spots.bary, self.atlas.corners[spots.face])
+        return result
+
+    def expected(self, spots: SurfacePoints, places: FloatArray, normals: FloatArray) -> FloatArray:
+        """(p, 2) uv of places beside points, continued along the plane of the normals."""
+        there = np.einsum("pk,pkc->pc", spots.bary, self.corners[spots.face])
+        normal = self.atlas.surface.normals[spots.face]
+        turned = turn_gradients(self.gradients[spots.face], normal, normals)
+        result: FloatArray = self.uv(spots) + np.einsum("pdx,px->pd", turned, places - there)
+        return result
+
+
+def _nearest(tree: cKDTree, places: FloatArray) -> IntArray:
+    near: IntArray = tree.query(places, k=min(CANDIDATES, tree.n))[1].reshape(len(places), -1)
+    return near
+
+
+def _in_blocks(find: Callable[..., SurfacePoints], *arrays: FloatArray | IntArray) -> SurfacePoints:
+    """What is found for rows of arrays, some at once: bounds the memory."""
+    return _concatenated(*(find(*(a[k] for a in arrays)) for k in slices(len(arrays[0]), BLOCK)))
+
+
+def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
+    return SurfacePoints(
+        *(np.concatenate(x) for x in zip(*map(dataclasses.astuple, parts), strict=True))
+    )
+
+
+def _scale(atlas: Atlas) -> float:
+    """uv a unit of length: of the median area."""
+    d = atlas.corners[:, 1:] - atlas.corners[:, :1]
+    areas = atlas.surface.areas
+    ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
+    order = np.argsort(ratio)
+    whole = np.cumsum(areas[order])
+    middle = ratio[order][np.searchsorted(whole, whole[-1] / 2)]
+    return float(np.sqrt(max(middle, 1e-300)))
+
+
+def samples_of(areas: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Samples of a surface: (face (s,), barycentric (s, 3)), one of each face and more where it is larger."""
+    m = len(areas)
+    count = int(np.clip(SAMPLES_A_FACE * m, FEWEST_SAMPLES, MOST_SAMPLES))
+    whole = np.cumsum(areas)
+    spread = np.searchsorted(whole, (np.arange(count) + 0.5) / count * whole[-1])
+    face = np.concatenate([np.arange(m), np.minimum(spread, m - 1)])
+    r = np.random.default_rng(3).random((count, 2))
+    r[r.sum(1) > 1] = 1 - r[r.sum(1) > 1]
+    bary = np.concatenate([np.full((m, 3), 1 / 3), np.c_[1 - r.sum(1), r]])
+    return face, bary
+
+
+@dataclass(frozen=True, eq=False)
 class CarriedLayout:
     """A layout on the target. drift: (m, 3) distance in uv of every corner from the closest point of its chart.
     inside: (m,) the same in the middle of every face, where the target cuts through what is curved."""
@@ -55,13 +216,11 @@ class CarriedLayout:
 def carry_charts(sheets: Sheets, target: Surface, monitor: Monitor | None = None) -> CarriedLayout:
     """The layout of the sheets on a target of the same shape."""
     probed, led = _leaders(sheets, target)
-    corners = _corner_spots(sheets, target, led, np.arange(len(target.faces)))
+    corners = _corner_points(sheets, target, led, np.arange(len(target.faces)))
     mirrored = _mirrored(sheets)
     for _ in range(RELABELS):
-        better = _relabelled(sheets, target, (probed, led, corners), mirrored)
-        if better is None:
+        if not _relabel(sheets, target, (probed, led, corners), mirrored):
             break
-        led, corners = better
     uv = sheets.uv(corners).reshape(-1, 3, 2)
     atlas = Atlas(target, _seams(sheets, target, led, uv), uv)
     cut_mesh, _ = atlas.open()
@@ -76,11 +235,14 @@ def carry_charts(sheets: Sheets, target: Surface, monitor: Monitor | None = None
     joined[:, 0] *= side
     atlas.scatter(cut_mesh, joined)
     drift = np.linalg.norm(atlas.corners - uv, axis=2)
-    middle = np.linalg.norm(atlas.corners.mean(1) - _middle_uv(sheets, target, led), axis=1)
-    return CarriedLayout(atlas, drift, middle)
+    places = target.points[target.faces].mean(1)
+    expected = sheets.expected(led, places, target.normals)
+    middle = sheets.uv(sheets.on_chart(places, sheets.chart[led.face], expected))
+    inside = np.linalg.norm(atlas.corners.mean(1) - middle, axis=1)
+    return CarriedLayout(atlas, drift, inside)
 
 
-def _leaders(sheets: Sheets, target: Surface) -> tuple[Spots, Spots]:
+def _leaders(sheets: Sheets, target: Surface) -> tuple[SurfacePoints, SurfacePoints]:
     """The points of the source at all probes, and the one that leads each face: on the chart of most probes."""
     m, k = len(target.faces), len(PROBES)
     places = np.einsum("kc,mcx->mkx", PROBES, target.points[target.faces])
@@ -93,7 +255,9 @@ def _leaders(sheets: Sheets, target: Surface) -> tuple[Spots, Spots]:
     return found, found.take(np.arange(m) * k + best)
 
 
-def _corner_spots(sheets: Sheets, target: Surface, led: Spots, faces: IntArray) -> Spots:
+def _corner_points(
+    sheets: Sheets, target: Surface, led: SurfacePoints, faces: IntArray
+) -> SurfacePoints:
     """The closest points (3f,) for the corners of faces (f,), on the charts that lead them."""
     lead = led.take(np.repeat(np.arange(len(faces)), 3))
     places = target.points[target.faces[faces]].reshape(-1, 3)
@@ -122,36 +286,40 @@ def _heights(uv: FloatArray, mirrored: BoolArray) -> FloatArray:
     return result
 
 
-def _relabelled(
-    sheets: Sheets, target: Surface, now: tuple[Spots, Spots, Spots], mirrored: BoolArray
-) -> tuple[Spots, Spots] | None:
-    """Turned faces led by another probe or a neighbour, so that they are turned less; None: it helps nowhere.
+def _relabel(
+    sheets: Sheets,
+    target: Surface,
+    points: tuple[SurfacePoints, SurfacePoints, SurfacePoints],
+    mirrored: BoolArray,
+) -> bool:
+    """Let other probes or neighbours lead turned faces, so that they are turned less; whether any did.
 
-    now: the points at the probes, those that lead, those of the corners.
+    points: those of the probes, those that lead, those of the corners.
     """
-    probed, led, corners = now
+    probed, led, corners = points
     now_height = _heights(sheets.uv(corners).reshape(-1, 3, 2), mirrored[sheets.chart[led.face]])
     wrong = now_height <= 0
     if not wrong.any():
-        return None
+        return False
     turned, beside = _around(target, np.flatnonzero(wrong))
     own = np.repeat(np.flatnonzero(wrong), len(PROBES))
     probe = len(PROBES) * own + np.tile(np.arange(len(PROBES)), int(wrong.sum()))
     face = np.concatenate([own, turned])
-    lead = _joined(probed.take(probe), led.take(beside))
-    found = _corner_spots(sheets, target, lead, face)
+    lead = _concatenated(probed.take(probe), led.take(beside))
+    found = _corner_points(sheets, target, lead, face)
     height = _heights(sheets.uv(found).reshape(-1, 3, 2), mirrored[sheets.chart[lead.face]])
     rows = np.flatnonzero(height > now_height[face])
     if len(rows) == 0:
-        return None
+        return False
     # of several that are upright the one whose corners lie nearest, else the one that is turned least
     far = found.distance.reshape(-1, 3).max(1)[rows]
     worth = np.where(height[rows] > 0, far, sheets.diagonal - height[rows])
     order = np.lexsort((worth, face[rows]))
     rows = rows[order[first_of_runs(face[rows][order])]]
-    three = np.arange(3)
-    put = (3 * face[rows][:, None] + three).ravel(), (3 * rows[:, None] + three).ravel()
-    return _put(led, face[rows], lead.take(rows)), _put(corners, put[0], found.take(put[1]))
+    own, new = ((3 * k[:, None] + np.arange(3)).ravel() for k in (face[rows], rows))
+    led.put(face[rows], lead.take(rows))
+    corners.put(own, found.take(new))
+    return True
 
 
 def _around(target: Surface, faces: IntArray) -> tuple[IntArray, IntArray]:
@@ -164,23 +332,7 @@ def _around(target: Surface, faces: IntArray) -> tuple[IntArray, IntArray]:
     return faces[pairs.row], pairs.col.astype(np.int64)
 
 
-def _joined(a: Spots, b: Spots) -> Spots:
-    """The points of both."""
-    return Spots(
-        np.concatenate([a.face, b.face]),
-        np.concatenate([a.bary, b.bary]),
-        np.concatenate([a.distance, b.distance]),
-    )
-
-
-def _put(spots: Spots, rows: IntArray, new: Spots) -> Spots:
-    """The points with others in some rows."""
-    out = Spots(spots.face.copy(), spots.bary.copy(), spots.distance.copy())
-    out.face[rows], out.bary[rows], out.distance[rows] = new.face, new.bary, new.distance
-    return out
-
-
-def _seams(sheets: Sheets, target: Surface, led: Spots, uv: FloatArray) -> BoolArray:
+def _seams(sheets: Sheets, target: Surface, led: SurfacePoints, uv: FloatArray) -> BoolArray:
     """(e,) bool: edges whose faces lie on other charts, or see the ends of the edge at other places."""
     i, j = target.edges[:, 0], target.edges[:, 1]
     flat = uv.reshape(-1, 2)
@@ -230,10 +382,3 @@ def lifted(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
         for d in range(2):
             uv[:, d] += group_sum(pull[:, :, d].ravel(), at, n) / count
     return uv
-
-
-def _middle_uv(sheets: Sheets, target: Surface, led: Spots) -> FloatArray:
-    """(m, 2) uv of the source's chart at the middle of every face."""
-    places = target.points[target.faces].mean(1)
-    expected = sheets.expected(led, places, target.normals)
-    return sheets.uv(sheets.on_chart(places, sheets.chart[led.face], expected))

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from circparam.core.arrays import IntArray, group_count
-from circparam.core.graph import components
+from circparam.core.graph import cycles
 from circparam.core.words import counted
 from circparam.errors import InputError, TopologyError
 from circparam.maps.landmarks import Landmarks
@@ -43,24 +43,11 @@ class ChartGraph:
     def labels(self) -> list[Label]:
         """What tells arcs apart: whether the surface lies on the left, arcs round it, the landmark that it
         leaves."""
-        size = self._sizes()
+        cycle, _, size = cycles(np.array(self.after))
         return [
-            (int(self.chart[d] >= 0), size[d], self.mark.get(int(p[0]), -1))
+            (int(self.chart[d] >= 0), int(size[cycle[d]]), self.mark.get(int(p[0]), -1))
             for d, p in enumerate(self.paths)
         ]
-
-    def _sizes(self) -> list[int]:
-        out = [0] * len(self.paths)
-        for first in range(len(out)):
-            if out[first]:
-                continue
-            walk, d = [first], self.after[first]
-            while d != first:
-                walk.append(d)
-                d = self.after[d]
-            for d in walk:
-                out[d] = len(walk)
-        return out
 
     def line(self) -> str:
         """How many of what."""
@@ -107,8 +94,9 @@ def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGra
     cut |= outside != outside[mesh.twin]
     if not cut.any():
         raise TopologyError(f"{side.name}: its uv have no seam: --charts needs both surfaces cut")
-    h = np.flatnonzero(~cut)
-    _, of_face = components(m, h // 3, mesh.twin[h] // 3)
+    on = np.zeros(mesh.n, bool)
+    on[mesh.faces.ravel()[cut]] = True
+    of_face, euler = mesh.pieces(cut, on)
     paths = _traced(side, cut, landmarks)
     twin_of = {(int(p[0]), int(p[1])): d for d, p in enumerate(paths)}
     after = [0] * len(paths)
@@ -124,7 +112,7 @@ def chart_graph(side: MapInput, layout: UVMap, landmarks: list[int]) -> ChartGra
     chart = np.where(mesh.parent[left] < 0, -1, of_face[left])
     number = {v: k for k, v in enumerate(landmarks)}
     graph = ChartGraph(side, paths, after, chart, of_face, number)
-    _require_disks(graph, cut)
+    _require_disks(graph, euler)
     return graph
 
 
@@ -159,18 +147,8 @@ def _traced(side: MapInput, cut: IntArray, landmarks: list[int]) -> list[IntArra
     return paths
 
 
-def _require_disks(graph: ChartGraph, cut: IntArray) -> None:
+def _require_disks(graph: ChartGraph, euler: IntArray) -> None:
     mesh, label = graph.side.closed, graph.of_face
-    count = int(label.max()) + 1
-    open_ = np.flatnonzero(~cut)
-    on = np.zeros(mesh.n, bool)
-    on[mesh.faces.ravel()[cut]] = True
-    inner = np.flatnonzero(~on)
-    euler = (
-        group_count(label, count)
-        - group_count(label[open_ // 3], count) // 2
-        + group_count(label[mesh.first_out[inner] // 3], count)
-    )
     for chart in np.unique(label[mesh.parent >= 0]).tolist():
         if euler[chart] != 1:
             face = int(graph.side.surface.source[np.flatnonzero(label == chart)[0]])

@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, next_half_edge
+from circparam.core.graph import components
 from circparam.mesh.cut_mesh import CutMesh, rest_triangles_of
 
 
@@ -93,6 +94,15 @@ class ClosedMesh:
             np.zeros(len(self.faces), np.int64),
             np.stack([h[lower], self.twin[lower]], 1),
         )
+
+    def pieces(self, cut: BoolArray, on: BoolArray) -> tuple[IntArray, IntArray]:
+        """(piece (m,) of each face between cut half-edges (3m,), Euler characteristic of the inside of each);
+        on: (n,) bool, vertices on the cuts."""
+        h = np.flatnonzero(~cut)
+        count, label = components(len(self.faces), h // 3, self.twin[h] // 3)
+        edges = group_count(label[h // 3], count) // 2
+        vertices = group_count(label[self.first_out[~on] // 3], count)
+        return label, group_count(label, count) - edges + vertices
 
     def shares(self, path: IntArray) -> FloatArray:
         """(p,) how far along a path each of its vertices lies, from 0 to 1, by length."""

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circparam.core.arrays import IntArray, group_count
-from circparam.core.graph import components
+from circparam.core.arrays import IntArray
+from circparam.core.graph import cycles
 from circparam.core.words import counted
 from circparam.errors import TopologyError
 from circparam.maps.landmarks import Landmarks
@@ -109,18 +109,9 @@ class Layout:
 
     def regions(self) -> list[list[int]]:
         """The regions between the arcs: the arcs round each, the region on their left."""
-        seen = [False] * len(self.ends)
-        out = []
-        for first in range(len(self.ends)):
-            if seen[first]:
-                continue
-            region, arc = [], first
-            while not seen[arc]:
-                seen[arc] = True
-                region.append(arc)
-                arc = self.after(arc)
-            out.append(region)
-        return out
+        follower = np.array([self.after(arc) for arc in range(len(self.ends))], np.int64)
+        _, order, size = cycles(follower)
+        return [r.tolist() for r in np.split(order, np.cumsum(size))[:-1]]
 
     def lay_known(self, i: int, j: int, a: IntArray, b: IntArray) -> None:
         """Add an arc whose two paths (vertices from landmark i to landmark j) are known."""
@@ -303,27 +294,12 @@ class Layout:
                 tracer.split_chords()
 
 
-Shape = list[
-    tuple[int, list[int]]
-]  # of each component between the arcs: Euler characteristic, walks
-
-
-def shape_of(tracer: Tracer, walks: list[list[int]]) -> Shape:
-    """What the arcs leave of a mesh: of every component its Euler characteristic and the walks round it."""
-    mesh = tracer.mesh
-    twin = mesh.twin
-    open_ = ~tracer.on_arcs()
-    h = np.flatnonzero(open_)
-    count, label = components(len(mesh.faces), h // 3, twin[h] // 3)
-    edges = group_count(label[h // 3], count) // 2
-    inner = ~tracer.on
-    vertices = group_count(label[mesh.first_out[inner] // 3], count)
-    euler = group_count(label, count) - edges + vertices
+def shape_of(tracer: Tracer, walks: list[list[int]]) -> list[tuple[int, list[int]]]:
+    """What the arcs leave of a mesh: of every piece its Euler characteristic and the walks round it."""
+    label, euler = tracer.mesh.pieces(tracer.on_arcs(), tracer.on)
     out: dict[int, list[int]] = {}
-    for n, walk in enumerate(walks):
-        path = tracer.arcs[walk[0]]
-        half_edge = int(mesh.half_edges(path[:1], path[1:2])[0])
-        out.setdefault(int(label[half_edge // 3]), []).append(n)
+    for n, face in enumerate(tracer.left_faces(walks)):
+        out.setdefault(int(label[face]), []).append(n)
     return [(int(euler[c]), w) for c, w in out.items()]
 
 

@@ -16,8 +16,7 @@ from circparam.core.monitor import Listener, Monitor
 from circparam.core.words import counted
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
-from circparam.maps.carried_charts import CarriedLayout, carry_charts
-from circparam.maps.sheets import Sheets, samples_of
+from circparam.maps.carried_charts import CarriedLayout, Sheets, carry_charts, samples_of
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.mesh.surface import Surface
 from circparam.pipeline.cascade import Cascade

@@ -1,15 +1,21 @@
-"""The one-to-one map between two surfaces: landmarks, common domain, composition, relaxation, check."""
+"""Maps between two surfaces: what ``circparam.map_surfaces`` and ``circparam map`` call."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeAlias, TypedDict, Unpack
 
 import numpy as np
+import numpy.typing as npt
 
-from circparam.core.arrays import IntArray
-from circparam.core.monitor import Monitor
+from circparam.core.arrays import FloatArray, IntArray
+from circparam.core.monitor import Listener, Monitor
 from circparam.errors import InputError, OptionError
+from circparam.formats.document import Document
+from circparam.formats.io import read
+from circparam.formats.sidecars import read_landmarks, read_paths
 from circparam.maps import landmarks as marking
 from circparam.maps.charts import add_charts
 from circparam.maps.closed_mesh import ClosedMesh
@@ -19,13 +25,17 @@ from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput, map_input_of, require_same
 from circparam.maps.overlaid import refinement
 from circparam.maps.places import at_vertices, for_file, on_surface
-from circparam.maps.solution import MapSolution, solve_map
+from circparam.maps.solution import solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.solvers.tutte.weights import WEIGHTS
 
-POOR = 1.5  # mean distortion above which more landmarks are advised
+POOR_DISTORTION = 1.5  # mean above which more landmarks are advised
 POSITIVE = "positive"  # what a row of WEIGHTS must be for its maps to be one to one
+
+Surface: TypeAlias = (
+    "Mesh | Document | str | os.PathLike[str] | tuple[npt.ArrayLike, npt.ArrayLike]"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +97,15 @@ class Given:
 STANDARD = Given()
 
 
+class Keywords(TypedDict, total=False):
+    """Further arguments of ``map_surfaces``, documented there."""
+
+    method: str
+    mirrored: bool
+    relax: bool
+    overlay: bool
+
+
 def map_meshes(
     a: Mesh, b: Mesh, given: Given = STANDARD, monitor: Monitor | None = None
 ) -> MapResult:
@@ -94,11 +113,10 @@ def map_meshes(
 
     Raises TopologyError, InputError, OptionError, NoResultError.
     """
-    method = given.method
-    if method not in WEIGHTS.names() or POSITIVE not in WEIGHTS[method].tags:
-        good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
+    good = [name for name in WEIGHTS.names() if POSITIVE in WEIGHTS[name].tags]
+    if given.method not in good:
         raise OptionError(
-            f"a map needs weights that are positive on every mesh, not {method!r}: "
+            f"a map needs weights that are positive on every mesh, not {given.method!r}: "
             f"choose one of {', '.join(good)}"
         )
     monitor = monitor or Monitor()
@@ -108,29 +126,46 @@ def map_meshes(
     with monitor.stage("landmarks"):
         marks = _landmarks(given, side_a, side_b)
     notes = [f"{s.name}: {line}" for s in (side_a, side_b) for line in s.notes] + marks.notes
-    found = solve_map(side_a, side_b, marks, method, given.relax, monitor)
-    if given.relax and not found.relaxed:
+    solution = solve_map(side_a, side_b, marks, given.method, given.relax, monitor)
+    if given.relax and not solution.relaxed:
         notes.append(
             "relaxation turns faces over in the common domain: "
             "the map is the composition of the convex maps without it"
         )
     with monitor.stage("check"):
-        checked = _Checked(side_a, side_b, marks, found)
-    refined = None
+        exact = np.stack([marks.a, marks.b], 1)[np.array(marks.exact, bool)].reshape(-1, 2)
+        to_b = _places(side_b, solution.on_b, solution.covers[1].mesh, exact)
+        to_a = _places(side_a, solution.on_a, solution.covers[0].mesh, exact[:, ::-1])
+        points = [s.surface.vertex_points for s in (side_a, side_b)]
+        faces = [s.surface.corner_vertex for s in (side_a, side_b)]
+        there = to_b.take(side_a.n).of(points[1], faces[1])
+        back = to_a.take(side_b.n).of(points[0], faces[0])
+        a_to_b, b_to_a = (
+            distortion(points[0], faces[0], there),
+            distortion(points[1], faces[1], back),
+        )
+        off = np.linalg.norm(there[exact[:, 0]] - points[1][exact[:, 1]], axis=1)
+        notes += _warnings(side_a, there, max(a_to_b.mean, b_to_a.mean))
+        mapped = SurfaceMap(
+            for_file(to_b, side_a, side_b),
+            for_file(to_a, side_b, side_a),
+            fingerprint(a),
+            fingerprint(b),
+        )
     if given.overlay:
         with monitor.stage("overlay"):
-            refined = refinement(side_a, side_b, found)
+            mapped = replace(mapped, overlay=refinement(side_a, side_b, solution))
     return MapResult(
-        replace(checked.map(), overlay=refined),
-        checked.a_to_b,
-        checked.b_to_a,
-        found.start,
-        found.inversions,
-        len(checked.exact),
-        checked.landmark_error,
-        method,
+        mapped,
+        a_to_b,
+        b_to_a,
+        solution.start,
+        solution.inversions,
+        len(exact),
+        float(off.max(initial=0.0)) / side_b.size,
+        given.method,
         dict(monitor.seconds),
-        notes + checked.warnings(),
+        notes,
     )
 
 
@@ -160,58 +195,88 @@ def _landmarks(given: Given, a: MapInput, b: MapInput) -> Landmarks:
     return marks
 
 
-class _Checked:
-    """What a map is worth, counted and measured from the domain that it goes through."""
-
-    def __init__(self, a: MapInput, b: MapInput, marks: Landmarks, found: MapSolution) -> None:
-        self.a, self.b = a, b
-        exact = np.array(marks.exact, bool)
-        self.exact = np.stack([np.array(marks.a)[exact], np.array(marks.b)[exact]], 1)
-        ends = self.exact, self.exact[:, ::-1]
-        self.to_b = _places(a, b, found.on_b, found.covers[1].mesh, ends[0])
-        self.to_a = _places(b, a, found.on_a, found.covers[0].mesh, ends[1])
-        pa, pb = a.surface.vertex_points, b.surface.vertex_points
-        self.there = self.to_b.of(pb, b.surface.corner_vertex)
-        back = self.to_a.of(pa, a.surface.corner_vertex)
-        self.a_to_b = distortion(pa, a.surface.corner_vertex, self.there)
-        self.b_to_a = distortion(pb, b.surface.corner_vertex, back)
-
-    @property
-    def landmark_error(self) -> float:
-        """How far the worst landmark is off, in sizes of B."""
-        goal = self.b.surface.vertex_points[self.exact[:, 1]]
-        off = np.linalg.norm(self.there[self.exact[:, 0]] - goal, axis=1)
-        return float(off.max(initial=0.0)) / self.b.size
-
-    def warnings(self) -> list[str]:
-        """What to do about a map that is far from an isometry."""
-        worst = max(self.a_to_b.mean, self.b_to_a.mean)
-        if worst <= POOR:
-            return []
-        energy = face_energies(
-            self.a.surface.vertex_points, self.a.surface.corner_vertex, self.there
-        )
-        weight = energy * self.a.surface.areas
-        vertex = self.a.surface.corner_vertex[int(weight.argmax()), 0]
-        number = int(np.flatnonzero(self.a.vertex == vertex)[0])
-        return [
-            f"the map is far from an isometry (mean distortion {worst:.3g}, 1 is one), most of all near vertex "
-            f"{number} of A: add a landmark there and at the end of every long thin part"
-        ]
-
-    def map(self) -> SurfaceMap:
-        """By the vertices and faces of the files."""
-        return SurfaceMap(
-            for_file(self.to_b, self.a, self.b),
-            for_file(self.to_a, self.b, self.a),
-            fingerprint(self.a.mesh),
-            fingerprint(self.b.mesh),
-        )
-
-
-def _places(
-    a: MapInput, b: MapInput, found: CoverPoints, mesh: ClosedMesh, exact: IntArray
-) -> Places:
-    """Where the vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
-    places = on_surface(found.face[: a.n], found.weights[: a.n], mesh)
+def _places(b: MapInput, on_b: CoverPoints, mesh: ClosedMesh, exact: IntArray) -> Places:
+    """Where vertices of A lie on the surface of B; exact (k, 2): vertices of both that go to each other."""
+    places = on_surface(on_b.face, on_b.weights, mesh)
     return at_vertices(places, exact[:, 0], exact[:, 1], b.surface.corner_vertex)
+
+
+def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
+    """What to do about a map that is far from an isometry; there (n, 3): the images of the vertices of A."""
+    if worst <= POOR_DISTORTION:
+        return []
+    energy = face_energies(a.surface.vertex_points, a.surface.corner_vertex, there)
+    vertex = a.surface.corner_vertex[int((energy * a.surface.areas).argmax()), 0]
+    number = int(np.flatnonzero(a.vertex == vertex)[0])
+    return [
+        f"the map is far from an isometry (mean distortion {worst:.3g}, 1 is one), most of all near vertex "
+        f"{number} of A: add a landmark there and at the end of every long thin part"
+    ]
+
+
+def map_surfaces(
+    a: Surface,
+    b: Surface,
+    *,
+    landmarks: npt.ArrayLike | str | os.PathLike[str] | None = None,
+    paths: Sequence[Sequence[int]] | None = None,
+    charts: bool = False,
+    listener: Listener | None = None,
+    **keywords: Unpack[Keywords],
+) -> MapResult:
+    """A one-to-one map between two connected surfaces with as many handles and boundaries.
+
+    a, b: a file, a Document, a Mesh, or (points, faces). landmarks: (k, 2) pairs of vertices of a and b that
+    the map takes to each other exactly, counted from 0, or a file with a pair on each line; None: surfaces that
+    lie alike get some from their alignment. paths: sequences of vertices of a that are landmarks; the shortest
+    paths between them are the first cuts on both (a file of landmarks may hold lines ``path 1 2 3 1``); handles
+    are cut by shortest paths between landmarks where none are given. charts: both files have uv whose charts
+    correspond, which are mapped chart on chart. method: the weights of the convex maps, any that are positive
+    (circle, mean-value, floater, uniform). mirrored: b is the mirror image of what is meant. relax: False keeps
+    the composition of the convex maps. overlay: True adds the common refinement of both (``map.overlay``), of
+    closed surfaces.
+
+    Returns a MapResult: ``map`` (a SurfaceMap; ``circparam.save_map`` writes it), distortion both ways,
+    inversions. Raises InputError for landmarks that name no vertex or the same one twice, TopologyError where
+    the surfaces differ, look mirrored, or the landmarks have no common layout, OptionError for a method whose
+    weights can be negative, NoResultError where double precision cannot hold the map.
+    """
+    pairs, ways = None, [[int(v) for v in path] for path in paths or []]
+    if isinstance(landmarks, (str, os.PathLike)):
+        pairs = read_landmarks(landmarks)
+        ways += read_paths(landmarks)
+    elif landmarks is not None:
+        given = np.asarray(landmarks)
+        if given.ndim != 2 or given.shape[1] != 2 or not np.issubdtype(given.dtype, np.integer):
+            raise InputError(
+                f"landmarks have shape {given.shape} and type {given.dtype}: (k, 2) whole numbers are needed"
+            )
+        pairs = given.astype(np.int64)
+    if ways and pairs is None:
+        raise InputError("paths lead from landmark to landmark, and no landmarks are given")
+    meshes = _mesh(a), _mesh(b)
+    layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
+    unknown = set(keywords) - set(Keywords.__annotations__)
+    if unknown:
+        raise TypeError(f"map_surfaces has no argument {sorted(unknown)[0]!r}")
+    return map_meshes(*meshes, Given(pairs, ways, layouts, **keywords), Monitor(listener))
+
+
+def _layout(surface: Surface, name: str) -> UVMap:
+    """The first uv set of a document."""
+    if isinstance(surface, (str, os.PathLike)):
+        surface = read(surface)
+    found = surface.uv() if isinstance(surface, Document) else None
+    if found is None:
+        raise InputError(f"{name}: it has no uv, and --charts needs the charts of both surfaces")
+    return found
+
+
+def _mesh(surface: Surface) -> Mesh:
+    if isinstance(surface, Mesh):
+        return surface
+    if isinstance(surface, Document):
+        return surface.mesh
+    if isinstance(surface, tuple):
+        return Mesh(np.asarray(surface[0], np.float64), np.asarray(surface[1], np.int64))
+    return read(surface).mesh

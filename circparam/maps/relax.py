@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import BoolArray, FloatArray, first_of_runs, group_sum
+from circparam.core.arrays import BoolArray, FloatArray, group_sum
 from circparam.core.clock import tick
 from circparam.core.linalg import Factor
 from circparam.core.monitor import Monitor
@@ -68,28 +68,20 @@ class Relaxation:
         part = CutMesh(faces, rest[self.counts], faces[:, 0], self.faces[:0, :2])
         self.gradients = np.ascontiguousarray(part.gradients.transpose(1, 2, 0))
         self.weight = weight[self.counts]
-        self._pattern()
+        self._order()
 
-    def _pattern(self) -> None:
-        """Where the block of each pair of corners of each face stands, in an order that fills little."""
-        n = self.n
+    def _order(self) -> None:
+        """An order of the vertices in which the Hessian fills little, and where its entries stand in it."""
         i, j = self.faces.ravel(), self.faces[:, [1, 2, 0]].ravel()
-        graph = sps.csc_matrix((np.full(len(i), -1.0), (i, j)), shape=(n, n))
+        graph = sps.csc_matrix((np.full(len(i), -1.0), (i, j)), shape=(self.n, self.n))
         degree = -np.asarray(graph.sum(0)).ravel()
-        order = np.argsort(Factor(graph + sps.diags(degree + 1.0)).position, kind="stable")
-        rank = np.empty(n, np.int64)
-        rank[order] = np.arange(n)
-        self.order = order
-        r = rank[self.corners]
-        rows = np.concatenate([r[a] for a in range(3) for b in range(3)] + [np.arange(n)])
-        cols = np.concatenate([r[b] for a in range(3) for b in range(3)] + [np.arange(n)])
-        key = cols * n + rows
-        by = np.argsort(key, kind="stable")
-        head = first_of_runs(key[by])
-        self.slot = np.empty(len(key), np.int64)
-        self.slot[by] = np.repeat(np.arange(len(head)), np.diff(np.r_[head, len(key)]))
-        self.row = (key[by[head]] % n).astype(np.int32)
-        self.start = np.searchsorted(key[by[head]], np.arange(n + 1) * n).astype(np.int32)
+        position = Factor(graph + sps.diags(degree + 1.0)).position
+        self.order = np.argsort(position, kind="stable")
+        rank = np.argsort(self.order)
+        index = (2 * rank[self.corners][:, None] + np.arange(2)[:, None]).astype(np.int32)
+        whole = (3, 2, 3, 2, index.shape[-1])
+        self.rows = np.broadcast_to(index[:, :, None, None], whole).ravel()
+        self.columns = np.broadcast_to(index[None, None], whole).ravel()
 
     def jacobians(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """((2, 2, m) of each face that counts onto its triangle (3, m, d), (m, 2, d) the axes there)."""
@@ -136,36 +128,23 @@ class Relaxation:
         values, modes = dirichlet.newton_modes(jacobian)
         m = np.einsum("kadm,dcm->kacm", modes, self.gradients)  # of each mode and corner
         m = np.einsum("kacm,cabm->kcbm", m, into)
-        scaled = m * (values * self.weight)[:, None, None]
-        blocks = np.empty((2, 2, 9 * m.shape[-1] + n))
-        width = m.shape[-1]
-        for a in range(3):
-            for b in range(3):
-                block = slice((3 * a + b) * width, (3 * a + b + 1) * width)
-                blocks[:, :, block] = np.einsum("kim,kjm->ijm", scaled[:, a], m[:, b])
-        blocks[:, :, 9 * width :] = 0.0
-        d = self._solved(blocks, g)
+        hessian = np.einsum("kaim,kbjm->aibjm", m * (values * self.weight)[:, None, None], m)
+        d = self._solved(hessian, g)
         return d, float((d * g).sum())
 
-    def _solved(self, blocks: FloatArray, g: FloatArray) -> FloatArray:
-        n, count = self.n, len(self.row)
-        data = np.empty((count, 2, 2))
-        for a in range(2):
-            for b in range(2):
-                data[:, b, a] = group_sum(blocks[a, b], self.slot, count)
-        column = np.repeat(np.arange(n), np.diff(self.start))
-        diagonal = np.flatnonzero(self.row == column)
-        trace = data[diagonal, 0, 0] + data[diagonal, 1, 1]
+    def _solved(self, hessian: FloatArray, g: FloatArray) -> FloatArray:
+        """(n, 2) Newton's step. hessian (3, 2, 3, 2, m): of each face by corners and directions."""
+        size = 2 * self.n
+        entries = (hessian.ravel(), (self.rows, self.columns))
+        matrix = sps.csc_matrix(entries, shape=(size, size))
+        trace = matrix.diagonal().reshape(-1, 2).sum(1)
         free = trace > 0
         mean = trace[free].sum() / max(np.count_nonzero(free), 1)  # none where all are fixed
         ridge = np.where(free, RIDGE * trace + 1e-3 * RIDGE * mean, 1.0)
-        data[diagonal, 0, 0] += ridge
-        data[diagonal, 1, 1] += ridge
-        # rows of this are columns of the symmetric matrix
-        matrix = sps.bsr_matrix((data, self.row, self.start), shape=(2 * n, 2 * n)).tocsr()
-        x = Factor(sps.csc_matrix(matrix.T), ordered=True).solve(-g[self.order].ravel())
-        out = np.empty((n, 2))
-        out[self.order] = x.reshape(-1, 2)
+        matrix = sps.csc_matrix(matrix + sps.diags(np.repeat(ridge, 2)))
+        out = np.empty((self.n, 2))
+        solved = Factor(matrix, ordered=True).solve(-g[self.order].ravel())
+        out[self.order] = solved.reshape(-1, 2)
         return out
 
     def unflipped(self, at: TargetPoint) -> BoolArray:

@@ -29,6 +29,10 @@ class Places:
     face: IntArray
     weights: FloatArray
 
+    def take(self, count: int) -> Places:
+        """The first places."""
+        return Places(self.face[:count], self.weights[:count])
+
     def of(self, values: FloatArray, faces: IntArray) -> FloatArray:
         """(k, d) values ((n, d) a vertex) interpolated at the places; faces: (m, 3) of that mesh."""
         out: FloatArray = np.einsum("kc,kcd->kd", self.weights, values[faces[self.face]])

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
-from circparam.core.graph import components, distances, nearest
+from circparam.core.graph import distances, nearest
 from circparam.maps.closed_mesh import ClosedMesh
 
 FIRST_RADIUS = 1.5  # distances between two landmarks within which a path is looked for at first
@@ -125,15 +125,16 @@ class Tracer:
         """(n,) distance of each vertex from the nearest landmark, along edges."""
         return distances(self._graph, self.marks)
 
+    def left_faces(self, regions: list[list[int]]) -> IntArray:
+        """(r,) a face of each region, on the left of its first arc; regions: the arcs round each."""
+        first = np.array([self.arcs[region[0]][:2] for region in regions]).reshape(-1, 2)
+        return self.mesh.half_edges(first[:, 0], first[:, 1]) // 3
+
     def regions(self, known: list[list[int]]) -> IntArray:
         """(m,) the region of each face; known: the arcs round each region, which lies on their left."""
-        mesh = self.mesh
-        h = np.flatnonzero(~self.on_arcs())
-        _, label = components(len(mesh.faces), h // 3, mesh.twin[h] // 3)
-        name = np.full(int(label.max()) + 1, -1)
-        for n, region in enumerate(known):
-            path = self.arcs[region[0]]
-            name[label[mesh.half_edges(path[:1], path[1:2]) // 3]] = n
+        label, euler = self.mesh.pieces(self.on_arcs(), self.on)
+        name = np.full(len(euler), -1)
+        name[label[self.left_faces(known)]] = np.arange(len(known))
         out: IntArray = name[label]
         return out
 
