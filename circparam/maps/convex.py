@@ -41,13 +41,40 @@ def combined(
     return Factor(matrix).solve(b)
 
 
-def border_places(
+def laid_in_polygons(
+    tracer: Tracer, polygon: IntArray, arcs: list[list[int]], corners: FloatArray, weights: str
+) -> FloatArray:
+    """(m, 3, d) places of the corners of faces in flat convex polygons with corners (c, d).
+
+    polygon (m,): that of each face, −1 where it lies in none and has no places. arcs: those round each polygon,
+    laid along its sides by arc length; no polygon has a landmark twice. What lies inside is one linear system.
+    """
+    mesh = tracer.mesh
+    flat, ends = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+    key, known = _on_sides(tracer, arcs, corners)
+
+    def around(corner: IntArray, vertex: IntArray) -> FloatArray:
+        return known[np.searchsorted(key, polygon[corner // 3] * mesh.n + vertex)]
+
+    of = np.repeat(polygon, 3)
+    low, high = np.full(mesh.n, len(arcs)), np.full(mesh.n, -1)
+    np.minimum.at(low, flat, of)
+    np.maximum.at(high, flat, of)
+    free = (low == high) & (high >= 0)
+    free[tracer.marks] = False
+    inside = combined(mesh, free, row_weights(mesh, weights), lambda h: around(h, ends[h]))
+    places = np.zeros((len(flat), corners.shape[1]))
+    use = free[flat]
+    places[use] = inside[(np.cumsum(free) - 1)[flat[use]]]
+    on = np.flatnonzero(~use & (of >= 0))
+    places[on] = around(on, flat[on])
+    return places.reshape(-1, 3, corners.shape[1])
+
+
+def _on_sides(
     tracer: Tracer, polygons: list[list[int]], corners: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """(keys polygon · n + vertex ascending, (k, d) places) of the vertices round polygons of arcs.
-
-    polygons: the arcs round each, laid by arc length on the sides of the flat polygon with corners (c, d).
-    """
+    """(keys polygon · n + vertex ascending, (k, d) places) of the vertices round polygons of arcs."""
     keys, places = [], []
     for number, arcs in enumerate(polygons):
         for arc, start, end in zip(arcs, corners, np.roll(corners, -1, 0), strict=True):
@@ -57,26 +84,3 @@ def border_places(
             places.append((1 - t) * start + t * end)
     key, first = np.unique(np.concatenate(keys), return_index=True)
     return key, np.concatenate(places)[first]
-
-
-def laid_in_patches(tracer: Tracer, regions: IntArray, weights: str) -> tuple[IntArray, FloatArray]:
-    """(patch (m,) of each face, places (m, 3, 3): barycentric coordinates of its corners in the patch).
-
-    regions (r, 3): the arcs round each triangular patch, which lies on their left; no patch has a landmark
-    twice. What lies inside the patches is one linear system.
-    """
-    mesh, free = tracer.mesh, ~tracer.on
-    flat, ends = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-    patch = tracer.regions(regions.tolist())
-    key, known = border_places(tracer, regions.tolist(), np.eye(3))
-
-    def around(corner: IntArray, vertex: IntArray) -> FloatArray:
-        return known[np.searchsorted(key, patch[corner // 3] * mesh.n + vertex)]
-
-    inside = combined(mesh, free, row_weights(mesh, weights), lambda h: around(h, ends[h]))
-    places = np.empty((len(flat), 3))
-    use = free[flat]
-    places[use] = inside[(np.cumsum(free) - 1)[flat[use]]]
-    on = np.flatnonzero(~use)
-    places[on] = around(on, flat[on])
-    return patch, places.reshape(-1, 3, 3)

@@ -11,7 +11,7 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, NoResultError
 from circparam.maps.cones import signs_of
-from circparam.maps.convex import laid_in_patches
+from circparam.maps.convex import laid_in_polygons
 from circparam.maps.cover import (
     Cover,
     CoverPoints,
@@ -38,7 +38,8 @@ MOST_NODES = 8
 
 @dataclass(frozen=True, eq=False)
 class PatchedMesh:
-    """One mesh of the domain. patch (m,), places (m, 3, 3): see ``laid_in_patches``; cover; first (n,): the
+    """One mesh of the domain. patch (m,) of each face, places (m, 3, 3): its corners in barycentric
+    coordinates of the patch; cover; first (n,): the
     half-edge in whose face's frame each vertex lies; whole: the development before edges were split."""
 
     patch: IntArray
@@ -93,7 +94,8 @@ def _patched(
 ) -> PatchedMesh:
     """One mesh over the base; regions (r, 3): the arcs round each patch."""
     mesh = tracer.mesh
-    patch, places = laid_in_patches(tracer, regions, method)
+    patch = tracer.regions(regions.tolist())
+    places = laid_in_polygons(tracer, patch, regions.tolist(), np.eye(3), method)
     index = np.zeros(3 * len(mesh.faces), np.int64)
     for arc, path in tracer.arcs.items():
         if (base.across[arc] != np.eye(3)).any():
@@ -162,8 +164,10 @@ def add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, meth
             continue
         if not places:
             places = [
-                laid_in_patches(t, np.array(regions), method)[1].reshape(-1, 3)[t.mesh.first_out]
-                for t in layout.tracers
+                laid_in_polygons(t, patch, regions, np.eye(3), method).reshape(-1, 3)[
+                    t.mesh.first_out
+                ]
+                for t, patch in zip(layout.tracers, own, strict=True)
             ]
         pairs.append(_pair(inside, places, far))
     for u, v in pairs[: MOST_NODES - layout.k]:

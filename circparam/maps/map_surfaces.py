@@ -23,7 +23,7 @@ from circparam.maps.cover import CoverPoints
 from circparam.maps.distortion import Distortion, distortion, face_energies
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput, map_input_of, require_same
-from circparam.maps.overlaid import refinement
+from circparam.maps.overlay import refinement
 from circparam.maps.places import at_vertices, for_file, on_surface
 from circparam.maps.solution import solve_map
 from circparam.maps.surface_map import Places, SurfaceMap, fingerprint

@@ -14,9 +14,18 @@ import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, next_half_edge, ranges
 from circparam.core.graph import components, cycles
-from circparam.errors import NoResultError
+from circparam.errors import InputError, NoResultError, OptionError
+from circparam.formats.document import Document
+from circparam.formats.materials import Textures, moved_layout
+from circparam.formats.memory import PlainDocument
+from circparam.maps.closed_mesh import ClosedMesh
 from circparam.maps.cones import counter_clockwise, determinants, signs_of
 from circparam.maps.cover import Cover, CoverPoints
+from circparam.maps.map_input import MapInput
+from circparam.maps.places import on_file, on_half_edges, on_surface
+from circparam.maps.solution import MapSolution
+from circparam.maps.surface_map import Refinement, SurfaceMap
+from circparam.mesh.mesh import Mesh, UVMap
 
 EDGE_NOISES = (
     1e-9,
@@ -24,30 +33,6 @@ EDGE_NOISES = (
     1e-6,
     1e-5,
 )  # shares of an edge that vertices are moved by, tried in turn
-
-
-@dataclass(frozen=True, eq=False)
-class LaidOver:
-    """Two meshes over one domain, and the places of all vertices of A on the mesh of B."""
-
-    a: Cover
-    b: Cover
-    on_b: CoverPoints
-
-
-@dataclass(frozen=True, eq=False)
-class Overlay:
-    """faces (m, 3) of the refinement; the faces of both meshes that each is a part of, a (m,) and b (m,).
-    Its vertices are those of A, those of B, and crossings, which lie on edges: edge_a, edge_b (c,)
-    half-edges of the meshes, share_a, share_b (c,) how far along them."""
-
-    faces: IntArray
-    a: IntArray
-    b: IntArray
-    edge_a: IntArray
-    share_a: FloatArray
-    edge_b: IntArray
-    share_b: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +46,33 @@ class Crossings:
     share_b: FloatArray
 
 
-def overlay(laid: LaidOver) -> Overlay:
-    """The common refinement. Raises NoResultError where double precision cannot tell edges apart."""
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """faces (m, 3) of the refinement; the faces of both meshes that each is a part of, a (m,) and b (m,). Its
+    vertices are those of A, those of B, and the crossings."""
+
+    faces: IntArray
+    a: IntArray
+    b: IntArray
+    crossings: Crossings
+
+
+def overlay(a: Cover, b: Cover, on_b: CoverPoints) -> Overlay:
+    """The common refinement; on_b: places of all vertices of A over B.
+
+    Raises NoResultError where double precision cannot tell edges apart.
+    """
+    edge = np.linalg.norm(a.cones - np.roll(a.cones, 1, 1), axis=2).min(1)
+    least = np.full((a.mesh.n, 1), np.inf)
+    np.minimum.at(least[:, 0], a.mesh.faces.ravel(), np.repeat(edge, 3))
+    shake = least * np.random.default_rng(0).uniform(-1, 1, a.vectors.shape)
     for noise in EDGE_NOISES:
-        moved = _shaken(laid, noise)
-        found = None if moved is None else _crossings(moved)
-        out = None if found is None else _assembled(laid.a, laid.b, found)
+        moved = replace(a, vectors=a.geometry.normal(a.vectors + noise * shake))
+        if not counter_clockwise(moved.cones).all():
+            continue
+        there = b.found_again(moved.vectors, on_b)
+        found = None if (there.weights <= 0).any() else _crossings(moved, b, there)
+        out = None if found is None else _assembled(a.mesh, b.mesh, found)
         if out is not None:
             return out
     raise NoResultError(
@@ -75,23 +81,8 @@ def overlay(laid: LaidOver) -> Overlay:
     )
 
 
-def _shaken(laid: LaidOver, noise: float) -> LaidOver | None:
-    """Every vertex of A a little aside, in the same way every time; None where that turns a face over."""
-    a, b = laid.a, laid.b
-    edge = np.linalg.norm(a.cones - np.roll(a.cones, 1, 1), axis=2).min(1)
-    least = np.full(a.mesh.n, np.inf)
-    np.minimum.at(least, a.mesh.faces.ravel(), np.repeat(edge, 3))
-    shake = np.random.default_rng(0).uniform(-1, 1, a.vectors.shape)
-    moved = replace(a, vectors=a.geometry.normal(a.vectors + noise * least[:, None] * shake))
-    if not counter_clockwise(moved.cones).all():
-        return None
-    on_b = b.found_again(moved.vectors, laid.on_b)
-    return None if (on_b.weights <= 0).any() else LaidOver(moved, b, on_b)
-
-
-def _crossings(laid: LaidOver) -> Crossings | None:
+def _crossings(a: Cover, b: Cover, at: CoverPoints) -> Crossings | None:
     """All edges of A walk over B at once; None where one loses its way."""
-    a, b, at = laid.a, laid.b, laid.on_b
     twin, other = a.mesh.twin, b.mesh.twin
     edges = np.flatnonzero(np.arange(len(twin)) < twin)
     f, k = edges // 3, edges % 3
@@ -140,9 +131,8 @@ def _crossings(laid: LaidOver) -> Crossings | None:
     return Crossings(edge[order], share[order], h[order], part[order])
 
 
-def _assembled(a: Cover, b: Cover, x: Crossings) -> Overlay | None:
+def _assembled(m_a: ClosedMesh, m_b: ClosedMesh, x: Crossings) -> Overlay | None:
     """The faces between the parts of all edges; None where they do not close."""
-    m_a, m_b = a.mesh, b.mesh
     n, count = m_a.n + m_b.n, len(x.edge_a)
     own = np.arange(count)
     lower = np.minimum(x.edge_b, m_b.twin[x.edge_b])
@@ -244,6 +234,120 @@ def _triangles(
     faces = np.stack(
         [corner[begin[fans]], corner[begin[fans] + step + 1], corner[begin[fans] + step + 2]], 1
     )
-    return Overlay(
-        faces, parents[0][fans], parents[1][fans], x.edge_a, x.share_a, x.edge_b, x.share_b
+    return Overlay(faces, parents[0][fans], parents[1][fans], x)
+
+
+def refinement(a: MapInput, b: MapInput, found: MapSolution) -> Refinement:
+    """The common refinement of both files.
+
+    Raises OptionError for surfaces with boundaries, NoResultError where double precision cannot tell edges
+    apart.
+    """
+    if a.loops:
+        raise OptionError(
+            "--overlay: it is made for closed surfaces, and these have boundaries: close them, or leave it out"
+        )
+    made = overlay(*found.covers, found.on_b)
+    one, two = (cover.mesh for cover in found.covers)
+    x = made.crossings
+    on_a = _joined(_corners(one), found.on_a, x.edge_a, x.share_a), one, a
+    on_b = _joined(found.on_b, _corners(two), x.edge_b, x.share_b), two, b
+    parents = np.stack(
+        [s.surface.source[m.parent[f]] for f, m, s in ((made.a, one, a), (made.b, two, b))], 1
     )
+    on_both = [on_file(on_surface(*places, mesh), side) for places, mesh, side in (on_a, on_b)]
+    return Refinement(made.faces, parents, *on_both)
+
+
+def _corners(mesh: ClosedMesh) -> CoverPoints:
+    """The vertices of a mesh as places on it."""
+    h = mesh.first_out
+    return CoverPoints(h // 3, np.eye(3)[h % 3], np.zeros((0, 3, 3)))
+
+
+def _joined(
+    a: CoverPoints, b: CoverPoints, half_edge: IntArray, share: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """(face, weights) of the vertices of both meshes and of crossings along half-edges."""
+    face, weights = on_half_edges(half_edge, share)
+    return np.concatenate([a.face, b.face, face]), np.concatenate([a.weights, b.weights, weights])
+
+
+@dataclass(frozen=True, eq=False)
+class OverlayDocument(PlainDocument):
+    """The overlay with the uv, colours and textures of the document it is a refinement of."""
+
+    wears: Textures | None = None
+    paint: FloatArray | None = None
+
+    def textures(self) -> Textures | None:
+        """Those of the other document, face by face."""
+        return self.wears
+
+    def colours(self) -> FloatArray | None:
+        """(m, 3, 3) colours of the corners."""
+        return self.paint
+
+
+def overlaid(a: Document, b: Document, mapped: SurfaceMap) -> tuple[Document, FloatArray]:
+    """(the overlay at the places of A, (k, 3) its vertices on B). mapped: from A to B.
+
+    Raises InputError where the map has no overlay.
+    """
+    made = mapped.overlay
+    if made is None:
+        raise InputError(
+            "the map holds no overlay: make it again with circparam map --overlay, or leave out --overlay"
+        )
+    points = made.on_a.of(a.mesh.points, a.mesh.faces)
+    parent = made.parents[:, 0]
+    w = _weights(points[made.faces], a.mesh.points[a.mesh.faces[parent]])
+    textures = a.textures()
+    layout = a.uv(0 if textures is None else textures.uv_set) or a.uv(0)
+    if textures is not None and layout is not None:
+        layout, textures = moved_layout(layout, textures), replace(textures, moves=())
+    layout = _layout(layout, made, w)
+    if textures is not None:
+        alpha = None if textures.alpha is None else textures.alpha[parent]
+        textures = replace(
+            textures,
+            face=textures.face[parent],
+            plain=textures.plain[parent],
+            alpha=alpha,
+            uv_set=0,
+        )
+    colours = a.colours()
+    document = OverlayDocument(
+        a.source,
+        "arrays",
+        Mesh(points, made.faces),
+        (0,) if layout is not None else (),
+        layout=layout,
+        wears=textures,
+        paint=None if colours is None else np.einsum("fkc,fcd->fkd", w, colours[parent]),
+    )
+    return document, made.on_b.of(b.mesh.points, b.mesh.faces)
+
+
+def _layout(layout: UVMap | None, made: Refinement, w: FloatArray) -> UVMap | None:
+    """The layout of A at corners with weights w (m, 3, 3) in its faces; corners that meet in uv share a row."""
+    if layout is None or not len(layout.uv):
+        return None
+    index = layout.uv_faces[made.parents[:, 0]]
+    uv = np.einsum("fkc,fcd->fkd", w, layout.uv[np.maximum(index, 0)]).reshape(-1, 2)
+    rows = np.column_stack([made.faces.ravel(), np.round(uv, 9)])
+    _, first, row = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    known = np.asarray((index >= 0).all(1)).repeat(3)
+    return UVMap(uv[first], np.where(known, row.reshape(-1), -1).reshape(-1, 3))
+
+
+def _weights(places: FloatArray, corners: FloatArray) -> FloatArray:
+    """(m, 3, 3) barycentric weights of three places each, (m, 3, 3), in the planes of triangles (m, 3, 3)."""
+    d, e = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(d, e)
+    size = np.maximum((normal * normal).sum(1), 1e-300)[:, None]
+    x = places - corners[:, :1]
+    one = (np.cross(x, e[:, None]) * normal[:, None]).sum(2) / size
+    two = (np.cross(d[:, None], x) * normal[:, None]).sum(2) / size
+    w = np.clip(np.stack([1 - one - two, one, two], 2), 0, 1)
+    return np.asarray(w / w.sum(2, keepdims=True), np.float64)

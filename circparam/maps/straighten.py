@@ -10,22 +10,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray
-from circparam.maps.convex import border_places, combined, row_weights
+from circparam.core.arrays import IntArray, next_half_edge
+from circparam.maps.convex import laid_in_polygons
 from circparam.maps.layout import Layout
 from circparam.maps.tracing import Tracer
 
 SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 LEAST_SHARE = 0.05  # of an edge: how near to its ends it is split
-# how far beside the diagonal an arc runs: on regular meshes vertices lie on it exactly
-BESIDE = 1e-6
+BESIDE = 1e-6  # sides of the square that an arc runs beside the diagonal: on it lie vertices of regular meshes
 
 
 def straighten(layout: Layout, weights: str, first: int) -> None:
     """Replace the arcs from number ``first`` on by diagonals, on both meshs, in place."""
     for arcs in _rounds(layout, first):
         for tracer in layout.tracers:
-            _Straightener(tracer, layout, arcs).run(weights)
+            _lay_diagonals(tracer, layout, arcs, weights)
             tracer.split_chords()
 
 
@@ -34,7 +33,11 @@ def _rounds(layout: Layout, first: int) -> list[list[int]]:
     quadrilateral.
     """
     region_of = {arc: n for n, r in enumerate(layout.regions()) for arc in r}
-    left = [a for a in range(first, len(layout.ends), 2) if len(set(_quad(layout, a))) == 4]
+    corners = {
+        arc: {layout.ends[side][0] for side in _sides(layout, arc)}
+        for arc in range(first, len(layout.ends), 2)
+    }
+    left = [arc for arc, own in corners.items() if len(own) == 4]
     out = []
     while left:
         taken: set[int] = set()
@@ -49,98 +52,51 @@ def _rounds(layout: Layout, first: int) -> list[list[int]]:
     return out
 
 
-def _quad(layout: Layout, arc: int) -> list[int]:
-    """The landmarks round the two regions of an arc, counter-clockwise from its start."""
-    i, j = layout.ends[arc]
-    return [i, layout.ends[layout.after(arc ^ 1)][1], j, layout.ends[layout.after(arc)][1]]
+def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str) -> None:
+    """Replace some arcs of one mesh, whose pairs of patches do not touch each other."""
+    mesh, n = tracer.mesh, tracer.mesh.n
+    regions = layout.regions()
+    region_of = {arc: k for k, r in enumerate(regions) for arc in r}
+    name = np.full(len(regions), -1)
+    for number, arc in enumerate(arcs):
+        name[[region_of[arc], region_of[arc ^ 1]]] = number
+    of_face = name[tracer.regions(regions)]
+    sides = [_sides(layout, arc) for arc in arcs]
+    uv = laid_in_polygons(tracer, of_face, sides, SQUARE, weights).reshape(-1, 2)
+    h = np.flatnonzero((of_face >= 0).repeat(3))
+    h = h[(h < mesh.twin[h]) & (of_face[mesh.twin[h] // 3] == of_face[h // 3])]
+    ahead = next_half_edge(h)
+    a, b = mesh.faces.ravel()[h], mesh.faces.ravel()[ahead]
+    side_a, side_b = (uv[k, 0] - uv[k, 1] - BESIDE for k in (h, ahead))
+    ends = tracer.marks[np.array([layout.ends[arc] for arc in arcs])][of_face[h // 3]]
+    cross = (
+        ((side_a > 0) != (side_b > 0)) & (a[:, None] != ends).all(1) & (b[:, None] != ends).all(1)
+    )
+    t = (side_a / np.where(cross, side_a - side_b, 1.0))[cross]
+    h, ahead, low, high = h[cross], ahead[cross], np.minimum(a, b)[cross], np.maximum(a, b)[cross]
+    along = ((1 - t)[:, None] * uv[h] + t[:, None] * uv[ahead]).sum(1)
+    marked, share = np.zeros(len(uv), bool), np.full(len(uv), 0.5)
+    marked[h] = marked[mesh.twin[h]] = True
+    share[h] = np.clip(t, LEAST_SHARE, 1 - LEAST_SHARE)
+    share[mesh.twin[h]] = 1 - share[h]
+    new, middle = mesh.split(marked, share)
+    tracer.renew(new)
+    vertex = middle[np.searchsorted(middle[:, 0], low * n + high), 1]
+    order = np.lexsort((along, of_face[h // 3]))
+    for number, arc in enumerate(arcs):
+        own = order[of_face[h[order] // 3] == number]
+        i, j = tracer.marks[list(layout.ends[arc])]
+        path = np.concatenate([[i], vertex[own], [j]])
+        if (new.half_edges(path[:-1], path[1:]) < 0).any():
+            path = _with_middles(tracer.arcs[arc], middle, n)
+        tracer.replace(arc, path, *layout.ends[arc])
+    tracer.mark_arcs()
 
 
-class _Straightener:
-    """Some arcs of one mesh, whose pairs of patches do not touch each other. pair (m,): of each face, −1
-    elsewhere.
-    """
-
-    def __init__(self, tracer: Tracer, layout: Layout, arcs: list[int]) -> None:
-        self.tracer, self.layout, self.arcs, self.mesh = tracer, layout, arcs, tracer.mesh
-        regions = layout.regions()
-        region_of = {arc: k for k, r in enumerate(regions) for arc in r}
-        name = np.full(len(regions), -1)
-        for pair, arc in enumerate(arcs):
-            name[[region_of[arc], region_of[arc ^ 1]]] = pair
-        self.pair = name[tracer.regions(regions)]
-        self.key, self.place = border_places(tracer, [self._sides(arc) for arc in arcs], SQUARE)
-
-    def _sides(self, arc: int) -> list[int]:
-        """The arcs round the pair, counter-clockwise from its start: two of the right patch, two of the
-        left.
-        """
-        right, left = self.layout.after(arc ^ 1), self.layout.after(arc)
-        return [right, self.layout.after(right), left, self.layout.after(left)]
-
-    def run(self, weights: str) -> None:
-        """Lay the new arcs."""
-        mesh, n = self.mesh, self.mesh.n
-        uv, of = self._flat(weights)
-        h = np.flatnonzero((self.pair >= 0).repeat(3))
-        h = h[h < mesh.twin[h]]
-        pair = self.pair[h // 3]
-        same = self.pair[mesh.twin[h] // 3] == pair
-        h, pair = h[same], pair[same]
-        a, b = mesh.faces.ravel()[h], mesh.faces[:, [1, 2, 0]].ravel()[h]
-        pa, pb = self._at(uv, of, pair, a), self._at(uv, of, pair, b)
-        sa, sb = pa[:, 0] - pa[:, 1] - BESIDE, pb[:, 0] - pb[:, 1] - BESIDE
-        ends = np.array([self.layout.ends[arc] for arc in self.arcs])
-        ends = self.tracer.marks[ends][pair]
-        cross = ((sa > 0) != (sb > 0)) & (a[:, None] != ends).all(1) & (b[:, None] != ends).all(1)
-        h, pair, a, b = h[cross], pair[cross], a[cross], b[cross]
-        t = sa[cross] / (sa[cross] - sb[cross])
-        along = ((1 - t)[:, None] * pa[cross] + t[:, None] * pb[cross]).sum(1)
-        ratio = np.clip(t, LEAST_SHARE, 1 - LEAST_SHARE)
-        marked: BoolArray = np.zeros(3 * len(mesh.faces), bool)
-        share = np.full(3 * len(mesh.faces), 0.5)
-        marked[h] = marked[mesh.twin[h]] = True
-        share[h], share[mesh.twin[h]] = ratio, 1 - ratio
-        new, middle = mesh.split(marked, share)
-        self.tracer.renew(new)
-        vertex = middle[np.searchsorted(middle[:, 0], np.minimum(a, b) * n + np.maximum(a, b)), 1]
-        order = np.lexsort((along, pair))
-        for number, arc in enumerate(self.arcs):
-            own = order[pair[order] == number]
-            i, j = self.tracer.marks[list(self.layout.ends[arc])]
-            path = np.concatenate([[i], vertex[own], [j]])
-            if (new.half_edges(path[:-1], path[1:]) < 0).any():
-                path = _with_middles(self.tracer.arcs[arc], middle, n)
-            self.tracer.replace(arc, path, *self.layout.ends[arc])
-        self.tracer.mark_arcs()
-
-    def _flat(self, weights: str) -> tuple[FloatArray, IntArray]:
-        """((n, 2) places of the free vertices in the square of their pair, (n,) that pair, −1 for those not
-        free).
-        """
-        mesh = self.mesh
-        i, j = mesh.faces.ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-        low, high = np.full(mesh.n, len(self.arcs)), np.full(mesh.n, -1)
-        np.minimum.at(low, i, np.repeat(self.pair, 3))
-        np.maximum.at(high, i, np.repeat(self.pair, 3))
-        free = (low == high) & (high >= 0)
-        free[self.tracer.marks] = False
-        of = np.where(free, high, -1)
-        uv = np.zeros((mesh.n, 2))
-        uv[free] = combined(
-            mesh, free, row_weights(mesh, weights), lambda h: self._known(of[i[h]], j[h])
-        )
-        return uv, of
-
-    def _known(self, pair: IntArray, vertices: IntArray) -> FloatArray:
-        """(k, 2) places of vertices on the boundary of a pair."""
-        found: FloatArray = self.place[np.searchsorted(self.key, pair * self.mesh.n + vertices)]
-        return found
-
-    def _at(self, uv: FloatArray, of: IntArray, pair: IntArray, vertices: IntArray) -> FloatArray:
-        out = uv[vertices]
-        fixed = of[vertices] < 0
-        out[fixed] = self._known(pair[fixed], vertices[fixed])
-        return out
+def _sides(layout: Layout, arc: int) -> list[int]:
+    """The arcs round the two regions of an arc, counter-clockwise from its start, the right one first."""
+    right, left = layout.after(arc ^ 1), layout.after(arc)
+    return [right, layout.after(right), left, layout.after(left)]
 
 
 def _with_middles(path: IntArray, middle: IntArray, n: int) -> IntArray:

@@ -11,7 +11,7 @@ import circparam
 from circparam.errors import InputError, OptionError
 from circparam.formats.io import read
 from circparam.maps.morph import morph
-from circparam.maps.overlaid import overlaid
+from circparam.maps.overlay import overlaid
 from circparam.maps.surface_map import Refinement, load_map, save_map
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.maps.test_morph import ends, reopened, stored
