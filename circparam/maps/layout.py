@@ -44,6 +44,11 @@ class Both(NamedTuple):
         return self.a.length / scales[0] + self.b.length / scales[1]
 
 
+def paired(a: Traced | None, b: Traced | None) -> Both | None:
+    """Two paths, None where one is missing."""
+    return None if a is None or b is None else Both(a, b)
+
+
 @dataclass
 class Layout:
     """A triangulation of k landmarks on two meshes.
@@ -202,18 +207,14 @@ class Layout:
     def _paths(self, i: int, j: int) -> Both | None:
         """The cheapest of: both free, one free and the other in the same sectors."""
         a, b = self.tracers
-        free_a, free_b = a.path(i, j), b.path(i, j)
-        if free_a is None or free_b is None:
-            return None
-        if free_a.sectors == free_b.sectors:
-            return Both(free_a, free_b)
-        led_b, led_a = b.path(i, j, free_a.sectors), a.path(i, j, free_b.sectors)
-        found = []
-        if led_b is not None:
-            found.append(Both(free_a, led_b))
-        if led_a is not None:
-            found.append(Both(led_a, free_b))
-        return min(found, key=lambda x: x.cost(self.scales)) if found else None
+        free = paired(a.path(i, j), b.path(i, j))
+        if free is None or free.a.sectors == free.b.sectors:
+            return free
+        led = (
+            paired(free.a, b.path(i, j, free.a.sectors)),
+            paired(a.path(i, j, free.b.sectors), free.b),
+        )
+        return min((x for x in led if x), key=lambda x: x.cost(self.scales), default=None)
 
     def _same_shape(self) -> bool:
         """Whether the arcs leave the same of both meshes."""
@@ -261,10 +262,9 @@ class Layout:
             if not (_good(marks[p : q + 1]) and _good(marks[q:] + marks[: p + 1])):
                 continue
             sectors = region[p], region[q]
-            found = [t.path(marks[p], marks[q], sectors) for t in self.tracers]
-            if found[0] is None or found[1] is None:
+            both = paired(*(t.path(marks[p], marks[q], sectors) for t in self.tracers))
+            if both is None:
                 continue
-            both = Both(found[0], found[1])
             cost = both.cost(self.scales)
             if best is None or cost < best[0]:
                 best = cost, marks[p], marks[q], both
@@ -284,12 +284,12 @@ class Layout:
             sectors = -1, arc
             if self.around[new]:  # after the spoke to the corner before, which the walk has reached
                 sectors = self.around[new][-1], arc
-            found = [t.path(new, i, sectors) for t in self.tracers]
-            if found[0] is None or found[1] is None:
+            both = paired(*(t.path(new, i, sectors) for t in self.tracers))
+            if both is None:
                 raise TopologyError(
                     "a region between the paths is too narrow for its meshes: subdivide both surfaces"
                 )
-            self.lay(new, i, Both(found[0], found[1]))
+            self.lay(new, i, both)
             for tracer in self.tracers:
                 tracer.split_chords()
 

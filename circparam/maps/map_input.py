@@ -11,7 +11,6 @@ from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.words import counted
 from circparam.errors import InputError, TopologyError
 from circparam.maps.closed_mesh import ClosedMesh
-from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import Mesh
 from circparam.mesh.repair import repair
 from circparam.mesh.surface import Surface
@@ -24,9 +23,8 @@ class MapInput:
     name: what messages call it. surface: in the winding of the solve. closed: the surface with closed
     boundaries, the vertices of the surface first. tips (b,): the vertex that closes each boundary. loops:
     the vertices of each boundary, in order with the surface on the left. vertex (n,): of each vertex of the
-    mesh, −1 where no face uses it.
-    scale: by what the points of the surface are those of the mesh. winding (m, 3): the corner of the file that
-    each corner of a face is. notes: what was repaired.
+    mesh, −1 where no face uses it. winding (m, 3): the corner of the file that each corner of a face is.
+    notes: what was repaired.
     """
 
     name: str
@@ -36,7 +34,6 @@ class MapInput:
     tips: IntArray
     loops: list[IntArray]
     vertex: IntArray
-    scale: float
     winding: IntArray
     notes: list[str]
     genus: int = 0
@@ -85,7 +82,13 @@ def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:
         raise InputError(f"{name}: {error}") from None
     if mirrored:
         surface = _mirrored(surface)
-    cut_mesh, genus = _checked(surface, name)
+    number, _ = surface.components
+    if number != 1:
+        raise TopologyError(
+            f"{name}: it has {number} connected parts and a map needs one: split the file"
+        )
+    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
+    genus = int(2 - len(cut_mesh.loops.chart) - cut_mesh.euler()[0]) // 2
     loops = [
         cut_mesh.faces.ravel()[cut_mesh.loops.half_edges[a:b]]
         for a, b in zip(cut_mesh.loops.start[:-1], cut_mesh.loops.start[1:], strict=True)
@@ -109,7 +112,6 @@ def map_input_of(mesh: Mesh, name: str, mirrored: bool = False) -> MapInput:
         tips,
         loops,
         vertex,
-        report.scale,
         surface.file_corners,
         list(report.messages),
         genus,
@@ -130,19 +132,6 @@ def _mirrored(surface: Surface) -> Surface:
         edges[order],
         surface.locked[order],
     )
-
-
-def _checked(surface: Surface, name: str) -> tuple[CutMesh, int]:
-    """(the uncut mesh of a surface that a map can be made for, its genus)."""
-    number, _ = surface.components
-    if number != 1:
-        raise TopologyError(
-            f"{name}: it has {number} connected parts and a map needs one: split the file"
-        )
-    cut_mesh = surface.cut_mesh(np.zeros(len(surface.edges), bool))
-    loops = len(cut_mesh.loops.chart)
-    genus = int(2 - loops - cut_mesh.euler()[0]) // 2
-    return cut_mesh, genus
 
 
 def _closed(

@@ -58,8 +58,7 @@ class Tracer:
     def take_back(self, arc: int, i: int, j: int) -> None:
         """Take an arc between landmarks i and j away again."""
         del self.arcs[arc], self.arcs[arc ^ 1]
-        for at, way in ((i, arc), (j, arc ^ 1)):
-            self.steps[at] = {v: name for v, name in self.steps[at].items() if name != way}
+        self._forget(arc, i, j)
         self.mark_arcs()
 
     def add_landmark(self, vertex: int) -> None:
@@ -101,9 +100,12 @@ class Tracer:
 
     def replace(self, arc: int, path: IntArray, i: int, j: int) -> None:
         """Another path for an arc between the same landmarks, in the same place among the others."""
+        self._forget(arc, i, j)
+        self.lay(arc, path, i, j)
+
+    def _forget(self, arc: int, i: int, j: int) -> None:
         for at, way in ((i, arc), (j, arc ^ 1)):
             self.steps[at] = {v: name for v, name in self.steps[at].items() if name != way}
-        self.lay(arc, path, i, j)
 
     def mark_arcs(self) -> None:
         """Vertices of landmarks and arcs, after arcs were replaced."""
