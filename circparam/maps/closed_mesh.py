@@ -122,66 +122,50 @@ class ClosedMesh:
         return np.array(out, np.int64)
 
     def split(
-        self, half_edges: BoolArray, share: FloatArray | None = None
+        self, half_edges: IntArray, share: FloatArray | None = None
     ) -> tuple[ClosedMesh, IntArray]:
-        """The marked edges ((3m,) bool on both half-edges) split into two each.
+        """Edges split into two each: (the mesh, (k,) the vertex that splits each).
 
-        share: (3m,) how far along each half-edge, half where None. Returns (mesh, (edges, 2): the key low · n
-        + high of the ends of every edge that was split, ascending, and the vertex that splits it).
+        half_edges (k,): one of every edge. share (k,): how far along them, half where None.
         """
-        mesh, marked, n = self, half_edges, self.n
-        share = np.full(len(marked), 0.5) if share is None else share
-        middles = [np.zeros((0, 2), np.int64)]
-        while marked.any():
-            h = np.arange(len(marked))
-            number = np.where(marked, np.minimum(h, mesh.twin), len(marked))
-            lowest = np.repeat(number.reshape(-1, 3).min(1), 3)
-            own = marked & (number == lowest)
-            now = own & own[mesh.twin]  # at most one edge of a face at a time
-            lower = np.flatnonzero(now & (h < mesh.twin))
-            i, j = mesh.faces.ravel()[lower], mesh.faces.ravel()[next_half_edge(lower)]
-            key = np.minimum(i, j) * n + np.maximum(i, j)
-            middles.append(np.stack([key, mesh.n + np.arange(len(lower))], 1))
-            mesh, marked, share = mesh._split_apart(now, marked, share)
-        found = np.concatenate(middles)
-        return mesh, found[np.argsort(found[:, 0], kind="stable")]
+        mesh, left = self, np.arange(len(half_edges))
+        share = np.full(len(left), 0.5) if share is None else share
+        start, end = self.faces.ravel()[half_edges], self.faces.ravel()[next_half_edge(half_edges)]
+        middle = np.full(len(left), -1)
+        while len(left):
+            h = mesh.half_edges(start[left], end[left])
+            lower = np.minimum(h, mesh.twin[h])
+            first = np.full(len(mesh.faces), len(mesh.twin))
+            sides = lower // 3, mesh.twin[lower] // 3
+            for side in sides:
+                np.minimum.at(first, side, lower)
+            now = np.flatnonzero((first[sides[0]] == lower) & (first[sides[1]] == lower))
+            now = now[np.argsort(lower[now])]  # one edge of a face at most
+            along = np.where(h == lower, share[left], 1 - share[left])
+            middle[left[now]] = mesh.n + np.arange(len(now))
+            mesh = mesh._split_apart(lower[now], along[now])
+            left = np.delete(left, now)
+        return mesh, middle
 
-    def _split_apart(
-        self, now: BoolArray, marked: BoolArray, share: FloatArray
-    ) -> tuple[ClosedMesh, BoolArray, FloatArray]:
-        """Split edges of which no face has two; returns (mesh, what of ``marked`` is left, its shares)."""
-        h = np.flatnonzero(now)
-        lower = np.minimum(h, self.twin[h])
-        edges, index = np.unique(lower, return_inverse=True)
-        flat = self.faces.ravel()
-        middle = self.n + index
-        a, b = flat[edges], flat[next_half_edge(edges)]
-        f, k = h // 3, h % 3
-        ahead = (k + 1) % 3
+    def _split_apart(self, half_edges: IntArray, share: FloatArray) -> ClosedMesh:
+        """Split edges of which no face has two: a b c becomes a m c, in its place, and m b c, at the end."""
+        h = np.concatenate([half_edges, self.twin[half_edges]])
+        order = np.argsort(h)
+        h, t = h[order], np.concatenate([share, 1 - share])[order][:, None]
+        middle = self.n + order % len(share)
+        f, k, ahead = h // 3, h % 3, (h % 3 + 1) % 3
         rows = np.arange(len(h))
-        t = share[h][:, None]
-        # a b c becomes a m c, in its place, and m b c, at the end
+        between = (1 - t) * self.corners[f, k] + t * self.corners[f, ahead]
         faces, corners = self.faces.copy(), self.corners.copy()
         new_faces, new_corners = self.faces[f].copy(), self.corners[f].copy()
-        between = (1 - t) * self.corners[f, k] + t * self.corners[f, ahead]
-        faces[f, ahead] = middle
-        corners[f, ahead] = between
-        new_faces[rows, k] = middle
-        new_corners[rows, k] = between
-        left, shares = marked.reshape(-1, 3).copy(), share.reshape(-1, 3).copy()
-        new_left, new_shares = np.zeros((len(h), 3), bool), np.full((len(h), 3), 0.5)
-        new_left[rows, ahead], new_shares[rows, ahead] = left[f, ahead], shares[f, ahead]
-        left[f, k] = left[f, ahead] = False
-        s = share[edges][:, None]
-        mesh = ClosedMesh(
-            np.concatenate([self.points, (1 - s) * self.points[a] + s * self.points[b]]),
+        faces[f, ahead] = new_faces[rows, k] = middle
+        corners[f, ahead] = new_corners[rows, k] = between
+        flat, s = self.faces.ravel(), share[:, None]
+        a, b = (self.points[flat[x]] for x in (half_edges, next_half_edge(half_edges)))
+        return ClosedMesh(
+            np.concatenate([self.points, (1 - s) * a + s * b]),
             np.concatenate([faces, new_faces]),
             np.concatenate([self.parent, self.parent[f]]),
             np.concatenate([corners, new_corners]),
             np.concatenate([self.origin, self.origin[f]]),
-        )
-        return (
-            mesh,
-            np.concatenate([left, new_left]).ravel(),
-            np.concatenate([shares, new_shares]).ravel(),
         )

@@ -32,7 +32,7 @@ class Distortion:
 
 def distortion(points: FloatArray, faces: IntArray, images: FloatArray) -> Distortion:
     """Of the map that takes every face to the flat triangle of the images (n, 3) of its corners."""
-    energy, area = _energies(points, faces, images)
+    energy, area = face_energies(points, faces, images)
     if not (area > 0).any():
         return Distortion(1.0, 1.0, 1.0, 1.0)
     energy, area = energy[area > 0], area[area > 0]
@@ -44,15 +44,10 @@ def distortion(points: FloatArray, faces: IntArray, images: FloatArray) -> Disto
     )
 
 
-def face_energies(points: FloatArray, faces: IntArray, images: FloatArray) -> FloatArray:
-    """(m,) of the same map, 1 where a face has no area."""
-    return _energies(points, faces, images)[0]
-
-
-def _energies(
+def face_energies(
     points: FloatArray, faces: IntArray, images: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(energy (m,), area (m,): 0 where a face has no shape and counts not)."""
+    """(energy (m,) of the same map, 1 where a face has no shape; area (m,), 0 there)."""
     rest, there = rest_triangles_of(points[faces]), rest_triangles_of(images[faces])
     longest = ((rest - np.roll(rest, 1, 1)) ** 2).sum(2).max(1)
     area = rest[:, 1, 0] * rest[:, 2, 1] / 2

@@ -205,7 +205,7 @@ def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
     """What to do about a map that is far from an isometry; there (n, 3): the images of the vertices of A."""
     if worst <= POOR_DISTORTION:
         return []
-    energy = face_energies(a.surface.vertex_points, a.surface.corner_vertex, there)
+    energy, _ = face_energies(a.surface.vertex_points, a.surface.corner_vertex, there)
     vertex = a.surface.corner_vertex[int((energy * a.surface.areas).argmax()), 0]
     number = int(np.flatnonzero(a.vertex == vertex)[0])
     return [

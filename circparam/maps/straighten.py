@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from circparam.core.arrays import IntArray, next_half_edge
+from circparam.core.arrays import next_half_edge
 from circparam.maps.convex import laid_in_polygons
 from circparam.maps.layout import Layout
 from circparam.maps.tracing import Tracer
@@ -54,7 +54,7 @@ def _rounds(layout: Layout, first: int) -> list[list[int]]:
 
 def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str) -> None:
     """Replace some arcs of one mesh, whose pairs of patches do not touch each other."""
-    mesh, n = tracer.mesh, tracer.mesh.n
+    mesh = tracer.mesh
     regions = layout.regions()
     region_of = {arc: k for k, r in enumerate(regions) for arc in r}
     name = np.full(len(regions), -1)
@@ -73,22 +73,22 @@ def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str
         ((side_a > 0) != (side_b > 0)) & (a[:, None] != ends).all(1) & (b[:, None] != ends).all(1)
     )
     t = (side_a / np.where(cross, side_a - side_b, 1.0))[cross]
-    h, ahead, low, high = h[cross], ahead[cross], np.minimum(a, b)[cross], np.maximum(a, b)[cross]
+    h, ahead = h[cross], ahead[cross]
     along = ((1 - t)[:, None] * uv[h] + t[:, None] * uv[ahead]).sum(1)
-    marked, share = np.zeros(len(uv), bool), np.full(len(uv), 0.5)
-    marked[h] = marked[mesh.twin[h]] = True
-    share[h] = np.clip(t, LEAST_SHARE, 1 - LEAST_SHARE)
-    share[mesh.twin[h]] = 1 - share[h]
-    new, middle = mesh.split(marked, share)
+    new, middle = mesh.split(h, np.clip(t, LEAST_SHARE, 1 - LEAST_SHARE))
     tracer.renew(new)
-    vertex = middle[np.searchsorted(middle[:, 0], low * n + high), 1]
+    split_by = np.full(len(uv), -1)
+    split_by[h] = split_by[mesh.twin[h]] = middle
     order = np.lexsort((along, of_face[h // 3]))
     for number, arc in enumerate(arcs):
         own = order[of_face[h[order] // 3] == number]
         i, j = tracer.marks[list(layout.ends[arc])]
-        path = np.concatenate([[i], vertex[own], [j]])
-        if (new.half_edges(path[:-1], path[1:]) < 0).any():
-            path = _with_middles(tracer.arcs[arc], middle, n)
+        path = np.concatenate([[i], middle[own], [j]])
+        if (new.half_edges(path[:-1], path[1:]) < 0).any():  # the old path, with what splits it
+            old = tracer.arcs[arc]
+            between = split_by[mesh.half_edges(old[:-1], old[1:])]
+            path = np.stack([old, np.r_[between, -1]], 1).ravel()
+            path = path[path >= 0]
         tracer.replace(arc, path, *layout.ends[arc])
     tracer.mark_arcs()
 
@@ -97,16 +97,3 @@ def _sides(layout: Layout, arc: int) -> list[int]:
     """The arcs round the two regions of an arc, counter-clockwise from its start, the right one first."""
     right, left = layout.after(arc ^ 1), layout.after(arc)
     return [right, layout.after(right), left, layout.after(left)]
-
-
-def _with_middles(path: IntArray, middle: IntArray, n: int) -> IntArray:
-    """A path after some of its edges were split; middle: as ``ClosedMesh.split`` returns it."""
-    low, high = np.minimum(path[:-1], path[1:]), np.maximum(path[:-1], path[1:])
-    out = np.full(2 * len(path) - 1, -1)
-    out[::2] = path
-    if len(middle):
-        at = np.minimum(np.searchsorted(middle[:, 0], low * n + high), len(middle) - 1)
-        found = middle[at, 0] == low * n + high
-        out[1::2][found] = middle[at[found], 1]
-    result: IntArray = out[out >= 0]
-    return result

@@ -89,8 +89,9 @@ class Tracer:
         flat = self.mesh.faces.ravel()
         h = np.arange(len(flat))
         chord = self.on[flat] & self.on[flat[next_half_edge(h)]] & ~self.on_arcs()
+        chord &= h < self.mesh.twin
         if chord.any():
-            self.renew(self.mesh.split(chord)[0])
+            self.renew(self.mesh.split(np.flatnonzero(chord))[0])
 
     def renew(self, mesh: ClosedMesh) -> None:
         """Go on with the mesh after edges were split."""
