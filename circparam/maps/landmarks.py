@@ -13,14 +13,15 @@ from circparam.core.words import percent
 from circparam.errors import InputError, TopologyError
 from circparam.maps.map_input import MapInput
 
-SAMPLES = 64  # places along a boundary at which two boundaries are compared
-MIRRORED = 0.5  # a reflection that fits the landmarks so many times better than a rotation is taken for one
-FLAT = 0.1  # and fits them to this share of the size at least
-
-GUESSED = 8  # landmarks that are guessed
-FOR_HANDLE = 6  # and so many more for every handle
-TRUST = 0.03  # mean distance of the aligned surfaces, in sizes, up to which a guess is made
-ROUNDS = 12  # of the alignment by closest points
+BOUNDARY_SAMPLES = 64  # places along a boundary at which two boundaries are compared
+MIRROR_FIT = (
+    0.5  # error of a reflection beside that of a rotation, below which surfaces look mirrored,
+)
+MIRROR_LIMIT = 0.1  # and share of the size that it stays below
+GUESSED = 8  # landmarks that are guessed,
+GUESSED_PER_HANDLE = 6  # and so many more for every handle
+GUESS_LIMIT = 0.03  # mean distance of the aligned surfaces, in sizes, up to which a guess is made
+ALIGNMENT_ROUNDS = 12  # of the alignment by closest points
 
 
 @dataclass
@@ -119,7 +120,7 @@ def add_paths(marks: Landmarks, paths: list[list[int]], a: MapInput) -> None:
         marks.paths.append(found)
 
 
-def points_of(side: MapInput, vertices: list[int]) -> FloatArray:
+def points_of(side: MapInput, vertices: list[int] | IntArray) -> FloatArray:
     """(k, 3) their positions, in units of the root of the area."""
     result: FloatArray = side.closed.points[vertices] / np.sqrt(side.area)
     return result
@@ -147,7 +148,7 @@ def refuse_mirrored(marks: Landmarks, a: MapInput, b: MapInput) -> None:
     q = points_of(b, [marks.b[k] for k in use])
     straight, mirrored = aligned(p, q)[0], aligned(p, q, mirror=True)[0]
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
-    if mirrored < MIRRORED * straight and mirrored < FLAT * size:
+    if mirrored < MIRROR_FIT * straight and mirrored < MIRROR_LIMIT * size:
         raise TopologyError(
             f"{b.name} looks like a mirror image of {a.name}: a reflection fits the landmarks "
             f"{straight / max(mirrored, 1e-300):.3g} times better than a rotation; "
@@ -212,11 +213,11 @@ def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list
     if len(own) >= 3:
         return own
     if not own:
-        begin_a, begin_b = 0, _best_start(marks, a, b, k, j)
+        begin = _best_start(marks, a, b, k, j)
         marks.notes.append(
             "a boundary has no landmark: it starts where the rigid alignment of the two boundaries is best"
         )
-        own = [marks.add(int(loop_a[begin_a]), int(loop_b[begin_b]), False)]
+        own = [marks.add(int(loop_a[0]), int(loop_b[begin]), False)]
     span = 3 if len(own) == 1 else 2
     out = []
     for n, mark in enumerate(own):
@@ -243,30 +244,22 @@ def _between(side: MapInput, start: int, end: int, parts: int) -> list[int]:
     return out
 
 
-def _sampled(side: MapInput, loop: IntArray, begin: float) -> FloatArray:
-    """(SAMPLES, 3) points along a boundary, evenly by length, from a share of its length on."""
-    p = side.closed.points[loop] / np.sqrt(side.area)
-    at = side.closed.shares(np.r_[loop, loop[0]])
-    closed = np.concatenate([p, p[:1]])
-    t = (begin + np.arange(SAMPLES) / SAMPLES) % 1.0
-    return np.stack([np.interp(t, at, closed[:, d]) for d in range(3)], 1)
-
-
 def _best_start(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> int:
     """The entry of boundary j of b that belongs to entry 0 of boundary k of a, by the best rigid alignment."""
-    own = _sampled(a, a.loops[k], 0.0)
-    known_a, known_b = points_of(a, marks.a), points_of(b, marks.b)
-    at = b.closed.shares(np.r_[b.loops[j], b.loops[j][0]])[:-1]
-    best, chosen = np.inf, 0
-    for n in range(SAMPLES):
-        other = _sampled(b, b.loops[j], n / SAMPLES)
-        error, _ = aligned(
-            np.concatenate([own, *[known_a] * 4]), np.concatenate([other, *[known_b] * 4])
-        )
-        if error < best - 1e-12:
-            gap = np.abs(at - n / SAMPLES)
-            best, chosen = error, int(np.minimum(gap, 1 - gap).argmin())
-    return chosen
+    evenly = np.arange(BOUNDARY_SAMPLES) / BOUNDARY_SAMPLES
+    sampled = []
+    for side, loop in ((a, a.loops[k]), (b, b.loops[j])):
+        path = np.r_[loop, loop[0]]
+        p, at = points_of(side, path), side.closed.shares(path)
+        sampled.append(np.stack([np.interp(evenly, at, p[:, d]) for d in range(3)], 1))
+    own = np.concatenate([sampled[0], *[points_of(a, marks.a)] * 4])
+    known = [points_of(b, marks.b)] * 4
+    errors = [
+        aligned(own, np.concatenate([np.roll(sampled[1], -n, 0), *known]))[0]
+        for n in range(BOUNDARY_SAMPLES)
+    ]
+    gap = np.abs(at[:-1] - np.argmin(np.round(errors, 12)) / BOUNDARY_SAMPLES)
+    return int(np.minimum(gap, 1 - gap).argmin())
 
 
 def guess(a: MapInput, b: MapInput) -> Landmarks:
@@ -276,20 +269,20 @@ def guess(a: MapInput, b: MapInput) -> Landmarks:
     The surfaces are aligned by their axes of inertia and closest points. Raises InputError where they do not
     fit well enough for that to be trusted.
     """
-    p = points_of(a, list(range(a.n)))
-    q = points_of(b, list(range(b.n)))
+    p = points_of(a, np.arange(a.n))
+    q = points_of(b, np.arange(b.n))
     error, moved = _best_motion(p, q)
     size = float(np.linalg.norm(np.ptp(q, axis=0)))
-    if error > TRUST * size:
+    if error > GUESS_LIMIT * size:
         raise InputError(
             f"{a.name} and {b.name} are too unlike to guess landmarks (aligned, {percent(error / size)} of "
-            f"the size apart, {percent(TRUST)} at most): give --landmarks with 3 or more pairs"
+            f"the size apart, {percent(GUESS_LIMIT)} at most): give --landmarks with 3 or more pairs"
         )
     inside = a.on_boundary < 0
     out_there = np.linalg.norm(moved - moved.mean(0), axis=1)
     chosen = [int(np.where(inside, out_there, -1).argmax())]
     distance = np.where(inside, np.inf, -1.0)
-    while len(chosen) < min(GUESSED + FOR_HANDLE * a.genus, len(p)):
+    while len(chosen) < min(GUESSED + GUESSED_PER_HANDLE * a.genus, len(p)):
         distance = np.minimum(distance, np.linalg.norm(p - p[chosen[-1]], axis=1))
         chosen.append(int(distance.argmax()))
     own = np.flatnonzero(b.on_boundary < 0)
@@ -317,18 +310,15 @@ def _best_motion(p: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
     step_p, step_q = (x[:: max(1, len(x) // 2000)] for x in (p, q))
     tree = cKDTree(q)
     best, motion = np.inf, np.column_stack([np.eye(3), np.zeros(3)])
-    signs = [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]
-    orders = [(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)]
-    starts = [np.column_stack([np.eye(3), q.mean(0) - p.mean(0)])]
-    for order in orders:
-        odd = -1 if np.linalg.det(np.eye(3)[list(order)]) < 0 else 1
-        for s in signs:
-            turn = axes_q.T @ (np.array(s)[:, None] * odd * axes_p[list(order)])
-            turn *= np.sign(np.linalg.det(turn))
-            starts.append(np.column_stack([turn, q.mean(0) - turn @ p.mean(0)]))
-    for start in starts:
-        now = start
-        for _ in range(ROUNDS):
+    turns = [np.eye(3)]
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1, -1), repeat=3):
+            turns.append(axes_q.T @ (np.array(signs)[:, None] * axes_p[list(order)]))
+    for turn in turns:
+        if np.linalg.det(turn) < 0:
+            continue
+        now = np.column_stack([turn, q.mean(0) - turn @ p.mean(0)])
+        for _ in range(ALIGNMENT_ROUNDS):
             moved = step_p @ now[:, :3].T + now[:, 3]
             now = aligned(step_p, q[tree.query(moved)[1]])[1]
         moved = step_p @ now[:, :3].T + now[:, 3]
