@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 
 import circparam
-from circparam.errors import InputError, OptionError
+from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.maps.morph import morph
 from circparam.maps.overlay import overlaid
 from circparam.maps.surface_map import Refinement, load_map, save_map
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.maps.test_morph import ends, reopened, stored
-from tests.support import pairs, shapes, tori
+from tests.support import pairs
 from tests.support.baking import picture, write_obj
+from tests.support.map_cases import CLOSED, mapped, pair
+from tests.support.maps import same_map
 
 
 def areas(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -52,47 +54,21 @@ def is_refinement(a: Mesh, b: Mesh, made: Refinement) -> None:
 
 
 @pytest.mark.parametrize("relax", [True, False])
-@pytest.mark.parametrize("kind", ["sphere", "torus", "genus 2"])
+@pytest.mark.parametrize("kind", CLOSED)
 def test_the_overlay_is_a_partition_of_both(kind: str, relax: bool) -> None:
-    if kind == "sphere":
-        a, b = pairs.blob(2, 1), pairs.blob(3, 4, turned=5)
-        marks = pairs.marks(a, b)
-    elif kind == "torus":
-        a, b = tori.torus(18, 9), tori.torus(20, 12, 0.2)
-        marks = tori.marks(a, b)
-    else:
-        a, b = tori.plate(2), tori.plate(2, fine=True)
-        own = tori.spread(a, 16)
-        marks = np.stack([own, pairs.nearest(b, a.points[own])], 1)
-    found = circparam.map_surfaces(a, b, landmarks=marks, relax=relax, overlay=True)
+    a, b = pair(kind).a, pair(kind).b
+    found = mapped(kind, relax)
     made = found.map.overlay
     is_refinement(a, b, made)
     is_refinement(b, a, found.map.turned().overlay)
     size = np.linalg.norm(np.ptp(a.points, axis=0))
     assert pairs.back_through_overlay(a, b, found.map) < 1e-6 * size
-    # what it says of the vertices of A is what the map says
+    # its vertices of A lie where the map takes these
     own = made.on_b.of(b.points, b.faces)[: len(a.points)]
     order = pairs.nearest(Mesh(made.on_a.of(a.points, a.faces)[: len(a.points)], a.faces), a.points)
     image = found.map.to_b.of(b.points, b.faces)
     size = np.linalg.norm(np.ptp(b.points, axis=0))
     assert np.abs(own[order] - image).max() < 1e-6 * size
-
-
-def test_there_and_back_moves_nothing() -> None:
-    """From A to B face by face, and back by the place on B alone: 1e-6 of the size, at any place."""
-    a, b = pairs.blob(2, 1), pairs.blob(3, 4, turned=5)
-    made = circparam.map_surfaces(a, b, landmarks=pairs.marks(a, b), overlay=True).map.overlay
-    rng = np.random.default_rng(0)
-    w = rng.dirichlet(np.ones(3), len(made.faces))
-    on_a, on_b = (p.of(m.points, m.faces)[made.faces] for p, m in ((made.on_a, a), (made.on_b, b)))
-    there = np.einsum("fc,fcd->fd", w, on_b)
-    big = np.linalg.norm(areas(made.on_b.of(b.points, b.faces), made.faces), axis=1) > 1e-6
-    m = np.stack([on_b[:, 1] - on_b[:, 0], on_b[:, 2] - on_b[:, 0]], 2)[big]
-    st = np.einsum("fij,fj->fi", np.linalg.pinv(m), (there - on_b[:, 0])[big])
-    again = np.column_stack([1 - st.sum(1), st])
-    home = np.einsum("fc,fcd->fd", again, on_a[big])
-    assert big.sum() > 1000
-    assert np.abs(home - np.einsum("fc,fcd->fd", w[big], on_a[big])).max() < 1e-6
 
 
 def test_a_mesh_and_itself_have_an_overlay_too() -> None:
@@ -106,8 +82,7 @@ def test_a_mesh_and_itself_have_an_overlay_too() -> None:
 
 
 def test_the_file_keeps_it(tmp_path: Path) -> None:
-    a, b = pairs.blob(2, 1), pairs.blob(2, 4, turned=5)
-    found = circparam.map_surfaces(a, b, landmarks=pairs.marks(a, b), overlay=True).map
+    found = mapped("sphere").map
     save_map(tmp_path / "map.npz", found)
     read_back = load_map(tmp_path / "map.npz")
     for x, y in (
@@ -118,7 +93,7 @@ def test_the_file_keeps_it(tmp_path: Path) -> None:
         np.testing.assert_array_equal(x.parents, y.parents)
         np.testing.assert_array_equal(x.on_a.weights, y.on_a.weights)
         np.testing.assert_array_equal(x.on_b.face, y.on_b.face)
-    assert read_back.turned().overlay.on_a.face.max() < len(b.faces)
+    assert read_back.turned().overlay.on_a.face.max() < len(pair("sphere").b.faces)
 
 
 def round_layout(mesh: Mesh) -> UVMap:
@@ -139,8 +114,8 @@ def test_a_morph_of_the_overlay_begins_as_a_and_ends_as_b(tmp_path: Path) -> Non
         stored(tmp_path, "one", a, round_layout(a)),
         stored(tmp_path, "two", b, round_layout(b)),
     )
-    mapped = circparam.map_surfaces(one, two, landmarks=pairs.marks(a, b), overlay=True).map
-    made = morph(one, two, mapped, overlay=True)
+    known = circparam.map_surfaces(one, two, landmarks=pairs.marks(a, b), overlay=True).map
+    made = morph(one, two, known, overlay=True)
     document = reopened(made.data)
     points, _ = ends(document)
     for mesh, at in ((a, document.mesh.points), (b, points)):
@@ -161,7 +136,7 @@ def test_a_morph_of_the_overlay_begins_as_a_and_ends_as_b(tmp_path: Path) -> Non
     wanted = wanted + 0.4 * (np.abs(uv[:, :, :1] - wanted[:, :, :1]) > 0.2) * [1, 0]
     assert np.abs(uv - wanted).max() < 1e-5
     assert made.report["overlay"]
-    assert len(document.mesh.points) < 1.5 * (mapped.overlay.faces.max() + 1)
+    assert len(document.mesh.points) < 1.5 * (known.overlay.faces.max() + 1)
 
 
 def test_the_overlay_wears_the_colours_and_textures_of_a(tmp_path: Path) -> None:
@@ -177,29 +152,21 @@ def test_the_overlay_wears_the_colours_and_textures_of_a(tmp_path: Path) -> None
     (tmp_path / "m.mtl").write_text("newmtl red\nmap_Kd skin.png\nnewmtl green\nKd 0 1 0\n")
     picture(tmp_path / "skin.png", 16)
     one, two = read(tmp_path / "a.obj"), stored(tmp_path, "two", b, round_layout(b))
-    mapped = circparam.map_surfaces(one, two, landmarks=pairs.marks(a, b), overlay=True).map
-    document, _ = overlaid(one, two, mapped)
+    known = circparam.map_surfaces(one, two, landmarks=pairs.marks(a, b), overlay=True).map
+    document, _ = overlaid(one, two, known)
     places = document.mesh.points[document.mesh.faces]
     shown, looks = document.colours(), document.textures()
     assert shown is not None
     assert looks is not None
     np.testing.assert_allclose(shown, 0.5 + 0.5 * places / np.abs(a.points).max(), atol=1e-6)
-    parent = mapped.overlay.parents[:, 0]
+    parent = known.overlay.parents[:, 0]
     red = parent < len(a.faces) // 2
     np.testing.assert_array_equal(looks.face, np.where(red, 0, -1))
     np.testing.assert_allclose(looks.plain[~red], np.tile([0.0, 1, 0], ((~red).sum(), 1)))
 
 
-def test_what_has_no_overlay_is_told(tmp_path: Path) -> None:
-    a, b = pairs.blob(2, 1), pairs.blob(2, 4, turned=5)
-    one, two = (
-        stored(tmp_path, "one", a, round_layout(a)),
-        stored(tmp_path, "two", b, round_layout(b)),
-    )
-    mapped = circparam.map_surfaces(one, two, landmarks=pairs.marks(a, b)).map
+def test_a_map_without_an_overlay_has_no_morph_of_it(tmp_path: Path) -> None:
+    a = pairs.blob(1, 1)
+    one = stored(tmp_path, "one", a, round_layout(a))
     with pytest.raises(InputError, match="map --overlay"):
-        morph(one, two, mapped, overlay=True)
-    sheet = Mesh(*shapes.bumped_disk(200, seed=0))
-    with pytest.raises(OptionError, match="boundaries"):
-        circparam.map_surfaces(sheet, sheet, overlay=True)
-    assert read(tmp_path / "one.obj").mesh.faces.shape == a.faces.shape
+        morph(one, one, same_map(one.mesh), overlay=True)
