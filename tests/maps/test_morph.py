@@ -52,7 +52,7 @@ def ends(document: GltfDocument) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_target_is_where_the_map_says(tmp_path: Path):
-    a, b = belt(10, 20), belt(24, 48, 0.05, 1.0)
+    a, b = belt(8, 16), belt(14, 28, 0.05, 1.0)
     one, two = stored(tmp_path, "one", *a), stored(tmp_path, "two", *b)
     mapped = known_map(one.mesh, two.mesh)
     made = morph(one, two, mapped)
@@ -80,7 +80,7 @@ def test_the_target_is_where_the_map_says(tmp_path: Path):
 
 def test_a_pair_with_z_up_stands_upright(tmp_path: Path):
     """Scans in PLY mean z, glTF means y: the morph of two lay on its side."""
-    a, b = belt(10, 20), belt(24, 48, 0.05, 1.0)
+    a, b = belt(8, 16), belt(14, 28, 0.05, 1.0)
     pair = [stored(tmp_path, name, *m) for name, m in (("one", a), ("two", b))]
     scans = [
         read_data(encode(d, UVMap(np.zeros((1, 2)), 0 * d.mesh.faces), "ply").data) for d in pair
