@@ -15,6 +15,7 @@ _EPILOG = """\b
 Examples:
   circparam view mesh_uv.obj                         writes mesh_uv_view.png
   circparam view mesh_uv.glb -o page.html            an interactive page
+  circparam view mesh_uv.obj --before mesh.obj -o both.html
   circparam view mesh_uv.obj -o layout.svg           for a drawing program
   circparam view model.glb --uv-set 1 -o lightmap.png
 """
@@ -36,6 +37,12 @@ Examples:
     show_default=True,
     metavar="N",
     help="Number of the uv set, from 0.",
+)
+@click.option(
+    "--before",
+    type=common.MESH,
+    metavar="OLD",
+    help="Mesh whose layout a page (.html) shows beside this one.",
 )
 @click.option(
     "--padding",
@@ -66,24 +73,30 @@ def command(mesh: str, **given: Any) -> None:
     """Draw the uv of a mesh: the layout, a checker on the surface, and the distortion.
 
     Works for any mesh with uv, whoever made them. A page (.html) is one file that needs no network: turn and
-    zoom the surface, point at a chart to find it in both views, show the texture of the mesh.
+    zoom the surface, point at a chart to find it in both views, show the texture of the mesh. With --before
+    the layouts of two files stand side by side and turn together.
     """
     from circparam.core.monitor import Monitor
     from circparam.formats.io import read
-    from circparam.render.show import check_kind, view_document
+    from circparam.render.show import check_before, check_kind, view_document
 
     if given["output"] is None and mesh == "-":
         raise OptionError("the mesh comes from standard input: name the picture with -o FILE")
     path = Path(given["output"] or beside(Path(mesh), "_view", ".png"))
     check_kind(path)
+    if given["before"] is not None:
+        check_before(path)
+        if mesh == given["before"] == "-":
+            raise OptionError("MESH and --before are both standard input: name one of the files")
     check_place(str(path), given["overwrite"])
     look = {name: given[name] for name in ("uv_set", "padding", "up", "group_by")}
     with progress.listener(Path(mesh).name, given["quiet"]) as listener:
         monitor = Monitor(listener)
         with monitor.stage("read"):
             document = read(mesh, format=given["format"], reader=given["reader"])
+            before = given["before"] and read(given["before"], reader=given["reader"])
         with monitor.stage("draw"):
-            view_document(document, path, **look, scale_end=given["scale"])
+            view_document(document, path, **look, scale_end=given["scale"], before=before)
     for line in document.warnings:
         progress.warn(f"{mesh}: {line}", given["quiet"])
     for line in document.notes:

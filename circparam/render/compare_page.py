@@ -12,7 +12,18 @@ from PIL import Image, ImageDraw
 from circparam._version import __version__
 from circparam.render import colours as col
 from circparam.render.bars import bars
-from circparam.render.html import escaped, fill_in, page_style, viewer_file
+from circparam.render.figures import PictureOptions
+from circparam.render.html import (
+    PageLayout,
+    aspect,
+    drawable,
+    escaped,
+    fill_in,
+    page_style,
+    viewer,
+    viewer_file,
+    viewer_script,
+)
 from circparam.render.picture import to_image
 from circparam.render.side_by_side import (
     COLUMNS,
@@ -22,29 +33,54 @@ from circparam.render.side_by_side import (
     caption,
     cell_text,
     draw_layouts,
+    scenes_of,
 )
 from circparam.render.text import fitted, width, write
 
 
 def compare_page(meshes: Sequence[SideBySide], sizes: Sequence[Any] = ()) -> str:
-    """The page as text: one section a mesh, then Table 1 where it was measured."""
+    """The page as text: the viewer, then one section a mesh, then Table 1 where it was measured."""
     title = ", ".join(m.title for m in meshes) or "Table 1"
-    sections = [_section(m) for m in meshes]
+    layouts, numbers = _layouts(meshes)
+    sections = [_section(m, numbers[k]) for k, m in enumerate(meshes)]
     if sizes:
         sections.append(_table1(sizes))
     fields = {
         "VERSION": __version__,
         "TITLE": escaped(f"{title}: methods side by side"),
-        "STYLE": page_style("compare.css"),
+        "ASPECT": f"{aspect(layouts):.4g}" if layouts else "1",
+        "STYLE": page_style("style.css") + viewer_file("compare.css"),
+        "VIEWER": viewer(drawable(layouts), (), [m.title for m in meshes]) if layouts else "",
         "SECTIONS": "\n".join(sections),
-        "SCRIPT": viewer_file("sort.js"),
+        "SCRIPT": viewer_file("sort.js") + (viewer_script() if layouts else ""),
     }
     return fill_in(viewer_file("compare.html"), fields)
 
 
-def _section(shown: SideBySide) -> str:
+def _layouts(meshes: Sequence[SideBySide]) -> tuple[list[PageLayout], list[list[int | None]]]:
+    """What the viewer shows, and for each row of each mesh the number of its layout in it, None without one."""
+    out: list[PageLayout] = []
+    numbers: list[list[int | None]] = []
+    for k, shown in enumerate(meshes):
+        mine: list[int | None] = []
+        for row, scene in zip(shown.rows, scenes_of(shown), strict=True):
+            mine.append(None if scene is None else len(out))
+            if scene is not None:
+                look = PictureOptions(title=shown.title, up=shown.up)
+                out.append(PageLayout(row.name, scene, look, _figures(row), k))
+        numbers.append(mine)
+    return out, numbers
+
+
+def _figures(row: MethodLayout) -> list[tuple[str, str]]:
+    """The figures of a row by the names of the table below."""
+    known = [(COLUMNS[k], cell_text(k, row.figures.get(k))) for k in COLUMNS]
+    return [("status", row.status), *((name, text) for name, text in known if text != "–")]
+
+
+def _section(shown: SideBySide, numbers: Sequence[int | None]) -> str:
     drawn = draw_layouts(shown)
-    cards = "".join(_card(d) for d in drawn)
+    cards = "".join(_card(d, n) for d, n in zip(drawn, numbers, strict=True))
     ramp = ",".join(col.hex_code(c) for c in col.distortion_map(16))
     flips = any(row.figures.get("flips") for row in shown.rows)
     chip = (
@@ -64,7 +100,8 @@ def _section(shown: SideBySide) -> str:
     )
 
 
-def _card(drawn: DrawnLayout) -> str:
+def _card(drawn: DrawnLayout, number: int | None) -> str:
+    """Pictures of a row, and a button that shows it in the viewer."""
     row = drawn.row
     badge = "" if row.status == "ok" else f'<em class="{row.status}">{row.status}</em>'
     head = f"<h3>{escaped(row.name)}{badge}</h3>"
@@ -76,7 +113,8 @@ def _card(drawn: DrawnLayout) -> str:
         f'width="{image.width}" height="{image.height}">'
         for what, image in zip(("layout", "checker", "distortion"), drawn.images, strict=True)
     )
-    return f"<article>{head}{pictures}<p>{escaped(caption(row))}</p></article>"
+    button = f'<p><button type="button" data-show="{number}">Show large</button></p>'
+    return f"<article>{head}{pictures}<p>{escaped(caption(row))}</p>{button}</article>"
 
 
 def png_url(image: Image.Image) -> str:

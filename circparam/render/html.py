@@ -1,7 +1,7 @@
 """One self-contained page: the surface and its layout side by side, to be turned, zoomed and hovered.
 
-Plain WebGL2 of this project's own (the files in ``viewer/``), no network. The geometry is quantised to 16 bit
-a coordinate, stored as differences in byte planes, deflated, and written as base64 text into the page.
+Plain WebGL2 of this project's own (the files in ``viewer/``), no network. Several layouts stand beside each
+other: before and after, or those of several methods. ``packed`` says how the geometry is stored.
 """
 
 from __future__ import annotations
@@ -9,20 +9,20 @@ from __future__ import annotations
 import base64
 import html
 import json
-import zlib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import resources
 from typing import Any
 
 import numpy as np
 
 from circparam._version import __version__
-from circparam.core.arrays import FloatArray, IntArray, group_count, group_sum, relabel
+from circparam.core.arrays import IntArray, group_count, group_sum
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, up_vector
 from circparam.render.coarser import MOST, coarser
 from circparam.render.figures import Figures, PageImages, PictureOptions, counts, scene_figures
+from circparam.render.packed import box, pack_geometry, uv_span
 from circparam.render.scene import Scene
 from circparam.render.views import checker_cells
 
@@ -33,10 +33,9 @@ SCRIPTS = (
     "cameras.js",
     "morphs.js",
     "tools.js",
+    "beside.js",
     "main.js",
 )
-# codes of distortion: the square root of log(distortion) / log(limit), 0..254; 255 is flipped
-DISTORTION_LIMIT = 1000.0
 TWICE = "#e5007d"  # what more than one face covers: a hue beside that of flips
 HINT = (
     "Drag to turn, scroll to zoom, shift-drag to move; point at a chart, or press , and . "
@@ -46,41 +45,148 @@ TOUCH_HINT = (
     "Swipe sideways to turn, pinch to zoom, two fingers to move; tap a chart to find it in both views, "
     "twice to lock it."
 )
+FEWEST = 20_000  # faces that a layout is drawn with at least, however many layouts a page has
+
+
+@dataclass(frozen=True, eq=False)
+class PageLayout:
+    """One layout of a page. name: what stands above it. figures: (label, text) pairs, None for those that the
+    scene itself tells. mesh: number of the mesh that it is of; those of one mesh are turned together."""
+
+    name: str
+    scene: Scene
+    options: PictureOptions
+    figures: Figures | None = None
+    mesh: int = 0
+
+    def of_faces(self, most: int) -> PageLayout:
+        """With about that many faces, where it has more, and with an image for each of them."""
+        scene, options = coarser(self.scene, most), self.options
+        if options.images is not None and scene.source is not None:
+            # what is shown again has the image of what it repeats
+            images = PageImages(options.images.files, options.images.face[scene.source])
+            options = replace(options, images=images)
+        return replace(self, scene=scene, options=options)
 
 
 def page(
     scene: Scene,
     options: PictureOptions | None = None,
     figures: Figures | None = None,
+    before: PageLayout | None = None,
 ) -> str:
-    """The page as text. figures: (label, text) pairs of the table; None writes what the scene itself tells."""
+    """The page as text. figures: (label, text) pairs of the table; None writes what the scene itself tells.
+    before: a layout to stand to the left of it."""
     options = options or PictureOptions()
-    whole, scene = scene, coarser(scene, MOST)
-    images = options.images
-    order = np.arange(len(scene.faces))
-    if images is not None:
-        if scene.source is not None:  # what is shown again has the image of what it repeats
-            images = PageImages(images.files, images.face[scene.source])
-            options = replace(options, images=images)
-        order = np.argsort(images.face, kind="stable")
-    sections, packed = pack_geometry(scene, order)
-    meta = _meta(scene, options)
-    meta["sections"] = sections
+    layouts = [PageLayout("after", scene, options, figures)]
+    if before is not None:
+        layouts = [before, *layouts]
+    layouts = drawable(layouts)
     fields = {
         "VERSION": __version__,
         "TITLE": escaped(options.title),
-        "NOTE": escaped(counts(whole, options) + _shown(whole, scene)),
-        "HINT": HINT,
-        "ASPECT": f"{_aspect(scene):.4g}",
-        "FIGURES": _table(figures if figures is not None else scene_figures(whole)),
-        "REPAIRS": _list(options.repairs),
-        "MORPHS": _sliders(scene),
+        "NOTE": escaped(counts(scene, options) + _shown(scene, layouts[-1].scene)),
+        "ASPECT": f"{aspect(layouts):.4g}",
         "STYLE": page_style("style.css"),
-        "META": json.dumps(meta, separators=(",", ":")).replace("</", "<\\/"),
-        "MESH": base64.b64encode(packed).decode(),
-        "SCRIPT": "\n".join(viewer_file(name) for name in SCRIPTS),
+        "VIEWER": viewer(layouts, options.repairs, active=len(layouts) - 1),
+        "SCRIPT": viewer_script(),
     }
     return fill_in(viewer_file("page.html"), fields)
+
+
+def viewer(
+    layouts: Sequence[PageLayout],
+    repairs: Sequence[str],
+    meshes: Sequence[str] = (),
+    active: int = 0,
+) -> str:
+    """The viewer as a part of a page. repairs: lines below the tables. meshes: names to choose from. active:
+    the layout whose charts are listed first."""
+    packed = [pack_geometry(each.scene, _image_of(each)) for each in layouts]
+    meta = _common_meta(layouts[-1].options.scale_end)
+    meta["active"] = active
+    meta["layouts"] = [
+        {**_meta(each), "sections": p.sections} for each, p in zip(layouts, packed, strict=True)
+    ]
+    fields = {
+        "HINT": HINT,
+        "LAYOUTS": _choice(layouts, meshes),
+        "PANELS": "".join(_panels(k, each, len(layouts)) for k, each in enumerate(layouts)),
+        "FIGURES": _table(layouts),
+        "CHARTS_OF": ' · <span id="charts-of"></span>' if len(layouts) > 1 else "",
+        "REPAIRS": _list(repairs),
+        "MORPHS": _sliders(layouts[-1].scene),
+        "META": json.dumps(meta, separators=(",", ":")).replace("<", "\\u003c"),
+        "MESHES": "\n".join(
+            f'<script type="text/plain" id="mesh-{k}">{base64.b64encode(p.data).decode()}</script>'
+            for k, p in enumerate(packed)
+        ),
+    }
+    return fill_in(viewer_file("viewer.html"), fields)
+
+
+def viewer_script() -> str:
+    """The program of the viewer."""
+    return "\n".join(viewer_file(name) for name in SCRIPTS)
+
+
+def drawable(layouts: Sequence[PageLayout]) -> list[PageLayout]:
+    """Layouts with as few faces as keep a page small, the more of them there are."""
+    most = max(MOST // max(len(layouts), 1), min(FEWEST, MOST))
+    return [each.of_faces(most) for each in layouts]
+
+
+def _image_of(layout: PageLayout) -> IntArray | None:
+    images = layout.options.images
+    return None if images is None else images.face
+
+
+PANEL = {
+    "surface": "The surface: arrow keys turn it, plus and minus zoom, comma and full stop go through "
+    "the charts, Home resets",
+    "plane": "The uv layout: arrow keys move it, plus and minus zoom, comma and full stop go through "
+    "the charts, Home resets",
+}
+
+
+def _panels(k: int, layout: PageLayout, count: int) -> str:
+    """The two panels of a layout, each with its name; those of the first have no number."""
+    number = f"-{k}" if k else ""
+    name = escaped(layout.name)
+    heads = {"surface": name if count > 1 else "Surface", "plane": "Layout"}
+    of = f" of {name}" if count > 1 else ""
+    names = "".join(
+        f'<h2 class="name {kind}-name" id="{kind}-name{number}">{text}</h2>'
+        for kind, text in heads.items()
+    )
+    panels = "".join(
+        f'<div id="{kind}{number}" class="panel {kind}" tabindex="0" role="application" '
+        f'aria-label="{words.replace(":", of + ":", 1)}"></div>'
+        for kind, words in PANEL.items()
+    )
+    return f'<div class="layout" data-layout="{k}">{names}{panels}</div>'
+
+
+def _choice(layouts: Sequence[PageLayout], meshes: Sequence[str]) -> str:
+    """A box for each layout, and a list of the meshes where there are several; nothing for one layout."""
+    if len(layouts) < 2:
+        return ""
+    options = "".join(
+        f'<option value="{k}">{escaped(name)}</option>' for k, name in enumerate(meshes)
+    )
+    chosen = (
+        f'<label class="tool">Mesh <select id="of-mesh">{options}</select></label>'
+        if len(meshes) > 1
+        else ""
+    )
+    boxes = "".join(
+        f'<label class="tool"><input type="checkbox" name="layout" value="{k}"> {escaped(each.name)}</label>'
+        for k, each in enumerate(layouts)
+    )
+    return (
+        f'<div class="tool choice" role="group" aria-label="Layouts" '
+        f'title="keys: b one or several, [ and ] the next">{chosen}{boxes}</div>'
+    )
 
 
 def fill_in(template: str, fields: dict[str, str]) -> str:
@@ -118,17 +224,33 @@ def _shown(whole: Scene, scene: Scene) -> str:
     return "" if scene is whole else f" · drawn with {len(scene.faces):,} of the faces"
 
 
-def _aspect(scene: Scene) -> float:
-    """Width over height of the layout's view."""
-    u0, v0, u1, v1 = scene.once.bounds
-    return float(np.clip((u1 - u0) / (v1 - v0), 0.25, 4.0))
+def aspect(layouts: Sequence[PageLayout]) -> float:
+    """Width over height of the view of the layouts."""
+    low_u, low_v, high_u, high_v = np.array([each.scene.once.bounds for each in layouts]).T
+    width, height = (high_u - low_u).max(), (high_v - low_v).max()
+    return float(np.clip(width / height, 0.25, 4.0))
 
 
-def _table(figures: Figures) -> str:
-    return "".join(
-        f"<tr><th scope=row>{escaped(label)}</th><td>{escaped(text)}</td></tr>"
-        for label, text in figures
-    )
+def _table(layouts: Sequence[PageLayout]) -> str:
+    """Figures, a column for each layout."""
+    columns = [
+        dict(scene_figures(each.scene) if each.figures is None else each.figures)
+        for each in layouts
+    ]
+    head = ""
+    if len(layouts) > 1:
+        names = "".join(
+            f'<td data-figures="{k}">{escaped(each.name)}</td>' for k, each in enumerate(layouts)
+        )
+        head = f"<tr><th></th>{names}</tr>"
+    rows = []
+    for label in dict.fromkeys(label for column in columns for label in column):
+        cells = "".join(
+            f"<td{f' data-figures={k}' if len(columns) > 1 else ''}>{escaped(column.get(label, '–'))}</td>"
+            for k, column in enumerate(columns)
+        )
+        rows.append(f"<tr><th scope=row>{escaped(label)}</th>{cells}</tr>")
+    return head + "".join(rows)
 
 
 def _list(lines: Sequence[str]) -> str:
@@ -147,24 +269,10 @@ def _sliders(scene: Scene) -> str:
     )
 
 
-def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
-    """Everything of the page's data that is not geometry."""
-    _, extent = _box(scene)
-    images = options.images
-    directions = options.directions
-    if directions is None:
-        directions = best_directions(scene, 1, options.up)
-    top = options.scale_end
+def _common_meta(top: float) -> dict[str, Any]:
+    """What all layouts of a page share: colours, and the scale of distortion that ends at ``top``."""
     palette = col.chart_colours(np.arange(24))
     return {
-        "extent": extent.tolist(),
-        "up": up_vector(scene, options.up).tolist(),
-        "direction": [round(float(c), 4) for c in directions[0]],
-        "insideOut": scene.inside_out,
-        "targets": len(scene.targets),
-        "uvBox": [*scene.uv.min(0).tolist(), *_uv_span(scene).tolist()],
-        "bounds": list(scene.bounds),
-        "cells": checker_cells(scene),
         "distortionEnd": top,
         "distortionEnds": sorted({*col.ENDS, top}),
         "palette": [col.hex_code(c) for c in palette],
@@ -176,10 +284,30 @@ def _meta(scene: Scene, options: PictureOptions) -> dict[str, Any]:
         "flip": col.FLIP,
         "twice": TWICE,
         "noUv": col.NO_UV,
-        "lines": _line_weights(scene),
-        "charts": _chart_figures(scene.once),
         "hint": HINT,
         "touchHint": TOUCH_HINT,
+    }
+
+
+def _meta(layout: PageLayout) -> dict[str, Any]:
+    """Everything of a layout's data that is not geometry."""
+    scene, options = layout.scene, layout.options
+    images, directions = options.images, options.directions
+    if directions is None:
+        directions = best_directions(scene, 1, options.up)
+    return {
+        "name": layout.name,
+        "mesh": layout.mesh,
+        "extent": box(scene)[1].tolist(),
+        "up": up_vector(scene, options.up).tolist(),
+        "direction": [round(float(c), 4) for c in directions[0]],
+        "insideOut": scene.inside_out,
+        "targets": len(scene.targets),
+        "uvBox": [*scene.uv.min(0).tolist(), *uv_span(scene).tolist()],
+        "bounds": list(scene.bounds),
+        "cells": checker_cells(scene),
+        "lines": _line_weights(scene),
+        "charts": _chart_figures(scene.once),
         "images": [] if images is None else [_data_url(*file) for file in images.files],
         "imageNote": options.image_note,
         "ranges": _ranges(images),
@@ -238,105 +366,3 @@ def _chart_figures(scene: Scene) -> dict[str, list[float]]:
         "share": [float(f"{x:.4g}") for x in held / whole],
         "distortion": [float(f"{x:.5g}") for x in distortion],
     }
-
-
-def _box(scene: Scene) -> tuple[FloatArray, FloatArray]:
-    used = np.zeros(len(scene.points), bool)
-    used[scene.faces] = True
-    every = np.concatenate([scene.used_points, *(points[used] for _, points in scene.targets)])
-    low, extent = every.min(0), np.ptp(every, axis=0)
-    return low, np.where(extent > 0, extent, max(float(extent.max()), 1.0) * 1e-6)
-
-
-def _uv_span(scene: Scene) -> FloatArray:
-    span = np.ptp(scene.uv, axis=0)
-    return np.where(span > 0, span, 1e-6)
-
-
-def pack_geometry(scene: Scene, order: IntArray) -> tuple[list[dict[str, Any]], bytes]:
-    """The geometry of a scene, faces in the given order: (sections in the order stored, deflated bytes).
-
-    Vertices are pairs of position and uv, numbered in the order in which faces use them.
-    """
-    index = np.where(scene.mapped[:, None], scene.uv_faces, len(scene.uv) + scene.weld[scene.faces])
-    n, label = relabel(index[order].ravel())
-    corner = np.empty(n, np.int64)  # one corner for each vertex
-    corner[label[::-1]] = np.arange(len(label))[::-1]
-    face, k = order[corner // 3], corner % 3
-    low, extent = _box(scene)
-    position = _quantise((scene.points[scene.faces[face, k]] - low) / extent)
-    uv = _quantise((np.nan_to_num(scene.corner_uv[face, k]) - scene.uv.min(0)) / _uv_span(scene))
-    normal = _octahedral(scene.corner_normals[face, k])
-    position_of = np.empty(len(order), np.int64)
-    position_of[order] = np.arange(len(order))
-    seams = 3 * position_of[scene.seams // 3] + scene.seams % 3
-    next_new = np.r_[0, np.maximum.accumulate(label)[:-1] + 1]
-    parts: list[tuple[str, Any, str]] = [
-        ("position", position, "delta"),
-        ("uv", uv, "delta"),
-        ("normal", normal, "plain"),
-        ("index", (next_new - label).astype(np.uint32), "newest"),
-        (
-            "chart",
-            np.where(scene.mapped, scene.chart, 0xFFFF_FFFF)[order].astype(np.uint32),
-            "delta",
-        ),
-        ("distortion", _distortion_codes(scene)[order], "plain"),
-        ("density", _density_codes(scene)[order], "plain"),
-        ("seams", np.sort(seams).astype(np.uint32), "delta"),
-    ]
-    for number, (_, points) in enumerate(scene.targets):
-        there = replace(scene, points=points, targets=(), base=None, source=None)
-        moved = _quantise((points[scene.faces[face, k]] - low) / extent)
-        parts += [
-            (f"move{number}", moved - position, "plain"),  # wraps; zero where nothing moves
-            (f"normal{number}", _octahedral(there.corner_normals[face, k]), "plain"),
-        ]
-    sections, data = [], []
-    for name, array, coding in parts:
-        table = array.reshape(len(array), -1)
-        if coding == "delta":
-            table = np.diff(table, axis=0, prepend=np.zeros((1, table.shape[1]), table.dtype))
-        width = table.dtype.itemsize
-        little = np.ascontiguousarray(table.astype(table.dtype.newbyteorder("<")))
-        planes = little.view(np.uint8).reshape(len(table), table.shape[1], width)
-        data.append(np.ascontiguousarray(planes.transpose(1, 2, 0)).tobytes())
-        sections.append(
-            {
-                "name": name,
-                "count": len(table),
-                "columns": table.shape[1],
-                "bytes": width,
-                "coding": coding,
-            }
-        )
-    return sections, zlib.compress(b"".join(data), 7)
-
-
-def _quantise(values: FloatArray) -> Any:
-    return np.round(np.clip(values, 0, 1) * 65535).astype(np.uint16)
-
-
-def _octahedral(normal: FloatArray) -> Any:
-    """Directions (n, 3) as two bytes: the sphere folded onto an octahedron, unfolded onto a square."""
-    n = normal / np.maximum(np.abs(normal).sum(1, keepdims=True), 1e-12)
-    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
-    folded = (1 - np.abs(n[:, [1, 0]])) * sign
-    e = np.where(n[:, 2:] < 0, folded, n[:, :2])
-    return np.round((e * 0.5 + 0.5) * 255).astype(np.uint8)
-
-
-def _density_codes(scene: Scene) -> Any:
-    """Texel density of every face beside that of all: 0 a quarter of it or less, 255 four times or more."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(np.abs(scene.uv_areas) / scene.areas) / scene.scale
-        place = np.nan_to_num(np.log2(ratio), nan=0.0, posinf=2.0, neginf=-2.0)
-    # 32 steps are what one sees, and they compress
-    return (np.round((np.clip(place, -2, 2) + 2) * 7.75) * 8.2258).astype(np.uint8)
-
-
-def _distortion_codes(scene: Scene) -> Any:
-    t = np.sqrt(col.distortion_position(scene.distortion, DISTORTION_LIMIT))
-    out = np.round(t * 254).astype(np.uint8)
-    out[scene.flipped] = 255
-    return out

@@ -17,7 +17,7 @@ from circparam.pipeline.result import Result
 from circparam.render import colours as col
 from circparam.render.camera import best_directions, look_from
 from circparam.render.figures import Figures, PictureOptions, as_figures, counts, scene_figures
-from circparam.render.html import page
+from circparam.render.html import PageLayout, page
 from circparam.render.scene import Scene, make_scene
 from circparam.render.svg import figure_svg
 from circparam.render.text import fitted, width, write
@@ -187,9 +187,15 @@ def save_result(path: str | Path, result: Result, title: str) -> None:
 
 
 def save_scene(
-    path: Path, scene: Scene, options: PictureOptions, figures: Figures | None = None
+    path: Path,
+    scene: Scene,
+    options: PictureOptions,
+    figures: Figures | None = None,
+    before: PageLayout | None = None,
 ) -> None:
     """Write the picture of a scene in the format of the file's ending: .png, .svg or .html.
+
+    before: a layout to stand to the left on a page.
 
     Raises OutputError where the ending is another, or where the file cannot be written.
     """
@@ -199,7 +205,7 @@ def save_scene(
     elif kind == ".svg":
         data = figure_svg(scene, options).encode()
     elif kind == ".html":
-        data = page(scene, options, figures).encode()
+        data = page(scene, options, figures, before).encode()
     else:
         raise OutputError(
             f"{path}: no picture format {kind or 'without an ending'!r}: end the name in .png, .svg or .html"

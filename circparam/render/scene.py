@@ -48,6 +48,15 @@ class Scene:
     source: IntArray | None = None
     targets: tuple[tuple[str, FloatArray], ...] = ()
 
+    @cached_property
+    def copied(self) -> BoolArray:
+        """(m,) faces that show another one again."""
+        out = np.zeros(len(self.faces), bool)
+        if self.source is not None:
+            out[:] = True
+            out[np.unique(self.source, return_index=True)[1]] = False
+        return out
+
     @property
     def once(self) -> Scene:
         """The scene in which every face stands once: what a layout is drawn from."""

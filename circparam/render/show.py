@@ -6,7 +6,7 @@ import base64
 import html
 import io
 import os
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from circparam.render.figures import (
     as_figures,
     scene_figures,
 )
+from circparam.render.html import PageLayout
 from circparam.render.picture import save_result, save_scene
 from circparam.render.scene import Scene, make_scene, with_copies
 from circparam.render.svg import figure_svg
@@ -48,24 +49,36 @@ def check_kind(path: Path) -> None:
         )
 
 
+@dataclass(frozen=True)
+class Look:
+    """What of a file is drawn, and how.
+
+    uv_set: from 0 on. padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or
+    auto. scale_end: end of the colour scale of distortion, None for that of all pictures. group_by: what shares
+    an atlas; several stand side by side (see ``circparam.pipeline.stored_groups.judge``).
+    """
+
+    uv_set: int = 0
+    padding: float = 0.0
+    up: str = "auto"
+    scale_end: float | None = None
+    group_by: str | None = None
+
+
 def view_document(
-    document: Document,
-    path: Path,
-    *,
-    uv_set: int = 0,
-    padding: float = 0.0,
-    up: str = "auto",
-    scale_end: float | None = None,
-    group_by: str | None = None,
+    document: Document, path: Path, *, before: Document | None = None, **look: Any
 ) -> Scene:
     """Draw a uv set of a file into a PNG, an SVG or a page, by the ending of ``path``; returns the scene.
 
-    padding: in uv units, drawn round the charts. up: the axis that points up: x, y, z or auto. scale_end: end
-    of the colour scale of distortion. group_by: what shares an atlas; several stand side by side (see
-    ``circparam.pipeline.stored_groups.judge``). Raises OptionError for an unknown ending, InputError where the
-    file lacks that set or its uv are no numbers, OutputError where the picture cannot be written.
+    before: the file as it was, whose layout a page shows to the left. look: the fields of ``Look``.
+    Raises OptionError for an unknown ending or where a picture is no page and has ``before``, InputError where
+    a file lacks that set or its uv are no numbers, OutputError where the picture cannot be written.
     """
     check_kind(path)
+    if before is not None:
+        check_before(path)
+    how = Look(**look)
+    uv_set, group_by, up = how.uv_set, how.group_by, how.up
     uvmap = document.require_uv(uv_set)
     judged = judged_set(document, uv_set, group_by)
     if judged is not None:
@@ -91,12 +104,36 @@ def view_document(
         up = document.up or up_of(document.format) or up
     options = PictureOptions(
         title=name, note=f"uv set {uv_set}" if len(document.uv_sets) > 1 else "", up=up,
-        padding=padding, scale_end=scale_end or END, repairs=tuple(notes), images=images, image_note=note,
+        padding=how.padding, scale_end=how.scale_end or END, repairs=tuple(notes), images=images,
+        image_note=note,
     )  # fmt: skip
     if judged is not None:
         options = replace(options, charts=judged.verification.charts)
-    save_scene(path, scene, options, view_figures(judged, scene))
+    old = None if before is None else _before(before, uv_set, group_by, options)
+    save_scene(path, scene, options, view_figures(judged, scene), old)
     return scene
+
+
+def check_before(path: Path) -> None:
+    """Raise OptionError where a picture cannot show two layouts beside each other."""
+    if path.suffix.lower() != ".html":
+        raise OptionError(
+            f"--before has no effect on {path}: only a page shows two layouts; end the name in .html"
+        )
+
+
+def _before(
+    document: Document, uv_set: int, group_by: str | None, options: PictureOptions
+) -> PageLayout:
+    """The layout of the file as it was, with its own textures, seen as the new one is."""
+    uvmap = document.require_uv(uv_set)
+    judged = judged_set(document, uv_set, group_by)
+    if judged is not None:
+        uvmap = laid_apart(uvmap, judged.tiles)
+    scene = with_copies(scene_of(document, uvmap), document.copies())
+    images, note, _ = page_images(document, uv_set)
+    options = replace(options, images=images, image_note=note)
+    return PageLayout("before", scene, options, view_figures(judged, scene))
 
 
 def view_figures(judged: Judged | None, scene: Scene) -> list[tuple[str, str]]:
@@ -182,9 +219,9 @@ def view(
 ) -> Path:
     """Draw the uv of a file, a document or a result of ``unwrap``; returns where.
 
-    output: a name that ends in .png, .svg or .html. look: uv_set, padding, up, scale_end of ``view_document``;
-    a result that is not a file is drawn as ``--preview`` does and takes none. Raises OptionError, InputError,
-    OutputError.
+    output: a name that ends in .png, .svg or .html. look: fields of ``Look``, and ``before``, a path
+    or a document; a result that is not a file is drawn as ``--preview`` does and takes none.
+    Raises OptionError, InputError, OutputError.
     """
     path = Path(output)
     check_kind(path)
@@ -197,6 +234,9 @@ def view(
         return path
     place = source.path if isinstance(source, Result) else source
     document = place if isinstance(place, Document) else read(str(place))
+    before = look.get("before")
+    if before is not None and not isinstance(before, Document):
+        look["before"] = read(os.fspath(before))
     view_document(document, path, **look)
     return path
 

@@ -104,7 +104,7 @@ def draw_layouts(
 
     size: pixels of the square layout; the views are size wide and as high as the surface needs.
     """
-    scenes = [_scene(shown.mesh, row) for row in shown.rows]
+    scenes = scenes_of(shown)
     height = size
     view: View | None = None
     camera: Camera | None = None
@@ -136,6 +136,11 @@ def _view_height(scene: Scene, camera: Camera, size: int) -> int:
     xy, _ = camera.project(scene.used_points, 1000, 1000)
     wide, high = np.ptp(xy, axis=0) + 1e-9
     return int(size * np.clip(1.06 * high / wide, 0.45, 1.0))
+
+
+def scenes_of(shown: SideBySide) -> list[Scene | None]:
+    """The scene of each row; None where it has no layout that can be drawn."""
+    return [_scene(shown.mesh, row) for row in shown.rows]
 
 
 def _scene(mesh: Mesh, row: MethodLayout) -> Scene | None:

@@ -1,10 +1,12 @@
-/* Opens a page in headless chromium, does what a user does, takes a screenshot after every step, and prints
-   what it saw as JSON. Called by test_browser.py:
-   node drive.cjs CHROMIUM PAGE FOLDER WIDTH HEIGHT TOUCH SCHEME STEPS */
+/* Opens pages in headless chromium, does what a user does, and takes a screenshot after every step. One browser
+   serves all visits, each in a context of its own. Called by test_browser.py: node drive.cjs CHROMIUM; a line of
+   JSON {page, folder, width, height, touch, scheme, steps} on standard input is a visit, a line of JSON on
+   standard output is what was seen there. */
 
 const { chromium } = require("playwright-core");
+const { createInterface } = require("readline");
 
-const [executablePath, page, folder, width, height, touch, colorScheme, steps] = process.argv.slice(2);
+const executablePath = process.argv[2];
 
 async function pinch(session, x, y) {
   const points = (gap) => [{ x: x - gap, y, id: 1 }, { x: x + gap, y, id: 2 }];
@@ -58,14 +60,9 @@ async function settled() {
   }
 }
 
-(async () => {
-  const browser = await chromium.launch({
-    executablePath,
-    args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-  });
+async function visit(browser, { page, folder, width, height, touch, scheme: colorScheme, steps }) {
   const context = await browser.newContext({
-    viewport: { width: Number(width), height: Number(height) }, hasTouch: touch === "yes",
-    isMobile: touch === "yes", colorScheme,
+    viewport: { width, height }, hasTouch: touch, isMobile: touch, colorScheme,
   });
   const tab = await context.newPage();
   await tab.addInitScript(`window.lowestContrast = ${lowestContrast}`);
@@ -74,11 +71,11 @@ async function settled() {
   tab.on("pageerror", (e) => seen.console.push(e.message));
   tab.on("request", (r) => r.url().startsWith("data:") || seen.requests.push(r.url()));
   await tab.goto(page);
-  await tab.waitForSelector("body[data-ready=yes], table.sortable", { timeout: 120000 });
+  await tab.waitForSelector("body[data-ready=yes], body:not(:has(#stage)) table.sortable", { timeout: 120000 });
   seen.marks = await tab.evaluate(() => performance.getEntriesByType("mark").map((m) => [m.name, m.startTime]));
-  for (const name of ["surface", "plane"]) seen[name] = (await tab.locator(`#${name}`).count()) ? await tab.locator(`#${name}`).boundingBox() : null;
+  for (const name of ["surface", "plane", "surface-1", "plane-1"]) seen[name] = (await tab.locator(`#${name}`).count()) ? await tab.locator(`#${name}`).boundingBox() : null;
   const session = await context.newCDPSession(tab);
-  for (const [name, action, ...rest] of JSON.parse(steps)) {
+  for (const [name, action, ...rest] of steps) {
     if (action === "move") await tab.mouse.move(...rest);
     if (action === "drag") {
       const [x, y, dx, dy] = rest;
@@ -119,6 +116,7 @@ async function settled() {
       await tab.waitForFunction(() => document.querySelector("input[value=texture]").checked
         || document.getElementById("hovered").textContent.includes("no image"));
     }
+    if (action === "choose") await tab.selectOption(rest[0], rest[1]);
     if (action === "key") await tab.press(rest[0], rest[1]);
     if (action === "fill") await tab.locator(rest[0]).fill(rest[1]);
     await tab.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
@@ -134,11 +132,28 @@ async function settled() {
       charts: [...document.querySelectorAll("#charts tbody tr")].map((r) => Number(r.dataset.chart)),
       locked: [...document.querySelectorAll("#charts [data-locked]")].map((r) => Number(r.dataset.chart)),
       full: document.fullscreenElement !== null,
+      layouts: [...document.querySelectorAll(".layout:not([hidden]) .surface-name")].map((h) => h.textContent),
+      boxes: [...document.querySelectorAll("input[name=layout]")].filter((b) => b.getClientRects().length)
+        .map((b) => [b.parentElement.textContent.trim(), b.checked]),
+      active: document.querySelector(".layout[data-active] .surface-name")?.textContent ?? "",
+      figures: [...document.querySelectorAll("#figures tr:first-child td:not([hidden])")].map((c) => c.textContent),
       morph: document.getElementById("morph-value-0")?.textContent ?? "",
       contrast: lowestContrast(),
       overflow: document.documentElement.scrollWidth > window.innerWidth,
     }));
   }
-  console.log(JSON.stringify(seen));
+  await context.close();
+  return seen;
+}
+
+(async () => {
+  const browser = await chromium.launch({
+    executablePath,
+    args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+  });
+  for await (const line of createInterface({ input: process.stdin })) {
+    const answer = await visit(browser, JSON.parse(line)).catch((error) => ({ error: String(error) }));
+    console.log(JSON.stringify(answer));
+  }
   await browser.close();
 })();

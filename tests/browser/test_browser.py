@@ -11,7 +11,9 @@ import json
 import os
 import shutil
 import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +24,10 @@ from PIL import Image
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.render.compare_page import compare_page
 from circparam.render.figures import PageImages, PictureOptions
+from circparam.render.html import PageLayout
 from circparam.render.html import page as page_text
 from circparam.render.picture import save_preview
-from circparam.render.scene import make_scene
+from circparam.render.scene import make_scene, with_copies
 from circparam.render.side_by_side import MethodLayout, SideBySide
 from tests.support.node import NODE, modules
 
@@ -68,6 +71,25 @@ def ball() -> tuple[Mesh, UVMap]:
     return Mesh(np.concatenate(points), together), UVMap(np.concatenate(uv), together)
 
 
+@cache
+def browser() -> subprocess.Popen[str]:
+    """One browser for all visits; it ends with its standard input, that is with the tests."""
+    assert NODE is not None
+    assert CHROMIUM is not None
+    return subprocess.Popen(
+        [NODE, str(HERE / "drive.cjs"), CHROMIUM], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        text=True, encoding="utf-8", env={**os.environ, "NODE_PATH": str(PLAYWRIGHT)},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _closed() -> Iterator[None]:
+    yield
+    if browser.cache_info().currsize:
+        browser().communicate()
+        browser.cache_clear()
+
+
 def drive(
     page: Path, name: str, size: str, steps: list[list[Any]], scheme: str = "light"
 ) -> dict[str, Any]:
@@ -75,15 +97,16 @@ def drive(
     width, height, touch = SIZES[size]
     folder = ARTEFACTS / f"{name}-{size}-{scheme}"
     folder.mkdir(parents=True, exist_ok=True)
-    assert NODE is not None
-    assert CHROMIUM is not None
-    done = subprocess.run(
-        [NODE, str(HERE / "drive.cjs"), CHROMIUM, page.as_uri(), str(folder), str(width), str(height),
-         "yes" if touch else "no", scheme, json.dumps(steps)],
-        capture_output=True, text=True, check=False, env={**os.environ, "NODE_PATH": str(PLAYWRIGHT)},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    visit = {"page": page.as_uri(), "folder": str(folder), "width": width, "height": height,
+             "touch": touch, "scheme": scheme, "steps": steps}  # fmt: skip
+    process = browser()
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(json.dumps(visit) + "\n")
+    process.stdin.flush()
+    seen: dict[str, Any] = json.loads(process.stdout.readline())
+    assert "error" not in seen, seen["error"]
+    return seen
 
 
 def pixels(seen: dict[str, Any], step: str, panel: str | None = None) -> np.ndarray:
@@ -212,7 +235,7 @@ def test_a_comparison_sorts_and_fits(tmp_path: Path):
         compare_page([SideBySide("ball", mesh, rows, "cut charts")]), "utf-8"
     )
     for size in USUAL:
-        seconds, method = "thead th:nth-child(2) button", "thead th:nth-child(1) button"
+        seconds, method = (f"table.sortable th:nth-child({k}) button" for k in (2, 1))
         steps = [
             ["start", "none"], ["up", "click", seconds], ["down", "click", seconds],
             ["name", "click", method], ["full", "full"],
@@ -296,6 +319,133 @@ def test_the_scheme_follows_the_system_while_the_page_is_open(page: Path):
     seen = drive(page, "follow", "desktop", [["start", "none"], ["dark", "scheme", "dark"]])
     assert pixels(seen, "start", "surface").mean() > 150 > pixels(seen, "dark", "surface").mean()
     assert seen["console"] == []
+
+
+def share_lit(seen: dict[str, Any], step: str, panel: str) -> float:
+    """Share of a panel in the magenta of what is covered twice, in any light."""
+    p = pixels(seen, step, panel)
+    lit = (p[..., 0] > 110) & (p[..., 1] < 0.4 * p[..., 0]) & (p[..., 2] > 0.3 * p[..., 0])
+    return float(lit.mean())
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Before: charts that overlap. After: the ball as it should be."""
+    mesh, uvmap = ball()
+    uv = uvmap.uv.copy()
+    uv[: len(uv) // 6] += [0.12, 0.1]
+    path = tmp_path_factory.mktemp("both") / "both.html"
+    old = make_scene(mesh.points, mesh.faces, uv, uvmap.uv_faces)
+    new = make_scene(mesh.points, mesh.faces, uvmap.uv, uvmap.uv_faces)
+    options = PictureOptions(title="both", directions=np.array([[0.3, -0.8, 0.5]]))
+    before = PageLayout("before", old, options)
+    path.write_text(page_text(new, options, before=before), "utf-8")
+    return path
+
+
+@pytest.mark.parametrize("size", USUAL)
+def test_before_and_after_stand_side_by_side(both: Path, size: str):
+    """They turn together, each lights its own charts and faults; a key and a box show one alone."""
+    touch = SIZES[size][2]
+    places = drive(both, "places", size, [["start", "none"]])
+    right, plane = middle(places["surface-1"]), middle(places["plane"])
+    steps: list[list[Any]] = [
+        ["start", "none"],
+        ["turned", "swipe" if touch else "drag", *right, *([] if touch else [60, 15])],
+        ["reset", "click", "#reset"],
+        ["faults", "press", "6"],
+        ["on-before", "tap" if touch else "move", *plane],
+        ["alone", "press", "b"],
+        ["again", "press", "b"],
+        ["unboxed", "click", "input[name=layout][value='1']"],
+        ["next", "press", "]"],
+        ["full", "full"],
+    ]
+    seen = drive(both, "both", size, steps)
+    text = seen["text"]
+    assert seen["console"] == []
+    assert text["start"]["layouts"] == text["start"]["figures"] == ["before", "after"]
+    assert text["start"]["active"] == "after"
+    for panel in ("surface", "surface-1"):
+        assert changed(seen, "start", "turned", panel) > 0.02, panel
+    for panel in ("plane", "plane-1"):
+        assert changed(seen, "start", "turned", panel) < 0.002, panel
+    for kind in ("surface", "plane"):
+        assert share_lit(seen, "faults", kind) > 0.01
+        assert share_lit(seen, "faults", f"{kind}-1") == 0
+    assert text["on-before"]["hovered"].startswith("before")
+    assert text["on-before"]["active"] == "before"
+    if not touch:  # there the line below the panels lies over them
+        assert changed(seen, "faults", "on-before", "plane-1") < 0.002
+    assert text["alone"]["layouts"] == ["before"]
+    assert text["again"]["layouts"] == ["before", "after"]
+    assert text["unboxed"]["layouts"] == text["unboxed"]["figures"] == ["before"]
+    assert text["next"]["layouts"] == ["after"]
+    assert not any(text[step]["overflow"] for step in text)
+    assert min(text[step]["contrast"]["ratio"] for step in text) >= 4.5
+
+
+def test_what_is_shown_again_covers_nothing_twice(tmp_path: Path):
+    """A part that stands twice in a scene has its place in the layout once."""
+    mesh, uvmap = ball()
+    scene = make_scene(mesh.points, mesh.faces, uvmap.uv, uvmap.uv_faces)
+    move = np.eye(4)
+    move[0, 3] = 2.5
+    scene = with_copies(scene, [(np.arange(len(mesh.faces)), move)])
+    (tmp_path / "twice.html").write_text(page_text(scene), "utf-8")
+    seen = drive(tmp_path / "twice.html", "twice", "desktop", [["faults", "press", "6"]])
+    assert [share_lit(seen, "faults", panel) for panel in ("surface", "plane")] == [0, 0]
+
+
+@pytest.mark.parametrize("size", USUAL)
+def test_the_viewer_of_a_comparison(tmp_path: Path, size: str):
+    """Methods beside each other: boxes, keys, pictures and a list of meshes choose; data is read when shown."""
+    mesh, uvmap = ball()
+    names = ["first", "second", "third", "fourth", "fifth"]
+    rows = [
+        MethodLayout(
+            name, UVMap(uvmap.uv * [1.0, 1 - 0.1 * k], uvmap.uv_faces), "ok", {"charts": 6}
+        )
+        for k, name in enumerate(names)
+    ]
+    other = SideBySide("other", Mesh(mesh.points * [1, 2, 1], mesh.faces), rows[:1])
+    path = tmp_path / "c.html"
+    path.write_text(compare_page([SideBySide("ball", mesh, rows), other]), "utf-8")
+    steps: list[list[Any]] = [
+        ["start", "none"],
+        ["more", "click", "input[name=layout][value='4']"],
+        ["charts", "press", "3"],
+        ["next", "press", "]"],
+        ["alone", "press", "b"],
+        ["wrapped", "press", "["],
+        ["row", "click", "#charts tbody tr:nth-child(2) button"],
+        ["free", "press", "Escape"],
+        ["large", "click", "button[data-show='2']"],
+        ["mesh", "choose", "#of-mesh", "1"],
+        ["full", "full"],
+    ]
+    seen = drive(path, "methods", size, steps)
+    text = seen["text"]
+    assert seen["console"] == []
+    many = 2 if SIZES[size][2] else 4
+    assert text["start"]["layouts"] == names[:many]
+    assert text["more"]["layouts"] == [*names[1:many], "fifth"]
+    assert text["start"]["boxes"] == [[name, k < many] for k, name in enumerate(names)]
+    assert text["charts"]["mode"] == "charts"
+    assert text["next"]["active"] != text["charts"]["active"]
+    assert len(text["alone"]["layouts"]) == 1
+    around = names[names.index(text["alone"]["active"]) - 1]
+    assert text["wrapped"]["layouts"] == [around]
+    assert text["row"]["locked"] == [1]
+    assert text["row"]["hovered"].startswith("Chart 2 of 6")
+    assert text["free"]["locked"] == []
+    assert text["large"]["layouts"] == ["third"]
+    assert text["mesh"]["layouts"] == ["first"]
+    assert text["mesh"]["boxes"] == [["first", True]]
+    assert not any(text[step]["overflow"] for step in text)
+    if not SIZES[size][2]:
+        assert changed(seen, "start", "charts", "plane") > 0.1
+        assert changed(seen, "row", "free", "surface") > 0.01
 
 
 def morph_page(folder: Path, name: str, start: np.ndarray, end: np.ndarray) -> Path:
@@ -413,6 +563,8 @@ def test_an_artist_works_with_the_page(tmp_path: Path, size: str):
     assert min(text[step]["contrast"]["ratio"] for step in text) >= 4.5
     if touch:  # the page has scrolled to what was tapped: places of the panels are others
         return
+    assert share_lit(seen, "faults", "surface") > 0.005
+    assert share_lit(seen, "start", "surface") == 0
     lit = pixels(seen, "faults", "plane")
     assert ((lit[..., 0] > 200) & (lit[..., 1] < 40) & (lit[..., 2] > 90)).mean() > 0.005
     clean = pixels(seen, "start", "plane")

@@ -135,6 +135,33 @@ def test_what_is_refused(quad: Path, tmp_path: Path):
     assert mine.read_text() == "mine"
 
 
+def test_before_and_after_are_in_one_page(quad: Path, tmp_path: Path):
+    old, out = tmp_path / "old.obj", tmp_path / "both.html"
+    old.write_text(QUAD + UV.replace("vt 1 1", "vt 0.5 0.5") + FACES)
+    assert run(quad, "--before", old, "-o", out).exit_code == 0
+    text = out.read_text("utf-8")
+    assert text.count('class="layout"') == 2
+    assert ">before</h2>" in text
+    assert ">after</h2>" in text
+
+
+def test_what_is_no_before(quad: Path, tmp_path: Path):
+    bare = tmp_path / "bare.obj"
+    bare.write_text(QUAD + "f 1 2 3 4\n")
+    out = tmp_path / "both.html"
+    for words, code, message in (
+        ((quad, "--before", quad, "-o", tmp_path / "both.png"), 2, "end the name in .html"),
+        ((quad, "--before", bare, "-o", out), 3, "bare.obj"),
+        ((quad, "--before", tmp_path / "no.obj", "-o", out), 3, "no.obj"),
+        (("-", "--before", "-", "-o", out), 2, "both standard input"),
+    ):
+        result = run(*words)
+        assert result.exit_code == code
+        assert message in result.stderr
+        assert len(result.stderr.splitlines()) == 1
+    assert not out.exists()
+
+
 def test_from_standard_input(quad: Path):
     out = quad.with_suffix(".svg")
     result = run("-", "--format", "obj", "-o", out, data=quad.read_bytes())

@@ -80,6 +80,9 @@ def test_page_is_well_formed_and_complete():
     assert "out of luck &amp; time" in text
     assert text.count("<svg") == 2
     assert "1.250" in text
+    shown = [a["data-show"] for t, a in tags.seen if "data-show" in a]
+    layouts = [a["data-layout"] for t, a in tags.seen if "data-layout" in a]
+    assert shown == layouts == ["0", "1"]  # a method without a layout has no place in the viewer
     assert not re.search(r"https?://(?!www\.w3\.org)", text)  # nothing is fetched from anywhere
 
 

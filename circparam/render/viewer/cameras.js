@@ -13,19 +13,20 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const unit = (a) => a.map((c) => c / (Math.hypot(...a) || 1));
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 
+const radiusOf = (meta) => Math.hypot(...meta.extent) / 2 || 1;
+
 /* Turns about the upright axis and tilts against it; never rolls. */
 class OrbitCamera {
   constructor(meta) {
-    this.meta = meta;
+    this.direction = meta.direction;
     this.up = meta.up;
     this.side = [meta.up[2], meta.up[0], meta.up[1]];
     this.front = cross(this.side, this.up);
-    this.radius = Math.hypot(...meta.extent) / 2 || 1;
     this.reset();
   }
 
   reset() {
-    const d = unit(this.meta.direction);
+    const d = unit(this.direction);
     this.pitch = Math.asin(clamp(dot(d, this.up), -1, 1));
     this.yaw = Math.atan2(dot(d, this.side), dot(d, this.front));
     this.zoom = 1;
@@ -41,8 +42,9 @@ class OrbitCamera {
     return [right, cross(back, right), back];
   }
 
-  view(width, height) {
-    const { extent } = this.meta, { radius } = this;
+  /* Several layouts share the camera: meta is that of the mesh that is seen. */
+  view(width, height, meta) {
+    const { extent } = meta, radius = radiusOf(meta);
     const axes = this.axes();
     const tangent = Math.tan(0.3); // half the field of view
     const short = Math.min(1, width / height);
@@ -69,14 +71,15 @@ class OrbitCamera {
   }
 
   /* Look at a part from its front: the middle and radius in stored numbers, and the mean normal. */
-  lookAt(middle, radius, normal) {
+  lookAt({ middle, radius, normal }, meta) {
+    const whole = radiusOf(meta);
     const d = unit(normal);
     this.pitch = Math.asin(clamp(dot(d, this.up), -1, 1));
     this.yaw = Math.atan2(dot(d, this.side), dot(d, this.front));
-    this.zoom = clamp((0.9 * this.radius) / (radius || 1), 1, 40);
+    this.zoom = clamp((0.9 * whole) / (radius || 1), 1, 40);
     const [right, up] = this.axes();
-    const from = middle.map((c, k) => (c - 0.5) * this.meta.extent[k]);
-    this.pan = [-dot(right, from) / this.radius, -dot(up, from) / this.radius];
+    const from = middle.map((c, k) => (c - 0.5) * meta.extent[k]);
+    this.pan = [-dot(right, from) / whole, -dot(up, from) / whole];
   }
 
   drag(dx, dy, shift, size) {

@@ -1,39 +1,63 @@
-/* The page: reads the data, keeps the state, draws when something has changed. */
+/* The page: reads the data, keeps the state, draws when something has changed. A page shows one layout, or several
+   side by side: before and after, or those of several methods. Each is unpacked when it is first shown. */
 
 const $ = (id) => document.getElementById(id);
 const number = (x, digits = 0) => x.toLocaleString("en", { maximumFractionDigits: digits });
 
+/* A layout of the page: its data, its panels, and the camera of its plane. */
+class Shown {
+  constructor(meta, k, surfaceCamera) {
+    const [surface, plane] = document.querySelectorAll(`.layout[data-layout="${k}"] .panel`);
+    Object.assign(this, { meta, k, surface, plane, mesh: null, layer: null });
+    this.box = surface.parentElement;
+    this.cameras = { surface: surfaceCamera, plane: new PlaneCamera(meta) };
+  }
+
+  async open(renderer, mark) {
+    if (this.layer) return;
+    const store = $(`mesh-${this.k}`), data = await inflate(store.textContent.trim());
+    store.textContent = "";
+    mark("inflated");
+    this.mesh = readSections(data, this.meta.sections);
+    mark("decoded");
+    this.layer = new Layer(renderer, this.meta, this.mesh);
+  }
+
+  /* What the renderer draws of it: two panels, in pixels from the bottom left of the stage. */
+  panels(outer, ratio, hovered) {
+    return ["surface", "plane"].map((name) => {
+      const r = this[name].getBoundingClientRect();
+      return {
+        x: Math.round((r.left - outer.left) * ratio), y: Math.round((outer.bottom - r.bottom) * ratio),
+        width: Math.round(r.width * ratio), height: Math.round(r.height * ratio),
+        ...this.cameras[name].view(r.width, r.height, this.meta), layer: this.layer, hovered,
+      };
+    });
+  }
+}
+
 async function start() {
-  const meta = JSON.parse($("meta").textContent);
-  const data = await inflate($("mesh").textContent.trim());
-  $("mesh").textContent = "";
-  performance.mark("inflated");
-  const mesh = readSections(data, meta.sections);
-  performance.mark("decoded");
+  const common = JSON.parse($("meta").textContent);
   const canvas = $("canvas"), stage = $("stage");
-  const renderer = new Renderer(canvas, meta, mesh);
+  const renderer = new Renderer(canvas, common);
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const scheme = () => renderer.setScheme(meta.schemes[dark.matches ? "dark" : "light"]);
-  scheme();
-  if (matchMedia("(pointer: coarse)").matches) meta.hint = meta.touchHint;
-  $("hovered").textContent = meta.hint;
-  performance.mark("uploaded");
+  const scheme = () => renderer.setScheme(common.schemes[dark.matches ? "dark" : "light"]);
+  if (matchMedia("(pointer: coarse)").matches) common.hint = common.touchHint;
+  $("hovered").textContent = common.hint;
+  // one camera for all layouts of a mesh: they turn together
+  const orbits = common.layouts.map(() => null);
+  const all = common.layouts.map((meta, k) => new Shown(meta, k, (orbits[meta.mesh] ??= new OrbitCamera(meta))));
   const state = {
-    mode: "checker", cells: meta.cells, distortionEnd: meta.distortionEnd, seams: true, hovered: -1, locked: -1, wire: false,
-    ratio: 1,
+    mode: "checker", density: 1, distortionEnd: common.distortionEnd, seams: true, hovered: -1, locked: -1, wire: false,
+    ratio: 1, active: all[0], shown: [all[0]],
   };
-  const cameras = { surface: new OrbitCamera(meta), plane: new PlaneCamera(meta) };
-  let waiting = false, pickingStale = true;
+  let waiting = false, pickingStale = true, table = null;
 
-  const panels = () => ["surface", "plane"].map((name) => {
-    const outer = stage.getBoundingClientRect(), r = $(name).getBoundingClientRect(), k = state.ratio;
-    return {
-      x: Math.round((r.left - outer.left) * k), y: Math.round((outer.bottom - r.bottom) * k),
-      width: Math.round(r.width * k), height: Math.round(r.height * k),
-      ...cameras[name].view(r.width, r.height),
-    };
-  });
-
+  const panels = () => {
+    const outer = stage.getBoundingClientRect();
+    return state.shown.filter((one) => one.layer)
+      .flatMap((one) => one.panels(outer, state.ratio, one === state.active ? state.hovered : -1));
+  };
   const draw = () => {
     waiting = false;
     state.ratio = Math.min(window.devicePixelRatio || 1, 2);
@@ -49,125 +73,168 @@ async function start() {
     pickingStale = true;
     redraw();
   };
+  const reset = () => {
+    for (const one of state.shown) Object.values(one.cameras).forEach((camera) => camera.reset());
+    moved();
+  };
 
+  /* Take the charts of a layout: what is pointed at, locked and listed is one of them. */
+  const activate = (one) => {
+    if (one === state.active) return;
+    if (state.locked >= 0) reset();
+    state.hovered = state.locked = -1;
+    state.active = one;
+    describe(common, state);
+    table.show(one.meta);
+    arrange(state, all);
+    redraw();
+  };
   const select = (chart) => {
     if (state.locked >= 0) chart = state.locked;
     if (chart === state.hovered) return;
     state.hovered = chart;
-    describe(meta, chart, state.locked >= 0);
+    describe(common, state);
     redraw();
   };
   /* Stay at a chart and show it large in both views; −1 lets it go. */
   const lock = (chart) => {
     if (chart === state.locked) chart = -1;
     state.locked = state.hovered = chart;
-    describe(meta, chart, chart >= 0);
+    describe(common, state);
     table.mark(chart);
-    if (chart < 0) Object.values(cameras).forEach((camera) => camera.reset());
-    else {
-      const part = chartPart(mesh, meta, chart);
-      cameras.plane.lookAt(part.box);
-      cameras.surface.lookAt(part.middle, part.radius, part.normal);
-    }
+    if (chart < 0) return reset();
+    const { mesh, meta, cameras } = state.active, part = chartPart(mesh, meta, chart);
+    cameras.plane.lookAt(part.box);
+    cameras.surface.lookAt(part, meta);
     moved();
   };
-  const table = wireTable(meta, lock);
-  const step = (by) => {
-    const n = meta.charts.faces.length, go = state.locked < 0 ? select : lock;
+  const step = (one, by) => {
+    activate(one);
+    const n = one.meta.charts.faces.length, go = state.locked < 0 ? select : lock;
     go((state.hovered < 0 ? (by > 0 ? 0 : n - 1) : state.hovered + by + n) % n);
   };
   const chartAt = (x, y) => {
     const r = stage.getBoundingClientRect();
-    let chart = -1;
-    if (x >= r.left && y >= r.top && x < r.right && y < r.bottom) {
-      if (pickingStale) renderer.drawPicking(panels(), state);
-      pickingStale = false;
-      chart = renderer.chartAt(x - r.left, y - r.top);
-    }
-    return chart;
+    if (!(x >= r.left && y >= r.top && x < r.right && y < r.bottom)) return -1;
+    if (pickingStale) renderer.drawPicking(panels(), state);
+    pickingStale = false;
+    return renderer.chartAt(x - r.left, y - r.top);
   };
-  const hover = (x, y, tapped = false) => {
-    const chart = chartAt(x, y), again = tapped && chart >= 0 && chart === state.hovered;
+  const hover = (one, x, y, tapped = false) => {
+    const chart = chartAt(x, y);
+    if (one !== state.active) {
+      if (chart < 0 || (state.locked >= 0 && !tapped)) return;
+      activate(one);
+    }
+    const again = tapped && chart >= 0 && chart === state.hovered;
     if (again || (tapped && chart < 0 && state.locked >= 0)) lock(again ? chart : -1);
     else select(chart);
   };
-  const click = (x, y) => {
+  const click = (one, x, y) => {
     const chart = chartAt(x, y);
+    activate(one);
     if (chart >= 0 || state.locked >= 0) lock(chart);
   };
-
-  for (const name of ["surface", "plane"]) control($(name), cameras[name], moved, hover, step, click);
-  wireTools(meta, state, renderer, { redraw, draw, lock, canvas });
-  dark.addEventListener("change", () => (scheme(), redraw()));
-  $("reset").addEventListener("click", () => {
-    if (state.locked >= 0) return lock(state.locked);
-    Object.values(cameras).forEach((camera) => camera.reset());
+  /* Show these layouts beside each other. */
+  const show = async (shown, active = shown.includes(state.active) ? state.active : shown[0]) => {
+    if (state.locked >= 0) lock(-1);
+    state.shown = shown;
+    activate(active);
+    arrange(state, all);
+    for (const one of shown) {
+      if (one.layer) continue;
+      await one.open(renderer, () => {});
+      loadImages(one, renderer, redraw);
+    }
     moved();
-  });
+  };
+
+  const mark = (name) => performance.mark(name);
+  arrange(state, all);
+  await all[0].open(renderer, mark);
+  renderer.finish();
+  scheme();
+  mark("uploaded");
+  draw();
+  mark("drawn");
+  table = wireTable(lock);
+  table.show(all[0].meta);
+  for (const one of all) {
+    for (const name of ["surface", "plane"]) {
+      control(one[name], one.cameras[name], moved, hover.bind(null, one), step.bind(null, one), click.bind(null, one));
+    }
+  }
+  loadImages(all[0], renderer, redraw);
+  wireTools(common, state, renderer, { redraw, draw, lock, canvas });
+  dark.addEventListener("change", () => (scheme(), redraw()));
+  $("reset").addEventListener("click", () => (state.locked >= 0 ? lock(state.locked) : reset()));
   $("seams").addEventListener("change", (event) => ((state.seams = event.target.checked), redraw()));
-  wireModes(meta, state, redraw);
-  wireSliders(meta, state, redraw);
-  wireMorphs(meta, mesh, renderer, moved);
-  loadImages(meta, renderer, redraw);
+  wireModes(common, state, redraw);
+  wireSliders(common, state, redraw);
+  const last = all.at(-1);
+  const morph = (mesh) => (last.layer.setGeometry(mesh), moved());
   canvas.addEventListener("webglcontextlost", () => fail("the graphics driver was reset: reload the page"));
+  await wireLayouts(common, all, state, show);
+  if (last.meta.targets) wireMorphs(last.meta.targets, last.mesh, morph);
   new ResizeObserver(moved).observe(stage);
   draw();
-  performance.mark("drawn");
   document.body.dataset.ready = "yes";
 }
 
 /* The line below the pictures: what lies under the pointer. */
-function describe(meta, chart, locked = false) {
-  const c = meta.charts;
-  $("hovered").textContent = chart < 0 ? meta.hint : [
+function describe(common, { active, hovered: chart, locked, shown }) {
+  const c = active.meta.charts;
+  $("hovered").textContent = chart < 0 ? common.hint : [
+    ...(shown.length > 1 ? [active.meta.name] : []),
     `Chart ${number(chart + 1)} of ${number(c.faces.length)}`,
     `${number(c.faces[chart])} faces`,
     `${number(100 * c.share[chart], 2)} % of the surface`,
     `distortion ${number(c.distortion[chart], 3)}`,
-    ...(locked ? ["locked: Esc lets go"] : []),
+    ...(locked >= 0 ? ["locked: Esc lets go"] : []),
   ].join("  ·  ");
 }
 
-function wireModes(meta, state, redraw) {
+function wireModes(common, state, redraw) {
   const show = () => {
     for (const name of ["checker", "distortion", "density"]) $(`${name}-tool`).hidden = state.mode !== name;
     redraw();
   };
   for (const input of document.querySelectorAll("input[name=mode]")) {
-    if (input.value === "texture" && !meta.images.length) {
+    if (input.value === "texture" && !common.layouts.some((meta) => meta.images.length)) {
       input.disabled = true;
-      input.parentElement.title = `${meta.imageNote}; drop an image on the page to see it`;
+      input.parentElement.title = `${common.layouts.at(-1).imageNote}; drop an image on the page to see it`;
     }
     input.addEventListener("change", () => ((state.mode = input.value), show()));
   }
   show();
 }
 
-function wireSliders(meta, state, redraw) {
+function wireSliders(common, state, redraw) {
   const density = $("density"), end = $("scale");
   density.addEventListener("input", () => {
-    state.cells = meta.cells * 2 ** Number(density.value);
-    $("density-value").textContent = `${number(state.cells, state.cells < 10 ? 1 : 0)} a unit`;
+    state.density = 2 ** Number(density.value);
+    const cells = state.active.meta.cells * state.density;
+    $("density-value").textContent = `${number(cells, cells < 10 ? 1 : 0)} a unit`;
     redraw();
   });
-  end.max = meta.distortionEnds.length - 1;
-  end.value = meta.distortionEnds.indexOf(meta.distortionEnd);
+  end.max = common.distortionEnds.length - 1;
+  end.value = common.distortionEnds.indexOf(common.distortionEnd);
   const show = () => {
-    state.distortionEnd = meta.distortionEnds[Number(end.value)];
+    state.distortionEnd = common.distortionEnds[Number(end.value)];
     $("scale-value").textContent = `${state.distortionEnd} or more`;
     redraw();
   };
   end.addEventListener("input", show);
   density.dispatchEvent(new Event("input"));
   show();
-  $("bar").style.background = `linear-gradient(90deg, ${meta.ramp.join(",")})`;
+  $("bar").style.background = `linear-gradient(90deg, ${common.ramp.join(",")})`;
 }
 
-function loadImages(meta, renderer, redraw) {
+function loadImages({ meta, layer }, renderer, redraw) {
   meta.images.forEach((source, slot) => {
     const image = new Image();
     image.onload = () => {
-      renderer.addImage(slot, image);
+      layer.images[slot] = renderer.imageTexture(image);
       redraw();
     };
     image.src = source;

@@ -42,19 +42,19 @@ function morphed(mesh, weights) {
   return { ...mesh, position, normal };
 }
 
-function wireMorphs(meta, mesh, renderer, moved) {
-  const sliders = Array.from({ length: meta.targets }, (_, k) => $(`morph-${k}`));
-  const show = () => {
+/* show(mesh): draw that one in place of the mesh as it was read. */
+function wireMorphs(targets, mesh, show) {
+  const sliders = Array.from({ length: targets }, (_, k) => $(`morph-${k}`));
+  const move = () => {
     sliders.forEach((slider, k) => ($(`morph-value-${k}`).textContent = `${number(100 * slider.value)} %`));
-    renderer.setGeometry(morphed(mesh, sliders.map((slider) => Number(slider.value))));
-    moved();
+    show(morphed(mesh, sliders.map((slider) => Number(slider.value))));
   };
   let waiting = false;
   for (const slider of sliders) {
     slider.addEventListener("input", () => {
-      if (!waiting) requestAnimationFrame(() => ((waiting = false), show()));
+      if (!waiting) requestAnimationFrame(() => ((waiting = false), move()));
       waiting = true;
     });
   }
-  if (sliders.length) show();
+  if (sliders.length) move();
 }

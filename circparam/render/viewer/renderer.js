@@ -1,8 +1,10 @@
 /* The WebGL2 side: one canvas under both panels, one set of buffers for both. */
 
-const MODES = { checker: 0, distortion: 1, charts: 2, texture: 3, picking: 4, density: 5, faults: 6, twice: 7 };
+/* Those from picking on are for the page itself. */
+const MODES = { checker: 0, distortion: 1, charts: 2, texture: 3, density: 4, faults: 5, picking: 6, twice: 7, count: 8 };
 
-function program(gl, vertex, fragment) {
+/* Start to compile; the browser does so beside what follows. */
+function compiled(gl, vertex, fragment) {
   const out = gl.createProgram();
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(kind);
@@ -11,6 +13,11 @@ function program(gl, vertex, fragment) {
     gl.attachShader(out, shader);
   }
   gl.linkProgram(out);
+  return out;
+}
+
+/* A program that is ready, with the places of its uniforms. */
+function linked(gl, out) {
   if (!gl.getProgramParameter(out, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(out));
   const at = {};
   const n = gl.getProgramParameter(out, gl.ACTIVE_UNIFORMS);
@@ -23,20 +30,22 @@ function program(gl, vertex, fragment) {
 
 /* Faces without shared corners, so that a face can hold its own chart and distortion: 20 bytes a corner. */
 function cornerBuffer(mesh) {
-  const { index, position, uv, normal, chart, distortion, density } = mesh;
+  const { index, position, uv, normal, chart, distortion, density, copied } = mesh;
   const bytes = new ArrayBuffer(index.length * 20);
-  const words = new Uint16Array(bytes), small = new Uint8Array(bytes), long = new Uint32Array(bytes);
-  for (let c = 0; c < index.length; c++) {
-    const v = index[c], w = c * 10;
-    words[w] = position[3 * v];
-    words[w + 1] = position[3 * v + 1];
-    words[w + 2] = position[3 * v + 2];
-    words[w + 3] = distortion[(c / 3) | 0] | (density[(c / 3) | 0] << 8);
-    words[w + 4] = uv[2 * v];
-    words[w + 5] = uv[2 * v + 1];
-    small[2 * w + 12] = normal[2 * v];
-    small[2 * w + 13] = normal[2 * v + 1];
-    long[c * 5 + 4] = chart[(c / 3) | 0];
+  const words = new Uint16Array(bytes), long = new Uint32Array(bytes);
+  for (let f = 0, c = 0, w = 0; f < chart.length; f++) {
+    const codes = distortion[f] | (density[f] << 8), own = chart[f], again = copied[f] << 16;
+    for (let k = 0; k < 3; k++, c++, w += 10) {
+      const v = index[c];
+      words[w] = position[3 * v];
+      words[w + 1] = position[3 * v + 1];
+      words[w + 2] = position[3 * v + 2];
+      words[w + 3] = codes;
+      words[w + 4] = uv[2 * v];
+      words[w + 5] = uv[2 * v + 1];
+      long[w / 2 + 3] = normal[2 * v] | (normal[2 * v + 1] << 8) | again;
+      long[w / 2 + 4] = own;
+    }
   }
   return bytes;
 }
@@ -61,42 +70,26 @@ function seamBuffer(mesh) {
   return bytes;
 }
 
-class Renderer {
-  constructor(canvas, meta, mesh) {
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, stencil: true });
-    if (!gl) throw new Error("this browser offers no WebGL2");
+const COUNTED = 2048; // texels a side of the picture that says how many faces cover a place of the layout
+
+/* A layout as the graphics card has it: its buffers, its images, and `covered`, made when faults are looked at. */
+class Layer {
+  constructor(renderer, meta, mesh) {
+    const gl = renderer.gl;
     this.gl = gl;
-    this.canvas = canvas;
     this.meta = meta;
-    this.fill = program(gl, FILL_VERTEX, FILL_FRAGMENT);
-    this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
-    this.ground = program(gl, GROUND_VERTEX, GROUND_FRAGMENT);
     this.corners = mesh.index.length;
     this.seams = mesh.seams.length;
     this.buffers = [];
+    this.images = [];
     this.faces = this.vertexArray(cornerBuffer(mesh), 20, 0, [
       [3, gl.UNSIGNED_SHORT, 0], [2, gl.UNSIGNED_SHORT, 8], [2, gl.UNSIGNED_BYTE, 12],
-      [1, gl.UNSIGNED_INT, 16], [1, gl.UNSIGNED_SHORT, 6],
+      [1, gl.UNSIGNED_INT, 16], [1, gl.UNSIGNED_SHORT, 6], [1, gl.UNSIGNED_BYTE, 14],
     ], 3);
     this.edges = this.vertexArray(seamBuffer(mesh), 24, 1, [
       [3, gl.UNSIGNED_SHORT, 0], [3, gl.UNSIGNED_SHORT, 6], [2, gl.UNSIGNED_SHORT, 12],
       [2, gl.UNSIGNED_SHORT, 16], [1, gl.UNSIGNED_INT, 20],
     ], 4);
-    this.empty = gl.createVertexArray();
-    this.ramp = this.texture(gl.CLAMP_TO_EDGE, false);
-    const ramp = new Uint8Array(meta.ramp.flatMap((code) => this.bytes(code)));
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, meta.ramp.length, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, ramp);
-    this.images = [];
-    this.pick = { framebuffer: gl.createFramebuffer(), colour: gl.createTexture(), depth: gl.createRenderbuffer() };
-    this.setConstants();
-  }
-
-  bytes(code) {
-    return [1, 3, 5].map((i) => parseInt(code.slice(i, i + 2), 16));
-  }
-
-  colour(code) {
-    return this.bytes(code).map((c) => c / 255);
   }
 
   /* Attributes from `whole` on are integers; the others are scaled to 0..1. */
@@ -124,6 +117,39 @@ class Renderer {
       gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.DYNAMIC_DRAW);
     });
   }
+}
+
+/* One canvas under all panels; the shaders are compiled while the page reads its data. */
+class Renderer {
+  constructor(canvas, common) {
+    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, stencil: true });
+    if (!gl) throw new Error("this browser offers no WebGL2");
+    this.gl = gl;
+    this.canvas = canvas;
+    this.common = common;
+    this.programs = [[FILL_VERTEX, FILL_FRAGMENT], [LINE_VERTEX, LINE_FRAGMENT], [GROUND_VERTEX, GROUND_FRAGMENT]]
+      .map(([vertex, fragment]) => compiled(gl, vertex, fragment));
+  }
+
+  /* Wait for the shaders, and set what never changes. */
+  finish() {
+    const gl = this.gl;
+    [this.fill, this.line, this.ground] = this.programs.map((each) => linked(gl, each));
+    this.empty = gl.createVertexArray();
+    this.ramp = this.texture(gl.CLAMP_TO_EDGE, false);
+    const ramp = new Uint8Array(this.common.ramp.flatMap((code) => this.bytes(code)));
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, this.common.ramp.length, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, ramp);
+    this.pick = { framebuffer: gl.createFramebuffer(), colour: gl.createTexture(), depth: gl.createRenderbuffer() };
+    this.setConstants();
+  }
+
+  bytes(code) {
+    return [1, 3, 5].map((i) => parseInt(code.slice(i, i + 2), 16));
+  }
+
+  colour(code) {
+    return this.bytes(code).map((c) => c / 255);
+  }
 
   texture(wrap, mipmaps) {
     const gl = this.gl, out = gl.createTexture();
@@ -136,19 +162,14 @@ class Renderer {
   }
 
   setConstants() {
-    const gl = this.gl, { meta } = this, u = this.fill.at;
+    const gl = this.gl, { common } = this, u = this.fill.at;
     gl.useProgram(this.fill.program);
-    gl.uniform3fv(u.palette, meta.palette.flatMap((c) => this.colour(c)));
-    gl.uniform3fv(u.flipColour, this.colour(meta.flip));
-    gl.uniform3fv(u.warnColour, this.colour(meta.twice));
-    gl.uniform3fv(u.emptyColour, this.colour(meta.noUv));
-    gl.uniform3fv(u.extent, meta.extent);
-    gl.uniform4fv(u.uvBox, meta.uvBox);
-    gl.uniform1i(u.insideOut, meta.insideOut ? 1 : 0);
+    gl.uniform3fv(u.palette, common.palette.flatMap((c) => this.colour(c)));
+    gl.uniform3fv(u.flipColour, this.colour(common.flip));
+    gl.uniform3fv(u.warnColour, this.colour(common.twice));
+    gl.uniform3fv(u.emptyColour, this.colour(common.noUv));
     gl.uniform1i(u.ramp, 0);
     gl.uniform1i(u.image, 1);
-    gl.useProgram(this.ground.program);
-    gl.uniform4fv(this.ground.at.uvBox, meta.uvBox);
   }
 
   /* Take the colours of a scheme, light or dark: those of the ground, and what other charts fade to. */
@@ -162,18 +183,20 @@ class Renderer {
     gl.uniform3fv(this.fill.at.faded, this.colour(colours.panel));
   }
 
-  addImage(slot, element, flip = true) {
-    const gl = this.gl;
-    this.images[slot] = this.texture(gl.REPEAT, true);
+  /* A texture of an image. */
+  imageTexture(element, flip = true) {
+    const gl = this.gl, out = this.texture(gl.REPEAT, true);
     gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, flip);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, element);
     gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
     gl.generateMipmap(gl.TEXTURE_2D);
+    return out;
   }
 
-  /* Draw the panels: [{x, y, width, height, matrix, turn, plane}], in pixels from the bottom left. */
+  /* Draw the panels: [{x, y, width, height, matrix, turn, plane, layer, hovered}], in pixels from the bottom left. */
   draw(panels, state) {
     const gl = this.gl, [r, g, b] = this.paper;
+    if (state.mode === "faults") panels.forEach(({ layer }) => (layer.covered ??= this.count(layer)));
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.SCISSOR_TEST);
     gl.clearColor(r, g, b, 1);
@@ -183,7 +206,7 @@ class Renderer {
       if (panel.plane) this.drawGround(panel);
       this.drawFaces(panel, state, MODES[state.mode]);
       if (panel.plane && state.mode === "faults") this.drawTwice(panel, state);
-      if (state.seams || state.hovered >= 0) this.drawSeams(panel, state);
+      if (state.seams || panel.hovered >= 0) this.drawSeams(panel, state);
     }
   }
 
@@ -195,41 +218,69 @@ class Renderer {
   }
 
   drawGround(panel) {
-    const gl = this.gl, { bounds, uvBox } = this.meta;
+    const gl = this.gl, { bounds, uvBox } = panel.layer.meta;
     gl.disable(gl.DEPTH_TEST);
     gl.useProgram(this.ground.program);
     gl.uniformMatrix4fv(this.ground.at.matrix, false, panel.matrix);
     const box = bounds.map((c, i) => (c - uvBox[i % 2]) / uvBox[2 + (i % 2)]);
+    gl.uniform4fv(this.ground.at.uvBox, uvBox);
     gl.uniform4fv(this.ground.at.box, box);
     gl.bindVertexArray(this.empty);
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
   }
 
   drawFaces(panel, state, mode) {
-    const gl = this.gl, u = this.fill.at;
+    const gl = this.gl, u = this.fill.at, { layer } = panel, { meta } = layer;
+    const own = mode === MODES.texture ? this.own : null;
     gl.useProgram(this.fill.program);
+    gl.uniform3fv(u.extent, meta.extent);
+    gl.uniform4fv(u.uvBox, meta.uvBox);
+    gl.uniform1i(u.insideOut, meta.insideOut ? 1 : 0);
     gl.uniformMatrix4fv(u.matrix, false, panel.matrix);
     gl.uniformMatrix3fv(u.turn, false, panel.turn);
     gl.uniform1i(u.plane, panel.plane ? 1 : 0);
-    gl.uniform1i(u.hovered, state.hovered);
+    gl.uniform1i(u.hovered, panel.hovered);
     gl.uniform1i(u.mode, mode);
-    gl.uniform1i(u.wire, state.wire && mode !== MODES.picking && mode !== MODES.twice ? 1 : 0);
-    gl.uniform1f(u.cells, state.cells);
+    gl.uniform1i(u.wire, state.wire && mode < MODES.picking ? 1 : 0);
+    gl.uniform1f(u.cells, meta.cells * state.density);
     gl.uniform1f(u.distortionEnd, Math.log(state.distortionEnd));
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.ramp);
     gl.activeTexture(gl.TEXTURE1);
-    gl.bindTexture(gl.TEXTURE_2D, this.ramp);
+    gl.bindTexture(gl.TEXTURE_2D, mode === MODES.faults ? layer.covered : this.ramp);
     if (panel.plane) gl.disable(gl.DEPTH_TEST);
     else gl.enable(gl.DEPTH_TEST);
-    gl.bindVertexArray(this.faces);
-    const ranges = mode === MODES.texture && !this.own ? this.meta.ranges : [{ image: -1, first: 0, count: this.corners / 3 }];
+    gl.bindVertexArray(layer.faces);
+    const ranges = mode === MODES.texture && !own ? meta.ranges : [{ image: -1, first: 0, count: layer.corners / 3 }];
     for (const { image, first, count } of ranges) {
-      const texture = mode === MODES.texture && this.own ? this.own : this.images[image];
+      const texture = own ?? layer.images[image];
       gl.uniform1i(u.hasImage, texture ? 1 : 0);
       if (texture) gl.bindTexture(gl.TEXTURE_2D, texture);
       gl.drawArrays(gl.TRIANGLES, 3 * first, 3 * count);
     }
+  }
+
+  /* How many faces cover each place of a layout, as a texture over the box of its uv: each face adds one. */
+  count(layer) {
+    const gl = this.gl, out = gl.createTexture(), framebuffer = gl.createFramebuffer();
+    gl.activeTexture(gl.TEXTURE2);
+    gl.bindTexture(gl.TEXTURE_2D, out);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, COUNTED, COUNTED, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, out, 0);
+    const whole = { x: 0, y: 0, width: COUNTED, height: COUNTED, layer, plane: true, hovered: -1 };
+    const matrix = new Float32Array([2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1, 0, -1, -1, 0, 1]);
+    this.enter(whole);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE);
+    this.drawFaces({ ...whole, matrix, turn: new Float32Array(9) }, { density: 1, distortionEnd: 2 }, MODES.count);
+    gl.disable(gl.BLEND);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.deleteFramebuffer(framebuffer);
+    return out;
   }
 
   /* What more than one face covers: each counts itself in the stencil, and from two on it is lit. */
@@ -250,8 +301,7 @@ class Renderer {
 
   /* An image of the user in place of all textures. */
   setOwnImage(bitmap) {
-    this.addImage(0, bitmap, false);
-    this.own = this.images[0];
+    this.own = this.imageTexture(bitmap, false);
   }
 
   drawSeams(panel, state) {
@@ -259,19 +309,19 @@ class Renderer {
     gl.useProgram(this.line.program);
     gl.uniformMatrix4fv(u.matrix, false, panel.matrix);
     gl.uniform1i(u.plane, panel.plane ? 1 : 0);
-    gl.uniform1i(u.hovered, state.hovered);
+    gl.uniform1i(u.hovered, panel.hovered);
     gl.uniform2f(u.pixels, panel.width, panel.height);
     // thinner where there are many, until they are zoomed apart
-    const weight = clamp(this.meta.lines[panel.plane ? "plane" : "surface"] * Math.sqrt(panel.zoom), 0.2, 1);
+    const weight = clamp(panel.layer.meta.lines[panel.plane ? "plane" : "surface"] * Math.sqrt(panel.zoom), 0.2, 1);
     gl.uniform1f(u.thickness, (panel.plane ? 1.2 : 1.5) * weight * state.ratio);
-    const [r, g, b] = this.colour(this.meta.schemes.light.ink); // charts are pale in both schemes
+    const [r, g, b] = this.colour(this.common.schemes.light.ink); // charts are pale in both schemes
     const ink = (state.mode === "distortion" && !panel.plane ? 0.55 : 0.9) * Math.sqrt(weight);
     gl.uniform4f(u.ink, r, g, b, ink);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
-    gl.bindVertexArray(this.edges);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.seams);
+    gl.bindVertexArray(panel.layer.edges);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, panel.layer.seams);
     gl.depthMask(true);
     gl.disable(gl.BLEND);
   }

@@ -15,6 +15,8 @@ layout(location = 1) in vec2 uv;
 layout(location = 2) in vec2 normal;
 layout(location = 3) in uint chart;
 layout(location = 4) in uint distortion;
+layout(location = 5) in uint copied; // shows another face again
+uniform int mode;
 uniform vec3 extent;
 uniform vec4 uvBox;
 uniform mat3 turn;
@@ -42,11 +44,13 @@ void main() {
   smoothNormal = turn * unfold(normal);
   space = turn * (position * extent);
   gl_Position = matrix * (plane ? vec4(uv, 0.0, 1.0) : vec4(position, 1.0));
-  if (plane && chart == 0xffffffffu) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  bool counted = mode == 7 || mode == 8;
+  if (plane && (chart == 0xffffffffu || (counted && copied != 0u))) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
 }`;
 
 const FILL_FRAGMENT = `${COMMON}
-uniform int mode;         // 0 checker, 1 distortion, 2 charts, 3 texture, 4 picking, 5 density, 6 faults, 7 twice
+uniform int mode;         // as MODES of renderer.js
+uniform vec4 uvBox;
 uniform float cells;
 uniform float distortionEnd; // log of the end of the scale
 uniform vec3 palette[24];
@@ -84,12 +88,16 @@ vec3 base(out float shade) {
     return texture(ramp, vec2(clamp(s * s * 6.9077553 / distortionEnd, 0.0, 1.0) * 0.996 + 0.002, 0.5)).rgb;
   }
   if (mode == 2) return mix(own, vec3(1.0), plane ? 0.45 : 0.25);
-  if (mode == 5) {        // blue: fewer texels than the mean, red: more
+  if (mode == 4) {        // blue: fewer texels than the mean, red: more
     float s = float(densityCode) / 127.5 - 1.0;
     shade = 0.5;
     return s < 0.0 ? mix(vec3(0.95), vec3(0.13, 0.40, 0.76), -s) : mix(vec3(0.95), vec3(0.80, 0.16, 0.16), s);
   }
-  if (mode == 6) return distortionCode == 255u ? flipColour : mix(own, vec3(0.93), 0.8);
+  if (mode == 5) {        // image: how many faces cover a place of the layout
+    if (distortionCode == 255u) return flipColour;
+    bool twice = texture(image, (at - uvBox.xy) / uvBox.zw).r > 1.5 / 255.0;
+    return !plane && twice && chartId != 0xffffffffu ? warnColour : mix(own, vec3(0.93), 0.8);
+  }
   if (mode == 7) return warnColour;
   if (mode == 3) return hasImage ? texture(image, at).rgb : emptyColour;
   float c = checker(at * cells);
@@ -97,7 +105,11 @@ vec3 base(out float shade) {
                : mix(mix(own, vec3(1.0), 0.80), mix(own, vec3(1.0), 0.18), c);
 }
 void main() {
-  if (mode == 4) {
+  if (mode == 8) {
+    colour = vec4(1.0 / 255.0);
+    return;
+  }
+  if (mode == 6) {
     uint id = chartId + 1u;
     colour = vec4(float(id & 255u), float((id >> 8) & 255u), float((id >> 16) & 255u), 255.0) / 255.0;
     return;

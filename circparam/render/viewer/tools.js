@@ -31,11 +31,11 @@ function chartPart(mesh, meta, chart) {
   return { box, normal, middle, radius: Math.hypot(...low.map((x, k) => (high[k] - x) * extent[k])) / 2 };
 }
 
-/* The table of charts: a heading sorts, a row locks its chart. Returns what marks the row of a chart. */
-function wireTable(meta, lock) {
-  const c = meta.charts, body = $("charts").tBodies[0], order = c.faces.map((_, k) => k);
-  const columns = [order.map((k) => k), c.faces, c.share, c.distortion];
-  let locked = -1, sorted = 0, up = true;
+/* The table of charts of one layout: a heading sorts, a row locks its chart. Returns `show`, which fills it, and
+   `mark`, which marks the row of a chart. */
+function wireTable(lock) {
+  const body = $("charts").tBodies[0];
+  let locked = -1, sorted = 0, up = true, c = { faces: [] }, order = [], columns = [];
   const mark = (chart) => {
     locked = chart;
     for (const row of body.rows) row.toggleAttribute("data-locked", Number(row.dataset.chart) === chart);
@@ -63,13 +63,21 @@ function wireTable(meta, lock) {
       ? h.setAttribute("aria-sort", up ? "ascending" : "descending") : h.removeAttribute("aria-sort"));
     fill();
   }));
-  $("more-charts").hidden = order.length <= ROWS;
-  fill();
-  return { mark };
+  const show = (meta) => {
+    c = meta.charts;
+    order = c.faces.map((_, k) => k);
+    columns = [order, c.faces, c.share, c.distortion];
+    locked = -1;
+    $("more-charts").hidden = order.length <= ROWS;
+    const of = $("charts-of");
+    if (of) of.textContent = meta.name;
+    fill();
+  };
+  return { mark, show };
 }
 
 /* Wireframe, an own image, full screen, the picture as a file; and a key for each. */
-function wireTools(meta, state, renderer, { redraw, draw, lock, canvas }) {
+function wireTools(common, state, renderer, { redraw, draw, lock, canvas }) {
   $("wire").addEventListener("change", (event) => ((state.wire = event.target.checked), redraw()));
   const show = async (file) => {
     if (!file) return;
@@ -99,7 +107,7 @@ function wireTools(meta, state, renderer, { redraw, draw, lock, canvas }) {
   $("save").addEventListener("click", save);
   const modes = [...document.querySelectorAll("input[name=mode]")];
   document.addEventListener("keydown", (event) => {
-    const typing = event.target.matches?.("input[type=range], input[type=file]");
+    const typing = event.target.matches?.("input[type=range], input[type=file], select");
     if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.toLowerCase();
     if (key >= "1" && key <= String(modes.length)) modes[key - 1].click();
