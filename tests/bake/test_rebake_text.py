@@ -15,7 +15,7 @@ from circparam.errors import InputError
 from circparam.formats.io import read
 from circparam.formats.obj.looks import split_options
 from circparam.mesh.mesh import UVMap
-from tests.bake.test_rebake import FAST, run
+from tests.bake.test_rebake import UPRIGHT, run
 from tests.support.baking import sheet, write_obj
 from tests.support.looks import bumps, psnr, waves
 
@@ -89,7 +89,7 @@ def test_an_obj_keeps_its_images(folder: Path) -> None:
     """Both materials become one, beside a library of its own; each keeps what it showed."""
     out = folder / "out" / "new.obj"
     out.parent.mkdir()
-    result = run("unwrap", folder / "m.obj", "--rebake", "--size", 512, "-o", out, *FAST)
+    result = run("unwrap", folder / "m.obj", "--rebake", "--size", 256, "-o", out, *UPRIGHT)
     assert result.exit_code == 0, result.stderr
     assert json.loads(result.stdout)["look"]["materials"] == 1
     assert sorted(p.name for p in out.parent.iterdir()) == [
@@ -106,7 +106,7 @@ def test_an_obj_keeps_its_images(folder: Path) -> None:
 
 def test_materials_of_an_obj_stay_apart_where_they_are_asked_to(folder: Path) -> None:
     out = folder / "new.obj"
-    words = ("--rebake", "--size", 512, "--merge-materials", "none", "-o", out, *FAST)
+    words = ("--rebake", "--size", 256, "--merge-materials", "none", "-o", out, *UPRIGHT)
     result = run("unwrap", folder / "m.obj", *words)
     assert result.exit_code == 0, result.stderr
     assert json.loads(result.stdout)["look"]["materials"] == 2
@@ -134,7 +134,7 @@ def test_a_ply_keeps_its_image(tmp_path: Path) -> None:
     (tmp_path / "m.ply").write_text("\n".join([*head, *rows]) + "\n")
     Image.fromarray(waves(3)).save(tmp_path / "skin.png")
     out = tmp_path / "new.ply"
-    result = run("unwrap", tmp_path / "m.ply", "--rebake", "--size", 512, "-o", out, *FAST)
+    result = run("unwrap", tmp_path / "m.ply", "--rebake", "--size", 256, "-o", out, *UPRIGHT)
     assert result.exit_code == 0, result.stderr
     assert b"comment TextureFile new_texture.png" in out.read_bytes()
     face, bary = points_of(len(faces))

