@@ -5,13 +5,14 @@
 2. A leader has a frame: its centroid and two vertices of few like them. Every pair of vertices of a copy that
    may stand for these two gives a motion, and one nearest-neighbour query tells whether it carries all
    vertices over. All components are tried at once.
-3. Faces are compared through the vertices that belong together.
+3. Faces are compared through the vertices that belong together; where triangles differ, outlines of flats.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from circparam.core.arrays import (
     group_sum,
     ranges,
 )
+from circparam.geometry.congruent_flats import Flats, find_flats, same_flats
 
 ALIKE = 2e-5  # of the radius of a component: how far points of copies may lie apart
 NOISE = 1.2e-6  # of the largest coordinate: likewise, what single precision and a rotation do to two points
@@ -40,12 +42,16 @@ FAR, WIDE = (
 
 @dataclass(frozen=True, eq=False)
 class Congruent:
-    """corner: (m, 3) corner 3f + k of the leading component that each corner is a copy of, itself where it is
-    none. copy: (m,) bool, faces of copies. turned: (m,) bool, copies whose faces run the other way round."""
+    """corner: (m, 3) corner 3f + k of the leading component that each corner is a copy of, itself where it
+    is none. copy: (m,) bool, faces of copies. turned: (m,) bool, copies whose faces run the other way round.
+    whole: (m,) flat of each face of a leader, some copy of which has other triangles in its flats; −1
+    elsewhere. No seam may run inside such a flat: corners there are those of another face.
+    """
 
     corner: IntArray
     copy: BoolArray
     turned: BoolArray
+    whole: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +59,7 @@ class _Parts:
     """Components with vertices of their own. vertex: (m, 3) number of each corner's vertex, ascending by
     component; points: (v, 3) from the centroid of the component; owner: (v,) component; first: (n + 1,) first
     vertex of each; radius, slack: (n,) farthest vertex, and how far copies may be off; distance, angle: (v,)
-    from the centroid, and sum of the angles of the faces there."""
+    from the centroid, and sum of the angles of the faces there; label: (m,) what copies share face by face."""
 
     component: IntArray
     vertex: IntArray
@@ -64,6 +70,12 @@ class _Parts:
     slack: FloatArray
     distance: FloatArray
     angle: FloatArray
+    label: IntArray
+
+    @cached_property
+    def flats(self) -> Flats:
+        """The flats of all components; only copies with other triangles ask for them."""
+        return find_flats(self.points, self.vertex, self.slack[self.component], self.label)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,18 +92,19 @@ def find_congruent(
     component: IntArray,
     label: IntArray,
     mirror: bool = False,
+    flats: bool = True,
 ) -> Congruent:
     """Components of the same shape: points (n, 3), faces (m, 3), component (m,) from 0 on without gaps.
 
     label: (m,) what copies must share face by face, such as their material. mirror: mirror images and
-    components turned inside out are copies as well.
+    components turned inside out are copies as well. flats: so are those with other triangles in their flats.
     """
-    parts = _parts(points, faces, component)
+    parts = _parts(points, faces, component, label)
     count = len(parts.first) - 1
     group = _classes(parts)
     lead = np.arange(count)
     corner = np.arange(faces.size).reshape(-1, 3)
-    turned = np.zeros(len(faces), bool)
+    turned, uneven = np.zeros(len(faces), bool), np.zeros(count, bool)
     left = group_count(group, count)[group] > 1
     for _ in range(LEADERS):
         if not left.any():
@@ -100,16 +113,18 @@ def find_congruent(
         np.minimum.at(first, group[left], np.flatnonzero(left))
         leader = np.where(left, first[group], np.arange(count))
         left &= leader != np.arange(count)
-        found = _copies_of(parts, leader, left, label, mirror)
+        found = _copies_of(parts, leader, left, mirror, flats)
         lead[found.component] = leader[found.component]
         corner[found.face] = found.corner
         turned[found.face] = found.turned
+        uneven[leader[found.uneven]] = True
         left[found.component] = False
         left &= group_count(group[left], count)[group] > 1
-    return Congruent(corner, (lead != np.arange(count))[component], turned)
+    whole = np.where(uneven[component], parts.flats.label if uneven.any() else 0, -1)
+    return Congruent(corner, (lead != np.arange(count))[component], turned, whole)
 
 
-def _parts(points: FloatArray, faces: IntArray, component: IntArray) -> _Parts:
+def _parts(points: FloatArray, faces: IntArray, component: IntArray, label: IntArray) -> _Parts:
     n = int(component.max(initial=-1)) + 1
     key, vertex = np.unique(
         np.repeat(component, 3) * len(points) + faces.ravel(), return_inverse=True
@@ -144,6 +159,7 @@ def _parts(points: FloatArray, faces: IntArray, component: IntArray) -> _Parts:
         ALIKE * radius + NOISE * reach,
         distance,
         angle,
+        label,
     )
 
 
@@ -180,16 +196,18 @@ def _classes(parts: _Parts) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """component: (c,) that are copies; face: (k,) their faces, corner (k, 3) of the leader, turned (k,)."""
+    """component: (c,) that are copies; face: (k,) their faces, corner (k, 3) of the leader, turned (k,).
+    uneven: (u,) components of these with other triangles than their leader."""
 
     component: IntArray
     face: IntArray
     corner: IntArray
     turned: BoolArray
+    uneven: IntArray
 
 
 def _copies_of(
-    parts: _Parts, leader: IntArray, asked: BoolArray, label: IntArray, mirror: bool
+    parts: _Parts, leader: IntArray, asked: BoolArray, mirror: bool, flats: bool
 ) -> _Found:
     """Which of the components ``asked`` ((n,) bool) are copies of their leaders (n,)."""
     from scipy.spatial import cKDTree  # takes 0.1 s, and most meshes never need it
@@ -224,15 +242,15 @@ def _copies_of(
             fits &= _one_to_one(which, match[vertex], size)
             if fits.any():
                 found.append(
-                    _same_faces(parts, leader, own[fits], match, (order, begin), label, mirror)
+                    _same_faces(parts, leader, own[fits], match, (order, begin), mirror, flats)
                 )
                 left[found[-1].component] = False
     none = np.zeros(0, np.int64)
-    found.append(_Found(none, none, none.reshape(0, 3), none.astype(bool)))
+    found.append(_Found(none, none, none.reshape(0, 3), none.astype(bool), none))
     return _Found(
         *(
             np.concatenate([getattr(some, name) for some in found])
-            for name in ("component", "face", "corner", "turned")
+            for name in ("component", "face", "corner", "turned", "uneven")
         )
     )
 
@@ -364,10 +382,10 @@ def _same_faces(
     own: IntArray,
     match: IntArray,
     faces: tuple[IntArray, IntArray],
-    label: IntArray,
     mirror: bool,
+    flats: bool,
 ) -> _Found:
-    """Of components whose vertices match those of their leaders, the ones whose faces do as well.
+    """Of components whose vertices match those of their leaders, the ones whose faces or flats do as well.
 
     match: (v,) vertex of the leader. faces: numbers of the faces by component and vertices, and where each
     component begins.
@@ -384,8 +402,23 @@ def _same_faces(
     place = at.argmax(2)
     odd = (place[:, 1] - place[:, 0]) % 3 != 1
     count = len(own)
-    bad = ~at.any(2).all(1) | (label[face] != label[theirs])
+    bad = ~at.any(2).all(1) | (parts.label[face] != parts.label[theirs])
     odds = group_count(which[odd], count)
     good = (group_count(which[bad], count) == 0) & ((odds == 0) | (mirror & (odds == size)))
     keep = good[which]
-    return _Found(own[good], face[keep], 3 * theirs[keep][:, None] + place[keep], odd[keep])
+    exact = _Found(
+        own[good], face[keep], 3 * theirs[keep][:, None] + place[keep], odd[keep], own[:0]
+    )
+    if good.all() or not flats:
+        return exact
+    rest = own[~good]
+    level = same_flats(
+        parts.flats, parts.vertex, parts.component, parts.label, (rest, leader[rest]), match, mirror
+    )
+    return _Found(
+        np.r_[exact.component, level.own],
+        np.r_[exact.face, level.face],
+        np.r_[exact.corner, level.corner],
+        np.r_[exact.turned, level.turned],
+        level.own,
+    )

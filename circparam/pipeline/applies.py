@@ -95,8 +95,12 @@ def fills_page(o: Any) -> bool:
 
 
 def with_stacks(o: Any, name: str) -> str | None:
-    """Only where parts are laid out by packing."""
-    return None if o.stack == "off" else with_packing(o, name)
+    """Only where parts are laid out by packing, and one of each kind says where all are cut."""
+    if o.stack == "off":
+        return None
+    if o.keep_uv_seams:
+        return "--keep-uv-seams gives every part the seams that it has"
+    return with_packing(o, name)
 
 
 def with_stack(o: Any, name: str) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.groups import Groups
 from circparam.pipeline.options import Options
+from circparam.pipeline.seam_weights import edge_weights
 from circparam.pipeline.verify import Declared, Verification
 
 
@@ -79,7 +80,7 @@ def find_stacks(
         return surface, None
     count, component = surface.components
     shape = surface.reversed_faces.astype(np.int64)
-    named = _named(surface, report, options)
+    named = _named(document, surface, report, options)
     shape[named] = 2 + component[named]
     kind, several = shape, False
     dense = None if surface.density is None else np.unique(surface.density, return_inverse=True)[1]
@@ -92,7 +93,8 @@ def find_stacks(
     mirror = options.stack == "mirrored"
 
     def found(label: IntArray) -> Congruent:
-        return find_congruent(surface.points, surface.faces, component, label, mirror)
+        flats = options.cut != "none"  # charts that are there may be cut inside a flat
+        return find_congruent(surface.points, surface.faces, component, label, mirror, flats)
 
     by = found(kind)
     apart = 0
@@ -111,23 +113,37 @@ def find_stacks(
         _parts_of(component, by.turned, count),
         max(apart, 0),
     )
-    return (surface.part(~by.copy) if copies else surface), stacks
+    return (_uncut(surface, by.whole).part(~by.copy) if copies else surface), stacks
+
+
+def _uncut(surface: Surface, whole: IntArray) -> Surface:
+    """The surface with the flats ((m,) label, −1 for none) that copies have other triangles in kept whole."""
+    if not (whole >= 0).any():
+        return surface
+    f, g = surface.edges.T // 3
+    inner = (whole[f] >= 0) & (whole[f] == whole[g])
+    return replace(surface, locked=surface.locked | inner)
 
 
 def _parts_of(component: IntArray, faces: BoolArray, count: int) -> int:
     return int((group_count(component[faces], count) > 0).sum())
 
 
-def _named(surface: Surface, report: RepairReport, options: Options) -> BoolArray:
-    """(m,) bool: faces of components with vertices that ``seams`` or ``no_seams`` name."""
+def _named(
+    document: Document, surface: Surface, report: RepairReport, options: Options
+) -> BoolArray:
+    """(m,) bool: faces of components with edges that ``seams`` or ``no_seams`` name, or that have weights."""
     pairs = [
         np.asarray(p, np.int64).ravel() for p in (options.seams, options.no_seams) if p is not None
     ]
-    if not pairs:
+    if not pairs and options.seam_weights is None:
         return np.zeros(len(surface.faces), bool)
-    vertex = np.concatenate(pairs)
+    vertex = np.concatenate([np.zeros(0, np.int64), *pairs])
     vertex = vertex[(vertex >= 0) & (vertex < len(report.weld))]  # others are refused later
     inside: BoolArray = np.asarray(np.isin(surface.faces, report.weld[vertex]).any(1), bool)
+    if options.seam_weights is not None:
+        weights = edge_weights(document, surface, report, options.seam_weights)
+        inside[surface.edges[weights != 1] // 3] = True
     return surface.whole_components(inside)
 
 

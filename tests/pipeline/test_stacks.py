@@ -16,7 +16,7 @@ from circparam.mesh.mesh import UVMap
 from circparam.pipeline.result import verify_layout
 from circparam.pipeline.summary import summarise
 from tests.support import shapes
-from tests.support.assembly import assemble, bolt, kinds
+from tests.support.assembly import assemble, bolt, kinds, other_triangles
 
 QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
 
@@ -120,3 +120,34 @@ def test_an_offset_needs_a_stack_and_a_stack_needs_packing() -> None:
     with pytest.raises(OptionError, match="no-normalize"):
         circparam.Options(stack="identical", normalize=False)
     assert replace(circparam.Options(), stack="off", normalize=False).stack == "off"
+
+
+@pytest.mark.parametrize("stack", ["identical", "mirrored"])
+def test_copies_with_other_triangles_lie_on_one_part(tmp_path: Path, stack: str) -> None:
+    p, f = kinds(4)[3]
+    own = [(p, other_triangles(p, f, k)) for k in range(6)]
+    a = assemble(own, 6, mirror=0.5 if stack == "mirrored" else 0.0)
+    path = tmp_path / "plates.obj"
+    result = circparam.unwrap((a.points, a.faces), path, stack=stack, **QUICK)
+    assert result.status == "ok"
+    assert (result.stacks.kinds, result.stacks.copies) == (1, 5)
+    assert result.verification.flips == result.verification.overlap == 0
+    # charts that are there may be cut inside a flat: only what has the same triangles is stacked
+    again = circparam.repack(path, stack=stack, **QUICK)
+    assert again.verification.flips == again.verification.overlap == 0
+
+
+def test_parts_with_weights_of_their_own_are_not_stacked() -> None:
+    a = assemble([bolt()], 4)
+    weights = [[*a.faces[a.part == 2][0, :2], np.inf]]
+    result = circparam.unwrap((a.points, a.faces), stack="identical", seam_weights=weights, **QUICK)
+    assert result.stacks.kinds == 2
+    plain = circparam.unwrap(
+        (a.points, a.faces), stack="identical", seam_weights=[[0, -1, 1.0]], **QUICK
+    )
+    assert plain.stacks.kinds == 1
+
+
+def test_seams_of_every_part_and_one_for_all_exclude_each_other() -> None:
+    with pytest.raises(OptionError, match="keep"):
+        circparam.Options(stack="identical", keep_uv_seams=True)

@@ -98,3 +98,25 @@ def assemble(
     return Assembly(
         np.concatenate(points), np.concatenate(faces), np.concatenate(owner), kind, image
     )
+
+
+def other_triangles(points: Floats, faces: Ints, seed: int = 0) -> Ints:
+    """The same surface with other diagonals, drawn from pairs of faces in one plane that make a convex quad."""
+    rng = np.random.default_rng(seed)
+    faces = faces.copy()
+    for _ in range(3 * len(faces)):
+        f = int(rng.integers(len(faces)))
+        k = int(rng.integers(3))
+        a, b, c = np.roll(faces[f], -k)
+        hit = np.flatnonzero(((faces == b) & (np.roll(faces, -1, 1) == a)).any(1))
+        if len(hit) != 1:
+            continue
+        g = int(hit[0])
+        d = int(faces[g][(faces[g] != a) & (faces[g] != b)][0])
+        p, q, r, s = points[[a, d, b, c]]
+        turns = [np.cross(y - x, z - y) for x, y, z in ((p, q, r), (q, r, s), (r, s, p), (s, p, q))]
+        up = turns[0] / np.linalg.norm(turns[0])
+        level = abs(np.dot(s - p, up)) < 1e-9
+        if level and all(np.dot(t, up) > 1e-6 for t in turns):
+            faces[f], faces[g] = [a, d, c], [d, b, c]
+    return faces

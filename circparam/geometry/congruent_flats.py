@@ -1,0 +1,176 @@
+"""Flats of components: what copies share whose triangles run another way across them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    group_count,
+    group_max,
+    group_sum,
+    next_half_edge,
+)
+from circparam.core.graph import components
+
+
+@dataclass(frozen=True, eq=False)
+class Flats:
+    """label: (m,) flat of each face, from 0 on. rim: (h,) half-edges between two flats, or of one face."""
+
+    label: IntArray
+    rim: IntArray
+
+
+def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: IntArray) -> Flats:
+    """Faces that lie in one plane and hang together.
+
+    points: (v, 3). vertex: (m, 3). slack: (m,) how far from a plane the points of a face may lie. kind: (m,)
+    what the faces of a flat share. A face in no larger flat is one.
+    """
+    m = len(vertex)
+    flat = vertex.ravel()
+    h = np.arange(3 * m)
+    a, b = flat[h], flat[next_half_edge(h)]
+    key = np.minimum(a, b) * len(points) + np.maximum(a, b)
+    order = np.argsort(key, kind="stable")
+    _, first, count = np.unique(key[order], return_index=True, return_counts=True)
+    i, j = order[first[count == 2]], order[first[count == 2] + 1]
+    corner = points[vertex]
+    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    size = np.linalg.norm(cross, axis=1)
+    normal = cross / np.maximum(size, 1e-300)[:, None]
+    f, g = i // 3, j // 3
+    away = points[flat[next_half_edge(next_half_edge(j))]] - points[flat[j]]
+    back = points[flat[next_half_edge(next_half_edge(i))]] - points[flat[i]]
+    level = np.abs((away * normal[f]).sum(1)) <= slack[f]
+    level &= np.abs((back * normal[g]).sum(1)) <= slack[g]
+    level &= ((normal[f] * normal[g]).sum(1) > 0) & (kind[f] == kind[g]) & (a[i] == b[j])
+    n, label = components(m, f[level], g[level])
+    # finely bent surfaces are level from face to face and no flats
+    mean = np.stack([group_sum(cross[:, k], label, n) for k in range(3)], 1)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1), 1e-300)[:, None]
+    height = (corner * mean[label][:, None]).sum(2)
+    spread = group_max(height.max(1), label, n) + group_max(-height.min(1), label, n)
+    bent = (spread > 2 * group_max(slack, label, n))[label]
+    label = np.where(bent, n + np.arange(m), label)
+    label = np.unique(label, return_inverse=True)[1].reshape(-1)
+    inner = np.zeros(3 * m, bool)
+    same = label[f] == label[g]
+    inner[i[same]] = inner[j[same]] = True
+    return Flats(label, np.flatnonzero(~inner))
+
+
+@dataclass(frozen=True, eq=False)
+class SameFlats:
+    """own: (k,) components whose flats are those of their leaders. face: (f,) their faces, corner: (f, 3)
+    one of the leader at the same vertex of the same flat, turned: (f,) bool, flats that run the other way
+    round.
+    """
+
+    own: IntArray
+    face: IntArray
+    corner: IntArray
+    turned: BoolArray
+
+
+def same_flats(
+    flats: Flats,
+    vertex: IntArray,
+    component: IntArray,
+    kind: IntArray,
+    pairs: tuple[IntArray, IntArray],
+    match: IntArray,
+    mirror: bool,
+) -> SameFlats:
+    """Components whose flats have the outlines of those of their leaders.
+
+    vertex: (m, 3), component, kind: (m,). pairs: components (k,), each once, and their leaders (k,). match:
+    vertex of the leader of each vertex of the components. mirror: outlines may run the other way round as well.
+    """
+    own, lead = pairs
+    count, n = len(own), int(vertex.max()) + 1
+    flat, rim = vertex.ravel(), flats.rim
+    number = np.full(int(component.max()) + 1, -1)
+    number[own] = np.arange(count)
+    mine = rim[number[component[rim // 3]] >= 0]
+    which = number[component[mine // 3]]
+    size = group_count(component[rim // 3], len(number))
+    key = flat[rim] * n + flat[next_half_edge(rim)]
+    order = np.argsort(key, kind="stable")
+    good, turned = np.zeros(count, bool), np.zeros(count, bool)
+    partner = np.zeros(len(mine), np.int64)
+    for back in (False, True) if mirror else (False,):
+        a, b = match[flat[mine]], match[flat[next_half_edge(mine)]]
+        asked = b * n + a if back else a * n + b
+        at = order[np.minimum(np.searchsorted(key[order], asked), len(order) - 1)]
+        missed = group_count(which[key[at] != asked], count) > 0
+        fits = (
+            ~good
+            & ~missed
+            & (size[own] == size[lead])
+            & ~_twice(which * len(rim) + at, which, count)
+        )
+        good, turned = good | fits, turned | (fits & back)
+        partner = np.where(fits[which], rim[at], partner)
+    keep = good[which]
+    good &= ~_astray(flats.label, kind, mine[keep], partner[keep], which[keep], count)
+    keep = good[which]
+    to = np.full(int(flats.label.max()) + 1, -1)
+    to[flats.label[mine[keep] // 3]] = flats.label[partner[keep] // 3]
+    return _corners(flats.label, vertex, component, (own, good, turned), match, to)
+
+
+def _twice(key: IntArray, which: IntArray, count: int) -> BoolArray:
+    """(count,) bool: groups in which a key stands more than once."""
+    order = np.argsort(key, kind="stable")
+    again = order[1:][key[order][1:] == key[order][:-1]]
+    out = np.zeros(count, bool)
+    out[which[again]] = True
+    return out
+
+
+def _astray(
+    label: IntArray, kind: IntArray, mine: IntArray, partner: IntArray, which: IntArray, count: int
+) -> BoolArray:
+    """(count,) bool: groups with a flat on two flats, two flats on one, or one of another kind."""
+    f, g = label[mine // 3], label[partner // 3]
+    rows = np.unique(np.stack([which, f, g], 1), axis=0)
+    out = np.zeros(count, bool)
+    for column in (1, 2):
+        pairs, many = np.unique(rows[:, [0, column]], axis=0, return_counts=True)
+        out[pairs[many > 1, 0]] = True
+    out[which[kind[mine // 3] != kind[partner // 3]]] = True
+    return out
+
+
+def _corners(
+    label: IntArray,
+    vertex: IntArray,
+    component: IntArray,
+    found: tuple[IntArray, BoolArray, BoolArray],
+    match: IntArray,
+    to: IntArray,
+) -> SameFlats:
+    """The faces of components (k,) that are good (k,), with a corner of the leader for each of theirs.
+
+    match: vertex of the leader of each vertex; to: flat of the leader of each flat.
+    """
+    own, good, turned = found
+    n = int(vertex.max()) + 1
+    number = np.full(int(component.max()) + 1, -1)
+    number[own] = np.arange(len(own))
+    of_face = number[component]
+    face = np.flatnonzero((of_face >= 0) & np.append(good, False)[of_face])
+    key = (label[:, None] * n + vertex).ravel()
+    order = np.argsort(key, kind="stable")
+    asked = to[label[face]][:, None] * n + match[vertex[face]]
+    at = order[np.minimum(np.searchsorted(key[order], asked), len(order) - 1)]
+    lost = np.zeros(len(own), bool)
+    lost[of_face[face[(key[at] != asked).any(1)]]] = True
+    keep = ~lost[of_face[face]]
+    return SameFlats(own[good & ~lost], face[keep], at[keep], turned[of_face[face[keep]]])
