@@ -27,6 +27,7 @@ from tests.support.looks import (
     seen,
     sheet,
     surface_points,
+    texel_levels,
     waves,
 )
 
@@ -95,6 +96,18 @@ def test_each_map_keeps_40_db(merge: bool) -> None:
     assert min(levels.values()) >= 40, levels
     assert len(after.tree.json["materials"]) == (1 if merge else 3)
     assert len(after.tree.json["images"]) == 3  # base colour; occlusion, roughness, metal; emissive
+
+
+@pytest.mark.parametrize("side", [96, 290])
+def test_a_weave_that_is_finer_than_the_page_is_averaged(side: int) -> None:
+    """White noise of 1 and of 3 texels along one of the page; each texel shows the mean of what it covers."""
+    noise = np.random.default_rng(1).integers(0, 256, (side, side, 3)).astype(np.uint8)
+    g = Painted()
+    roughness = {"metallicRoughnessTexture": {"index": g.texture(noise)}}
+    before = read_model([{"pbrMetallicRoughness": roughness}], g)
+    after = carried(before, size=128)
+    faces = np.arange(len(before.mesh.faces))
+    assert texel_levels(before, after, faces, 128, 1000)["mr"] >= 40
 
 
 def space_normals(document: GltfDocument, face: np.ndarray, bary: FloatArray) -> FloatArray:

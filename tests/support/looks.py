@@ -199,6 +199,44 @@ def surface_points(document: GltfDocument, n: int = 20_000) -> tuple[IntArray, F
     return rng.choice(len(area), n, p=area / area.sum()), rng.dirichlet([1, 1, 1], n)
 
 
+FINE = 8  # look-ups along each side of a texel, whose mean a texel is compared with
+COLOURS = ("base", "emissive")  # that ``seen`` gives coded as sRGB; their means are those of light
+
+
+def texel_levels(
+    old: GltfDocument, new: GltfDocument, face_map: IntArray, side: int, n: int
+) -> dict[str, float]:
+    """PSNR of each map: n texels that lie in one face, beside the mean of FINE × FINE look-ups in each.
+
+    face_map: face of the old document of each face of the new one. side: texels of the page.
+    """
+    layout = new.uv()
+    assert layout is not None
+    face, bary = surface_points(new, 40 * n)
+    corners = layout.uv[layout.uv_faces[face]] * side
+    texel = np.floor((corners * bary[..., None]).sum(1))
+    inside = np.min([barycentric(corners, texel + at).min(1) for at in np.ndindex(2, 2)], axis=0)
+    chosen = np.flatnonzero(inside >= 0)[:n]
+    face, corners, texel = face[chosen], corners[chosen], texel[chosen]
+    shown = seen(new, face, barycentric(corners, texel + 0.5))
+    sums: dict[str, np.ndarray] = {}
+    for at in np.ndindex(FINE, FINE):
+        place = barycentric(corners, texel + (np.array(at) + 0.5) / FINE)
+        for name, value in seen(old, face_map[face], place).items():
+            light = linear(value) if name in COLOURS else value
+            sums[name] = sums.get(name, 0) + light / FINE**2
+    return {k: psnr(srgb(v) if k in COLOURS else v, shown[k]) for k, v in sums.items()}
+
+
+def barycentric(corners: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(p, 3) coordinates of places (p, 2) in triangles (p, 3, 2)."""
+    a, b, d = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], at - corners[:, 0]
+    whole = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    v = (d[:, 0] * b[:, 1] - d[:, 1] * b[:, 0]) / whole
+    w = (a[:, 0] * d[:, 1] - a[:, 1] * d[:, 0]) / whole
+    return np.stack([1 - v - w, v, w], 1)
+
+
 def psnr(a: FloatArray, b: FloatArray) -> float:
     """Peak signal to noise of values 0..1, in dB."""
     return float(-10 * np.log10(max(((a - b) ** 2).mean(), 1e-12)))
