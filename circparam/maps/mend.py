@@ -18,15 +18,7 @@ from circparam.maps.geometries import Geometry
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.untangle import untangle
 
-FILLED_RINGS = (
-    0,
-    1,
-    2,
-    3,
-    5,
-    8,
-    12,
-)  # rings round turned faces that are filled anew, tried in turn,
+FILLED_RINGS = (0, 1, 2, 3, 5, 8, 12)  # round turned faces, that are filled anew, tried in turn,
 TRIES = 2  # each so many times: what is mended leaves others to mend
 UNTANGLED_RINGS = (4, 8, 2, 12)  # rings of a patch that is untangled after that, tried in turn
 
