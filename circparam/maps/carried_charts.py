@@ -36,14 +36,12 @@ from circparam.mesh.surface import Surface
 from circparam.solvers.untangle import untangle
 
 CANDIDATES = 12  # nearest samples whose faces are tried for the closest point
-STEPS = 64  # from the best face on to its neighbours, for as long as one is nearer
+WALK_STEPS = 64  # to neighbours, for as long as one is nearer
 SAMPLES_A_FACE = 4  # mean, more where faces are large
 FEWEST_SAMPLES, MOST_SAMPLES = 50_000, 1_000_000
-UV_WEIGHT = (
-    0.3  # of a distance in the layout against one in space, in the choice between sides of a seam
-)
-BLOCK = 20_000  # places sought at once: some kilobytes each
-LAYER = 10.0  # diagonals by which charts are held apart
+UV_WEIGHT = 0.3  # of a distance in uv against one in space, in the choice of a side of a seam
+PLACES_AT_ONCE = 20_000  # places sought at once: some kilobytes each
+LAYER_DIAGONALS = 10.0  # diagonals by which charts lie apart
 # Places of a face that choose its chart, its middle first: what is nearest to it leads the face's corners.
 PROBES = np.array(
     [
@@ -51,11 +49,11 @@ PROBES = np.array(
         [6, 5, 1], [1, 6, 5], [5, 1, 6], [5, 6, 1], [1, 5, 6], [6, 1, 5],
     ]
 ) / 12  # fmt: skip
-SAME = 0.25  # of an edge's length in the layout, by which both faces may see its ends apart, and
-TEXEL = 1 / 2048  # of the page at most: so far they are moved to their middle
-LIFTS = 400  # steps that set turned faces upright before anything else moves
-THIN = 1e-5  # least height of a face that was turned, of the page: 1/50 texel of 2048
-RELABELS = 4  # rounds in which turned faces go to charts of their neighbours
+SAME_EDGE_SHARE = 0.25  # of an edge in uv, by which its faces may place its ends apart,
+SAME_PAGE_SHARE = 1 / 2048  # and of the page at most: the ends move to their middle
+LIFT_STEPS = 400  # of turned faces alone, before the layout is untangled
+LEAST_HEIGHT = 1e-5  # least height of a face that was turned, of the page: 1/50 texel of 2048
+RELABEL_ROUNDS = 4  # rounds in which turned faces go to charts of their neighbours
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +96,8 @@ class Sheets:
         self.layered = cKDTree(self._lifted(self.places, self.chart[self.sample], uv))
 
     def _lifted(self, places: FloatArray, chart: IntArray, uv: FloatArray) -> FloatArray:
-        """(p, 6) where points of charts are held apart, and those across a seam of one chart too."""
-        layer = chart[:, None] * (LAYER * self.diagonal)
+        """(p, 6) places lifted apart by chart, and across a seam of one chart by uv."""
+        layer = chart[:, None] * (LAYER_DIAGONALS * self.diagonal)
         return np.concatenate([places, layer, UV_WEIGHT / self.scale * uv], axis=1)
 
     def anywhere(self, places: FloatArray, normals: FloatArray) -> SurfacePoints:
@@ -136,7 +134,7 @@ class Sheets:
         """On to neighbours in the same chart for as long as one of them is nearer; start has squares."""
         face, bary, d2 = start.face.copy(), start.bary.copy(), start.distance.copy()
         moving = np.arange(len(places))
-        for _ in range(STEPS):
+        for _ in range(WALK_STEPS):
             around = self.beside[face[moving]]
             at, gap = closest_on_triangles(places[moving][:, None], self.corners[around])
             best = gap.argmin(1)
@@ -170,7 +168,9 @@ def _nearest(tree: cKDTree, places: FloatArray) -> IntArray:
 
 def _in_blocks(find: Callable[..., SurfacePoints], *arrays: FloatArray | IntArray) -> SurfacePoints:
     """What is found for rows of arrays, some at once: bounds the memory."""
-    return _concatenated(*(find(*(a[k] for a in arrays)) for k in slices(len(arrays[0]), BLOCK)))
+    return _concatenated(
+        *(find(*(a[k] for a in arrays)) for k in slices(len(arrays[0]), PLACES_AT_ONCE))
+    )
 
 
 def _concatenated(*parts: SurfacePoints) -> SurfacePoints:
@@ -218,7 +218,7 @@ def carry_charts(sheets: Sheets, target: Surface, monitor: Monitor | None = None
     probed, led = _leaders(sheets, target)
     corners = _corner_points(sheets, target, led, np.arange(len(target.faces)))
     mirrored = _mirrored(sheets)
-    for _ in range(RELABELS):
+    for _ in range(RELABEL_ROUNDS):
         if not _relabel(sheets, target, (probed, led, corners), mirrored):
             break
     uv = sheets.uv(corners).reshape(-1, 3, 2)
@@ -343,7 +343,7 @@ def _seams(sheets: Sheets, target: Surface, led: SurfacePoints, uv: FloatArray) 
     length = sheets.scale * target.edge_lengths
     chart = sheets.chart[led.face]
     result: BoolArray = (chart[i // 3] != chart[j // 3]) | (
-        apart > np.minimum(SAME * length, TEXEL)
+        apart > np.minimum(SAME_EDGE_SHARE * length, SAME_PAGE_SHARE)
     )
     return result
 
@@ -360,17 +360,18 @@ def lifted(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     """A layout (nv, 2) with its turned faces upright by the least that sets them so, where that can be done.
 
     Every turned or hair-thin face moves its corners along the gradients of its area, as far as it lacks of a
-    height of THIN, in the mean of all that pull at a vertex (projection onto constraints, Müller et al. 2007).
+    height of LEAST_HEIGHT, in the mean of all that pull at a vertex (projection onto constraints, Müller et
+    al. 2007).
     """
     uv, faces = uv.copy(), cut_mesh.faces
-    for _ in range(LIFTS):
+    for _ in range(LIFT_STEPS):
         p = uv[faces]
         side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]  # across from each corner
         longest = np.sqrt((side**2).sum(2).max(1))
         area = (p[:, 1, 0] - p[:, 0, 0]) * (p[:, 2, 1] - p[:, 0, 1])
         area -= (p[:, 1, 1] - p[:, 0, 1]) * (p[:, 2, 0] - p[:, 0, 0])
-        lack = THIN * longest - area
-        low = np.flatnonzero(area < THIN * longest / 2)
+        lack = LEAST_HEIGHT * longest - area
+        low = np.flatnonzero(area < LEAST_HEIGHT * longest / 2)
         if len(low) == 0:
             break
         gradient = np.stack([-side[low, :, 1], side[low, :, 0]], axis=2)

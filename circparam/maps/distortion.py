@@ -9,8 +9,8 @@ import numpy as np
 from circparam.core.arrays import BoolArray, FloatArray, IntArray
 from circparam.mesh.cut_mesh import rest_triangles_of
 
-DEGENERATE = 1e-12  # area over the square of the longest edge below which a face has no shape
-LARGEST = 1e12  # what an energy counts as at most: faces that a map makes a line of have none
+LEAST_AREA_RATIO = 1e-12  # area over the square of the longest edge below which a face has no shape
+MOST_ENERGY = 1e12  # of a face: one that becomes a line has none
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def face_energies(
     rest, there = rest_triangles_of(points[faces]), rest_triangles_of(images[faces])
     longest = ((rest - np.roll(rest, 1, 1)) ** 2).sum(2).max(1)
     area = rest[:, 1, 0] * rest[:, 2, 1] / 2
-    live: BoolArray = area > DEGENERATE * longest
+    live: BoolArray = area > LEAST_AREA_RATIO * longest
     energies, areas = np.ones(len(faces)), np.where(live, area, 0.0)
     if not live.any():
         return energies, areas
@@ -62,7 +62,7 @@ def face_energies(
     b = (there[:, 2, 0] - a * rest[:, 2, 0]) / rest[:, 2, 1]
     square = a * a + b * b + d * d
     with np.errstate(divide="ignore"):
-        inverse = np.minimum(square / np.maximum((a * d) ** 2, 1e-300), LARGEST)
+        inverse = np.minimum(square / np.maximum((a * d) ** 2, 1e-300), MOST_ENERGY)
     scale = np.sqrt((area * inverse).sum() / max(float((area * square).sum()), 1e-300))
     energies[live] = (square * scale + inverse / scale) / 4
     return energies, areas

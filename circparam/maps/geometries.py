@@ -18,10 +18,8 @@ from circparam.errors import NoResultError
 from circparam.maps.cones import signs_of
 
 NEWTON_STEPS = 200  # of the radii at most; a dozen do
-ANGLE_GOAL = (
-    1e-13  # radians that the angles round a node may miss a full turn by, times the number of nodes
-)
-ANGLE_LIMIT = 1e-9  # radians that they may miss it by where Newton's method ends early
+ANGLE_GOAL = 1e-13  # radians off a full turn round a node, times the number of nodes, to aim at
+ANGLE_LIMIT = 1e-9  # radians off a full turn that are taken where Newton's method ends early
 IN_SIGHT = 0.1  # least cosine to the middle at which a direction is seen in the tangent plane
 
 
@@ -82,7 +80,7 @@ class Geometry:
         move -= (place + offset)[..., None] * np.einsum("mcdb,md->mcb", frames, up)[:, :, None]
         return place, move / high[..., None]
 
-    def seen(self, q: FloatArray) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
+    def projected(self, q: FloatArray) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
         """(uv (k, 2) of vectors (k, 3) in the tangent plane of their middle, NaN where they are out of sight;
         the way back)."""
         middle = self.normal(q.sum(0))

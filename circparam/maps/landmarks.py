@@ -14,10 +14,8 @@ from circparam.errors import InputError, TopologyError
 from circparam.maps.map_input import MapInput
 
 BOUNDARY_SAMPLES = 64  # places along a boundary at which two boundaries are compared
-MIRROR_FIT = (
-    0.5  # error of a reflection beside that of a rotation, below which surfaces look mirrored,
-)
-MIRROR_LIMIT = 0.1  # and share of the size that it stays below
+MIRROR_FIT = 0.5  # error of a reflection over that of a rotation: less looks mirrored,
+MIRROR_LIMIT = 0.1  # where it is also below this share of the size
 GUESSED = 8  # landmarks that are guessed,
 GUESSED_PER_HANDLE = 6  # and so many more for every handle
 GUESS_LIMIT = 0.03  # mean distance of the aligned surfaces, in sizes, up to which a guess is made

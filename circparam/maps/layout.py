@@ -28,9 +28,7 @@ from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput
 from circparam.maps.tracing import Traced, Tracer
 
-QUEUE_SLACK = (
-    1.2  # times that the next arc in the queue may be cheaper than an arc that is laid at once
-)
+QUEUE_SLACK = 1.2  # costs of the next arc in the queue up to which an arc is laid at once
 
 
 class Both(NamedTuple):
@@ -86,7 +84,7 @@ class Layout:
         self._group = [new if g == old else g for g in self._group]
 
     def _take_back(self) -> None:
-        """Take the arc that was laid last away again; what hangs together is told as before."""
+        """Take the arc that was laid last away again; groups stay joined."""
         arc = len(self.ends) - 2
         for at, name in zip(self.ends[arc], (arc, arc ^ 1), strict=True):
             self.around[at].remove(name)

@@ -241,10 +241,10 @@ def map_surfaces(
     the surfaces differ, look mirrored, or the landmarks have no common layout, OptionError for a method whose
     weights can be negative, NoResultError where double precision cannot hold the map.
     """
-    pairs, ways = None, [[int(v) for v in path] for path in paths or []]
+    pairs, routes = None, [[int(v) for v in path] for path in paths or []]
     if isinstance(landmarks, (str, os.PathLike)):
         pairs = read_landmarks(landmarks)
-        ways += read_paths(landmarks)
+        routes += read_paths(landmarks)
     elif landmarks is not None:
         given = np.asarray(landmarks)
         if given.ndim != 2 or given.shape[1] != 2 or not np.issubdtype(given.dtype, np.integer):
@@ -252,14 +252,14 @@ def map_surfaces(
                 f"landmarks have shape {given.shape} and type {given.dtype}: (k, 2) whole numbers are needed"
             )
         pairs = given.astype(np.int64)
-    if ways and pairs is None:
+    if routes and pairs is None:
         raise InputError("paths lead from landmark to landmark, and no landmarks are given")
     meshes = _mesh(a), _mesh(b)
     layouts = (_layout(a, "A"), _layout(b, "B")) if charts else None
     unknown = set(keywords) - set(Keywords.__annotations__)
     if unknown:
         raise TypeError(f"map_surfaces has no argument {sorted(unknown)[0]!r}")
-    return map_meshes(*meshes, Given(pairs, ways, layouts, **keywords), Monitor(listener))
+    return map_meshes(*meshes, Given(pairs, routes, layouts, **keywords), Monitor(listener))
 
 
 def _layout(surface: Surface, name: str) -> UVMap:

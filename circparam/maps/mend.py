@@ -18,7 +18,7 @@ from circparam.maps.geometries import Geometry
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.untangle import untangle
 
-FILLED_RINGS = (0, 1, 2, 3, 5, 8, 12)  # round turned faces, that are filled anew, tried in turn,
+FILLED_RINGS = (0, 1, 2, 3, 5, 8, 12)  # round turned faces that are filled, tried in turn,
 TRIES = 2  # each so many times: what is mended leaves others to mend
 UNTANGLED_RINGS = (4, 8, 2, 12)  # rings of a patch that is untangled after that, tried in turn
 
@@ -130,7 +130,7 @@ class Mender:
         way = self.development.rolled_out(faces[:1], within)[1]
         corner = 3 * faces[first // 3] + first % 3
         into = way[corner // 3] @ self.development.of(corner)
-        uv, lifted = self.geometry.seen(np.einsum("kab,kb->ka", into, q[vertices]))
+        uv, lifted = self.geometry.projected(np.einsum("kab,kb->ka", into, q[vertices]))
 
         def back(found: FloatArray) -> FloatArray:
             new = np.linalg.solve(into, lifted(found)[..., None])[..., 0]

@@ -29,7 +29,7 @@ SECONDS = 2.0  # from A to B, and back
 
 @dataclass(frozen=True, eq=False)
 class Morphed:
-    """data: the GLB. report: figures for JSON. notes, warnings: what is told."""
+    """data: the GLB. report: figures for JSON. notes, warnings: lines for the user."""
 
     data: bytes
     report: dict[str, Any]

@@ -27,12 +27,7 @@ from circparam.maps.solution import MapSolution
 from circparam.maps.surface_map import Refinement, SurfaceMap
 from circparam.mesh.mesh import Mesh, UVMap
 
-EDGE_NOISES = (
-    1e-9,
-    1e-7,
-    1e-6,
-    1e-5,
-)  # shares of an edge that vertices are moved by, tried in turn
+EDGE_NOISES = (1e-9, 1e-7, 1e-6, 1e-5)  # of an edge, that vertices move by, tried in turn
 
 
 @dataclass(frozen=True, eq=False)

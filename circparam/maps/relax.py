@@ -23,9 +23,7 @@ from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers import dirichlet
 
 RIDGE = 1e-8  # added to the diagonal of the Hessian, of its trace
-WORST_RISE = (
-    1.5  # times that the energy of a face may rise in one step before its vertices are slowed down
-)
+WORST_RISE = 1.5  # growth of the energy of a face in one step beyond which its corners slow down
 LOCAL_HALVINGS = 8  # times that the steps of such vertices are halved,
 LOCAL_STOPS = 12  # times that they stay then, with those of the faces that turn over,
 HALVINGS = 12  # and times that the whole step is halved in the end

@@ -19,13 +19,8 @@ from circparam.maps.places import along_boundaries
 from circparam.maps.relax import Relaxation
 from circparam.maps.targets import GeometryTarget, MeshTarget
 
-CAP_WEIGHT = (
-    1e-3  # weight of what closes boundaries, beside 1 for the surface, in the domain's energy
-)
-DOMAIN_STEPS, DOMAIN_TOLERANCE = (
-    4,
-    1e-4,
-)  # Newton's steps of the domain, and the gain that ends them
+CAP_WEIGHT = 1e-3  # of what closes boundaries, beside 1 for the surface, in the domain's energy
+DOMAIN_STEPS, DOMAIN_TOLERANCE = 4, 1e-4  # Newton's steps, and the gain that ends them
 DOMAIN_ROUNDS = 4  # of such steps at most, each followed by a count of the turned faces
 MAP_STEPS, MAP_TOLERANCE = 15, 1e-4  # of the map, on the surface of B alone
 GUARDED_STEPS = 12  # of the map, after turned faces were mended

@@ -16,8 +16,8 @@ from circparam.maps.layout import Layout
 from circparam.maps.tracing import Tracer
 
 SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-LEAST_SHARE = 0.05  # of an edge: how near to its ends it is split
-BESIDE = 1e-6  # sides of the square that an arc runs beside the diagonal: on it lie vertices of regular meshes
+LEAST_SHARE = 0.05  # of an edge, that a split keeps from its ends
+DIAGONAL_OFFSET = 1e-6  # of the square: vertices of regular meshes lie on the diagonal
 
 
 def straighten(layout: Layout, weights: str, first: int) -> None:
@@ -67,7 +67,7 @@ def _lay_diagonals(tracer: Tracer, layout: Layout, arcs: list[int], weights: str
     h = h[(h < mesh.twin[h]) & (of_face[mesh.twin[h] // 3] == of_face[h // 3])]
     ahead = next_half_edge(h)
     a, b = mesh.faces.ravel()[h], mesh.faces.ravel()[ahead]
-    side_a, side_b = (uv[k, 0] - uv[k, 1] - BESIDE for k in (h, ahead))
+    side_a, side_b = (uv[k, 0] - uv[k, 1] - DIAGONAL_OFFSET for k in (h, ahead))
     ends = tracer.marks[np.array([layout.ends[arc] for arc in arcs])][of_face[h // 3]]
     cross = (
         ((side_a > 0) != (side_b > 0)) & (a[:, None] != ends).all(1) & (b[:, None] != ends).all(1)

@@ -7,6 +7,7 @@ import io
 import os
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -136,8 +137,7 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
                 raise ValueError(f"its format is {data['format']}")
             to_b, to_a = (_places(data[f"{k}_face"], data[f"{k}_weights"]) for k in "ab")
             a, b = str(data["a"]), str(data["b"])
-            arrays = [data[name] for name in OVERLAY] if OVERLAY[0] in data else None
-            overlay = None if arrays is None else _refinement(*arrays)
+            overlay = _refinement(data)
     except OSError as error:
         raise InputError(f"{path}: it can't be read ({error.strerror or error})") from None
     except (KeyError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
@@ -147,16 +147,12 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
     return SurfaceMap(to_b, to_a, a, b, overlay)
 
 
-def _refinement(
-    faces: IntArray,
-    parents: IntArray,
-    a_face: IntArray,
-    a_weights: FloatArray,
-    b_face: IntArray,
-    b_weights: FloatArray,
-) -> Refinement:
+def _refinement(data: Mapping[str, np.ndarray]) -> Refinement | None:
     """The overlay as a file has it. Raises ValueError where it can't be one."""
-    on_a, on_b = _places(a_face, a_weights), _places(b_face, b_weights)
+    if OVERLAY[0] not in data:
+        return None
+    faces, parents, *places = (data[name] for name in OVERLAY)
+    on_a, on_b = _places(*places[:2]), _places(*places[2:])
     if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] != 3:
         raise ValueError("its overlay has no triangles")
     if parents.dtype.kind not in "iu" or parents.shape != (len(faces), 2):

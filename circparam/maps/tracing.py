@@ -1,6 +1,4 @@
-"""Paths on one side of a map: shortest, never touching each other, leaving a landmark where they are told
-to.
-"""
+"""Paths on one side of a map: shortest, never touching each other, in given sectors of their landmarks."""
 
 from __future__ import annotations
 
