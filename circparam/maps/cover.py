@@ -13,8 +13,7 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, next_half_edge
 from circparam.maps.closed_mesh import ClosedMesh
-from circparam.maps.cones import signs_of, weights_in
-from circparam.maps.geometries import Geometry
+from circparam.maps.geometries import Geometry, signs_of, weights_in
 
 STRAIGHT_STEPS = 60  # faces that a walk crosses by the edge that its goal lies farthest behind
 WALK_STEPS = 400  # faces that a walk crosses at most

@@ -10,10 +10,9 @@ from scipy.spatial import cKDTree
 from circparam.core.arrays import FloatArray, IntArray
 from circparam.core.monitor import Monitor
 from circparam.errors import InputError, NoResultError
-from circparam.maps.cones import signs_of
 from circparam.maps.convex import laid_in_polygons
 from circparam.maps.cover import Cover, CoverPoints, Development, own_development, whole_development
-from circparam.maps.geometries import Base, base_of
+from circparam.maps.geometries import Base, base_of, signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.layout import Layout, laid_out
 from circparam.maps.map_input import MapInput

@@ -11,10 +11,9 @@ import scipy.sparse as sps
 from circparam.core.arrays import BoolArray, FloatArray, IntArray, cross2, group_sum
 from circparam.core.graph import components
 from circparam.core.linalg import Factor
-from circparam.maps.cones import counter_clockwise
 from circparam.maps.convex import row_weights
 from circparam.maps.cover import Development
-from circparam.maps.geometries import Geometry
+from circparam.maps.geometries import Geometry, counter_clockwise
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.untangle import untangle
 

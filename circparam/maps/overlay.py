@@ -19,8 +19,8 @@ from circparam.formats.document import Document
 from circparam.formats.materials import Textures, moved_layout
 from circparam.formats.memory import PlainDocument
 from circparam.maps.closed_mesh import ClosedMesh
-from circparam.maps.cones import counter_clockwise, determinants, signs_of
 from circparam.maps.cover import Cover, CoverPoints
+from circparam.maps.geometries import counter_clockwise, determinants, signs_of
 from circparam.maps.map_input import MapInput
 from circparam.maps.places import on_file, on_half_edges, on_surface
 from circparam.maps.solution import MapSolution

@@ -8,16 +8,15 @@ import numpy as np
 
 from circparam.core.arrays import BoolArray
 from circparam.core.monitor import Monitor
-from circparam.maps.cones import counter_clockwise, signs_of
 from circparam.maps.cover import Cover, CoverPoints
 from circparam.maps.distortion import Distortion, distortion
 from circparam.maps.domain import Domain, PatchedMesh, common_domain, composed
+from circparam.maps.geometries import counter_clockwise, signs_of
 from circparam.maps.landmarks import Landmarks
 from circparam.maps.map_input import MapInput
 from circparam.maps.mend import Mender
 from circparam.maps.places import along_boundaries
-from circparam.maps.relax import Relaxation
-from circparam.maps.targets import GeometryTarget, MeshTarget
+from circparam.maps.relax import GeometryTarget, MeshTarget, Relaxation
 
 CAP_WEIGHT = 1e-3  # of what closes boundaries, beside 1 for the surface, in the domain's energy
 DOMAIN_STEPS, DOMAIN_TOLERANCE = 4, 1e-4  # Newton's steps, and the gain that ends them

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circparam.maps.cones import determinants
-from circparam.maps.geometries import Base, base_of
+from circparam.maps.geometries import Base, base_of, determinants
 from tests.support import shapes
 
 
