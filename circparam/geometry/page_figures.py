@@ -15,6 +15,7 @@ from circparam.core.arrays import (
     next_half_edge,
     norms2,
 )
+from circparam.geometry.straight import axis_parallel, straight_edges
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.surface import Surface
 
@@ -27,12 +28,14 @@ THIN = (
 class PageFigures:
     """thin: charts narrower than THIN texels. seam_texels: length of seams on the page, the mean of both sides.
     density_min, density_max: texels per unit of the mesh, of the charts with the fewest and the most.
+    axis_parallel: share of the straight borders that lies along the axes, None where no chart has one.
     """
 
     thin: int
     seam_texels: float
     density_min: float
     density_max: float
+    axis_parallel: float | None = None
 
 
 def page_figures(
@@ -50,6 +53,7 @@ def page_figures(
         _seam_length(surface, cut_mesh, uv, used) * resolution,
         float(density.min(initial=np.inf)) if len(density) else 0.0,
         float(density.max(initial=0.0)),
+        _axis_parallel(cut_mesh, uv, used),
     )
 
 
@@ -65,6 +69,19 @@ def chart_widths(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     quarter = group_sum(side, cut_mesh.chart[h // 3], n) / 4
     result: FloatArray = quarter - np.sqrt(np.maximum(quarter**2 - _uv_areas(cut_mesh, uv), 0.0))
     return result
+
+
+def _axis_parallel(cut_mesh: CutMesh, uv: FloatArray, used: BoolArray) -> float | None:
+    """Share of the length of straight borders of charts that lies along the axes."""
+    flat = cut_mesh.faces.ravel()
+    h = cut_mesh.boundary
+    h = h[used[cut_mesh.chart[h // 3]]]
+    along = uv[flat[next_half_edge(h)]] - uv[flat[h]]
+    straight = straight_edges(along, cut_mesh.chart[h // 3], _uv_areas(cut_mesh, uv))
+    along = along[straight]
+    length = norms2(along)
+    whole = float(length.sum())
+    return float(length[axis_parallel(along)].sum()) / whole if whole > 0 else None
 
 
 def chart_densities(surface: Surface, cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:

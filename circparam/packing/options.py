@@ -28,7 +28,8 @@ class PackOptions:
     rotate: 'free' (any angle), '90' (quarter turns), 'none'. pages: number of UDIM tiles that may be used.
     texel_density: texels per unit of the uv given; None fills the pages. scale: False keeps the sizes given
     (the uv given are then in units of a page). effort: multiplies the work of the search for a better layout,
-    which is counted in operations and not in seconds, so that results repeat.
+    which is counted in operations and not in seconds, so that results repeat. straighten: whether charts with
+    straight borders lie along the axes: 'off' by chance, 'auto' where that costs little, 'all' always.
 
     Raises OptionError for a value out of range, or for a density together with sizes that are kept.
     """
@@ -40,6 +41,7 @@ class PackOptions:
     texel_density: float | None = None
     scale: bool = True
     effort: float = 1.0
+    straighten: str = "auto"
 
     def __post_init__(self) -> None:
         if self.rotate not in ROTATIONS:

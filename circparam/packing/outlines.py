@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,7 @@ class Shapes:
     faces: (m, 3) into points. points: (nv, 2), relative to the centre of their chart. chart: (m,) 0..n-1.
     owner: (nv,) chart of each vertex, −1 where no face uses it. area: (n,) without sign.
     start, end: (b,) vertices of the outline's edges, sorted by chart; edge_start: (n + 1,) offsets.
+    upright: (n,) bool, charts that are turned by quarters only; None for none.
     """
 
     faces: IntArray
@@ -38,6 +39,7 @@ class Shapes:
     start: IntArray
     end: IntArray
     edge_start: IntArray
+    upright: BoolArray | None = None
 
     @property
     def n(self) -> int:
@@ -155,9 +157,15 @@ class Shapes:
         start = self.start[edge]
         first = np.searchsorted(owner[start], np.arange(len(kept) + 1)).astype(np.int64)
         faces, chart = self.faces[face], new[self.chart[face]]
+        upright = None if self.upright is None else self.upright[kept]
         return Shapes(
-            faces, self.points, chart, owner, self.area[kept], start, self.end[edge], first
+            faces, self.points, chart, owner, self.area[kept], start, self.end[edge], first, upright
         )
+
+    def turned(self, angle: FloatArray, upright: BoolArray) -> Shapes:
+        """The same charts turned by angles (n,) about their centres, some of them upright from now on."""
+        points = self.place(angle, np.zeros((self.n, 2)), 1.0)
+        return replace(self, points=points, upright=upright)
 
     def place(self, angle: FloatArray, offset: FloatArray, scale: float) -> FloatArray:
         """(nv, 2): every chart scaled, turned by its angle (n,), its centre moved to offset (n, 2).
@@ -294,7 +302,8 @@ def _best_angles(shapes: Shapes, cost: str, steps: int, rounds: int = 3) -> Floa
     """Angles of least cost of width and height: a quarter turn in steps, then finer about the best."""
     key = cost, steps, rounds
     if key not in shapes.known_angles:
-        shapes.known_angles[key] = _searched_angles(shapes, COSTS[cost], steps, rounds)
+        best = _searched_angles(shapes, COSTS[cost], steps, rounds)
+        shapes.known_angles[key] = best if shapes.upright is None else best * ~shapes.upright
     return shapes.known_angles[key].copy()
 
 

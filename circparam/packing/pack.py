@@ -16,6 +16,7 @@ from circparam.packing.check import PlacedCharts, faults
 from circparam.packing.options import Packed, PackOptions, pages_needed, too_dense
 from circparam.packing.outlines import Shapes, least_square_angles, shapes_of
 from circparam.packing.placement import Packer, PackTask, Placement
+from circparam.packing.straight import along_axes
 
 
 def pack(
@@ -39,6 +40,8 @@ def pack(
     options = options or PackOptions()
     monitor = monitor or Monitor()
     shapes = shapes_of(faces, uv, chart)
+    if options.straighten == "all" and options.rotate == "free":
+        shapes, start = along_axes(shapes), None
     check_room(shapes, options)
     check_fixed_room(shapes, options)
     with monitor.stage("pack"):

@@ -162,6 +162,9 @@ def skyline_placement(shapes: Shapes, options: PackOptions, monitor: Monitor) ->
     turns = {"free": 8 if n <= 3000 else 4, "90": 4, "none": 1}[options.rotate]
     base = least_box_angles(shapes, options.rotate) if options.rotate == "free" else np.zeros(n)
     angle = base[:, None] + np.arange(turns) * (2 * np.pi / turns)
+    if shapes.upright is not None and options.rotate == "free":
+        quarters = base[:, None] + np.arange(turns) % 4 * (np.pi / 2)
+        angle = np.where(shapes.upright[:, None], quarters, angle)
     orders = (False, True) if n < _MANY else (False,)
     scale = options.fixed_scale
     if scale is not None:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, group_sum
+from circparam.core.arrays import BoolArray, FloatArray
+from circparam.geometry.straight import LONG, directions, straight_edges
 from circparam.packing.outlines import Shapes
 
-BINS = 180  # of a quarter turn: half a degree each
 # share of an outline that runs along two perpendicular directions where a chart counts
 STRAIGHT = 0.4
 EXACT = 1e-9  # radians within which a chart lies along the axes
@@ -31,26 +31,24 @@ class Straight:
         return result
 
 
+def along_axes(shapes: Shapes) -> Shapes:
+    """The charts with those upright that have a straight border: most of it lies along the axes.
+
+    Half of what counts as one is enough, since bins of directions tell lengths apart to a few per cent only.
+    """
+    along = shapes.points[shapes.end] - shapes.points[shapes.start]
+    owner = shapes.owner[shapes.start]
+    counts = np.zeros(shapes.n, bool)
+    counts[owner[straight_edges(along, owner, shapes.area, LONG / 2)]] = True
+    angle = straight_charts(shapes, np.inf).angle
+    return shapes.turned(np.where(counts, angle, 0.0), counts) if counts.any() else shapes
+
+
 def straight_charts(shapes: Shapes, longest: float) -> Straight:
     """Which charts have long straight or perpendicular borders; those longer than ``longest`` may lie askew."""
-    d = shapes.points[shapes.end] - shapes.points[shapes.start]
-    length = np.sqrt((d**2).sum(1))
-    own = shapes.owner[shapes.start]
-    turn = np.mod(np.arctan2(d[:, 1], d[:, 0]), _QUARTER)
-    # directions of edges in bins, each with its two neighbours: none is torn apart at the end of a bin
-    key = np.minimum((turn / _QUARTER * BINS).astype(np.int64), BINS - 1)
-    weight = group_sum(length, own * BINS + key, shapes.n * BINS).reshape(shapes.n, BINS)
-    near = weight + np.roll(weight, 1, 1) + np.roll(weight, -1, 1)
-    best = near.argmax(1)
-    share = near[np.arange(shapes.n), best] / np.maximum(weight.sum(1), 1e-300)
-    # the mean direction of those edges, about the middle of the best bin
-    middle = (best + 0.5) / BINS * _QUARTER
-    off = np.mod(turn - middle[own] + _QUARTER / 2, _QUARTER) - _QUARTER / 2
-    counted = np.where(np.abs(off) <= 1.5 * _QUARTER / BINS, length, 0.0)
-    mean = group_sum(counted * off, own, shapes.n) / np.maximum(
-        group_sum(counted, own, shapes.n), 1e-300
-    )
-    angle = -(middle + mean)
+    edges = shapes.points[shapes.end] - shapes.points[shapes.start]
+    found = directions(edges, shapes.owner[shapes.start], shapes.n)
+    angle = -found.angle
     box = shapes.boxes(angle)
     length_of = (box[:, 2:] - box[:, :2]).max(1)
-    return Straight(angle, (share >= STRAIGHT) & (length_of <= longest))
+    return Straight(angle, (found.share >= STRAIGHT) & (length_of <= longest))

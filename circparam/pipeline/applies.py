@@ -94,6 +94,13 @@ def fills_page(o: Any) -> bool:
     )
 
 
+def with_free_turns(o: Any, name: str) -> str | None:
+    """Only where packing chooses the angles of charts."""
+    if o.rotate in ("90", "none"):
+        return f"--rotate {o.rotate} chooses no angles"
+    return with_packing(o, name)
+
+
 def with_stacks(o: Any, name: str) -> str | None:
     """Only where parts are laid out by packing, and one of each kind says where all are cut."""
     if o.stack == "off":

@@ -62,7 +62,7 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
     if options.cut == "none":
         check_whole(blank.open()[0], surface, job.document.source.name)
     if plain and seams.uv is not None:
-        return replace(blank, atlas=Atlas(surface, seams.cut, seams.uv))
+        return replace(blank, atlas=with_straight(Atlas(surface, seams.cut, seams.uv), options))
     try:
         with clock.bounded(monitor.last if options.cut == "charts" else None):
             return _flatten(job, blank, monitor)
@@ -74,6 +74,13 @@ def first_layout(job: Job, seams: Seams, monitor: Monitor) -> Cascade:
         return replace(blank, atlas=atlas).repaired(
             f"--method {options.method} failed at first ({error})"
         )
+
+
+def with_straight(atlas: Atlas, options: Options) -> Atlas:
+    """The atlas with belts, tubes and all else that unrolls laid out exactly, unless ``straighten`` is off."""
+    from circparam.pipeline.developable import unrolled
+
+    return atlas if options.straighten == "off" else unrolled(atlas)
 
 
 def rules(options: Options) -> CascadeRules:

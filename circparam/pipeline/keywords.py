@@ -45,6 +45,7 @@ class Keywords(TypedDict, total=False):
     density: Any
     rotate: Literal["free", "90", "none"] | None
     effort: float | str | None
+    straighten: Literal["off", "auto", "all"] | None
     stack: Literal["off", "identical", "mirrored"] | None
     stack_offset: bool | None
     keep_page: bool | None

@@ -226,6 +226,10 @@ class Options:
         bounds=Range(0.0, 1000.0, "draft (0), normal (1), high (4) or a number up to 1000"),
         applies=applies.with_search,
     )
+    straighten: str | None = option(
+        "packing", "Straight borders along the axes: by chance, where that is almost free, always.",
+        choices=("off", "auto", "all"), shown="auto", applies=applies.with_free_turns,
+    )
     stack: str | None = option(
         "packing", "Put copies of a part on the same texels; mirrored: mirror images too.",
         choices=("off", "identical", "mirrored"), shown="off", applies=applies.with_stacks,

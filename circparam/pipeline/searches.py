@@ -21,7 +21,7 @@ from circparam.mesh.surface import Surface
 from circparam.pipeline import fallback
 from circparam.pipeline.cascade import Cascade, KnownPacking
 from circparam.pipeline.configure import seam_options
-from circparam.pipeline.flatten import rules
+from circparam.pipeline.flatten import rules, with_straight
 from circparam.pipeline.job import Job
 from circparam.pipeline.options import Options
 from circparam.pipeline.result import Effort
@@ -108,7 +108,7 @@ def searched(
     try:
         asked = replace(asked, search=Search(asked.search.draft, number))
         seams = SEAMS[options.cut].function(surface, asked, own)
-        atlas = Atlas(surface.at_density(), seams.cut, seams.uv)
+        atlas = with_straight(Atlas(surface.at_density(), seams.cut, seams.uv), options)
         cascade = Cascade(atlas, rules(options), notes=tuple(seams.notes))
         cascade = with_room(cascade, options, own)
         cascade = _packed(cascade, options, own)

@@ -163,6 +163,7 @@ class Verification:
             "thin": None if p is None else p.thin,
             "density_min": None if p is None else p.density_min,
             "density_max": None if p is None else p.density_max,
+            "axis_parallel": None if p is None else p.axis_parallel,
             "pages": self.pages,
             "pack": None if c is None else c.share,
             "gap_texels": None if c is None or not np.isfinite(c.gap) else c.gap,

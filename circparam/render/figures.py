@@ -108,6 +108,7 @@ NAMES = {
     "seam_vertices": "vertices that seams add",
     "density_min": "least texels a unit",
     "density_max": "most texels a unit",
+    "axis_parallel": "straight borders along the axes",
 }
 
 

@@ -64,11 +64,14 @@ def chart_angles(shapes: Shapes, options: PackOptions, cell: float, most: int) -
     if options.rotate != "free":
         count[:] = 1 if options.rotate == "none" else 4
         box[:] = 0.0
-    wide = reach > 0.5 * reach.max()
+    more = (reach > 0.5 * reach.max()) & (options.rotate == "free")
+    if shapes.upright is not None:
+        count[shapes.upright], box[shapes.upright] = 4, 0.0
+        more &= ~shapes.upright
     return [
         np.r_[
             box[c] + np.arange(count[c]) * (2 * np.pi / count[c]),
-            square[c] + np.arange(4 if wide[c] and options.rotate == "free" else 0) * (np.pi / 2),
+            square[c] + np.arange(4 if more[c] else 0) * (np.pi / 2),
         ]
         for c in range(shapes.n)
     ]

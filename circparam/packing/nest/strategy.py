@@ -101,7 +101,12 @@ def _going_on(task: PackTask) -> Placement | None:
     charts are straight, which may have to be laid along the axes, or where nothing passes the check."""
     shapes, start = task.shapes, task.start
     side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / task.options.pages))
-    if start is None or straight_charts(shapes, SCHEDULE.askew * side).counts.any():
+    if start is None:
+        return None
+    if (
+        task.options.straighten != "off"
+        and straight_charts(shapes, SCHEDULE.askew * side).counts.any()
+    ):
         return None
     growth = _growth(task, None)
     grown = _grown(task, growth, start) if shapes.n <= SCHEDULE.few else None
@@ -139,7 +144,10 @@ def _found(task: PackTask) -> tuple[list[Placement], Straight | None]:
     """
     shapes, options = task.shapes, task.options
     straight = None
-    if options.rotate == "free":
+    if shapes.upright is not None:
+        straight = Straight(np.zeros(shapes.n), shapes.upright)
+        return _searched(task, _Boards(shapes, options, straight)), straight
+    if options.rotate == "free" and options.straighten != "off":
         side = float(np.sqrt(shapes.area.sum() / SCHEDULE.hoped_share / options.pages))
         straight = straight_charts(shapes, SCHEDULE.askew * side)
         if shapes.area[straight.counts].sum() < SCHEDULE.straight_area * shapes.area.sum():
@@ -179,7 +187,7 @@ class _Boards:
             cell = cell_size(shapes, self.options, cells, density)
             most = 64 if shapes.n <= SCHEDULE.very_few else 24
             angles = chart_angles(shapes, self.options, cell, most)
-            if self.straight is not None:
+            if self.straight is not None and shapes.upright is None:
                 for c in np.flatnonzero(self.straight.counts).tolist():
                     angles[c] = np.r_[
                         self.straight.angle[c] + np.arange(ALONG) * (np.pi / 2), angles[c]
@@ -261,7 +269,7 @@ def _alone(shapes: Shapes, options: PackOptions) -> Placement:
     side = float((box[:, 2:] - box[:, :2]).max())
     scale = (options.resolution - 2 * options.border) / side
     straight = straight_charts(shapes, np.inf)
-    if options.rotate == "free" and straight.counts.all():
+    if options.rotate == "free" and options.straighten != "off" and straight.counts.all():
         along = shapes.boxes(straight.angle)
         longer = float((along[:, 2:] - along[:, :2]).max()) / side
         if longer**2 <= 1 + SCHEDULE.straight_cost:

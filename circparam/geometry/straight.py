@@ -1,0 +1,68 @@
+"""Straight borders of charts: the two perpendicular directions along which most of an outline runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_sum
+
+BINS = 180  # of a quarter turn: half a degree each
+# Border along the directions of a chart, over the side of a square of its area, from which on it is a straight
+# one. A square has 4, a regular polygon of 16 sides 0.9 along two perpendicular directions.
+LONG = 1.0
+PARALLEL = np.pi / 2 / BINS  # radians from an axis: as finely as directions are told apart
+_QUARTER = np.pi / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """angle: (n,) of the two perpendicular directions of each chart, 0 ≤ angle < a quarter turn and a bit.
+    length: (n,) of the border along them. share: (n,) of the whole border. along: (b,) bool, edges along them.
+    """
+
+    angle: FloatArray
+    length: FloatArray
+    share: FloatArray
+    along: BoolArray
+
+
+def directions(edges: FloatArray, owner: IntArray, n: int) -> Directions:
+    """The directions along which most of the border of n charts runs: edges (b, 2), owner (b,) their charts."""
+    length = np.hypot(edges[:, 0], edges[:, 1])
+    turn = np.mod(np.arctan2(edges[:, 1], edges[:, 0]), _QUARTER)
+    # directions of edges in bins, each with its two neighbours: none is torn apart at the end of a bin
+    key = np.minimum((turn / _QUARTER * BINS).astype(np.int64), BINS - 1)
+    weight = group_sum(length, owner * BINS + key, n * BINS).reshape(n, BINS)
+    near = weight + np.roll(weight, 1, 1) + np.roll(weight, -1, 1)
+    best = near.argmax(1)
+    whole = near[np.arange(n), best]
+    # the mean direction of those edges, about the middle of the best bin
+    middle = (best + 0.5) / BINS * _QUARTER
+    off = np.mod(turn - middle[owner] + _QUARTER / 2, _QUARTER) - _QUARTER / 2
+    along = np.abs(off) <= 1.5 * _QUARTER / BINS
+    counted = np.where(along, length, 0.0)
+    mean = group_sum(counted * off, owner, n) / np.maximum(group_sum(counted, owner, n), 1e-300)
+    share = whole / np.maximum(weight.sum(1), 1e-300)
+    return Directions(middle + mean, whole, share, along)
+
+
+def straight_edges(
+    edges: FloatArray, owner: IntArray, area: FloatArray, least: float = LONG
+) -> BoolArray:
+    """(b,) bool: border edges along the directions of their chart, where these have a long part of its border.
+
+    edges: (b, 2). owner: (b,) their charts. area: (n,) of the charts. least: such a part, over √area.
+    """
+    found = directions(edges, owner, len(area))
+    long = (found.length >= least * np.sqrt(np.maximum(area, 0.0))) & (found.length > 0)
+    result: BoolArray = found.along & long[owner]
+    return result
+
+
+def axis_parallel(edges: FloatArray) -> BoolArray:
+    """(b,) bool: edges (b, 2) that lie along an axis, up to half a degree."""
+    turn = np.mod(np.arctan2(edges[:, 1], edges[:, 0]), _QUARTER)
+    result: BoolArray = np.minimum(turn, _QUARTER - turn) <= PARALLEL
+    return result

@@ -1,0 +1,90 @@
+"""``--straighten``: straight borders lie along the axes, belts and tubes are rectangles to the last digits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import circparam
+from circparam.errors import OptionError
+from circparam.mesh.atlas import Atlas
+from circparam.mesh.mesh import Mesh
+from circparam.mesh.repair import RepairOptions, repair
+from circparam.packing import PackOptions, pack
+from circparam.pipeline.developable import unrolled
+from tests.support import parts, shapes
+
+QUICK = {"effort": 0.01, "resolution": 512, "jobs": 1}
+
+
+def box_excess(result: circparam.Result, chart: int) -> float:
+    """Area of the upright box of a chart over its own, less 1."""
+    found = result.verification
+    mine = found.cut_mesh.faces[found.cut_mesh.chart == chart]
+    p = found.uv[mine]
+    e = p[:, 1:] - p[:, :1]
+    area = np.abs(e[:, 0, 0] * e[:, 1, 1] - e[:, 0, 1] * e[:, 1, 0]).sum() / 2
+    return float(np.ptp(p.reshape(-1, 2), axis=0).prod() / area - 1)
+
+
+@pytest.mark.parametrize("shape", [shapes.half_cylinder(), shapes.cylinder(24, 12, caps=True)])
+def test_a_belt_becomes_a_rectangle_along_the_axes(shape: tuple[np.ndarray, np.ndarray]) -> None:
+    result = circparam.unwrap(shape, straighten="all", hide_seams=0, **QUICK)
+    charts = np.bincount(result.verification.cut_mesh.chart)
+    assert box_excess(result, int(charts.argmax())) < 1e-5  # uv are stored in single precision
+    assert result.measures["axis_parallel"] == pytest.approx(1.0)
+    assert result.verification.valid
+
+
+def test_unrolling_is_exact_and_leaves_curved_charts_alone() -> None:
+    flat, curved = shapes.half_cylinder(), shapes.hemisphere()
+    points, faces = shapes.join(flat, curved)
+    surface, _ = repair(Mesh(points, faces), RepairOptions(0.0, True, by_position=True))
+    cut = np.zeros(len(surface.edges), bool)
+    rest = circparam.unwrap((points, faces), normalize=False, cut="none", method="lscm", jobs=1)
+    corners = rest.uv[surface.from_file(rest.uv_faces)]
+    before = Atlas(surface, cut, corners)
+    after = unrolled(before)
+    belt = surface.source < len(flat[1])
+    assert np.array_equal(after.corners[~belt], corners[~belt])
+    ratio = side_lengths(after.corners[belt]) / side_lengths(surface.rest_triangles[belt])
+    assert ratio == pytest.approx(ratio.mean(), rel=1e-10)
+
+
+def side_lengths(corners: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=2))
+
+
+def test_all_lays_straight_borders_along_the_axes() -> None:
+    gear = parts.gear()
+    share = {}
+    for straighten in ("off", "all"):
+        result = circparam.unwrap((gear.points, gear.faces), straighten=straighten, **QUICK)
+        share[straighten] = result.measures["axis_parallel"]
+        assert result.verification.valid
+        assert result.verification.coverage.gap >= 5
+    assert share["all"] > 0.9 > share["off"]
+
+
+@pytest.mark.parametrize("count", [1, 7, 60, 300])
+def test_every_packer_keeps_straight_charts_upright(count: int) -> None:
+    """One chart, few, those of the skyline, and more than are nested."""
+    rng = np.random.default_rng(count)
+    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
+    uv = []
+    for t in rng.random(count) * 3:
+        c, s = np.cos(t), np.sin(t)
+        uv.append((corner * (0.2 + rng.random(2))) @ np.array([[c, s], [-s, c]]))
+    quads = np.array([[0, 1, 2], [0, 2, 3]])
+    faces = np.concatenate([quads + 4 * k for k in range(count)])
+    asked = PackOptions(resolution=512, padding=1, effort=0.05, straighten="all")
+    packed = pack(faces, np.concatenate(uv), np.repeat(np.arange(count), 2), asked)
+    side = np.diff(packed.uv.reshape(count, 4, 2), axis=1)
+    assert np.abs(side).min(2).max() < 1e-9
+
+
+def test_fixed_angles_leave_nothing_to_straighten() -> None:
+    with pytest.raises(OptionError, match="rotate"):
+        circparam.Options(straighten="all", rotate="90")
+    with pytest.raises(OptionError, match="straighten"):
+        circparam.Options(straighten="most")
