@@ -47,7 +47,7 @@ _LIBRARY = (
     default="circle,floater",
     show_default=True,
     metavar="NAMES",
-    help="Names separated by commas, or all; also xatlas, xatlas-default (if installed).",
+    help="Names separated by commas, or all; also xatlas, xatlas-default, uvunwrap (if installed).",
 )
 @click.option(
     "--cut",

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from circparam.compare import xatlas
+from circparam.compare import uvunwrap, xatlas
 from circparam.core.registry import unknown_name
 from circparam.errors import OptionError
 from circparam.methods import METHODS
+
+# what each baseline is run by: a module with ``require`` and ``task``
+BASELINES = {name: module for module in (xatlas, uvunwrap) for name in module.NAMES}
 
 
 def method_names(text: str | Sequence[str]) -> list[str]:
@@ -18,7 +21,7 @@ def method_names(text: str | Sequence[str]) -> list[str]:
     """
     parts = text.split(",") if isinstance(text, str) else list(text)
     names: list[str] = []
-    known = [*METHODS.names(), *xatlas.NAMES]
+    known = [*METHODS.names(), *BASELINES]
     for name in filter(None, (part.strip() for part in parts)):
         if name not in known and name != "all":
             raise OptionError(unknown_name("method", name, [*known, "all"]))
@@ -28,6 +31,7 @@ def method_names(text: str | Sequence[str]) -> list[str]:
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise OptionError(f"--methods names {twice[0]} twice: name each method once")
-    if any(name in xatlas.NAMES for name in names):
-        xatlas.require()
+    for name in names:
+        if name in BASELINES:
+            BASELINES[name].require()
     return names

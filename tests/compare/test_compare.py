@@ -129,6 +129,15 @@ def test_xatlas_is_a_row_with_seams_of_its_own() -> None:
     assert row(c, "isometric")["charts"] < 6
 
 
+def test_uvunwrap_is_a_row_with_seams_of_its_own() -> None:
+    pytest.importorskip("uvunwrap")
+    own = row(quick(shapes.cube(4), "uvunwrap"), "uvunwrap")
+    assert own["status"] == "ok"
+    assert own["charts"] == 6
+    assert own["distortion"] == pytest.approx(1, abs=1e-4)
+    assert own["seconds"] > 0
+
+
 def test_a_method_that_fails_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object, **__: object) -> process.Outcome:
         return process.Outcome(error="no such luck")

@@ -86,7 +86,8 @@ def test_a_trimesh_object_with_an_image(nodes: dict[str, Any]) -> None:
     assert out.visual.material.image.size == (8, 8)
     plain, _, _ = run(node, trimesh=mesh, image=None)
     np.testing.assert_array_equal(plain.visual.uv, out.visual.uv)
-    for wrong in (np.zeros((8, 8, 3)), np.zeros((1, 8, 8)), np.zeros((0, 8, 8, 3))):
+    none = [np.zeros((8, 8, 3)), np.zeros((1, 8, 8)), np.zeros((0, 8, 8, 3)), "a name", object()]
+    for wrong in none:
         with pytest.raises(ValueError, match=r"IMAGE of ComfyUI is \(batch, height, width, 3\)"):
             run(node, trimesh=mesh, image=wrong)
 

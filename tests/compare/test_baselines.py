@@ -1,4 +1,4 @@
-"""The baseline: its layout is undistorted by its pages, and nobody needs it."""
+"""The baselines: their layouts are undistorted by their pages, and nobody needs them."""
 
 from __future__ import annotations
 
@@ -6,23 +6,24 @@ import numpy as np
 import pytest
 
 from circparam import errors
-from circparam.compare import xatlas
+from circparam.compare.names import BASELINES
 from tests.support import shapes
 
 
-def test_without_it_the_cure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xatlas.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(errors.OptionError, match="pip install"):
-        xatlas.atlas(*shapes.triangle())
+@pytest.mark.parametrize("name", BASELINES)
+def test_without_it_the_cure_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(errors.OptionError, match=f"{name.split('-')[0]} is not installed: pip"):
+        BASELINES[name].atlas(*shapes.triangle())
 
 
-@pytest.mark.parametrize("name", xatlas.NAMES)
+@pytest.mark.parametrize("name", BASELINES)
 def test_its_page_is_undone(name: str) -> None:
     """A flat strip comes back as a strip: angles and the ratio of its sides are kept."""
-    pytest.importorskip("xatlas")
+    pytest.importorskip(name.split("-")[0])
     points, faces = shapes.grid(9, 3)
     points = points * [4, 1, 1]
-    uvmap, seconds = xatlas.atlas(points, faces, name)
+    uvmap, seconds = BASELINES[name].atlas(points, faces, name)
     assert seconds["atlas"] > 0
     assert uvmap.uv.min() >= 0
     assert uvmap.uv.max() <= 1
