@@ -1,4 +1,4 @@
-"""circparam unwraps triangle meshes: few charts, bounded distortion, no flips, nothing of the file lost.
+"""circparam unwraps triangle meshes: few charts, bounded distortion, no flips, lossless files.
 
 ::
 

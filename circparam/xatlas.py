@@ -9,7 +9,7 @@
     vmapping, indices, uvs = atlas[0]
 
 Shapes, types, errors and defaults of attributes are those of xatlas 0.0.11; docs/from-xatlas.md says what its
-options become. Programs that can't be changed get it with ``sys.modules["xatlas"] = circparam.xatlas``. NumPy
+options become. Programs that cannot be changed get it with ``sys.modules["xatlas"] = circparam.xatlas``. NumPy
 and SciPy are loaded when the first function is used.
 """
 

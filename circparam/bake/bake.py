@@ -58,7 +58,7 @@ class Baked:
 
     covered: share of all texels that a face covers. notes: what the user should know. report: figures on how
     places were found on another surface, for JSON. tints: what materials do to the colours that were
-    baked, which is no part of the image.
+    baked, which is not part of the image.
     """
 
     tiles: dict[tuple[int, int], Texels]

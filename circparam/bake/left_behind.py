@@ -40,7 +40,7 @@ def _textures(document: Document, uv_set: int | None) -> list[str]:
         looks = document.looks()
     except (
         CircparamError
-    ):  # what can't be carried is not left behind in silence: reading textures tells it
+    ):  # what cannot be carried is not left behind in silence: reading textures tells it
         return []
     if looks is None:
         return []

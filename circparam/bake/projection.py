@@ -159,7 +159,7 @@ class Projection:
         tally = self.tally
         if self.mapped and tally.share(tally.missed) > LOST:
             raise InputError(
-                "the map turns the surface over: one mesh is mirrored or wound in reverse; turn it, and make "
+                "the map flips the surface: one mesh is mirrored or reversed; turn it, and make "
                 "the map again"
             )
         if tally.empty == tally.sought:

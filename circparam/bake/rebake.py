@@ -107,7 +107,7 @@ def rebake(
     keywords: the fields of ``Options`` and of ``LookOptions``: size, merge_materials, samples, check_look.
 
     Returns the result of the unwrap and what became of images and materials. Raises what ``unwrap`` does, and
-    InputError for images that can't be carried.
+    InputError for images that cannot be carried.
     """
     names = specs(LookOptions)
     look = LookOptions(**{k: v for k, v in keywords.items() if k in names})
@@ -129,7 +129,7 @@ def rebake_document(
     """Unwrap a file and write it with its images in the new layout.
 
     Raises what ``unwrap_document`` does, OptionError where an option leaves no single page, InputError for
-    images that can't be carried; all but the first before any work.
+    images that cannot be carried; all but the first before any work.
     """
     check_page(options, look)
     if look.check_look and os.fspath(output) == "-":
@@ -266,7 +266,7 @@ def bake_all(
     """Write a source with the uv of a document over the same triangles, and all its images carried there.
 
     source: None for the document itself, whose images refer to another set. Raises OptionError where the
-    output can't hold the materials, InputError where the two are not the same triangles or images can't be
+    output can't hold the materials, InputError where the two are not the same triangles or images cannot be
     carried.
     """
     layout = document.require_uv(uv_set)

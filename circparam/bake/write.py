@@ -41,7 +41,7 @@ def check_up(path: Path, document: Document, up: str | None) -> None:
     if up is None or (path.suffix.lower() == ".glb" and up_of(document.format) != "y"):
         return
     raise OptionError(
-        f"--up has no effect here: {path} is no new glTF of another format; leave it out"
+        f"--up has no effect here: {path} is not a new glTF made from another format; leave it out"
     )
 
 
@@ -89,7 +89,7 @@ def _untold(baked: Baked, document: Document | None = None) -> list[str]:
     """What materials did to the colours, and the output does not show; those of a glTF document still do it."""
     found = document.textures() if isinstance(document, GltfDocument) else None
     kept = () if found is None else found.tints
-    return [f"{line}, which is no part of the image" for line in baked.tints if line not in kept]
+    return [f"{line}, which is not part of the image" for line in baked.tints if line not in kept]
 
 
 def _gloss_notes(document: Document) -> list[str]:

@@ -234,12 +234,10 @@ def address_in(path: str) -> str:
         return str(json.loads(Path(path).read_bytes())["address"])
     except OSError as error:
         raise OptionError(
-            f"--scheduler-file {path}: it can't be read ({error.strerror}): is the scheduler running?"
+            f"--scheduler-file {path}: cannot be read ({error.strerror}): is the scheduler running?"
         ) from None
     except (ValueError, KeyError, TypeError):
-        raise OptionError(
-            f"--scheduler-file {path}: it is no file that a scheduler has written"
-        ) from None
+        raise OptionError(f"--scheduler-file {path}: it is not a scheduler file") from None
 
 
 def refuse(worker: str, found: str) -> None:

@@ -45,7 +45,7 @@ def fetch(address: str, folder: str, settings: Settings) -> tuple[str, str | Non
         raise InputError(f"{address}: no such file") from None
     except Exception as error:
         text = f"{type(error).__name__}: {error}"
-        raise InputError(f"{address}: it can't be fetched ({' '.join(text.split())})") from error
+        raise InputError(f"{address}: cannot be fetched ({' '.join(text.split())})") from error
     return path, digest(path)
 
 

@@ -80,7 +80,7 @@ class Manifest:
             self._end = self._stream.seek(0, os.SEEK_END)
         except OSError as error:
             raise OutputError(
-                f"{self.path}: the manifest can't be written ({error.strerror or error})"
+                f"{self.path}: the manifest cannot be written ({error.strerror or error})"
             ) from None
         except OptionError:
             self._stream.close()
@@ -140,7 +140,7 @@ class Manifest:
             self.folder.put(NAME, str(self.path))
         except Exception as error:
             raise OutputError(
-                f"{self.folder.of(NAME)}: it can't be written ({' '.join(str(error).split())}); "
+                f"{self.folder.of(NAME)}: cannot be written ({' '.join(str(error).split())}); "
                 f"its lines are kept in {self.path}: the same command again puts them there"
             ) from None
         finally:

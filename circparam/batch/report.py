@@ -61,7 +61,7 @@ def save_report(folder: Folder, index: Index) -> str:
             raise
         except Exception as error:
             reason = getattr(error, "strerror", None) or error
-            raise OutputError(f"{folder.of(PAGE)}: it can't be written ({reason})") from None
+            raise OutputError(f"{folder.of(PAGE)}: cannot be written ({reason})") from None
     return folder.of(PAGE)
 
 

@@ -196,10 +196,10 @@ class Batch:
                 self._full_since = self._full_since or now
                 if self.stopping or now - self._full_since > FULL_WAIT:
                     raise OutputError(
-                        f"{self.manifest.path}: it can't be written ({error.strerror}): "
+                        f"{self.manifest.path}: cannot be written ({error.strerror}): "
                         "the same command again does what has no line"
                     ) from None
-                self._note = f"the manifest can't be written ({error.strerror}): waiting"
+                self._note = f"the manifest cannot be written ({error.strerror}): waiting"
                 time.sleep(PAUSE)
                 return
             line = self._unwritten.pop(0)

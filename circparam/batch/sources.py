@@ -93,7 +93,7 @@ class Listing:
             try:
                 entries = os.scandir(folder)
             except OSError as error:
-                raise InputError(f"{folder}: it can't be read ({error.strerror})") from None
+                raise InputError(f"{folder}: cannot be read ({error.strerror})") from None
             with entries:
                 for entry in entries:
                     if entry.name.startswith("."):
@@ -133,7 +133,7 @@ def list_lines(path: str) -> Iterator[str]:
                 if line and (mark == b"\0" or (line.strip() and not line.startswith("#"))):
                     yield line
     except OSError as error:
-        raise InputError(f"@{path}: the list can't be read ({error.strerror})") from None
+        raise InputError(f"@{path}: the list cannot be read ({error.strerror})") from None
 
 
 def _pieces(blocks: Iterator[bytes], mark: bytes) -> Iterator[bytes]:
@@ -148,7 +148,7 @@ def _local(path: str, name: str, known: os.stat_result | None = None) -> Source:
     try:
         stat = known or os.stat(path)
     except OSError as error:
-        raise InputError(f"{path}: it can't be read ({error.strerror})") from None
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     address = os.path.join(_real_folder(os.path.dirname(path)), os.path.basename(path))
     return Source(address, name, stat.st_size, str(stat.st_mtime_ns))
 
@@ -182,7 +182,7 @@ def _remote(address: str, prefix: str | None) -> Iterator[Source]:
         raise
     except Exception as error:
         raise InputError(
-            f"{address}: it can't be listed ({type(error).__name__}: {' '.join(str(error).split())})"
+            f"{address}: cannot be listed ({type(error).__name__}: {' '.join(str(error).split())})"
         ) from None
 
 

@@ -67,9 +67,7 @@ def open_store(address: str) -> tuple[Any, str]:
     except ImportError as error:
         raise OptionError(f"{address}: {' '.join(str(error).split())}") from None
     except (ValueError, OSError) as error:
-        raise InputError(
-            f"{address}: it can't be opened ({' '.join(str(error).split())})"
-        ) from None
+        raise InputError(f"{address}: cannot be opened ({' '.join(str(error).split())})") from None
     return store, str(path)
 
 
@@ -122,7 +120,7 @@ class Folder:
                 pass
         except OSError as error:
             raise OutputError(
-                f"{self.address}: it can't be written ({error.strerror}): give another --out"
+                f"{self.address}: cannot be written ({error.strerror}): give another --out"
             ) from None
 
     def put(self, name: str, path: str) -> None:

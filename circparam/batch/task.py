@@ -191,7 +191,7 @@ def _placed(
             full = isinstance(error, OSError) and error.errno in _FULL
             reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
             problem = OutputError(
-                f"{folder.of(name)}: it can't be written ({' '.join(reason.split())})"
+                f"{folder.of(name)}: cannot be written ({' '.join(reason.split())})"
             )
             problem.__cause__ = OSError(errno.ENOSPC, "") if full else error
             raise problem from problem.__cause__

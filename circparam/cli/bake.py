@@ -111,7 +111,7 @@ def command(mesh: str, **given: Any) -> None:
 def _check_words(given: dict[str, Any], look: LookOptions) -> None:
     """Raise OptionError where --all and --from are both there or both missing, or another word fits but one."""
     if given["whole"] == (given["kind"] is not None):
-        raise OptionError("say what to carry: --from WHAT, or --all for every texture")
+        raise OptionError("nothing to bake: give --from WHAT, or --all for every texture")
     if given["whole"]:
         for name, flag in {"by": "--map", "cage": "--cage", "up": "--up"}.items():
             if given[name] is not None:

@@ -128,11 +128,9 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> Plan:
     engines = [n for n in ("workers", "scheduler", "scheduler_file") if given[n] is not None]
     if len(engines) > 1:
         flags = " and ".join("--" + n.replace("_", "-") for n in engines)
-        raise OptionError(
-            f"{flags} exclude each other: a cluster of this machine, or one that runs"
-        )
+        raise OptionError(f"{flags} exclude each other: use local workers or one running cluster")
     if "-" in sources:
-        raise OptionError("a batch reads no standard input: give '-' to circparam unwrap")
+        raise OptionError("a batch cannot read standard input: give '-' to circparam unwrap")
     from circparam.batch.batch import Plan
     from circparam.batch.settings import Settings
     from circparam.pipeline.gates import parse_gates
@@ -181,7 +179,7 @@ def _end(summary: Summary, given: dict[str, Any]) -> int:
 
 def _status(sources: tuple[str, ...], given: dict[str, Any]) -> int:
     if sources or given["out"] is not None:
-        raise OptionError("--status DIR stands alone: it runs nothing")
+        raise OptionError("--status DIR takes no other argument: it only reports")
     from circparam.batch.batch import status
     from circparam.cli.batch_progress import print_status
 

@@ -29,6 +29,6 @@ def command(output: str | None, overwrite: bool) -> None:
 
     path = Path(output or "circparam_addon.zip")
     if path.suffix.lower() != ".zip":
-        raise OptionError(f"-o {path}: the add-on is a .zip file, name it so")
+        raise OptionError(f"-o {path}: the add-on needs a name that ends in .zip")
     write_files({path: addon_zip()}, overwrite)
     click.echo(f"saved {path}", err=True)

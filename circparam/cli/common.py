@@ -128,7 +128,7 @@ class FiniteRange(click.FloatRange):
         """The number, where it is one."""
         number = float(super().convert(value, param, ctx))
         if not math.isfinite(number):
-            self.fail(f"{value} is no number", param, ctx)
+            self.fail(f"{value} is not a number", param, ctx)
         return number
 
 
@@ -184,7 +184,7 @@ def _formats() -> list[str]:
     return FORMATS.names()
 
 
-# what can't be read or is a directory is the library's error (exit 3), not one of usage
+# what cannot be read or is a directory is the library's error (exit 3), not one of usage
 MESH = click.Path(dir_okay=True, allow_dash=True, readable=False)
 FILE = click.Path(readable=False)
 

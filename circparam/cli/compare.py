@@ -126,7 +126,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     _write(found, sizes, {**given, "repeats": repeats})
     rows = [row for c in found for row in c.rows if row.method != "input"]
     if rows and all(row.status == "failed" for row in rows):
-        raise NoResultError(f"no method had a result; {rows[0].method}: {rows[0].error}")
+        raise NoResultError(f"no method produced a result; {rows[0].method}: {rows[0].error}")
     return next((code for code in codes if code), exits.OK)
 
 
@@ -190,7 +190,7 @@ def _write(found: list[Comparison], sizes: list[Size] | None, given: dict[str, A
 def _check_output(path: str, overwrite: bool, ending: str = "") -> None:
     """Refuse before hours of work, not after."""
     if not path.lower().endswith(ending):
-        raise OptionError(f"{path}: end the name in {ending}")
+        raise OptionError(f"{path}: the name must end in {ending}")
     check_place(path, overwrite)
 
 

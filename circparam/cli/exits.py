@@ -11,7 +11,7 @@ code  meaning
 5     no valid result
 6     a gate of ``--fail-if`` was missed (the file is still written)
 7     out of time with no result
-8     the output can't be written
+8     the output cannot be written
 130   interrupted (Ctrl-C)
 143   terminated (SIGTERM)
 ====  =====================================================================================

@@ -215,7 +215,7 @@ def _mute_stdout() -> None:
 @click.version_option(__version__, "-V", "--version", prog_name="circparam")
 @click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")
 def cli() -> None:
-    """Unwrap triangle meshes: few charts, bounded distortion, no flips, nothing of the file lost."""
+    """Unwrap triangle meshes: few charts, bounded distortion, no flips, lossless files."""
 
 
 def main() -> NoReturn:

@@ -78,7 +78,7 @@ def command(a: str, b: str, **given: Any) -> None:
 
     out = Path(given["output"])
     if out.suffix.lower() != ".npz":
-        raise OptionError(f"{out}: a map is written as .npz")
+        raise OptionError(f"{out}: the map needs a name that ends in .npz")
     check_place(str(out), given["overwrite"])
     documents = [read(name, reader=given["reader"]) for name in (a, b)]
     with progress.listener(f"{Path(a).name} to {Path(b).name}", given["quiet"]) as listener:

@@ -70,7 +70,7 @@ def _print_table(rows: list[dict[str, Any]]) -> None:
     out.print(columns("method", short.values(), marks), "")
     out.print(facts((row["name"], row["summary"]) for row in rows), "")
     out.print(facts((short[tag], text) for tag, text in TAGS.items()))
-    click.echo("circparam methods NAME tells its source, and on what its guarantees depend.")
+    click.echo("circparam methods NAME shows its source and the conditions of its guarantees.")
 
 
 def _print_page(row: dict[str, Any]) -> None:

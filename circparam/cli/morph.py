@@ -62,7 +62,7 @@ def command(first: str, second: str, **given: Any) -> None:
 
     path = Path(given["output"])
     if path.suffix.lower() != ".glb":
-        raise OptionError(f"{path}: morph targets are written into .glb: end the name in it")
+        raise OptionError(f"{path}: a morph needs a name that ends in .glb")
     check_place(str(path), given["overwrite"])
     mapped = load_map(given["mapped"])
     a, b = (read(mesh, reader=given["reader"]) for mesh in (first, second))

@@ -63,7 +63,7 @@ def check_outputs(meshes: Sequence[str], outputs: Sequence[str], given: dict[str
             raise OptionError(f"{_flag(name)} names one file, but {len(meshes)} meshes are given")
         endings = _FURTHER[name]
         if endings and not path.lower().endswith(endings):
-            raise OptionError(f"{_flag(name)} {path}: end the name in {', '.join(endings)}")
+            raise OptionError(f"{_flag(name)} {path}: the name must end in {', '.join(endings)}")
     if outputs.count("-") + bool(given["as_json"]) > 1:
         raise OptionError(
             "the mesh and --json cannot both go to stdout: give -o FILE, or leave --json out"
@@ -114,14 +114,16 @@ def check_place(path: str, overwrite: bool, made: str | None = None) -> None:
     if os.path.exists(path) and not overwrite:
         raise OptionError(f"{path} exists: give --overwrite to replace it, or another -o")
     if not folder.is_dir() and (made is None or folder != Path(made)):
-        raise OutputError(f"{path}: there is no folder {str(folder)!r}: make it, or name another")
+        raise OutputError(
+            f"{path}: the folder {str(folder)!r} does not exist: create it, or name another"
+        )
 
 
 @contextlib.contextmanager
 def made_folder(folder: str | None) -> Iterator[None]:
     """Make a folder for outputs where it is missing; it goes again where nothing was written into it.
 
-    Raises OutputError where it can't be made.
+    Raises OutputError where it cannot be made.
     """
     made: list[Path] = []
     try:
@@ -146,7 +148,7 @@ def _make(folder: str | None, made: list[Path]) -> None:
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
     except OSError as error:
         raise OutputError(
-            f"--out-dir {folder}: it can't be made ({error.strerror or error}): name another folder"
+            f"--out-dir {folder}: cannot be made ({error.strerror or error}): name another folder"
         ) from None
 
 

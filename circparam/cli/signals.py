@@ -73,7 +73,7 @@ def answering(status: Callable[[], str]) -> Iterator[None]:
 
 def _answer() -> None:
     """One line on stderr, past all buffers."""
-    line = _STATUS[-1]() if _STATUS else "nothing is going on yet"
+    line = _STATUS[-1]() if _STATUS else "no stage has begun yet"
     with contextlib.suppress(OSError):
         os.write(2, f"circparam: status: {line}\n".encode())
 

@@ -58,7 +58,7 @@ def columns(first: str, heads: Iterable[str], rows: Mapping[str, Iterable[str]])
 
 def _searches(effort: dict[str, Any]) -> str:
     """How many searches were made, and which one is kept."""
-    left = f"; time was up for {effort['more']} more" if effort["more"] else ""
+    left = f"; no time for {effort['more']} more" if effort["more"] else ""
     return f"{effort['searches']} made, number {effort['best'] + 1} costs least{left}"
 
 

@@ -138,7 +138,7 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     outputs = [output_path(mesh, given) for mesh in asked]
     check_outputs(asked, outputs, given)
     for mesh in again:
-        progress.warn(f"{mesh}: left out, the output of a mesh beside it", run.quiet)
+        progress.warn(f"{mesh}: skipped, because it is the output of another mesh", run.quiet)
     codes = []
     with made_folder(given["out_dir"]):
         if given["one_atlas"]:
@@ -382,7 +382,7 @@ def memory_size(size: str) -> int:
         count = 0
     if count <= 0:
         raise OptionError(
-            f"--max-memory {size!r} is no size: write a number with K, M or G, such as 4G"
+            f"--max-memory {size!r} is not a size: write a number with K, M or G, such as 4G"
         )
     try:
         import resource  # noqa: F401

@@ -53,7 +53,7 @@ def run(
             (folder / "task.json").write_text(json.dumps([function, settings]), encoding="utf-8")
         except OSError as error:
             raise OutputError(
-                f"{folder}: the mesh can't be handed to a process ({error.strerror or error}): "
+                f"{folder}: the mesh cannot be handed to a process ({error.strerror or error}): "
                 "name a folder with room in TMPDIR"
             ) from None
         command = [sys.executable, "-P", "-m", "circparam.compare.process", name]

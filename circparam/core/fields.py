@@ -36,9 +36,9 @@ class Range:
         return self.low <= float(value) <= self.high
 
     def check(self, name: str, value: object) -> None:
-        """Raise OptionError where a value is no number of the range; ``name`` as the user wrote it."""
+        """Raise OptionError where a value is not a number of the range; ``name`` as the user wrote it."""
         if value not in self:
-            raise OptionError(f"{name} {value!r}: it is {self.meaning}")
+            raise OptionError(f"{name} {value!r}: give {self.meaning}")
 
 
 @dataclass(frozen=True)
@@ -126,5 +126,5 @@ def check(options: Any) -> None:
 def _no_word(name: str, value: str, spec: Spec) -> str:
     """The message for a word that stands for no number; the shortest word is what most mean by a wrong one."""
     near = difflib.get_close_matches(value, spec.words, n=1, cutoff=0.5) or list(spec.words)[:1]
-    meaning = "" if spec.bounds is None else f"it is {spec.bounds.meaning}; "
+    meaning = "" if spec.bounds is None else f"give {spec.bounds.meaning}; "
     return f"{name} {value!r}: {meaning}did you mean {near[0]}?"

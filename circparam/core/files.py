@@ -52,7 +52,7 @@ def write_files(
                 _sync_folders(staged)
     except OSError as error:
         where = next(reversed(list(contents)), "output")
-        raise OutputError(f"{where}: it can't be written ({error.strerror or error})") from None
+        raise OutputError(f"{where}: cannot be written ({error.strerror or error})") from None
     return list(contents)
 
 

@@ -8,10 +8,10 @@ from circparam.core.fields import Range
 from circparam.errors import OptionError
 
 # Above 16384 the raster on which a finished layout is checked takes gigabytes.
-RESOLUTION = Range(1, 16384, "texels a side, 1 to 16384")
-PADDING = Range(0, 4096, "texels, 0 to 4096")
+RESOLUTION = Range(1, 16384, "1 to 16384 texels")
+PADDING = Range(0, 4096, "0 to 4096 texels")
 PAGES = Range(1, 100, "a number of pages, 1 to 100")
-TEXEL_DENSITY = Range(1e-300, 1e300, "texels per unit of the mesh, more than 0")
+TEXEL_DENSITY = Range(1e-300, 1e300, "a number of texels per unit of the mesh, more than 0")
 ROTATIONS = ("free", "90", "none")
 
 

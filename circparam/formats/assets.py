@@ -43,7 +43,7 @@ def find_assets(
 ) -> Assets:
     """The files that the output refers to. copy: see ``WriteOptions.copy_assets``.
 
-    overwrite: whether those that are there may be replaced. Files without which the output can't be read go
+    overwrite: whether those that are there may be replaced. Files without which the output cannot be read go
     along whatever ``copy`` says.
     """
     folder, out = source.folder, target.resolve().parent

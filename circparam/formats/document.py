@@ -53,7 +53,7 @@ class Encoded:
     """A document as bytes, before anything touches the disk.
 
     data: the file. format: its format. extra: further files by their name beside it. assets: relative names
-    of files that it refers to, needed: those without which it can't be read. warnings: what changes for the
+    of files that it refers to, needed: those without which it cannot be read. warnings: what changes for the
     user; notes: what may interest. vertex_map: (k,) int64, input vertex of every output vertex. face_map: (m,)
     int64, input face of every output face (triangles, in the order in which reading the output gives them).
     """
@@ -200,7 +200,7 @@ class Document:
     def looks(self) -> Looks | None:
         """The materials of the file with all their images; None for a format without materials.
 
-        Raises InputError for a malformed material, an image that is missing, and what can't be carried.
+        Raises InputError for a malformed material, an image that is missing, and what cannot be carried.
         """
         return None
 
@@ -219,7 +219,7 @@ class Document:
         return {found.uv_set} if found is not None and named else set()
 
     def needs(self, format: str) -> list[str]:
-        """Files beside this one that the output in ``format`` can't be read without, as relative names."""
+        """Files beside this one that the output in ``format`` cannot be read without, as relative names."""
         return []
 
     def flaws(self) -> list[str]:

@@ -103,10 +103,10 @@ def check_archive(data: bytes, source: Source, kind: str) -> None:
             entries = archive.infolist()
     except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
         raise source.error(
-            f"it is no whole {kind.upper()} archive ({error}): export it again"
+            f"it is not a complete {kind.upper()} archive ({error}): export it again"
         ) from None
     if not any(entry.filename.lower().endswith(ENTRY[kind]) for entry in entries):
-        raise source.error(f"the archive holds no {ENTRY[kind]} file: it is no {kind.upper()}")
+        raise source.error(f"the archive holds no {ENTRY[kind]} file: it is not a {kind.upper()}")
     size = sum(entry.file_size for entry in entries)
     if size > max(UNPACKED, UNPACKED_PER_BYTE * len(data)):
         raise source.error(

@@ -90,7 +90,9 @@ def output_format(path: str | os.PathLike[str]) -> str:
             return name
     *most, last = [s for name in writable() for s in rows[name].suffixes[:1]]
     what = f"{suffix[1:].upper()} holds no uv here" if suffix else "no suffix tells the format"
-    raise OptionError(f"{os.fspath(path)}: {what}; end the name in {', '.join(most)} or {last}")
+    raise OptionError(
+        f"{os.fspath(path)}: {what}; the name must end in {', '.join(most)} or {last}"
+    )
 
 
 def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
@@ -103,11 +105,7 @@ def format_of(path: str | os.PathLike[str], format: str | None = None) -> str:
         if suffix in row.function.suffixes:
             return row.name
     known = ", ".join(s for row in FORMATS for s in row.function.suffixes[:1])
-    what = (
-        f"the suffix {suffix!r} is no mesh format"
-        if suffix
-        else "there is no suffix that tells the format"
-    )
+    what = f"the suffix {suffix!r} is not a mesh format" if suffix else "no suffix tells the format"
     raise OptionError(f"{os.fspath(path)}: {what}; end it in {known} or give --format")
 
 

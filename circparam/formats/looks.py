@@ -143,7 +143,7 @@ def pixels(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uin
         unknown = isinstance(error, UnidentifiedImageError)
         cause = _kind_of(data) if unknown else str(error)
         raise InputError(
-            f"the texture {name} can't be read ({cause}): export PNG or JPEG"
+            f"the texture {name} cannot be read ({cause}): export PNG or JPEG"
         ) from None
     if image.mode.startswith("I"):  # grey of 16 bit; converting would clip it to 8
         grey = np.clip(np.asarray(image), 0, 65535).astype(np.uint16)

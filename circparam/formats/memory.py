@@ -71,7 +71,7 @@ def _numbers(points: npt.ArrayLike) -> FloatArray:
     try:
         given = np.asarray(points)
     except ValueError as error:  # rows of several lengths
-        raise InputError(f"points are no array of numbers ({error})") from None
+        raise InputError(f"points are not an array of numbers ({error})") from None
     if given.dtype.kind not in "biuf":
         raise InputError(f"points are of type {given.dtype}: real numbers are needed")
     return np.array(given, np.float64)
@@ -86,7 +86,7 @@ def whole_numbers(indices: npt.ArrayLike, what: str) -> IntArray:
     try:
         given = np.asarray(indices)
     except ValueError as error:
-        raise InputError(f"{what} are no array of indices ({error})") from None
+        raise InputError(f"{what} are not an array of indices ({error})") from None
     if given.size and given.dtype.kind not in "iu":
         raise InputError(
             f"{what} are of type {given.dtype}: indices are integers; convert them, such as with "

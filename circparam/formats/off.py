@@ -27,7 +27,7 @@ def read_off(data: bytes, source: Source) -> PlainDocument:
     text = re.sub(rb"#[^\r\n]*", b"", data).removeprefix(BYTE_ORDER_MARK)
     found = re.match(rb"\s*((?:ST)?C?N?4?n?OFF)\b", text)
     if found is None or b"4" in found.group(1) or b"n" in found.group(1) or b"\0" in text:
-        raise source.error("this is no text OFF file of three-dimensional points")
+        raise source.error("this is not a text OFF file of three-dimensional points")
     t = tokenize(text[found.end() :])
     try:
         head = parse_ints(gather(t.clean, t.start[:2], t.end[:2]), 2)

@@ -56,7 +56,7 @@ def read_apart(data: bytes, source: Source, kind: str) -> tuple[Arrays, list[str
             raise source.error(_over(kind, seconds, bound)) from None
         except OSError as error:
             raise source.error(
-                f"the process that reads {kind.upper()} can't be started ({error.strerror})"
+                f"the process that reads {kind.upper()} cannot be started ({error.strerror})"
             ) from None
     answer = io.BytesIO(done.stdout)
     try:

@@ -44,7 +44,7 @@ def read_paths(path: str | os.PathLike[str]) -> list[list[int]]:
             out.append([int(word) for word in words[1:]])
         except ValueError:
             raise InputError(
-                f"{path}, line {number}: {line.strip()!r} is no path of vertex numbers"
+                f"{path}, line {number}: {line.strip()!r} is not a path of vertex numbers"
             ) from None
     return out
 
@@ -93,10 +93,10 @@ def read_seams(path: str | os.PathLike[str]) -> IntArray:
         try:
             chain = [int(word.split("/")[0]) for word in words[1:]]
         except ValueError:
-            raise InputError(f"{path}: 'l {' '.join(words[1:])}' is no line element") from None
+            raise InputError(f"{path}: 'l {' '.join(words[1:])}' is not a line element") from None
         chain = [k - 1 if k > 0 else n + k for k in chain]
         if any(abs(k) > HIGHEST for k in chain):
-            raise InputError(f"{path}: 'l {' '.join(words[1:])}' is no line element")
+            raise InputError(f"{path}: 'l {' '.join(words[1:])}' is not a line element")
         pairs += list(itertools.pairwise(chain))
     return np.array(pairs, np.int64).reshape(-1, 2)
 
@@ -125,7 +125,7 @@ def read_weights(path: str | os.PathLike[str]) -> FloatArray:
             )
         if not weight >= 0:
             raise InputError(
-                f"{path}, line {number}: the weight {words[-1]} is no number from 0 (free) to inf (never)"
+                f"{path}, line {number}: the weight {words[-1]} is not a number from 0 (free) to inf (never)"
             )
         rows.append([*vertices, -1.0, weight] if len(vertices) == 1 else [*vertices, weight])
     if not rows:
@@ -155,7 +155,7 @@ def _text(path: str | os.PathLike[str]) -> str:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: it is no text file") from error
+        raise InputError(f"{path}: it is not a text file") from error
 
 
 def _numbers(
@@ -179,7 +179,7 @@ def _numbers(
             raise InputError(f"{path}, line {number}: {line.strip()!r} is not {what}")
         for value in row[:vertices]:
             if not value.is_integer() or abs(value) > HIGHEST:
-                raise InputError(f"{path}, line {number}: {value:g} is no vertex number")
+                raise InputError(f"{path}, line {number}: {value:g} is not a vertex number")
         rows.append(row)
     if not rows:
         raise InputError(f"{path}: it holds no line with {what}")

@@ -38,7 +38,7 @@ class Source:
 def read_bytes(
     path: str | os.PathLike[str], blocks: Callable[[BinaryIO], Iterator[bytes]] | None = None
 ) -> tuple[bytes, Source]:
-    """The content of a file, or of standard input for ``-``; InputError where it can't be read or is empty.
+    """The content of a file, or of standard input for ``-``; InputError where it cannot be read or is empty.
 
     blocks: what reads standard input piece by piece, and may refuse it before its end.
     """
@@ -58,7 +58,7 @@ def read_bytes(
             raise source.error("no such file") from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise source.error(f"it can't be read ({reason})") from None
+            raise source.error(f"cannot be read ({reason})") from None
         except MemoryError:
             size = os.stat(path).st_size / 1e9
             raise source.error(f"its {size:.1f} GB are more memory than there is") from None
@@ -91,11 +91,11 @@ def regular_bytes(path: Path, most: int = -1) -> bytes:
     """
     if not path.is_file():
         os.stat(path)  # where nothing is there, its own error
-        raise OSError("it is no regular file")
+        raise OSError("it is not a regular file")
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with open(handle, "rb") as file:
         if not stat.S_ISREG(os.fstat(handle).st_mode):  # replaced since
-            raise OSError("it is no regular file")
+            raise OSError("it is not a regular file")
         return file.read(most)
 
 

@@ -101,7 +101,7 @@ def _through_trimesh(data: bytes, source: Source) -> PlainDocument:
     try:
         loaded = trimesh.load(io.BytesIO(text), file_type="stl", process=False)
     except Exception as error:  # trimesh raises whatever its parser meets
-        raise source.error(f"it can't be read as STL ({error or type(error).__name__})") from None
+        raise source.error(f"cannot be read as STL ({error or type(error).__name__})") from None
     meshes: list[Any] = (
         list(loaded.geometry.values()) if isinstance(loaded, trimesh.Scene) else [loaded]
     )

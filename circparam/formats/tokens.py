@@ -106,7 +106,7 @@ def parse_ints(text: ByteArray, count: int) -> IntArray:
 
 
 def bad_token(tokens: Tokens, index: IntArray, kind: type[int] | type[float]) -> int:
-    """The first of the given words that is no number of that kind: only used to say where it is."""
+    """The first of the given words that is not a number of that kind: only used to say where it is."""
     for i in index.ravel().tolist():
         try:
             kind(tokens.clean[tokens.start[i] : tokens.end[i]].tobytes())

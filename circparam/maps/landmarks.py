@@ -105,7 +105,7 @@ def add_paths(marks: Landmarks, paths: list[list[int]], a: MapInput) -> None:
             own = int(a.vertex[vertex]) if 0 <= vertex < len(a.vertex) else -1
             if own not in number:
                 raise InputError(
-                    f"path {line}: vertex {vertex} of A is no landmark; a path leads from landmark to landmark"
+                    f"path {line}: vertex {vertex} of A is not a landmark; a path joins landmarks"
                 )
             found.append(number[own])
         for k, pair in enumerate(itertools.pairwise(found)):
@@ -202,10 +202,10 @@ def _corners(marks: Landmarks, a: MapInput, b: MapInput, k: int, j: int) -> list
     if len(own) > 2 and turns != 1:
         reverse = turns == len(own) - 1
         raise InputError(
-            "the landmarks on a boundary come in the opposite order on the two surfaces: "
+            "the landmarks on a boundary have opposite orders on the two surfaces: "
             "say --mirrored, or check them"
             if reverse
-            else "the landmarks on a boundary come in another order on the two surfaces: "
+            else "the landmarks on a boundary have different orders on the two surfaces: "
             "paths between them would cross"
         )
     if len(own) >= 3:

@@ -130,7 +130,7 @@ class Layout:
         )
         if both.a.sectors != both.b.sectors:
             raise TopologyError(
-                f"the paths at landmark {i + 1} or {j + 1} come in another order on the two surfaces: they "
+                f"the paths at landmark {i + 1} or {j + 1} have different orders on the two surfaces: they "
                 "would cross; check the paths, or say --mirrored"
             )
         self.lay(i, j, both)

@@ -32,7 +32,7 @@ SHAPE = (
     0.05  # of the diagonal: no quadric decimation to a tenth of the faces moves a surface so far
 )
 LOOKED = 5_000  # places of the first mesh that are sought on the others
-DRIFT = Range(0.0, 1e6, "a distance in texels, from 0 on: 8 is the default")
+DRIFT = Range(0.0, 1e6, "a distance in texels, at least 0; 8 is the default")
 SIDE = Range(16, 65536, "a page of 16 to 65536 texels a side")
 
 
@@ -173,7 +173,7 @@ def _fitted(job: Job, layout: CarriedLayout) -> Fitted:
     turned = int(flipped_faces(job.surface, uvmap).sum())
     if turned:
         raise NoResultError(
-            f"{job.document.source.name}: {counted(turned, 'face')} would lie turned over: give a finer mesh"
+            f"{job.document.source.name}: {counted(turned, 'face')} would be flipped: give a finer mesh"
         )
     return Fitted(Cascade(layout.atlas), uvmap)
 

@@ -209,7 +209,7 @@ def _warnings(a: MapInput, there: FloatArray, worst: float) -> list[str]:
     vertex = a.surface.corner_vertex[int((energy * a.surface.areas).argmax()), 0]
     number = int(np.flatnonzero(a.vertex == vertex)[0])
     return [
-        f"the map is far from an isometry (mean distortion {worst:.3g}, 1 is one), most of all near vertex "
+        f"the map is far from an isometry (mean distortion {worst:.3g}; 1 is perfect), worst near vertex "
         f"{number} of A: add a landmark there and at the end of every long thin part"
     ]
 

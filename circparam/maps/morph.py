@@ -54,8 +54,8 @@ def morph(
     over = turned_over(mapped, a.mesh, b.mesh)
     if over.mean() > MIRRORED:
         raise InputError(
-            f"{b.source.name}: the map turns {100 * over.mean():.0f} % of the faces over: one mesh looks "
-            "mirrored or wound in reverse; turn it, and make the map again"
+            f"{b.source.name}: the map flips {100 * over.mean():.0f} % of the faces: one mesh looks "
+            "mirrored or reversed; turn it, and make the map again"
         )
     notes = []
     if overlay:

@@ -131,7 +131,7 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
     try:
         with open(path, "rb") as file:
             if not zipfile.is_zipfile(file):
-                raise ValueError("it is no .npz")
+                raise ValueError("it is not an .npz file")
         with np.load(path, allow_pickle=False) as data:
             if str(data["format"]) != FORMAT:
                 raise ValueError(f"its format is {data['format']}")
@@ -139,16 +139,16 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
             a, b = str(data["a"]), str(data["b"])
             overlay = _refinement(data)
     except OSError as error:
-        raise InputError(f"{path}: it can't be read ({error.strerror or error})") from None
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except (KeyError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise InputError(
-            f"{path}: no map between surfaces ({error}); circparam map makes one"
+            f"{path}: not a map between surfaces ({error}); make one with circparam map"
         ) from None
     return SurfaceMap(to_b, to_a, a, b, overlay)
 
 
 def _refinement(data: Mapping[str, np.ndarray]) -> Refinement | None:
-    """The overlay as a file has it. Raises ValueError where it can't be one."""
+    """The overlay as a file has it. Raises ValueError where it is none."""
     if OVERLAY[0] not in data:
         return None
     faces, parents, *places = (data[name] for name in OVERLAY)
@@ -163,11 +163,11 @@ def _refinement(data: Mapping[str, np.ndarray]) -> Refinement | None:
 
 
 def _places(face: np.ndarray, weights: np.ndarray) -> Places:
-    """Places as a file has them. Raises ValueError where they can't be any."""
+    """Places as a file has them. Raises ValueError where they cannot be any."""
     if face.dtype.kind not in "iu" or weights.dtype.kind != "f" or face.ndim != 1:
         raise ValueError("its arrays are of another kind")
     if weights.shape != (len(face), 3):
         raise ValueError("its arrays are of different lengths")
     if face.min(initial=0) < 0 or not np.isfinite(weights).all():
-        raise ValueError("its places are none")
+        raise ValueError("its places are invalid")
     return Places(face.astype(np.int64), weights.astype(np.float64))

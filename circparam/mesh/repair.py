@@ -269,8 +269,8 @@ def _refuse_closed(mesh: Mesh, polygons: IntArray, pairs: Pairs, kept: IntArray)
     if closed.any():
         number = mesh.face_number(kept[closed].min())
         raise TopologyError(
-            f"face {number} passes its corners again until it closes round nothing: no uv can show it whole. "
-            "Let it name each corner once"
+            f"face {number} repeats its corners until it encloses nothing: no uv can show it whole. "
+            "Name each corner once"
         )
 
 
@@ -331,12 +331,12 @@ def _messages_oriented(mesh: Mesh, surface: Surface, orientation: Orientation) -
     if n := int(back.sum()):
         first = mesh.face_number(surface.source[back].min())
         out.append(
-            f"{counted(n, 'face')} wound against {'its' if n == 1 else 'their'} neighbours turned "
+            f"{counted(n, 'face')} oriented against {'its' if n == 1 else 'their'} neighbours, reversed "
             f"for the solve (the first is face {first}); the file keeps its winding"
         )
     if n := orientation.one_sided:
         edges = counted(int((~orientation.keep).sum()), "edge")
         out.append(
-            f"{counted(n, 'component')} with one side only ({plural(n, 'Möbius strip')}) cut along {edges}"
+            f"{counted(n, 'component')} with only one side ({plural(n, 'Möbius strip')}) cut along {edges}"
         )
     return out

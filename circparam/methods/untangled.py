@@ -38,7 +38,7 @@ def untangle_layout(
     left = report.after > 0
     if not left.any():
         return uv, [f"{count}, mended by the foldover-free energy"]
-    notes = [f"{count}, mended by the foldover-free energy but for {int(left.sum())} charts"]
+    notes = [f"{count}, mended by the foldover-free energy except for {int(left.sum())} charts"]
     if hold is not None:
         left[cut_mesh.vertex_chart[hold]] = False
     if left.any():

@@ -142,7 +142,7 @@ def check_fixed_room(shapes: Shapes, options: PackOptions) -> None:
     # the least square is searched in steps: what is too long by little is left to the packers
     if side.max() > 1.01 * room:
         raise OptionError(
-            f"the longest chart is {side.max():.0f} texels long where a page of {options.resolution} has room "
+            f"the longest chart has {side.max():.0f} texels, and a page of {options.resolution} has room "
             f"for {room:.0f}: lower the density, or raise --resolution to {_side(side.max(), options)}"
         )
 

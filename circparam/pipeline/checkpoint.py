@@ -47,10 +47,10 @@ def seams_of(job: Job, monitor: Monitor, find: Callable[[Job, Monitor], Seams]) 
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(
-                f"{path.parent}: no folder for checkpoints ({error.strerror or error})"
+                f"{path.parent}: cannot keep checkpoints here ({error.strerror or error})"
             ) from None
         write_files({path: _packed(seams)}, overwrite=True)
-    note = f"{path}: the checkpoint was damaged; the seams were found anew"
+    note = f"{path}: the checkpoint is damaged; the seams were computed again"
     return replace(seams, notes=[*seams.notes, note]) if damaged else seams
 
 

@@ -56,7 +56,7 @@ def from_scene(scene: Any, unshare: bool) -> Document:
     Raises InputError for a scene without triangles.
     """
     if not any(hasattr(part, "faces") for part in scene.geometry.values()):
-        raise InputError("the trimesh Scene has no faces: there is nothing to unwrap")
+        raise InputError("the trimesh Scene has no faces to unwrap")
     data = scene.export(file_type="glb")
     return read_data(data, Source("the trimesh Scene"), format="glb", unshare=unshare)
 
@@ -191,7 +191,7 @@ def padding_note(padding: int) -> str:
         return f"padding {padding}: texels of a neighbour bleed in even without mip maps"
     return (
         f"padding {padding}: no texel of a neighbour bleeds in up to mip level {level}, "
-        "where gutters are filled as circparam bake fills them"
+        "if gutters are filled as by circparam bake"
     )
 
 

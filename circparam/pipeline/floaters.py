@@ -48,7 +48,7 @@ def find_floaters(document: Document, surface: Surface, least: float) -> tuple[S
     small = area < least * area.sum()
     if small.all():
         raise OptionError(
-            f"--drop-floaters {least:g} leaves nothing: the largest of {n} components holds "
+            f"--drop-floaters {least:g} leaves no component: the largest of {n} has "
             f"{area.max() / area.sum():.3g} of the area; give a smaller share"
         )
     faces = np.zeros(len(document.mesh.faces), bool)

@@ -260,7 +260,7 @@ def _told(cuts: int, before: Atlas, after: Atlas) -> str:
     longer = f"{new / old - 1:.1%} longer" if old > 0 else f"{new:.2f} roots of the area long"
     return (
         f"{counted(cuts, 'cut')} for a fuller page made the seams {longer} "
-        "(--pack-splits 0 makes none)"
+        "(--pack-splits 0 prevents this)"
     )
 
 

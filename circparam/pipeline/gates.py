@@ -104,7 +104,7 @@ def _gate(part: str, names: tuple[str, ...]) -> Gate:
     match = _GATE.match(part)
     if match is None:
         raise OptionError(
-            f"--fail-if {part!r} is no condition: write NAME>NUMBER, for example 'flips>0', or 'degraded'"
+            f"--fail-if {part!r} is not a condition: write NAME>NUMBER, such as 'flips>0', or 'degraded'"
         )
     name, sign, value = match.groups()
     if name == "status":
@@ -118,7 +118,7 @@ def _gate(part: str, names: tuple[str, ...]) -> Gate:
     try:
         number = float(value)
     except ValueError:
-        raise OptionError(f"--fail-if {part!r}: {value!r} is no number") from None
+        raise OptionError(f"--fail-if {part!r}: {value!r} is not a number") from None
     if number != number:
         raise OptionError(f"--fail-if {part!r}: nothing can be compared with NaN")
     return Gate(name, sign, number)

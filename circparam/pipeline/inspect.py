@@ -64,7 +64,7 @@ def inspect(
     uvmap = document.require_uv(uv_set)
     beyond = np.isfinite(uvmap.uv) & (np.abs(uvmap.uv) > LARGEST)
     if beyond.any():
-        notes.append(f"uv beyond ±{LARGEST:.2g}, which float32 does not hold, count as none")
+        notes.append(f"uv beyond ±{LARGEST:.2g}, which do not fit float32, count as missing")
         uvmap = UVMap(np.where(beyond, np.nan, uvmap.uv), uvmap.uv_faces)
     surface, repairs = repair(document.mesh, RepairOptions(weld), uvmap)
     try:
@@ -81,7 +81,7 @@ def inspect(
     if shared := len(repairs.duplicates):
         notes.append(
             f"{counted(shared, 'face')} on a face with the same three points and the same uv: "
-            "judged once"
+            "counted once"
         )
     return Inspection(
         document,
@@ -99,7 +99,7 @@ def require_disks(inspection: Inspection) -> None:
     bad = inspection.topology.not_disks
     if bad:
         component = inspection.topology.components[bad[0]]
-        more = f" ({len(bad)} components are no disks)" if len(bad) > 1 else ""
+        more = f" ({len(bad)} components are not disks)" if len(bad) > 1 else ""
         raise TopologyError(
             f"{inspection.document.source.name}: component {bad[0]} is {component.verdict}, not a disk{more}: "
             "cut it with circparam unwrap --cut disk"

@@ -189,6 +189,6 @@ def given_atlas(surface: Surface, uvmap: UVMap, name: str) -> Atlas:
     corners, ok = corners_of(surface, uvmap)
     if not ok.all():
         raise InputError(
-            f"{name}: {counted(int((~ok).sum()), 'face')} without uv: circparam unwrap makes some"
+            f"{name}: {counted(int((~ok).sum()), 'face')} without uv: make them with circparam unwrap"
         )
     return Atlas(surface, uv_seams(surface, uvmap), corners)

@@ -260,4 +260,4 @@ def _told(cuts: int, before: Atlas, after: Atlas, options: Options) -> str:
     what = "for charts that fit on a page"
     if options.texel_density is None:
         what = f"to fill {options.pages} pages"
-    return f"{counted(cuts, 'cut')} {what} made the seams {longer} (--pack-splits 0 makes none)"
+    return f"{counted(cuts, 'cut')} {what} made the seams {longer} (--pack-splits 0 prevents this)"

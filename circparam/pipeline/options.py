@@ -128,25 +128,21 @@ class Options:
     max_distortion: float | None = option(
         "seams", "Upper bound on the distortion of every chart; 1 is perfect.", metavar="D",
         shown=str(DEFAULT_BOUND),
-        bounds=Range(1.0, 1e6, "a symmetric Dirichlet energy / 4: 1 is perfect, 1.05 the default"),
+        bounds=Range(1.0, 1e6, "a symmetric Dirichlet energy / 4 of at least 1; 1.05 is the default"),
         applies=applies.with_charts,
     )
     max_stretch: float | None = option(
         "seams", "Upper bound on stretch and shrink, on all but 0.1 % of the surface.", metavar="S", shown="2",
-        bounds=Range(
-            1 + 1e-9,
-            1e6,
-            "how many times the surface may be stretched or shrunk, more than 1: 2 is the default",
-        ),
+        bounds=Range(1 + 1e-9, 1e6, "a factor of stretch and shrink above 1; 2 is the default"),
         applies=applies.with_isometric_charts,
     )
     max_charts: int | None = option(
         "seams", "Make at most this many charts.", metavar="N",
-        bounds=Range(1, 2**31, "a number of charts from 1 on"), applies=applies.with_charts,
+        bounds=Range(1, 2**31, "a number of charts, at least 1"), applies=applies.with_charts,
     )
     min_chart_faces: int | None = option(
         "seams", "Join charts with fewer faces to a neighbour where possible.", metavar="K",
-        bounds=Range(1, 2**31, "a number of faces from 1 on"), applies=applies.with_charts,
+        bounds=Range(1, 2**31, "a number of faces, at least 1"), applies=applies.with_charts,
     )
     sharp: float | None = option(
         "seams", "Cut all edges at least this sharp.", metavar="DEGREES",
@@ -172,7 +168,7 @@ class Options:
     )
     hide_seams: float | None = option(
         "seams", "Prefer hidden places: 0 ignores visibility, 1 accepts seams of any length.", metavar="H",
-        shown="0.5", bounds=Range(0.0, 1.0, "a weight from 0 (all places alike) to 1 (hidden ones only)"),
+        shown="0.5", bounds=Range(0.0, 1.0, "a weight from 0 (all places equal) to 1 (hidden places only)"),
         applies=applies.with_charts,
     )
     symmetry: str | None = option(
@@ -181,7 +177,7 @@ class Options:
     )
     drop_floaters: float | None = option(
         "seams", "Leave out components below this share of the area.", metavar="SHARE",
-        bounds=Range(0.0, 1.0, "a share of the surface's area between 0 and 1: 1e-4 is a small floater"),
+        bounds=Range(0.0, 1.0, "a share of the area between 0 and 1, such as 1e-4"),
         applies=applies.with_packing,
     )
     only: Any = option(
@@ -190,7 +186,7 @@ class Options:
     )
     pack_splits: int | str | None = option(
         "seams", "Cut charts for a fuller page: where it is worth the seam, or up to N times.",
-        metavar="auto|N", shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of cuts, from 0 on"),
+        metavar="auto|N", shown="auto", word=AUTO, bounds=Range(0, 1000, "a number of cuts, 0 to 1000"),
         applies=applies.with_room,
     )
 
@@ -297,7 +293,7 @@ class Options:
     )
     weld: float | None = option(
         "repair", "Weld vertices up to this distance.", metavar="EPS",
-        bounds=Range(0.0, 1e300, "a distance from 0 on, in units of the mesh"),
+        bounds=Range(0.0, 1e300, "a distance of at least 0, in units of the mesh"),
     )
 
     format: str | None = option("files", "Format of '-' (stdin, stdout).")
@@ -310,11 +306,11 @@ class Options:
     )
     timeout: float | None = option(
         "bounds", "Return the best valid result within this time.", metavar="SECONDS",
-        bounds=Range(1e-9, 1e9, "seconds, more than 0"),
+        bounds=Range(1e-9, 1e9, "a time in seconds, more than 0"),
     )
     jobs: int | None = option(
         "bounds", "Number of processes; the result stays the same.", short="-j", metavar="N", shown="cores",
-        bounds=Range(1, 4096, "a number of processes, from 1 (no other than this one) on"),
+        bounds=Range(1, 4096, "a number of processes, at least 1 (this one alone)"),
     )
     checkpoint: str | None = option(
         "bounds", "Keep the seams in this folder, so that a stopped run continues.", metavar="DIR",

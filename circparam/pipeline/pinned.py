@@ -30,7 +30,9 @@ def pin_rows(pins: FloatArray) -> tuple[IntArray, FloatArray]:
         raise OptionError(f"--pin needs rows of a vertex, u and v, not shape {rows.shape}")
     vertices = rows[:, 0].astype(np.int64)
     if (vertices != rows[:, 0]).any():
-        raise OptionError("--pin names a vertex by a number that is not whole")
+        raise OptionError(
+            "--pin names a vertex by a number that is not an integer: count vertices from 0"
+        )
     if len(np.unique(vertices)) < len(vertices):
         raise OptionError("--pin fixes a vertex twice: name each vertex once")
     return vertices, rows[:, 1:]
@@ -119,6 +121,6 @@ def check_held(mesh: Mesh, uvmap: UVMap, pins: FloatArray, repairs: list[str]) -
         worst = int(off.argmax())
         why = f": {repairs[-1]}" if repairs else ""
         raise NoResultError(
-            f"the pin of vertex {vertices[at[pinned][worst]]} is not held, it lies {off[worst]:.2g} off{why}; "
-            "move the pins nearer to the free layout, or give fewer"
+            f"the layout misses the pin of vertex {vertices[at[pinned][worst]]} by {off[worst]:.2g}{why}; "
+            "move the pins nearer to the free layout, or use fewer"
         )

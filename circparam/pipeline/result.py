@@ -222,8 +222,8 @@ def verdict(
     count = verification.cut_mesh.n_charts if made is None else int(made.sum())
     if most is not None and count > most:
         warnings.append(
-            f"--max-charts {most}: {count} charts are reached; separate parts, edges that must be cut and "
-            "overlaps keep them apart: allow more charts"
+            f"--max-charts {most}: {count} charts were reached; separate components, forced seams and "
+            "overlaps prevent fewer: allow more charts"
         )
     if wrong:
         return Verdict("degraded", wrong, warnings + wrong)

@@ -66,7 +66,7 @@ def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result
             else in_input_order(layout, written.face_map, len(result.mesh.faces))
         )
         if uvmap is None:
-            raise NoResultError(f"{result.path}: the file, read back, has no uv for its faces")
+            raise NoResultError(f"{result.path}: the written file has no uv for its faces")
         # the file holds the very numbers that were verified: what was found for them is found again
         same = same_corners(uvmap, UVMap(result.uv, result.uv_faces))
         verification = (
@@ -138,7 +138,7 @@ def write_map(result: Result, path: str | os.PathLike[str], overwrite: bool = Fa
     output face, −1 where it was set aside.
     """
     if Path(path).suffix.lower() != ".npz":
-        raise OptionError(f"--map {path}: the index map is an .npz file, name it so")
+        raise OptionError(f"--map {path}: the index map needs a name that ends in .npz")
     vertex, face = result.vertex_map, result.face_map
     if vertex is None or face is None:
         raise OptionError("--map needs a written file: give an output")

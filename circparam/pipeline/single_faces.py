@@ -45,7 +45,7 @@ def take_to_pieces(cascade: Cascade, faces: BoolArray) -> Cascade:
     atlas = Atlas(surface, cut, cascade.atlas.corners)
     atlas.corners[fid] = np.einsum("mkc,mdc->mkd", p - origin[label][:, None], basis)
     return replace(cascade, atlas=atlas, singles=np.where(faces, 1, cascade.singles)).repaired(
-        f"{len(fid)} face(s) laid down one by one: no larger chart was sound"
+        f"{len(fid)} face(s) placed one by one: no larger chart was valid"
     )
 
 

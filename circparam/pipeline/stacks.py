@@ -53,12 +53,12 @@ class Stacks:
         mirrored = f", {self.mirrored} of them mirrored" if self.mirrored else ""
         lines = [
             f"{counted(self.parts, 'part')} of {counted(self.kinds, 'kind')}: "
-            f"{counted(self.copies, 'copy')} on the texels of others{mirrored}"
+            f"{counted(self.copies, 'copy')} on shared texels{mirrored}"
         ]
         if self.apart:
             lines.append(
-                f"{counted(self.apart, 'copy')} with places of their own: other materials than what they are "
-                "copies of"
+                f"{counted(self.apart, 'copy')} with places of their own, because the material differs from "
+                "that of the original"
             )
         return lines
 

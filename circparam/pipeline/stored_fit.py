@@ -91,7 +91,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         if settled:
             cascade = _hold_stored(job, cascade, trial.size, monitor)
     if not np.isfinite(trial.uvmap.uv).all():
-        raise NoResultError("no finite layout was found")
+        raise NoResultError("no finite layout was found: try another --method, or --cut charts")
     return Fitted(cascade, trial.uvmap, trial.double)
 
 
@@ -177,11 +177,11 @@ def _notes(stored: Stored, double: bool) -> list[str]:
     out = []
     if stored.moved:
         out.append(
-            f"{stored.moved} uv vertices moved to other numbers near by that the format can store: "
-            "rounding spoilt their faces"
+            f"{stored.moved} uv vertices moved to nearby storable numbers, because rounding "
+            "spoilt their faces"
         )
     if double:
-        out.append("uv are stored as doubles: single precision has no room for some faces")
+        out.append("uv are stored as doubles: single precision cannot represent some faces")
     return out
 
 

@@ -152,7 +152,7 @@ def check_together(
 ) -> None:
     """Refuse before any work what makes no sense for one atlas. Raises OptionError, OutputError."""
     if not documents:
-        raise OptionError("there is no mesh: give some")
+        raise OptionError("no mesh is given: name some")
     for name, what in OF_ONE_FILE.items():
         if getattr(options, name) is not None:
             flag = "--pin" if name == "pins" else "--" + name.replace("_", "-")
@@ -177,7 +177,9 @@ def check_together(
         if output.resolve() in [other.resolve() for other in outputs[:k]]:
             raise OptionError(f"two meshes would be written to {output}: rename one of them")
         if not output.parent.is_dir():
-            raise OutputError(f"{output}: there is no folder {str(output.parent)!r}: make it")
+            raise OutputError(
+                f"{output}: the folder {str(output.parent)!r} does not exist: create it"
+            )
         name = output_format(output)
         check_target(document, name, write_options(options))
         check_place(output, document, name, options.overwrite)

@@ -206,7 +206,7 @@ def verify(
     """
     corners, ok = corners_of(surface, uvmap)
     if not ok.any():
-        raise InputError("no face has uv that are numbers: unwrap the mesh first")
+        raise InputError("no face has finite uv: unwrap the mesh first")
     own = None if tiles is None else tiles[surface.source]
     cut = _seams(surface, corners, ok) | _between(surface, own)
     atlas = Atlas(surface, cut, corners)
@@ -426,18 +426,18 @@ def reasons(v: Verification, promise: Promise, made: BoolArray | None = None) ->
         if share > TAIL:
             out.append(
                 f"{percent(share)} of the surface are stretched or shrunk more than "
-                f"{promise.stretch:g} times: {100 * TAIL:g} % may be"
+                f"{promise.stretch:g} times: the limit is {100 * TAIL:g} %"
             )
     if promise.padding is not None and v.coverage is not None:
         c = v.coverage
         if c.gap < promise.padding + 1 and c.near is not None:
             out.append(
                 f"charts {c.near[0]} and {c.near[1]} are {max(c.gap - 1, 0):.1f} texels apart: "
-                f"{promise.padding} were asked for"
+                f"--padding asks for {promise.padding}"
             )
         if c.border < promise.padding:
             out.append(
-                f"{c.border} texels are empty at the border: {promise.padding} were asked for"
+                f"{c.border} texels are empty at the border: --padding asks for {promise.padding}"
             )
     return out
 

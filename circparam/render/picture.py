@@ -208,6 +208,7 @@ def save_scene(
         data = page(scene, options, figures, before).encode()
     else:
         raise OutputError(
-            f"{path}: no picture format {kind or 'without an ending'!r}: end the name in .png, .svg or .html"
+            f"{path}: {kind or 'no ending'} is not a picture format: "
+            "the name must end in .png, .svg or .html"
         )
     write_files({path: data}, overwrite=True)

@@ -45,7 +45,8 @@ def check_kind(path: Path) -> None:
     """Raise OptionError where the ending of a picture's name tells no format."""
     if path.suffix.lower() not in KINDS:
         raise OptionError(
-            f"{path}: {path.suffix or 'no ending'} is no picture format: end the name in {', '.join(KINDS)}"
+            f"{path}: {path.suffix or 'no ending'} is not a picture format: "
+            f"the name must end in {', '.join(KINDS)}"
         )
 
 

@@ -87,5 +87,7 @@ def _named(surface: Surface, pairs: IntArray, option: str, notes: list[str]) -> 
         first = pairs[missing[0]].tolist()
         if len(missing) == len(pairs):
             raise OptionError(f"{option} names no edge of the mesh: no edge joins vertices {first}")
-        notes.append(f"{len(missing)} pairs of {option} are no edges, the first is {first}")
+        notes.append(
+            f"{len(missing)} pairs of {option} are not edges of the mesh; the first is {first}"
+        )
     return edges

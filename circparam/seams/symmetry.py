@@ -85,7 +85,7 @@ def find_mirror(surface: Surface, asked: str) -> Mirror:
     share, axis, at = best
     if share < ALIKE:
         raise OptionError(
-            f"--symmetry {asked}: the mesh is no mirror image of itself; across {axis} = {at:.6g} only "
+            f"--symmetry {asked}: the mesh is not symmetric; across {axis} = {at:.6g} only "
             f"{share:.1%} of its vertices have a counterpart: leave it out"
         )
     images = _images(surface, axis, at, used)

@@ -178,7 +178,7 @@ def test_gloss_alpha_and_tint_are_kept(tmp_path: Path, image: int | None):
     assert said.startswith("1 material of specular-glossiness became metallic-roughness")
     _, notes = write_baked(tmp_path / "a.png", baked, new, 0, "texture")
     times = "its texture times 1, 0.5, 0.5 with " if image == 0 else ""
-    assert notes == [f"material 'g' shows {times}alpha 0.3, which is no part of the image"]
+    assert notes == [f"material 'g' shows {times}alpha 0.3, which is not part of the image"]
 
 
 def test_a_source_in_other_axes_is_turned(tmp_path: Path):

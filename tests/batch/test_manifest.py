@@ -99,5 +99,5 @@ def test_two_batches_do_not_share_a_folder(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_a_file(tmp_path: Path) -> None:
     (tmp_path / "f").write_text("")
-    with pytest.raises(OutputError, match="can't be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         Folder(str(tmp_path / "f")).make()

@@ -120,7 +120,7 @@ def test_broken_input_has_the_code_and_line_of_unwrap(tmp_path: Path) -> None:
     bad.write_text("nothing\n")
     line = do(bad, settings(tmp_path / "o"))
     assert (line["exit"], line["output"]) == (3, None)
-    assert line["error"] == f"{bad}: it has no v and f lines: this is no OBJ mesh"
+    assert line["error"] == f"{bad}: it has no v and f lines: this is not an OBJ mesh"
 
 
 def test_a_missed_gate_keeps_its_file(tmp_path: Path) -> None:
@@ -198,10 +198,10 @@ def test_a_server_whose_worker_has_gone_cleans_up(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_told_from_other_trouble_of_the_output(tmp_path: Path) -> None:
-    full = f"/o/m.obj: it can't be written ({os.strerror(errno.ENOSPC)})"
+    full = f"/o/m.obj: cannot be written ({os.strerror(errno.ENOSPC)})"
     for error, again in (
         (full, "space"),
-        ("/o/m.obj: it can't be written (Input/output error)", None),
+        ("/o/m.obj: cannot be written (Input/output error)", None),
     ):
         answer = {"code": 8, "error": error, "report": None, "files": []}
         end = {"end": "done", "answer": answer, "seconds": 1.0, "peak": 1}

@@ -132,7 +132,7 @@ def test_a_report_that_cannot_be_written_is_one_error_and_leaves_nothing(
 
     index.add_lines([line("a.obj")])
     monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(OutputError, match=r"^[^:]*report\.csv: it can't be written") as caught:
+    with pytest.raises(OutputError, match=r"^[^:]*report\.csv: cannot be written") as caught:
         save_report(Folder(str(tmp_path)), index)
-    assert str(caught.value).count("can't be written") == 1
+    assert str(caught.value).count("cannot be written") == 1
     assert list(tmp_path.iterdir()) == []

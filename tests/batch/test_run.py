@@ -480,7 +480,7 @@ def test_no_scheduler_and_another_version(
     monkeypatch.setattr("circparam.batch.cluster.ANSWER", 1.0)
     with pytest.raises(OptionError, match=r"--scheduler tcp://127.0.0.1:9: no answer within 1 s"):
         batch(source, out, scheduler="tcp://127.0.0.1:9")
-    with pytest.raises(OptionError, match=r"--scheduler-file .*nowhere: it can't be read"):
+    with pytest.raises(OptionError, match=r"--scheduler-file .*nowhere: cannot be read"):
         batch(source, out, scheduler_file=str(tmp_path / "nowhere"))
     monkeypatch.setattr("circparam.batch.cluster.ANSWER", 10.0)
     where = str(scheduler[1])
@@ -525,7 +525,7 @@ def test_refused_before_any_work(tmp_path: Path) -> None:
     assert not (out / "manifest.jsonl").exists()
     (out / "manifest.jsonl").write_bytes(encode({"name": "x", "status": "ok"}))  # a batch's folder
     (out / "f").write_text("")
-    with pytest.raises(OutputError, match="can't be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         batch(source, out / "f")
 
 

@@ -77,7 +77,7 @@ def test_lists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "up.txt").write_text("../x/a.obj\n")
     with pytest.raises(InputError, match="leads out of the folder"):
         names("@up.txt")
-    with pytest.raises(InputError, match="the list can't be read"):
+    with pytest.raises(InputError, match="the list cannot be read"):
         names("@nothing.txt")
 
 

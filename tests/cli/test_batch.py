@@ -45,7 +45,7 @@ def test_bad_input_is_refused_in_one_line(tmp_path: Path) -> None:
     source, out = write_set(tmp_path / "src", 2), tmp_path / "out"
     one_line_error(batch(), 2, "SOURCE is missing")
     one_line_error(batch(source), 2, "--out DIR is missing")
-    one_line_error(batch("-", "--out", out), 2, "no standard input")
+    one_line_error(batch("-", "--out", out), 2, "cannot read standard input")
     one_line_error(batch(tmp_path / "none", "--out", out), 3, "no such file or folder")
     one_line_error(batch(source, "--out", source), 2, "would overwrite itself")
     one_line_error(
@@ -54,14 +54,14 @@ def test_bad_input_is_refused_in_one_line(tmp_path: Path) -> None:
     one_line_error(
         batch(source, "--out", out, "--method", "abf", "--boundary", "circle"), 2, "--boundary"
     )
-    one_line_error(batch(source, "--out", out, "--max-memory", "much"), 2, "no size")
+    one_line_error(batch(source, "--out", out, "--max-memory", "much"), 2, "not a size")
     one_line_error(batch(source, "--out", out, "--preview", "all.png"), 2, "{}")
     one_line_error(batch(source, "--out", out, "--fail-if", "flops>0"), 2, "flops")
     one_line_error(batch(source, "--out", out, "--fail-rate", 2), 2, "--fail-rate")
     one_line_error(batch("--status", tmp_path / "none"), 2, "no manifest.jsonl")
     one_line_error(batch(source, "--status", out), 2, "stands alone")
     (tmp_path / "file").write_text("")
-    one_line_error(batch(source, "--out", tmp_path / "file" / "x", *ARGS), 8, "can't be written")
+    one_line_error(batch(source, "--out", tmp_path / "file" / "x", *ARGS), 8, "cannot be written")
     assert not out.exists()
     for name in ("m.stl", "m.off"):
         (source / name).write_text("x")

@@ -107,7 +107,7 @@ def test_the_older_name_of_a_flag_keeps_working(words: tuple[str, ...]) -> None:
         (("--cut", "disks"), 2, "did you mean disk"),
         (("--boundary", "squar"), 2, "square"),
         (("--repeats", "3"), 2, "--repeats has no effect here: it is for Table 1"),
-        (("--timeout", "0"), 2, "--timeout 0.0: it is seconds, more than 0"),
+        (("--timeout", "0"), 2, "--timeout 0.0: give a time in seconds, more than 0"),
     ],
 )
 def test_refusals(words: tuple[str, ...], code: int, text: str) -> None:

@@ -58,7 +58,7 @@ def test_a_morph_and_its_figures(folder: Path):
     ("words", "code", "message"),
     [
         (("a.obj", "b.obj", "--map", "gone.npz"), 3, "gone.npz"),
-        (("a.obj", "b.obj", "--map", "a.obj"), 3, "no map between surfaces"),
+        (("a.obj", "b.obj", "--map", "a.obj"), 3, "not a map between surfaces"),
         (("a.obj", "b.obj", "--map", "other.npz"), 3, "made for another mesh"),
         (("a.obj", "gone.obj", "--map", "m.npz"), 3, "no such file"),
         (("a.obj", "b.obj", "--map", "m.npz", "--frames", "1"), 2, "--frames 1"),

@@ -58,9 +58,9 @@ REFUSED = {
         "a",
         "o",
         {"index_map": "m.txt"},
-        "--map m.txt: end the name in .npz",
+        "--map m.txt: the name must end in .npz",
     ),
-    "a preview of no kind": ("a", "o", {"preview": "p"}, "--preview p: end the name in .png"),
+    "a preview of no kind": ("a", "o", {"preview": "p"}, "--preview p: the name must end in .png"),
     "format of a name": ("a", "o", {"format": "obj", "output": "o"}, "--format has no effect"),
     "format of two things": ("- a", "- o", {"format": "obj"}, "one by one"),
 }
@@ -95,7 +95,10 @@ def test_a_file_that_is_there_stays(extra: dict[str, Any], tmp_path: Path) -> No
 def test_directories_and_missing_folders_are_told_before_the_work(
     name: str, tmp_path: Path
 ) -> None:
-    for path, says in ((tmp_path, "this is a directory"), (tmp_path / "no" / "x", "no folder")):
+    for path, says in (
+        (tmp_path, "this is a directory"),
+        (tmp_path / "no" / "x", "does not exist"),
+    ):
         given = NOTHING | {name: str(path), "overwrite": True}
         out = str(path) if name == "output" else str(tmp_path / "x.obj")
         with pytest.raises(OutputError, match=says):

@@ -284,11 +284,11 @@ def test_a_number_of_charts_that_cannot_be_is_told(tmp_path: Path) -> None:
     """Two balls are two charts at least, and where edges must be cut, more."""
     mesh = obj(tmp_path / "balls.obj", shapes.row_of(shapes.icosphere(1), 2))
     got = run("unwrap", mesh, "--max-charts", "1", "--max-distortion", "2", *QUICK, "--json")
-    assert "--max-charts 1: 2 charts are reached" in got.stderr
+    assert "--max-charts 1: 2 charts were reached" in got.stderr
     box = obj(tmp_path / "box.obj", shapes.cube(1))
     got = run("unwrap", box, "--max-charts", "2", "--sharp", "45", *QUICK, "--json")
     assert json.loads(got.stdout)["charts"] == 6
-    assert "--max-charts 2: 6 charts are reached" in got.stderr
+    assert "--max-charts 2: 6 charts were reached" in got.stderr
     got = run("unwrap", box, "--max-charts", "2", *QUICK, "--json", "--overwrite")
     assert "--max-charts" not in got.stderr
 

@@ -124,7 +124,7 @@ def test_what_is_refused(quad: Path, tmp_path: Path):
     assert run(quad, "--uv-set", "1").exit_code == 3
     assert run(quad, "--scale", "1").exit_code == 2
     for flag in ("--scale", "--padding"):  # click's ranges let it through
-        assert "nan is no number" in run(quad, flag, "nan").stderr
+        assert "nan is not a number" in run(quad, flag, "nan").stderr
     assert run("-", data=quad.read_bytes()).exit_code == 2
     assert run(quad, "-o", tmp_path / "no" / "a.svg").exit_code == 8
     mine = tmp_path / "mine.png"

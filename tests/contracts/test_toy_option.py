@@ -77,11 +77,11 @@ def test_both_ends_of_the_range_belong_to_it(bend: float) -> None:
 @pytest.mark.parametrize(
     ("keywords", "line"),
     [
-        ({"cut": "disk", "bend": 0.99}, "--bend 0.99: it is a bend from 1 to 3"),
-        ({"cut": "disk", "bend": 3.01}, "--bend 3.01: it is a bend from 1 to 3"),
+        ({"cut": "disk", "bend": 0.99}, "--bend 0.99: give a bend from 1 to 3"),
+        ({"cut": "disk", "bend": 3.01}, "--bend 3.01: give a bend from 1 to 3"),
         ({"bend": 2}, "--bend has no effect here: it bends disks only; leave it out"),
         ({"shade": "grey"}, "unknown --shade 'grey': choose one of light, dark"),
-        ({"padding": -1}, "--padding -1: it is texels, 0 to 4096"),
+        ({"padding": -1}, "--padding -1: give 0 to 4096 texels"),
     ],
 )
 def test_it_is_checked_when_it_is_made(keywords: dict[str, Any], line: str) -> None:

@@ -25,7 +25,7 @@ def test_numbers_of_every_kind_are_numbers(value: object) -> None:
 )
 def test_what_is_outside_or_no_number(value: object) -> None:
     assert value not in ROOM
-    with pytest.raises(OptionError, match=r"^--room .*: it is a room from 1 to 10$"):
+    with pytest.raises(OptionError, match=r"^--room .*: give a room from 1 to 10$"):
         ROOM.check("--room", value)
 
 

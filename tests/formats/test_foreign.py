@@ -229,7 +229,7 @@ def test_draco_without_its_decoder_is_refused(monkeypatch: pytest.MonkeyPatch) -
 def test_an_archive_without_a_mesh_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.zae"
     path.write_bytes(plain_zip())
-    with pytest.raises(InputError, match=r"the archive holds no \.dae file: it is no ZAE"):
+    with pytest.raises(InputError, match=r"the archive holds no \.dae file: it is not a ZAE"):
         read(path)
 
 
@@ -364,7 +364,7 @@ def test_trimesh_opens_regular_files_of_the_folder_alone(name: str, tmp_path: Pa
     folder = hostile.lay_out(tmp_path)
     resolver = second_reader._resolver(folder)
     assert resolver.get("good.bin") == (folder / "good.bin").read_bytes()
-    with pytest.raises(OSError, match=r"outside|no regular file"):
+    with pytest.raises(OSError, match=r"outside|not a regular file"):
         resolver.get(hostile.OUTSIDE[name])
 
 

@@ -91,7 +91,7 @@ def test_features_and_indices_at_their_ends() -> None:
 @pytest.mark.parametrize("header", [b"nOFF", b"4OFF", b"4nOFF", b"ST4OFF", b"OFF\0", b"OOF", b""])
 def test_other_dimensions_and_binary_files_are_no_text_off(header: bytes) -> None:
     data = header + b"\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-    with pytest.raises(InputError, match="no text OFF file of three-dimensional points"):
+    with pytest.raises(InputError, match="not a text OFF file of three-dimensional points"):
         read_data(data, format="off")
 
 

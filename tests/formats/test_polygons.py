@@ -159,7 +159,7 @@ def test_a_polygon_that_closes_round_nothing_is_refused() -> None:
     """Four corners, named over and over: two triangles up and two down, joined at all their edges."""
     square = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
     document = read_data(square + b"f" + b" 1 2 3 4" * 100 + b" 1\n", format="obj")
-    with pytest.raises(TopologyError, match="face 1 passes its corners again"):
+    with pytest.raises(TopologyError, match="face 1 repeats its corners"):
         repair(document.mesh)
     once, _ = repair(read_data(square + b"f 1 2 3 4\n", format="obj").mesh)
     assert len(once.faces) == 2

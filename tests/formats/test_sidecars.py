@@ -55,11 +55,11 @@ def test_seams_come_back_as_written(tmp_path: Path) -> None:
         ("1 2\n", "line 1"),
         ("1 0 0\n2 0 x\n", "line 2"),
         ("1 0 nan\n", "line 1"),
-        ("1 0 0\n1.5 0 0\n", "line 2: 1.5 is no vertex number"),
-        ("1e30 0 0\n", "line 1: 1e\\+30 is no vertex number"),
-        ("-99999999999999999999 0 0\n", "no vertex number"),
+        ("1 0 0\n1.5 0 0\n", "line 2: 1.5 is not a vertex number"),
+        ("1e30 0 0\n", "line 1: 1e\\+30 is not a vertex number"),
+        ("-99999999999999999999 0 0\n", "not a vertex number"),
         ("# nothing\n", "no line"),
-        (b"\xff\xfe\x00", "no text file"),
+        (b"\xff\xfe\x00", "not a text file"),
     ],
 )
 def test_bad_pins(tmp_path: Path, text: str | bytes, word: str) -> None:
@@ -72,13 +72,13 @@ def test_bad_pins(tmp_path: Path, text: str | bytes, word: str) -> None:
 def test_numbers_beyond_any_vertex_are_named(tmp_path: Path, number: str) -> None:
     """They became -9223372036854775808, with a warning of NumPy."""
     for read in (sidecars.read_landmarks, sidecars.read_seams):
-        with pytest.raises(InputError, match=r"1e\+.* is no vertex number"):
+        with pytest.raises(InputError, match=r"1e\+.* is not a vertex number"):
             read(file(tmp_path, f"0 1\n2 {number}\n"))
 
 
 def test_line_elements_beyond_any_vertex_are_named(tmp_path: Path) -> None:
     path = file(tmp_path, "v 0 0 0\nl 1 99999999999999999999\n", "seams.obj")
-    with pytest.raises(InputError, match="no line element"):
+    with pytest.raises(InputError, match="not a line element"):
         sidecars.read_seams(path)
 
 

@@ -101,7 +101,7 @@ def test_backslashes_are_slashes_and_lead_nowhere_else(tmp_path: Path) -> None:
 def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(tmp_path: Path) -> None:
     """As a buffer, as an image, as a material library: nobody ever writes to it."""
     os.mkfifo(tmp_path / "pipe.bin")
-    with pytest.raises(OSError, match="no regular file"):
+    with pytest.raises(OSError, match="not a regular file"):
         bytes_beside(tmp_path, "pipe.bin")
     with pytest.raises(OSError, match="outside"):
         bytes_beside(tmp_path, "../pipe.bin")

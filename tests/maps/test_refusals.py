@@ -42,8 +42,8 @@ MARKS = {
 }
 PATHS = {
     "one": ([[FIRST]], "path 1: it names 1 landmark"),
-    "far": ([[FIRST, 10**6]], "path 1: vertex 1000000 of A is no landmark"),
-    "no landmark": ([[FIRST, FIRST + 1]], "no landmark"),
+    "far": ([[FIRST, 10**6]], "path 1: vertex 1000000 of A is not a landmark"),
+    "no landmark": ([[FIRST, FIRST + 1]], "not a landmark"),
     "there and back": ([[FIRST, SECOND, FIRST]], "joined already"),
 }
 
@@ -70,7 +70,8 @@ def test_paths_that_name_nothing(kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("order", "message"), [([0, 18, 12, 6], "opposite order"), ([0, 12, 6, 18], "another order")]
+    ("order", "message"),
+    [([0, 18, 12, 6], "opposite orders"), ([0, 12, 6, 18], "different orders")],
 )
 def test_landmarks_in_another_order_round_a_boundary(order: list[int], message: str) -> None:
     at = []

@@ -324,5 +324,5 @@ def test_it_is_refused_where_it_has_no_effect(more: dict[str, object]) -> None:
 def test_a_word_that_is_none() -> None:
     with pytest.raises(OptionError, match="give auto or a number"):
         Options(pack_splits="some")
-    with pytest.raises(OptionError, match="from 0 on"):
+    with pytest.raises(OptionError, match="0 to 1000"):
         Options(pack_splits=-1)

@@ -46,7 +46,7 @@ def test_every_figure_of_the_reports_is_a_gate() -> None:
         ("flips", "NAME>NUMBER"),
         ("", "NAME>NUMBER"),
         ("flips>0,", "NAME>NUMBER"),
-        ("flips>many", "no number"),
+        ("flips>many", "not a number"),
         ("flips>nan", "NaN"),
         ("flips=0", "NAME>NUMBER"),
         ("status>ok", "by == or !="),

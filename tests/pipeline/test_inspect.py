@@ -144,7 +144,7 @@ def test_uv_that_no_float_holds_are_none() -> None:
     found = two_sided(RIGHT * 1e300)
     assert found.uv is not None
     assert found.uv.missing == 32
-    assert any("float32 does not hold" in line for line in found.notes)
+    assert any("do not fit float32" in line for line in found.notes)
 
 
 def test_too_many_pages_are_told_and_not_drawn() -> None:

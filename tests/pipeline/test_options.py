@@ -51,7 +51,7 @@ BAD = {
     "pins of a convex method": ({"method": "circle", "pins": np.zeros((2, 3))}, "no single points"),
     "tolerance of one solve": ({"method": "lscm", "tolerance": 1e-3}, "one solve"),
     "bound of a disk": ({"cut": "disk", "max_distortion": 1.1}, "--cut charts"),
-    "no stretch at all": ({"max_stretch": 1.0}, "more than 1"),
+    "no stretch at all": ({"max_stretch": 1.0}, "above 1"),
     "shrink for a stretch": ({"max_stretch": 0.5}, "max-stretch"),
     "stretch of a disk": ({"cut": "disk", "max_stretch": 2.0}, "--cut charts"),
     "stretch of another method": ({"method": "lscm", "max_stretch": 2.0}, "isometric layouts"),

@@ -95,8 +95,8 @@ def test_red_vertices_keep_their_faces_whole(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("0 1 -2\n", "the weight -2 is no number from 0"),
-        ("0 nan\n", "the weight nan is no number from 0"),
+        ("0 1 -2\n", "the weight -2 is not a number from 0"),
+        ("0 nan\n", "the weight nan is not a number from 0"),
         ("0 1 2 3\n", "not one or two vertex numbers"),
         ("0 x\n", "not one or two vertex numbers"),
         ("# nothing\n", "no line"),

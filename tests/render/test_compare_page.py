@@ -183,5 +183,5 @@ def test_a_full_disk_leaves_nothing(
     for option, name in (("--report", "a.html"), ("--plot", "a.png")):
         result = CliRunner().invoke(cli, [*words, option, str(tmp_path / name)])
         assert result.exit_code == 8
-        assert f"{name}: it can't be written (No space left" in result.stderr
+        assert f"{name}: cannot be written (No space left" in result.stderr
     assert list(tmp_path.iterdir()) == []

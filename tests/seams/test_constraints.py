@@ -34,7 +34,7 @@ def test_named_edges() -> None:
     named = SeamOptions(cut=np.array([[5, 6], [0, 15]]))
     _, forced, notes = constrain(surface, named)
     assert np.array_equal(forced, edges)
-    assert notes == ["1 pairs of --seams are no edges, the first is [0, 15]"]
+    assert notes == ["1 pairs of --seams are not edges of the mesh; the first is [0, 15]"]
     with pytest.raises(OptionError, match=r"--seams names no edge.*\[0, 15\]"):
         constrain(surface, SeamOptions(cut=np.array([[0, 15]])))
     with pytest.raises(OptionError, match="1 edges are named by --seams and by --no-seams"):

@@ -127,7 +127,7 @@ def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str =
         raise NoResultError("the new glTF has no uv")
     out = again.rewrite(whole, WriteOptions(group_by=again.group_by()), "gltf", stem)
     if out is None:
-        raise NoResultError("the new glTF can't be written")
+        raise NoResultError("the new glTF cannot be written")
     return replace(encoded, data=out.data, extra=out.extra, format="gltf")
 
 

@@ -87,7 +87,7 @@ class _Images:
         other = [key for key, info in texture_infos(entry) if not any(info is i for i in infos)]
         if other:
             raise self.tree.error(
-                f"material {name!r}: {other[0]} is a texture that is not known here and can't be carried: "
+                f"material {name!r}: {other[0]} is a texture that is not known here and cannot be carried: "
                 "remove it, or keep the uv set with --lightmap"
             )
         alpha, cutoff = str(entry.get("alphaMode", "OPAQUE")), float(entry.get("alphaCutoff", 0.5))
@@ -141,7 +141,7 @@ class _Images:
             return uri, regular_bytes(path)
         except OSError as error:
             raise self.tree.error(
-                f"the texture {uri} can't be read ({error.strerror}): put it beside the file"
+                f"the texture {uri} cannot be read ({error.strerror}): put it beside the file"
             ) from None
 
 

@@ -93,9 +93,9 @@ class Tree:
         try:
             tree = json.loads(text.decode("utf-8-sig"), parse_constant=_no_constant)
         except (ValueError, RecursionError) as error:
-            raise self.error(f"its JSON can't be read ({error})") from None
+            raise self.error(f"its JSON cannot be read ({error})") from None
         if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
-            raise self.error("this is no glTF file: its JSON has no 'asset'")
+            raise self.error("this is not a glTF file: its JSON has no 'asset'")
         version = str(tree["asset"].get("version", ""))
         if not version.startswith("2"):
             raise self.error(f"glTF version {version[:20]!r}: only version 2 is read")
@@ -138,7 +138,7 @@ class Tree:
                 data = bytes_beside(self.source.folder, uri, self._reach(number, size))
             except OSError as error:
                 raise self.error(
-                    f"buffer {number} ({uri[:80]!r}) can't be read: {error.strerror or error}"
+                    f"buffer {number} ({uri[:80]!r}) cannot be read: {error.strerror or error}"
                 ) from None
         if len(data) < size:
             raise self.error(f"buffer {number} promises {size} bytes and has {len(data)}")
@@ -166,7 +166,7 @@ class Tree:
         """A top-level list, empty where the tree has none; InputError where it is no list."""
         value = self.json.get(kind, [])
         if not isinstance(value, list):
-            raise self.error(f"{kind!r} is no list")
+            raise self.error(f"{kind!r} is not a list")
         return value
 
     def item(self, kind: str, index: Any) -> Json:
@@ -251,7 +251,7 @@ class Tree:
         a = self.item("accessors", index)
         code = component(a)
         if code.kind == "f" or a["type"] != "SCALAR":
-            raise self.error(f"accessor {index} is used as indices and is no list of whole numbers")
+            raise self.error(f"accessor {index} is used as indices and is not a list of integers")
         return self.rows(index).view(code)[:, 0].astype(np.int64)
 
 
@@ -278,7 +278,7 @@ def _whole(value: Any) -> int:
 
 
 def _no_constant(name: str) -> Any:
-    raise ValueError(f"{name} is no JSON number")
+    raise ValueError(f"{name} is not a JSON number")
 
 
 def _indent(text: bytes) -> int | str | None:

@@ -168,7 +168,7 @@ def _read_mesh(tree: Tree, mesh: int, matrix: FloatArray, first: int, first_pool
             known[key] = len(pools)
             position = tree.values(attributes["POSITION"])
             if position.shape[1] != 3:
-                raise tree.error(f"mesh {mesh}: POSITION is no VEC3")
+                raise tree.error(f"mesh {mesh}: POSITION is not a VEC3")
             if first + len(position) > tree.limit:
                 raise tree.error("its meshes expand to more vertices than its data can describe")
             pools.append(Pool(attributes, targets, first, len(position)))

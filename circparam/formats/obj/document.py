@@ -149,7 +149,7 @@ def read_obj(data: bytes, source: Source) -> ObjDocument:
     scan = Scan(data, source)
     v = scan.of(b"v")
     if len(scan.face_lines) == 0:
-        what = "it has no faces" if len(v) else "it has no v and f lines: this is no OBJ mesh"
+        what = "it has no faces" if len(v) else "it has no v and f lines: this is not an OBJ mesh"
         raise source.error(what)
     points = scan.numbers(v, 3)
     corners = scan.resolve(0, b"v", len(points))

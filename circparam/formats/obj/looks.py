@@ -148,7 +148,7 @@ class _Images:
                 self.images.append(regular_bytes(path))
             except OSError as error:
                 raise self.source.error(
-                    f"texture {name} can't be read ({error.strerror})"
+                    f"texture {name} cannot be read ({error.strerror})"
                 ) from None
             self.names.append(name)
         return self.names.index(name)

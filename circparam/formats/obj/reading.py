@@ -142,7 +142,7 @@ class Scan:
             word = t.clean[t.start[i] : t.end[i]].tobytes()
             if not all(p == b"" or p.lstrip(b"+-").isdigit() for p in word.split(b"/")):
                 shown = word[:24].decode("ascii", "backslashreplace")
-                return self.error(i, f"{shown!r} is no face corner (v, v/vt, v//vn or v/vt/vn)")
+                return self.error(i, f"{shown!r} is not a face corner (v, v/vt, v//vn or v/vt/vn)")
         return self.error(int(tokens[0]), "a face corner is malformed")
 
     @cached_property

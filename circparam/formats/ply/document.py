@@ -144,7 +144,7 @@ class PlyDocument(Document):
 def read_ply(data: bytes, source: Source) -> PlyDocument:
     """Read a PLY file. Raises InputError where header and body disagree, or it has no faces."""
     if not data.startswith(b"ply"):
-        raise source.error("the file does not begin with 'ply': this is no PLY file")
+        raise source.error("the file does not begin with 'ply': this is not a PLY file")
     layout = Layout(data, source)
     vertex = layout.element("vertex")
     if vertex is None or not all(map(vertex.find, "xyz")):

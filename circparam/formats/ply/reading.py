@@ -85,7 +85,7 @@ class Layout:
                 self._header_line(words)
             except (IndexError, KeyError, ValueError):
                 raise self.source.error(
-                    f"line {number}: {line.strip()[:60]!r} is no PLY header line"
+                    f"line {number}: {line.strip()[:60]!r} is not a PLY header line"
                 ) from None
         orders = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
         if self.format not in orders:
@@ -264,7 +264,7 @@ class Layout:
             def word(at: int, code: str, width: int) -> int:
                 text = t.clean[t.start[at] : t.end[at]].tobytes()
                 if not text.isdigit():
-                    raise self.source.error(f"{text[:24]!r} is no list length")
+                    raise self.source.error(f"{text[:24]!r} is not a list length")
                 return int(text)
 
             return word
@@ -289,7 +289,7 @@ class Layout:
     # values ----------------------------------------------------------------------------------
 
     def read(self, at: IntArray, code: str) -> npt.NDArray[Any]:
-        """Values of a type at ascending places. Raises ValueError where an ascii word is no number."""
+        """Values of a type at ascending places. Raises ValueError where an ascii word is not a number."""
         if self.tokens is not None:
             t = self.tokens
             text = gather(t.clean, t.start[at], t.end[at])

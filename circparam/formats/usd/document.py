@@ -27,7 +27,7 @@ KINDS = (TEXT, CRATE, PACKAGE)
 class UsdDocument(Document):
     """A USD file: its bytes, its meshes, and the files that it refers to, by names relative to it.
 
-    layers: without these it can't be read. assets: textures and the like. outside: what lies in other folders.
+    layers: without these it cannot be read. assets: textures and the like. outside: what lies in other folders.
     """
 
     data: bytes = field(kw_only=True, repr=False)

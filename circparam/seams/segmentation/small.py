@@ -45,7 +45,7 @@ def small_note(left: int, least: int) -> list[str]:
     if not left:
         return []
     return [
-        f"{left} charts stay below {least} faces: no neighbour takes them within the distortion bound"
+        f"{left} charts stay below {least} faces: no neighbour can take them within the distortion bound"
     ]
 
 

@@ -64,7 +64,7 @@ def test_negative_indices_count_back_from_where_they_stand() -> None:
         (b"v 0 0 0\nv 1 0 0\nv 0 1 inf\nf 1 2 3\n", "infinite"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
         (b"v 0 0 0\nv 1 0 0\nf 1 2\n", "no faces"),
-        (b"hello world\n", "no OBJ mesh"),
+        (b"hello world\n", "not an OBJ mesh"),
         (b"v 0 0 0\n\0\0\0f 1 1 1", "binary"),
     ],
 )

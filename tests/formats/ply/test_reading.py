@@ -49,7 +49,7 @@ def test_a_comment_over_several_lines_is_one(encoding: str) -> None:
     np.testing.assert_array_equal(document.mesh.points, read_data(data).mesh.points)
     out = encode(document, layout_with_seams(document), "ply").data
     assert b"comment source file: a\ncomment b.blend\ncomment c\ncomment made" in out
-    with pytest.raises(InputError, match=r"line 3: 'b\.blend' is no PLY header line"):
+    with pytest.raises(InputError, match=r"line 3: 'b\.blend' is not a PLY header line"):
         read_data(data.replace(b"comment made", b"b.blend\ncomment made", 1))
 
 
