@@ -48,6 +48,7 @@ class Reached:
 
     def __init__(self, surface: Surface) -> None:
         self._surface = surface
+        self._by_source = np.argsort(surface.source)  # faces enter a search by their position
         count, component = surface.components
         self._size = np.bincount(component, minlength=count)
         self._unit = float(np.sqrt(surface.areas.sum()))
@@ -61,7 +62,8 @@ class Reached:
         The atlas may be of a part of the surface. One of another surface, such as a proxy, is left alone.
         """
         part, whole = atlas.surface, self._surface
-        face = np.searchsorted(whole.source, part.source).clip(max=len(whole.source) - 1)
+        place = np.searchsorted(whole.source, part.source, sorter=self._by_source)
+        face = self._by_source[place.clip(max=len(whole.source) - 1)]
         if part.points is not whole.points or (whole.source[face] != part.source).any():
             return
         count, component = part.components

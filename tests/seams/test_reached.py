@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from circparam.seams.reached import Reached, in_time
 from tests.support import parts, shapes
 from tests.support.atlases import surface_of
 
-FRACTIONS = (0.5, 0.75, 1.1)
+FRACTIONS = (0.1, 0.25, 0.5, 0.75, 1.1)
 
 
 def assembly() -> tuple[np.ndarray, np.ndarray]:
@@ -87,8 +88,12 @@ def halved(surface: Surface, extra: int = 0) -> Atlas:
     return Atlas(surface, cut, uv[surface.faces])
 
 
-def test_the_cheapest_of_each_component_is_kept() -> None:
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_the_cheapest_of_each_component_is_kept(shuffled: bool) -> None:
+    """The faces of a search are numbered by their position, in any order of those of the file."""
     surface = two_balls()
+    if shuffled:
+        surface = replace(surface, source=np.random.default_rng(0).permutation(surface.source) + 7)
     first = surface.components[1] == 0
     dear, cheap = halved(surface, 30), halved(surface)
     reached = Reached(surface)
