@@ -65,14 +65,14 @@ demo: $(VENV)/.installed ## unwrap a textured sample and say where mesh, picture
 test: $(VENV)/.dev node ## all tests
 	$(RUN) -m pytest -n $(WORKERS) --dist worksteal
 
-test-oldest: ## reading files and batches with the oldest versions that pyproject.toml allows
+test-oldest: ## files, USD and batches with the oldest versions that pyproject.toml allows
 	rm -rf .venv-oldest
 	$(PYTHON) -m venv .venv-oldest
 	$(PYTHON) -m tests.tools.oldest > .venv-oldest/constraints.txt
 	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check --prefer-binary \
-	  --constraint .venv-oldest/constraints.txt --editable '.[formats,batch]' pytest pytest-randomly hypothesis
+	  --constraint .venv-oldest/constraints.txt --editable '.[formats,batch,usd]' pytest pytest-randomly hypothesis
 	.venv-oldest/bin/python -m pytest -q -p no:cacheprovider tests/formats tests/batch/test_run.py \
-	  -k "foreign or trimesh or hostile or stl or continuation or nothing"
+	  -k "foreign or trimesh or hostile or stl or continuation or nothing or endless or usd"
 
 test-corpus: $(VENV)/.dev ## the tests on real meshes alone (CIRCPARAM_CORPUS names their folder)
 	CIRCPARAM_WHOLE_CORPUS=1 $(RUN) -m pytest -n $(WORKERS) --dist worksteal -m corpus

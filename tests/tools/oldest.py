@@ -10,6 +10,7 @@ RUN = (
     "baseline",
     "batch",
     "formats",
+    "usd",
 )  # extras of users; tools of developers may be as new as they come
 
 

@@ -102,13 +102,18 @@ def layer_bytes(layer: Any, kind: str) -> bytes:
         return path.read_bytes()
 
 
+def _zip_module() -> Any:
+    """The module that has the classes of packages: Usd up to usd-core 25.5, then Sdf."""
+    from pxr import Sdf, Usd
+
+    return Sdf if hasattr(Sdf, "ZipFile") else Usd
+
+
 def package_bytes(files: dict[str, bytes]) -> bytes:
     """A usdz of files by name; the first one is the layer that readers open."""
-    from pxr import Sdf
-
     with tempfile.TemporaryDirectory(prefix="circparam-usd-") as folder:
         path = Path(folder) / "package.usdz"
-        writer = Sdf.ZipFileWriter.CreateNew(str(path))
+        writer = _zip_module().ZipFileWriter.CreateNew(str(path))
         for number, (name, data) in enumerate(files.items()):
             part = Path(folder) / f"{number}{Path(name).suffix}"
             part.write_bytes(data)
@@ -120,10 +125,8 @@ def package_bytes(files: dict[str, bytes]) -> bytes:
 
 def package_files(data: bytes) -> dict[str, bytes]:
     """The files of a usdz by name, in their order."""
-    from pxr import Sdf
-
     with tempfile.TemporaryDirectory(prefix="circparam-usd-") as folder:
         path = Path(folder) / "package.usdz"
         path.write_bytes(data)
-        archive = Sdf.ZipFile.Open(str(path))
+        archive = _zip_module().ZipFile.Open(str(path))
         return {name: bytes(archive.GetFile(name)) for name in archive.GetFileNames()}
