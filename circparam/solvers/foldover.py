@@ -103,7 +103,7 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     """(n, 2) the layout x of a region, lowered with an ε that follows the worst determinant of each group.
 
     A group is done when all its faces are upright, ε² = 10⁻¹² + 0.04 min(D, 0)² until then (Garanzha et al.
-    2021); one that flies apart keeps the last place from which it had not, and one that gets no better is left.
+    2021); one that has flown apart, and one that gets no better, is left.
     """
     out = x.copy()
     source = np.arange(len(x))  # vertices of the region that the remaining groups hold
@@ -130,8 +130,7 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
             best, barren = best[:, left], barren[left]
         x, steps = _descended(region, x, np.sqrt(1e-12 + 0.04 * np.minimum(worst, 0.0) ** 2))
         moving = steps > 0
-        keep = ~_flown_apart(region, x)[region.cut_mesh.vertex_chart]
-        out[source[keep]] = x[keep]
+        out[source] = x
         if monitor is not None:
             monitor.note(f"{int(left.sum())} regions to untangle")
     return out

@@ -209,7 +209,7 @@ def _moved(
     for _ in range(STEPS):
         at = newton_step(objective, at, active, proxy=False).to
     out = uv.copy()
-    out[source[~fixed]] = at.uv[~fixed]
+    out[source] = at.uv  # those that are held have not moved
     return out, wide
 
 

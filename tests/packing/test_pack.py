@@ -17,6 +17,7 @@ from circparam.packing.nest import strategy
 from circparam.packing.options import PackOptions
 from circparam.packing.placement import Placement
 from circparam.packing.skyline import skyline_placement
+from tests.support import shapes
 from tests.support.packing import QUICK, blobs, promise, shelf, triangles, vertices_of
 
 
@@ -233,19 +234,26 @@ def _squares(n):
     return faces, uv, np.repeat(np.arange(n), 2)
 
 
-def test_a_start_is_gone_on_with(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two triangles that make a square: a start with both on one square fills the page; boxes fill half."""
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_start_is_gone_on_with(turned: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk in nine ragged pieces a little apart, each turned in the uv: the start turns them back."""
     monkeypatch.setattr(strategy, "_found", lambda task: ([], None))  # no search of its own
-    faces = np.array([[0, 1, 2], [3, 4, 5]])
-    uv = np.array([[0, 0], [1, 0], [0, 1], [7, 5], [6, 5], [7, 4]], float)
-    options = PackOptions(resolution=512, padding=2)
-    inner = options.resolution - 2 * options.border
-    scale = 0.97 * inner
-    low = np.array([options.border, options.border])
-    # the second one's right angle at the far corner; the gap is that of the diagonal
-    offset = np.array([low, low + inner - [7 * scale, 5 * scale]])
-    start = Placement(scale, np.zeros(2), offset, np.zeros(2, np.int64))
-    packed = pack(faces, uv, np.array([0, 1]), options, start=start)
-    assert packed.share[0] > 0.9
-    placed = packed.uv[faces]
-    assert placed[0].min() < 0.05 < 0.95 < placed[1].max()
+    rng = np.random.default_rng(0)
+    points, whole = shapes.delaunay_disk(600)
+    points = 0.5 + 0.5 * points
+    centre = points[whole].mean(1)[:, :2]
+    chart = np.linalg.norm(centre[:, None] - centre[rng.choice(len(centre), 9)], axis=2).argmin(1)
+    pairs, faces = np.unique(chart[:, None] * len(points) + whole, return_inverse=True)
+    faces, of, flat = faces.reshape(-1, 3), pairs // len(points), points[pairs % len(points), :2]
+    middle = np.stack([flat[of == k].mean(0) for k in range(9)])[of]
+    flat = middle + 0.88 * (flat - middle)
+    angle = rng.uniform(-3, 3, 9) * turned
+    c, s = np.cos(angle)[of], np.sin(angle)[of]
+    uv = np.stack([c * flat[:, 0] + s * flat[:, 1], c * flat[:, 1] - s * flat[:, 0]], 1)
+    options = PackOptions(resolution=512, padding=2, effort=0.01)
+    scale = options.resolution - 2.0 * options.border
+    start = Placement(scale, angle, np.full((9, 2), float(options.border)), np.zeros(9, np.int64))
+    without, packed = (
+        pack(faces, uv, chart, options, start=begun).share[0] for begun in (None, start)
+    )
+    assert packed > 0.6 > 0.55 > without

@@ -227,7 +227,7 @@ class TreeEdit(Packing):
         return int(moved.get("texCoord", texture.get("texCoord", 0)))
 
     def extended(self, index: int, source: IntArray) -> int:
-        """An accessor with its rows in a new order, raw."""
+        """An accessor with its rows in a new order, raw. Sparse values stand in the rows, and not twice."""
         self.touched.add(index)
         entry = {
             k: v

@@ -13,7 +13,7 @@ import pytest
 from circparam.errors import InputError
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.reading import Tree, element_size
-from circparam.formats.io import read, read_data
+from circparam.formats.io import encode, read, read_data
 from circparam.formats.source import Source
 from tests.support.formats_tools import (
     GltfMaker,
@@ -26,6 +26,7 @@ from tests.support.gltf_files import (
     assert_same_but_uv,
     refused,
     small,
+    tree_of,
 )
 
 
@@ -71,6 +72,8 @@ def test_normalised_strided_sparse_and_interleaved() -> None:
     for uvmap in (smooth_layout(document), layout_with_seams(document)):
         again = assert_round_trip(document, uvmap, "glb")
         assert_same_but_uv(document, again, "TEXCOORD_0")  # type: ignore[arg-type]
+    split = tree_of(encode(document, layout_with_seams(document), "glb").data)["accessors"]
+    assert not any("sparse" in accessor for accessor in split), "rows that are written hold all"
 
 
 def test_quantised_positions() -> None:
