@@ -1,4 +1,8 @@
-"""The default is never beaten by one of its own options, and a number of charts never leads to more."""
+"""The default is never beaten by one of its own options, and a number of charts never leads to more.
+
+The default is a full search, which a draft does not beat either. A draft ends where its one start leads: an
+option may happen to lead it to less, so of drafts only the number of charts is asserted.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,7 @@ NOISE = 1e-3  # share of a length or a distortion that is none
 COUNTS = ({"max_charts": 1}, {"max_charts": 2}, {"max_charts": 5})
 # where charts go by letting parts of one chart touch, which merging never does by default: asserted
 TOUCHING = {"truck.obj"}
-OTHERS: tuple[dict[str, Any], ...] = ({"sharp": 20}, {"sharp": 45})
+OTHERS: tuple[dict[str, Any], ...] = ({"sharp": 20}, {"sharp": 45}, {"effort": "draft"})
 
 SAMPLES = samples.names() if WHOLE else ("ribbon",)
 
@@ -37,12 +41,12 @@ MESHES = [
 
 
 @cache
-def figures(path: Path, **options: Any) -> tuple[int, float, float]:
+def figures(path: Path, effort: float | str = 1, **options: Any) -> tuple[int, float, float]:
     """Charts, seam length and distortion of what a user gets, before seams are spent on a fuller page.
 
     A cut for the page is one chart and a seam more at the same distortion, which is what it is meant to be.
     """
-    plain = {"effort": 1, "jobs": 1, "pack_splits": 0}
+    plain: dict[str, Any] = {"effort": effort, "jobs": 1, "pack_splits": 0}
     found = circparam.unwrap(path, **{**plain, **options}).measures
     charts, seam, distortion = (found[k] for k in ("charts", "seam_length", "distortion"))
     return int(charts or 0), float(seam or 0.0), float(distortion or 0.0)
@@ -62,10 +66,13 @@ def near(path: Path, **options: Any) -> float:
     return float(length[np.unique(pairs)].sum() / np.linalg.norm(boundary.size))
 
 
+@pytest.mark.parametrize("effort", ["draft", 1])
 @pytest.mark.parametrize("option", COUNTS, ids=str)
 @pytest.mark.parametrize("path", MESHES)
-def test_a_number_of_charts_never_leads_to_more(path: Path, option: dict[str, Any]) -> None:
-    assert figures(path, **option)[0] <= figures(path)[0]
+def test_a_number_of_charts_never_leads_to_more(
+    path: Path, option: dict[str, Any], effort: float | str
+) -> None:
+    assert figures(path, effort=effort, **option)[0] <= figures(path, effort=effort)[0]
 
 
 @pytest.mark.parametrize("option", [*COUNTS, *OTHERS], ids=str)
