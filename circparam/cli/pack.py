@@ -30,7 +30,7 @@ Examples:
     common.library_option(
         "group_by",
         type=click.Choice(["material", "node", "group"]),
-        help="Charts of each lie together.",
+        help="Give each one a box on the page.",
     ),
     common.library_option("lock"),
     common.library_option("uv_set"),

@@ -85,7 +85,7 @@ class UnwrapCommand(common.SectionedCommand):
         common.PACKING,
         "--one-atlas",
         is_flag=True,
-        help="All meshes share the pages, and with --rebake the images; needs --out-dir.",
+        help="Put all meshes on shared pages, with --rebake on shared images; needs --out-dir.",
     ),
     common.option(
         common.TEXTURES,

@@ -42,7 +42,7 @@ Examples:
     "--before",
     type=common.MESH,
     metavar="OLD",
-    help="Mesh whose layout a page (.html) shows beside this one.",
+    help="Show the layout of this mesh beside MESH, on a page (.html).",
 )
 @click.option(
     "--padding",

@@ -181,7 +181,7 @@ class Options:
         applies=applies.with_packing,
     )
     only: Any = option(
-        "seams", "Unwrap these faces again, by name or a file of numbers (from 0); all others stay.",
+        "seams", "Unwrap only these faces, by name or a file of numbers (from 0); the rest stays.",
         metavar="material=|group=|node=NAME|FILE", applies=applies.with_page_in_use,
     )
     pack_splits: int | str | None = option(
@@ -208,8 +208,8 @@ class Options:
         bounds=limits.TEXEL_DENSITY, applies=applies.with_free_scale,
     )
     density: Any = option(
-        "packing", "How dense beside others: all alike; as their images (--rebake); by material, group, node "
-        "or colour (#rrggbb); a file of one number a face.",
+        "packing", "Relative texel density: equal, as in the images (--rebake), by material, group, node "
+        "or colour (#rrggbb), or a file with one number per face.",
         metavar="even|source|NAME=X,...|FILE", shown=EVEN, applies=applies.with_free_scale,
     )
     rotate: str | None = option(
@@ -223,7 +223,7 @@ class Options:
         applies=applies.with_search,
     )
     straighten: str | None = option(
-        "packing", "Straight borders along the axes: by chance, where that is almost free, always.",
+        "packing", "Straight chart borders along the axes: not, where nearly free, always.",
         choices=("off", "auto", "all"), shown="auto", applies=applies.with_free_turns,
     )
     stack: str | None = option(
@@ -235,19 +235,19 @@ class Options:
         applies=applies.with_stack,
     )
     keep_page: bool | None = option(
-        "packing", "What goes onto a page in use keeps its density, or nothing is written.",
+        "packing", "Keep the density on a page in use, or write nothing.",
         applies=applies.with_kept,
     )
     lock: Any = option(
-        "locking", "Charts with these faces stay, the others are packed round them.",
+        "locking", "Keep charts with these faces in place and pack the others around them.",
         metavar="material=|group=|node=NAME|FILE", applies=applies.with_given_charts,
     )
     pages_by: str | None = option(
-        "packing", "A page (UDIM tile) for each, all at one density.",
+        "packing", "Give each one a page (UDIM tile), all at one density.",
         choices=("material", "node", "group"), applies=applies.with_own_pages,
     )
     orient: str | None = option(
-        "packing", "Turn charts so that up of the mesh is v; --rotate 90 allows quarter turns from there.",
+        "packing", "Turn charts so that up of the mesh becomes v; --rotate 90 adds quarter turns.",
         shown="none", choices=("up", "none"), applies=applies.with_orient,
     )
     scale: bool | None = option(
@@ -281,7 +281,7 @@ class Options:
         applies=applies.with_one_atlas,
     )
     group_by: str | None = option(
-        "writing", "What shares one atlas; charts of a material, node or group lie together on it.",
+        "writing", "What shares one atlas; material, node and group get a box each on one page.",
         shown="scene", choices=("primitive", "mesh", "scene", "material", "node", "group"),
         applies=applies.with_atlases,
     )
