@@ -22,7 +22,7 @@ from circparam.formats.io import read, read_data
 from circparam.formats.table import sniff
 from tests.fuzz import hostile
 from tests.support import shapes
-from tests.support.formats_tools import corpus_files
+from tests.support.formats_tools import some_corpus_files
 
 QUICK = {"effort": 0.01}
 
@@ -287,7 +287,14 @@ def test_shared_meshes_are_copied_anyway() -> None:
         circparam.Options(reader="trimesh", unshare=True)
 
 
-@pytest.mark.parametrize("path", corpus_files())
+# one of each format: with a texture, with colours, with nodes, odd, of millimetres
+ONE_OF_EACH = (
+    "chair_model.obj", "reference_vcolor.ply", "CesiumMilkTruck.glb", "abominevole.off",
+    "counter.unitsmm.STL",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("path", some_corpus_files(*ONE_OF_EACH))
 def test_both_readers_find_the_same_triangles(path: Path) -> None:
     own = read(path, unshare=True)
     if path.name == "igea.ply":

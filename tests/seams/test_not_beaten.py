@@ -24,7 +24,7 @@ from circparam.seams.finish import MARGIN
 from tests.support.formats_tools import corpus_files
 
 WHOLE = bool(os.environ.get("CIRCPARAM_WHOLE_CORPUS"))
-FEW = ("bunny_1hole.obj", "fuze.obj", None)
+FEW = ("fuze.obj", None)
 NOISE = 1e-3  # share of a length or a distortion that is none
 COUNTS = ({"max_charts": 1}, {"max_charts": 2}, {"max_charts": 5})
 # where charts go by letting parts of one chart touch, which merging never does by default: asserted

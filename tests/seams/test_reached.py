@@ -25,7 +25,7 @@ FRACTIONS = (0.1, 0.25, 0.5, 0.75, 1.1)
 
 def assembly() -> tuple[np.ndarray, np.ndarray]:
     """Parts of a machine beside a rough ball: some are charted by their flats, some are grown."""
-    ball, faces = shapes.icosphere(3)
+    ball, faces = shapes.icosphere(2)
     ball = ball * (1 + 0.3 * np.sin(5 * ball[:, :1]))
     pieces = [(p.points, p.faces) for p in (parts.bracket(), parts.bushing(), parts.plate())]
     pieces.append((ball, faces))

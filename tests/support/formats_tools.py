@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 from collections.abc import Callable
 
 import numpy as np
@@ -27,6 +28,14 @@ def corpus_files(*suffixes: str) -> list[object]:
         skip = pytest.mark.skip(reason="the folder of real meshes is not here")
         return [pytest.param(None, marks=[skip, pytest.mark.corpus])]
     return [pytest.param(p, id=p.name, marks=pytest.mark.corpus) for p in found]
+
+
+def some_corpus_files(*names: str) -> list[object]:
+    """The real meshes of those names; all where the whole corpus is asked for (``make test-corpus``)."""
+    found = corpus_files()
+    if os.environ.get("CIRCPARAM_WHOLE_CORPUS"):
+        return found
+    return [p for p in found if p.id is None or p.id in names]  # type: ignore[attr-defined]
 
 
 def layout_with_seams(document: Document, seed: int = 0, parts: int = 3) -> UVMap:
