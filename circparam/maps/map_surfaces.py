@@ -136,15 +136,13 @@ def map_meshes(
         exact = np.stack([marks.a, marks.b], 1)[np.array(marks.exact, bool)].reshape(-1, 2)
         to_b = _places(side_b, solution.on_b, solution.covers[1].mesh, exact)
         to_a = _places(side_a, solution.on_a, solution.covers[0].mesh, exact[:, ::-1])
-        points = [s.surface.vertex_points for s in (side_a, side_b)]
-        faces = [s.surface.corner_vertex for s in (side_a, side_b)]
-        there = to_b.take(side_a.n).of(points[1], faces[1])
-        back = to_a.take(side_b.n).of(points[0], faces[0])
-        a_to_b, b_to_a = (
-            distortion(points[0], faces[0], there),
-            distortion(points[1], faces[1], back),
+        (pa, fa), (pb, fb) = (
+            (s.surface.vertex_points, s.surface.corner_vertex) for s in (side_a, side_b)
         )
-        off = np.linalg.norm(there[exact[:, 0]] - points[1][exact[:, 1]], axis=1)
+        there = to_b.take(side_a.n).of(pb, fb)
+        a_to_b = distortion(pa, fa, there)
+        b_to_a = distortion(pb, fb, to_a.take(side_b.n).of(pa, fa))
+        off = np.linalg.norm(there[exact[:, 0]] - pb[exact[:, 1]], axis=1)
         notes += _warnings(side_a, there, max(a_to_b.mean, b_to_a.mean))
         mapped = SurfaceMap(
             for_file(to_b, side_a, side_b),
