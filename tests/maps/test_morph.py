@@ -16,12 +16,13 @@ from circparam.formats.document import Document
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.io import encode, read, read_data
+from circparam.formats.memory import from_arrays
 from circparam.formats.source import Source
 from circparam.maps.morph import key_frames, morph
 from circparam.maps.surface_map import Places
 from circparam.mesh.mesh import Mesh, UVMap
 from tests.bake.test_write import chunks
-from tests.support.baking import picture, write_obj
+from tests.support.baking import write_obj
 from tests.support.bumps import belt
 from tests.support.maps import cube_obj, known_map, same_map
 from tests.support.validator import validate
@@ -92,20 +93,24 @@ def test_a_pair_with_z_up_stands_upright(tmp_path: Path):
         np.testing.assert_allclose(points[got.mesh.faces], upright, atol=1e-6)
 
 
-def test_uv_and_texture_of_a_stay(tmp_path: Path):
+@pytest.mark.parametrize("image", ["skin.png", "skin.bmp"])
+def test_uv_and_texture_of_a_stay(tmp_path: Path, image: str):
+    """An image in another format becomes a PNG of the same pixels."""
     mesh, layout = belt(4, 8)
-    picture(tmp_path / "skin.png", 16)
-    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
+    Image.new("RGB", (4, 4), (10, 200, 30)).save(tmp_path / image)
+    (tmp_path / "m.mtl").write_text(f"newmtl m\nmap_Kd {image}\n")
     one = stored(tmp_path, "one", mesh, layout, mtl="m.mtl")
     two = stored(tmp_path, "two", Mesh(mesh.points * [1, 2, 3], mesh.faces), layout)
-    document = reopened(morph(one, two, same_map(mesh)).data)
-    uv = document.uv()
-    assert uv is not None
+    data = morph(one, two, same_map(mesh)).data
+    document = reopened(data)
+    uv, found = document.uv(), document.textures()
     assert np.allclose(uv.uv[uv.uv_faces], layout.uv[layout.uv_faces], atol=1e-6)
-    found = document.textures()
-    assert found is not None
-    assert found.images == ((tmp_path / "skin.png").read_bytes(),)
+    (skin,) = found.images
+    assert image.endswith("bmp") or skin == (tmp_path / image).read_bytes()
+    assert Image.open(io.BytesIO(skin)).format == "PNG"
+    assert Image.open(io.BytesIO(skin)).getpixel((0, 0)) == (10, 200, 30)
     assert (found.face == 0).all()
+    json.dumps(chunks(data)[0], allow_nan=False)
 
 
 def test_vertex_colours_plain_colours_and_missing_images(tmp_path: Path):
@@ -128,17 +133,6 @@ def test_vertex_colours_plain_colours_and_missing_images(tmp_path: Path):
     (tmp_path / "gone.png").write_bytes(b"no image")
     broken = morph(stored(tmp_path, "gone", mesh, layout, mtl="m.mtl"), one, same_map(mesh))
     assert any("cannot be read" in line for line in broken.warnings)
-
-
-def test_a_mesh_without_uv(tmp_path: Path):
-    mesh, _ = belt(4, 8)
-    data = "".join(f"v {x} {y} {z}\n" for x, y, z in mesh.points.tolist())
-    data += "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in mesh.faces.tolist())
-    one = read_data(data.encode())
-    made = morph(one, one, same_map(mesh))
-    (tmp_path / "m.glb").write_bytes(made.data)
-    assert reopened(made.data).uv_sets == ()
-    assert validate(tmp_path / "m.glb") == [set()]
 
 
 def gltf_tree(mesh: Mesh, layout: UVMap, folder: Path) -> tuple[dict, bytes]:
@@ -221,32 +215,6 @@ def test_faces_that_end_against_the_other_surface_are_counted(tmp_path: Path):
     assert made.report["reversed"] == against
 
 
-def test_sharp_edges_of_a_file_stay_sharp(tmp_path: Path):
-    """A roof of two flat sides with normals of their own, folded further: each side stays flat."""
-    points = np.array([[0.0, 0, 0], [0, 1, 0], [-1, 0, -1], [-1, 1, -1], [1, 0, -1], [1, 1, -1]])
-    faces = np.array([[2, 0, 1], [2, 1, 3], [0, 4, 5], [0, 5, 1]])
-    split = np.array([[2, 0, 1], [2, 1, 3], [6, 4, 5], [6, 5, 7]])
-    both = np.concatenate([points, points[:2]])
-    normal = np.repeat([[-1.0, 0, 1], [1, 0, 1]], 4, axis=0) / np.sqrt(2)
-    assert np.allclose(both[split], points[faces])
-    layout = UVMap(both[:, :2] * 0.4 + 0.5, split)
-    tree, binary = gltf_tree(Mesh(both, split), layout, tmp_path)
-    data = np.ascontiguousarray(normal, "<f4").tobytes()
-    tree["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
-    tree["accessors"].append(
-        {"bufferView": len(tree["bufferViews"]) - 1, "componentType": 5126, "count": 8}
-        | {"type": "VEC3"}
-    )
-    tree["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = len(tree["accessors"]) - 1
-    tree["buffers"] = [{"byteLength": len(binary) + len(data)}]
-    one = read_data(glb_bytes(tree, binary + data))
-    steep = stored(tmp_path, "steep", Mesh(both * [1, 1, 3], split), layout)
-    _, after = ends(reopened(morph(one, steep, same_map(one.mesh)).data))
-    side = np.array([[-3.0, 0, 1], [3, 0, 1]]) / np.sqrt(10)
-    assert np.abs(after[split[:2]] - side[0]).max() < 1e-6
-    assert np.abs(after[split[2:]] - side[1]).max() < 1e-6
-
-
 @pytest.mark.parametrize("frames", [2, 3, 13, 100])
 def test_key_frames_go_there_and_back_evenly(frames: int):
     times, weights = key_frames(frames)
@@ -258,12 +226,15 @@ def test_key_frames_go_there_and_back_evenly(frames: int):
     assert (np.diff(weights[:frames]) > 0).all()
 
 
-def test_the_validator_finds_nothing_and_the_animation_plays_the_weight(tmp_path: Path):
+@pytest.mark.parametrize("uv", [True, False])
+def test_the_validator_finds_nothing_and_the_animation_plays_the_weight(tmp_path: Path, uv: bool):
     a, b = belt(6, 12), belt(8, 16, 0.05)
     one, two = stored(tmp_path, "one", *a), stored(tmp_path, "two", *b)
+    one = one if uv else from_arrays(one.mesh.points, one.mesh.faces)
     path = tmp_path / "m.glb"
     path.write_bytes(morph(one, two, known_map(one.mesh, two.mesh), 5).data)
     document = reopened(path.read_bytes())
+    assert document.uv_sets == ((0,) if uv else ())
     tree = document.tree
     (animation,) = tree.json["animations"]
     (channel,) = animation["channels"]
@@ -312,20 +283,6 @@ def test_vertices_that_no_face_uses_stay(tmp_path: Path):
     assert points[len(mesh.points)].tolist() == [9, 9, 9]
 
 
-def test_png_and_json_of_a_tree_are_sound(tmp_path: Path):
-    """An image in another format becomes a PNG of the same pixels."""
-    mesh, layout = belt(4, 8)
-    Image.new("RGB", (4, 4), (10, 200, 30)).save(tmp_path / "skin.bmp")
-    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd skin.bmp\n")
-    one = stored(tmp_path, "one", mesh, layout, mtl="m.mtl")
-    data = morph(one, one, same_map(mesh)).data
-    found = reopened(data).textures()
-    assert found is not None
-    assert Image.open(io.BytesIO(found.images[0])).format == "PNG"
-    assert Image.open(io.BytesIO(found.images[0])).getpixel((0, 0)) == (10, 200, 30)
-    json.dumps(chunks(data)[0], allow_nan=False)
-
-
 def test_a_morph_is_read_back_as_a_target_in_the_world(tmp_path: Path):
     """``Document.targets`` tells where each vertex goes, through the node's transform, and its name."""
     mesh, layout = belt(4, 8)
@@ -342,27 +299,28 @@ def test_a_morph_is_read_back_as_a_target_in_the_world(tmp_path: Path):
     assert one.targets() == two.targets() == []
 
 
-def test_vn_lines_keep_a_cube_sharp(tmp_path: Path):
-    """vn count from the end of those above; each side stays flat at both ends of a morph."""
-    cube = cube_obj(tmp_path)
-    normals = cube.normals()
-    assert normals is not None
-    c = cube.mesh.points[cube.mesh.faces]
-    flat = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
-    assert np.allclose(normals, flat[:, None])
-    sheared = Mesh(
-        cube.mesh.points * [1, 2, 1] + cube.mesh.points[:, [1, 2, 0]] * [0.5, 0, 0], cube.mesh.faces
-    )
-    other = stored(tmp_path, "sheared", sheared, cube.uv())
-    document = reopened(morph(cube, other, same_map(cube.mesh)).data)
-    before = document.normals()
-    assert before is not None
-    assert np.allclose(before, normals, atol=1e-6)
+def flat_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    c = points[faces]
+    normal = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("kind", ["obj", "glb"])
+def test_sharp_edges_of_a_file_stay_sharp(tmp_path: Path, kind: str):
+    """Each side of a cube stays flat at both ends of a morph, by vn lines or the normals of a tree."""
+    one = cube_obj(tmp_path)
+    assert np.allclose(one.normals(), flat_normals(one.mesh.points, one.mesh.faces)[:, None])
+    one = one if kind == "obj" else read_data(encode(one, one.uv(), "glb").data)
+    p = one.mesh.points
+    sheared = Mesh(p * [1, 2, 1] + p[:, [1, 2, 0]] * [0.5, 0, 0], one.mesh.faces)
+    other = stored(tmp_path, "sheared", sheared, one.uv())
+    document = reopened(morph(one, other, same_map(one.mesh)).data)
     points, after = ends(document)
-    c = points[document.mesh.faces]
-    flat = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
-    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-    assert np.allclose(after[document.mesh.faces], flat[:, None], atol=1e-5)
+    own = document.mesh.faces
+    assert np.allclose(
+        document.normals(), flat_normals(document.mesh.points, own)[:, None], atol=1e-5
+    )
+    assert np.allclose(after[own], flat_normals(points, own)[:, None], atol=1e-5)
 
 
 @pytest.mark.parametrize("face", ["f 1//1 2//1 3", "f 1//1 2//1 3//2", "f 1//1 2//1 3//-2"])
