@@ -1,1 +1,1 @@
-"""What knows no mesh: arrays, graphs, linear systems, tables, the monitor, worker processes, files."""
+"""Tools that know no mesh: arrays, graphs, linear systems, tables, the monitor, worker processes, files."""

@@ -15,7 +15,7 @@ IntArray: TypeAlias = npt.NDArray[np.int64]
 
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 
-AT_ONCE = 8192  # rows of a large array that are worked on at once
+AT_ONCE = 8192  # rows of a large array per slice
 
 
 def next_half_edge(h: IntArray) -> IntArray:
@@ -24,9 +24,9 @@ def next_half_edge(h: IntArray) -> IntArray:
 
 
 def slices(count: int, size: int = AT_ONCE) -> list[slice]:
-    """Slices that go through ``count`` rows, so many at a time: what is made on the way stays in the cache.
+    """Slices through ``count`` rows, a fixed number at a time, so that intermediate arrays stay in the cache.
 
-    Work on all faces of a large mesh takes a half to a fifth of the time, and no memory for what is between.
+    Work on all faces of a large mesh takes a half to a fifth of the time, and no further memory.
     """
     return [slice(k, min(k + size, count)) for k in range(0, count, size)]
 
@@ -54,7 +54,7 @@ def first_of_runs(sorted_keys: IntArray) -> IntArray:
 
 
 def doubles(values: np.ndarray) -> FloatArray:
-    """Numbers of a file as float64. A signalling NaN becomes a quiet one, without a word from NumPy."""
+    """Numbers of a file as float64. A signalling NaN becomes a quiet one, without a warning from NumPy."""
     with np.errstate(invalid="ignore"):
         result: FloatArray = values.astype(np.float64)
     return result
@@ -63,8 +63,8 @@ def doubles(values: np.ndarray) -> FloatArray:
 def stable_order(keys: IntArray) -> IntArray:
     """The order that sorts keys (n,), equal ones as they stood: ``np.argsort(keys, kind="stable")``.
 
-    Key and place are packed into one number where both fit, since numbers are sorted 5 to 13 times as fast as
-    an order of them is found; keys too large for that by their low bits, and then by the others.
+    Key and position are packed into one number if both fit, because ``sort`` is 5 to 13 times as fast as
+    ``argsort``. Larger keys are sorted by their low bits, then by the others.
     """
     n = len(keys)
     shift = n.bit_length()
@@ -85,7 +85,7 @@ def stable_order(keys: IntArray) -> IntArray:
 def sorted_distinct(values: IntArray) -> IntArray:
     """The values of an array of any shape, each once, in ascending order.
 
-    ``np.unique`` of NumPy 2.3 and later puts them into a hash table first: 10 to 100 times slower than to sort.
+    ``np.unique`` of NumPy 2.3 and later uses a hash table: 10 to 100 times slower than a sort.
     """
     ordered = np.sort(values, axis=None)
     result: IntArray = ordered[first_of_runs(ordered)]

@@ -1,8 +1,8 @@
-"""The last moment for a piece of work that cannot give less than all: it is broken off there.
+"""Deadlines for work without a partial result: it is broken off.
 
-Loops that hold a valid result ask ``Monitor.expired`` and stop. What lies between them, in many small steps,
-has nothing to hand back; its building blocks (factorisations, shortest paths, steps of a minimisation) call
-``tick``, and whoever can do without the whole sets the moment with ``bounded``.
+Loops with a valid result ask ``Monitor.expired`` and stop. Other work has nothing to return; its building
+blocks (factorisations, shortest paths, steps of a minimisation) call ``tick``, and a caller that can do without
+the result sets the moment with ``bounded``.
 """
 
 from __future__ import annotations

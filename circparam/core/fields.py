@@ -1,7 +1,7 @@
-"""An option as one field of a dataclass: its metadata hold all that is known of it, in one place.
+"""An option as one field of a dataclass: its metadata describe the option in one place.
 
-What checks a value (range, choices, where it has an effect), what builds the flags of the command line and
-what words a message reads the same ``Spec``. So an option is added with one field.
+The checks of a value (range, choices, condition), the flags of the command line and the messages all read the
+same ``Spec``. So an option is added with one field.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Condition: TypeAlias = Callable[[Any, str], str | None]
 
 @dataclass(frozen=True)
 class Range:
-    """The values that a number may have, both ends included; ``meaning`` says what it is, and in what unit."""
+    """The values of a number, both ends included; ``meaning`` gives its kind and unit."""
 
     low: float
     high: float
@@ -43,13 +43,13 @@ class Range:
 
 @dataclass(frozen=True)
 class Spec:
-    """What is known of one option.
+    """The description of one option.
 
-    stage: what it belongs to (a group of the help text). help: one line. flag: its spelling on the command
+    stage: its group in the help text. help: one line. flag: its spelling on the command
     line, ``--on/--off`` for a pair; empty for that of the field's name, and ``--no-NAME`` switches a field
-    off. short: one letter. metavar: what its value is called. shown: the default as the help tells it; None
-    where there is nothing to tell. choices: all values, or ``names``: a function that gives them, called when
-    they are needed. bounds: of a number; word: what may be said in place of one; words: names of some numbers.
+    off. short: one letter. metavar: the name of its value. shown: the default as the help shows it, None
+    for none. choices: all values, or ``names``: a function that gives them, called when
+    they are needed. bounds: of a number; word: a word instead of a number; words: names of numbers.
     applies: see ``Condition``.
     """
 

@@ -1,7 +1,8 @@
 """Components, cycles, shortest paths, spanning trees and matchings of graphs: all over arrays of edges.
 
 The one place that calls SciPy's csgraph for these, with the array types of this project. SciPy's matrices
-hold one weight for each pair of nodes; where several edges join two nodes, the functions here say which counts.
+have one weight for each pair of nodes; of several edges between two nodes, each function documents which one
+counts.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from circparam.core.arrays import (
 )
 from circparam.core.clock import tick
 
-SMALL = 30_000  # edges up to which graphs are put together by hand
+SMALL = 30_000  # edges up to which graphs are assembled without SciPy's conversion
 
 
 def components(n: int, i: IntArray, j: IntArray) -> tuple[int, IntArray]:

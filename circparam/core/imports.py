@@ -1,4 +1,4 @@
-"""Modules that others ask for and nobody uses here: they load when somebody does."""
+"""Modules that dependencies import without need: they load at their first use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ranges of what is asked of a page: they stand once, for the options of an unwrap and for packing itself."""
+"""Ranges of the options of a page, shared by unwrapping and packing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def auto_padding(resolution: int) -> int:
 
 
 def mip_level(padding: int) -> int | None:
-    """The last mip level at which no texel of a neighbour bleeds into a chart; None where it does at once.
+    """The last mip level at which no texel of a neighbour bleeds into a chart; None if one bleeds at level 0.
 
     Every level halves the page by averages of 2 · 2 texels, and a sample blends the four texels round it
     (bilinear). Gutters are filled with the nearest colour, as ``bake`` does, so what lies further than half the

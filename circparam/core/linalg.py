@@ -1,4 +1,4 @@
-"""Sparse linear systems: factor once, solve many; conjugate gradients. All that knows which solver runs."""
+"""Sparse linear systems: factor once, solve many; conjugate gradients. Only this module knows the solver."""
 
 from __future__ import annotations
 
@@ -96,8 +96,8 @@ def gradient_iterates(
     """The iterates of preconditioned conjugate gradients (Hestenes and Stiefel 1952), the start first.
 
     matrix: (n, n) symmetric. b: (n,). precondition: r → M⁻¹ r, symmetric positive definite. start: (n,), zero
-    where None. Ends at a direction without positive curvature; who calls says when it is near enough. Inner
-    products do not depend on the number of threads (``dot``).
+    where None. Ends at a direction without positive curvature; the caller decides when an iterate is accurate
+    enough. Inner products do not depend on the number of threads (``dot``).
     """
     x = np.zeros_like(b) if start is None else start
     r = b.copy() if start is None else b - matrix @ x
@@ -125,9 +125,9 @@ def conjugate_gradients(
     tolerance: float,
     limit: int,
 ) -> FloatArray:
-    """About x with matrix @ x = b, from zero; every iterate is a descent direction of ½ xᵀAx − bᵀx.
+    """Approximate x with matrix @ x = b, from zero; every iterate is a descent direction of ½ xᵀAx − bᵀx.
 
-    tolerance: by what the residual, in the norm of the preconditioner, is to shrink. limit: steps at most.
+    tolerance: factor by which the residual shrinks, in the norm of the preconditioner. limit: most steps.
     """
     best, first = np.zeros_like(b), np.inf
     iterates = islice(gradient_iterates(matrix, b, precondition), limit + 1)

@@ -1,4 +1,4 @@
-"""What a process has of the memory, as the system tells it, and how long it keeps what it has freed."""
+"""The memory of a process as the system reports it, and how long freed memory is kept."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from circparam.errors import OutOfTimeError
 
-# of the time given: work with nothing to show goes on so long after loops were stopped
+# share of the time: work without a result continues this long after loops have stopped
 GRACE = 0.05
 LAG = 0.2  # and so many seconds
 
@@ -36,7 +36,7 @@ class Monitor:
         self._shown: str | None = None  # in place of the stages, while they are part of another
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.timeout = timeout
-        self.held = 0.0  # seconds before the deadline that are kept for what must still be done
+        self.held = 0.0  # seconds before the deadline reserved for later stages
         self.late = False  # whether any stage was told that time is up
         self.seconds: dict[str, float] = {}
         self._keepers: list[Callable[[Any, bool], None]] = []
@@ -55,53 +55,53 @@ class Monitor:
             own = time.perf_counter() - start - inner
             self.seconds[name] = self.seconds.get(name, 0.0) + own
             self._stage, fraction = outer
-            if self._stage:  # what goes on now is of the outer stage again
+            if self._stage:  # the outer stage continues
                 self.update(fraction)
 
     def update(self, fraction: float, note: str = "") -> None:
-        """Tell the listener how far the current stage is."""
+        """Report the progress of the current stage to the listener."""
         self._fraction = fraction
         if self._listener is not None:
             inside = self._shown is not None
             self._listener(self._shown or self._stage, 0.5 if inside else fraction, note)
 
     def note(self, note: str) -> None:
-        """Tell the listener a word on what goes on inside the current stage, which is as far as it was."""
+        """Send the listener a note about the current stage, without progress."""
         self.update(self._fraction, note)
 
     @property
     def expired(self) -> bool:
-        """Whether time is up for what goes on now: a loop that holds a valid result stops then."""
+        """Whether time is up for the current work: a loop with a valid result stops then."""
         up = self.deadline is not None and time.monotonic() >= self.deadline - self.held
         self.late |= up
         return up
 
     def short(self, seconds: float) -> bool:
-        """Whether fewer seconds than these are left for what goes on now: what only embellishes is left out."""
+        """Whether fewer seconds than these are left for the current work: optional work is left out."""
         if self.deadline is None:
             return False
         return time.monotonic() + seconds >= self.deadline - self.held
 
     @property
     def left(self) -> float | None:
-        """Seconds until time is up for what goes on now; None where there is no bound."""
+        """Seconds until time is up for the current work; None without a bound."""
         return None if self.deadline is None else self.deadline - self.held - time.monotonic()
 
     @property
     def hurried(self) -> bool:
-        """Whether time is up, or was for any stage before: what is made is less than it could be."""
+        """Whether time is up, or was for an earlier stage: the result is less than it could be."""
         return self.expired or self.late
 
     @property
     def last(self) -> float | None:
-        """When work that has nothing to show yet is broken off: a little after the loops stop."""
+        """The moment at which work without a result is broken off: a little after the loops stop."""
         if self.deadline is None or self.timeout is None:
             return None
         return self.deadline - self.held + GRACE * max(self.timeout, 0.0) + LAG
 
     @contextmanager
     def holding(self, seconds: float, least: float = 0.0) -> Iterator[None]:
-        """Inside, so many seconds more are kept for later; but a share ``least`` of what is left is not."""
+        """Inside, reserve this many more seconds for later, except a share ``least`` of the rest."""
         held = self.held
         if self.deadline is not None:
             rest = self.deadline - held - time.monotonic()
@@ -113,7 +113,7 @@ class Monitor:
 
     @contextmanager
     def shown_as(self, name: str) -> Iterator[None]:
-        """Inside, a listener is told of this stage, whatever stages the work has."""
+        """Inside, the listener sees this stage, whatever stages the work has."""
         before, self._shown = self._shown, name
         try:
             yield
@@ -130,7 +130,7 @@ class Monitor:
             self._keepers.remove(keeper)
 
     def keep(self, reached: Any, sound: bool = True) -> None:
-        """Hand what a part of the work has reached to whoever answers with it when time runs out."""
+        """Pass the result of a part of the work to the keeper, which returns it when time runs out."""
         if self.deadline is not None:
             for keeper in tuple(self._keepers):
                 keeper(reached, sound)
@@ -138,7 +138,7 @@ class Monitor:
     def check(self, seconds: float = 0.0) -> None:
         """Raise OutOfTimeError where the deadline has passed with no valid result yet.
 
-        seconds: what must still be done at least, where that is known; to be a little late is all right then.
+        seconds: least time of the remaining work, if known; a little lateness is accepted then.
         """
         late = self.deadline is not None and time.monotonic() >= self.deadline
         if seconds > 0 and self.deadline is not None and self.timeout is not None:

@@ -36,8 +36,8 @@ ENVIRONMENT = {
 
 @dataclass(eq=False)
 class Pool:
-    """The processes. executor: loky's. ready: done when one has imported what it needs. lifeline: they end
-    when it closes, also when that is because this process was killed. limit: of memory, before it was shared.
+    """The processes. executor: loky's. ready: done when one has finished its imports. lifeline: they end when
+    it closes, even if this process is killed. limit: of memory, before it was shared.
     free: how many of them have nothing to do.
     """
 
@@ -51,7 +51,7 @@ class Pool:
 
     @property
     def lost(self) -> bool:
-        """Whether a process has ended otherwise than by itself."""
+        """Whether a process has ended unexpectedly."""
         return any(p.exitcode not in (None, 0) for p in dict(self.executor._processes).values())
 
     def claim(self, waiting: Callable[[], object] | None = None) -> bool:
@@ -67,7 +67,7 @@ class Pool:
         return had
 
     def release(self) -> None:
-        """A process that was claimed is free again: those who wait are told until one has taken it."""
+        """Free a claimed process: waiting callers are called until one takes it."""
         with self._lock:
             self.free += 1
             told, self._waiting = self._waiting, []
@@ -88,7 +88,7 @@ class _Opening:
         self._pool: Pool | None = None
 
     def tell(self, pool: Pool | None) -> None:
-        """What it has come to: None where processes cannot be had."""
+        """Report the pool that has opened: None if no process could be started."""
         self._pool = pool
         self.done.set()
 
@@ -138,7 +138,7 @@ def stop() -> bool:
 
 
 def possible() -> bool:
-    """Whether this process can start others that run Python: no frozen program, no other's executable."""
+    """Whether this process can start Python processes: not from a frozen or embedding program."""
     name = os.path.basename(sys.executable or "").lower()
     frozen = getattr(sys, "frozen", False) or INSIDE in os.environ
     return not frozen and ("python" in name or "pypy" in name)

@@ -15,7 +15,7 @@ from circparam.errors import OptionError
 
 F = TypeVar("F", bound=Callable[..., object])
 
-# What a row can promise. Every tag is proved by one parametrised test in tests/contracts.
+# The promises of a row. One parametrised test in tests/contracts proves every tag.
 TAGS = {
     "positive": "weights are positive for every triangle mesh",
     "reproduces-plane": "a planar mesh comes back as it was, up to a similarity",
@@ -30,7 +30,7 @@ class Row(Generic[F]):
     """One entry of a table.
 
     summary: one line for help texts. citation: author, year, equation. tags: keys of ``TAGS``.
-    condition: what the guarantee depends on, in one sentence (empty where it depends on nothing).
+    condition: the condition of the guarantee, in one sentence (empty if there is none).
     accepts: names of the options that the user may give with this entry; all others have no effect on it.
     """
 

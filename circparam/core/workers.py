@@ -1,10 +1,10 @@
-"""Processes for work in parts that do not depend on each other, such as several starts of a search.
+"""Worker processes for independent parts of work, such as several starts of a search.
 
-They are those of loky: it does not run the caller's main module again, and notices workers that die. ``start``
-opens them in the background while the caller still reads and prepares; they stay for the next mesh, and end
-when they have had nothing to do for a while or the caller is gone. The caller works too, so that of N jobs
-N − 1 are processes. They change seconds, never results: how work is divided does not depend on them, and
-whatever keeps one from answering, the caller does that part itself.
+The processes are those of loky, which does not run the caller's main module again and notices workers that
+die. ``start`` opens them in the background while the caller still reads and prepares. They stay for the next
+mesh, and end after a while without work or when the caller ends. The caller works too, so N jobs are N − 1
+processes. Workers change seconds, never results: the division of work does not depend on them, and the caller
+does the part of a worker that does not answer.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MOST_SHARE = 0.9  # of the faces in one part, above which the others are not wor
 
 
 def cores() -> int:
-    """Processes that may work side by side: as many as cores, and no more than OMP_NUM_THREADS says."""
+    """The number of processes that may work in parallel: the cores, at most OMP_NUM_THREADS."""
     count = free_cores()
     threads = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return min(count, int(threads)) if threads.isdigit() and int(threads) > 0 else count
@@ -62,8 +62,8 @@ def _quota() -> int:
 def in_parts(label: IntArray) -> list[BoolArray]:
     """Faces ((m,) bool) of a few sets of charts of about the same size; all in one where there are none such.
 
-    label: (m,) chart of each face. It is for the sake of workers, and the same however many there are. The
-    largest part comes first, since parts are handed out in turn.
+    label: (m,) chart of each face. The division serves workers and does not depend on their number. The
+    largest part comes first, because parts are handed out in turn.
     """
     import numpy as np
 
@@ -111,8 +111,8 @@ class Worker:
         """[function(*task, monitor) for task in tasks], in any order and by whoever is free.
 
         tasks: a sequence; of an iterator, no task is kept longer than it takes to hand it on. function: at the
-        top level of a module. A process has a monitor of its own with the same deadline. What the caller does
-        here may hand tasks out in turn, to processes that have nothing left to do.
+        top level of a module. A process has a monitor of its own with the same deadline. The work of the
+        caller may hand out tasks itself, to idle processes.
         """
         alone = isinstance(tasks, Sequence) and len(tasks) < 2
         pool = current() if self.jobs > 1 and not alone else None
@@ -122,7 +122,7 @@ class Worker:
             shared = _Shared(pool, function, tasks, monitor)
             return shared.run(min(self.jobs, shared.count) - 1)
         except BaseException:
-            stop()  # else they would go on with what nobody wants
+            stop()  # else they would continue needless work
             raise
 
 

@@ -1,1 +1,1 @@
-"""What is measured on meshes and layouts: intrinsic quantities, exact signs, overlap, distortion, rasters."""
+"""Measures of meshes and layouts: intrinsic quantities, exact signs, overlap, distortion, rasters."""

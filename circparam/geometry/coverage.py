@@ -28,7 +28,7 @@ LAST_PAGE = 2**52  # float64 has no fractions beyond
 
 @dataclass(frozen=True)
 class Coverage:
-    """What a raster of the pages shows.
+    """Measures of the pages, from a raster.
 
     share: covered share of the pages, 0..1. gap: smallest distance in texels between the centres of covered
     texels of two charts, infinity where it is beyond what was searched. border: smallest number of empty

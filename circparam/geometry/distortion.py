@@ -97,7 +97,7 @@ METRICS: Table[Metric] = Table(
 
 @dataclass(frozen=True, eq=False)
 class Tail:
-    """How far single faces are stretched or shrunk: what a mean does not tell.
+    """Stretch and shrink of single faces, which a mean hides.
 
     stretch: (f,) max(σ1, 1/σ2) of each face that has a shape, ascending; 1 is perfect. share: (f,) how much of
     the surface has no more than that, up to 1.
@@ -132,7 +132,7 @@ class Tail:
 class Measures:
     """whole: value of each row of METRICS. charts: (n_charts,) values of each. flips: faces reversed or
     collapsed, chart_flips (n_charts,). faces: all; degenerate: those without a shape, left out of everything.
-    scale: by what the layout must be multiplied for the best symmetric Dirichlet energy of the whole.
+    scale: factor of the layout with the least symmetric Dirichlet energy.
     tail: how far single faces are stretched or shrunk at that scale.
     """
 

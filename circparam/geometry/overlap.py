@@ -45,7 +45,7 @@ def signs(uv: FloatArray, faces: IntArray) -> SignArray:
 
 @dataclass(frozen=True, eq=False)
 class Overlaps:
-    """What overlaps in a layout.
+    """The overlaps of a layout.
 
     self_overlapping: (n,) bool for each chart. crossings: (p, 2) half-edges of one chart's boundary that meet
     another one of the same chart's. pairs: (q, 2) charts a < b that overlap each other, found when first asked

@@ -1,4 +1,4 @@
-"""What a layout costs those who draw it: thin charts, seams in texels, vertices that seams add, density."""
+"""The cost of a layout in use: thin charts, seams in texels, vertices that seams add, density."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Exact signs of plane determinants: floating point where its error bound decides, exact arithmetic elsewhere.
 
-Three steps, each for what the one before left open: the determinant in float64 with the error bound of
-Shewchuk (1997, orient2d, bound A); the determinant as an exact sum of twelve floats (two-product,
+Three steps, each for the signs that the earlier one left open: the determinant in float64 with the error bound
+of Shewchuk (1997, orient2d, bound A); the determinant as an exact sum of twelve floats (two-product,
 grow-expansion), still as array operations; rationals for coordinates that lie further apart than the range
 of float64.
 """

@@ -330,7 +330,7 @@ def _gap_by_trees(
 
 
 def free_border(grid: LabelGrid) -> int:
-    """Number of empty texels between what is covered and the nearest border of the page (its side if empty)."""
+    """Empty texels between the covered ones and the nearest border of the page (its side if empty)."""
     rows, columns = np.flatnonzero((grid >= 0).any(1)), np.flatnonzero((grid >= 0).any(0))
     if len(rows) == 0:
         return len(grid)

@@ -45,7 +45,7 @@ class Frames:
         return unit(out * np.where(whole < 0, -1.0, 1.0))
 
     def out_of(self, face: IntArray, bary: FloatArray, told: FloatArray) -> FloatArray:
-        """The inverse of ``into``: what viewers decode, (p, 3) unit."""
+        """The inverse of ``into``, as viewers decode: (p, 3) unit."""
         axes = (self.tangent, self.bitangent, self.normal)
         parts = [
             unit(np.einsum("pk,pkc->pc", bary, axis[face])) * told[:, k, None]

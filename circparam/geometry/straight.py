@@ -12,7 +12,7 @@ BINS = 180  # of a quarter turn: half a degree each
 # Border along the directions of a chart, over the side of a square of its area, from which on it is a straight
 # one. A square has 4, a regular polygon of 16 sides 0.9 along two perpendicular directions.
 LONG = 1.0
-PARALLEL = np.pi / 2 / BINS  # radians from an axis: as finely as directions are told apart
+PARALLEL = np.pi / 2 / BINS  # radians from an axis: resolution of directions
 _QUARTER = np.pi / 2
 
 

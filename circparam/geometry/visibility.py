@@ -52,8 +52,11 @@ Buffers: TypeAlias = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """What may be seen. point: (k, 3); normal: (k, 2, 3) of the faces that meet there, not zero; sheet: (k,)
-    bool, it is seen from behind as well."""
+    """Places on a surface, to be seen or hidden.
+
+    point: (k, 3). normal: (k, 2, 3) of the faces that meet there, not zero. sheet: (k,) bool, also visible from
+    behind.
+    """
 
     point: FloatArray
     normal: FloatArray

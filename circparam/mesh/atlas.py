@@ -14,7 +14,7 @@ from circparam.mesh.surface import Surface
 
 @dataclass(frozen=True, eq=False)
 class SeamPrices:
-    """What a seam along each edge means on a hard surface.
+    """Prices of seams along the edges of a hard surface.
 
     price: (e,) factor of its length. flat: (e,) bool, it would cut a flat. sharp, crease: (e,) bool, the
     surface turns there by at least an angle that makes it so (see ``seams.hard.regions``).
@@ -37,8 +37,8 @@ class Atlas:
 
     cut: (e,) bool over ``surface.edges``. corners: (m, 3, 2) uv of each corner, zeros where none is given. Both
     are copied. The segmentation moves them as it goes; the stages of the pipeline make a new atlas instead.
-    prices: what seams along the edges mean, on hard surfaces; None where all edges are alike. merged_on: it was
-    tried to merge its charts on, as it is, and nothing merged.
+    prices: of seams along edges, on hard surfaces; None if all edges are equal. merged_on: its charts have been
+    tried for merging, and none merges.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Atlas:
 
     @cached_property
     def lengths(self) -> FloatArray:
-        """(e,) length of every edge, weighted by what a seam along it means where that is known."""
+        """(e,) length of every edge, weighted by the price of a seam along it, if any."""
         length = self.surface.edge_lengths
         return length if self.prices is None else length * self.prices.price
 
@@ -105,7 +105,7 @@ class Atlas:
         """(e,) the weighted lengths at the prices of the surface, infinite where an edge is locked."""
         cost = self.lengths
         if self.surface.price is not None:
-            # a seam in a flat is no better for being hidden: that would be what brings seams into flats
+            # a hidden seam in a flat costs the same: otherwise visibility would draw seams into flats
             cost = cost * np.where(False if self.flat is None else self.flat, 1, self.surface.price)
         return np.where(self.surface.locked, np.inf, cost)
 
@@ -122,7 +122,7 @@ class Atlas:
 
     @property
     def seam_price(self) -> float:
-        """As ``seam_length``, with what the surface asks for each edge."""
+        """As ``seam_length``, with the price of each edge."""
         total = self.surface.priced_lengths[self.cut].sum()
         return float(total / np.sqrt(self.surface.areas.sum()))
 
@@ -166,7 +166,7 @@ class Atlas:
         return out
 
     def put(self, faces: BoolArray, part: Atlas) -> None:
-        """Take over what became of ``part(faces)``."""
+        """Take over the result of ``part(faces)``."""
         self.take(faces, part.cut, part.corners)
 
     def take(self, faces: BoolArray, cut: BoolArray, corners: FloatArray) -> None:

@@ -21,7 +21,7 @@ from circparam.core.arrays import (
 from circparam.core.graph import cycles
 from circparam.mesh.halfedge import boundary_half_edges
 
-# what a cut mesh remembers that does not depend on lengths
+# cached properties of a cut mesh that do not depend on lengths
 TOPOLOGICAL = (
     "n_vertices",
     "n_charts",
@@ -56,7 +56,7 @@ class Loops:
 
 @dataclass(frozen=True, eq=False)
 class CutMesh:
-    """What a method sees: charts cut open, every triangle laid isometrically in the plane.
+    """The input of a method: charts cut open, every triangle laid isometrically in the plane.
 
     faces: (m, 3) int64 into the vertices of the cut mesh, counter-clockwise. rest_triangles: (m, 3, 2) float64,
     plane coordinates of the corners of each face, in the units of the mesh, positive area.
@@ -92,7 +92,7 @@ class CutMesh:
         for corner values u (3, 2)."""
         x, y = self.rest_triangles.T
         before, ahead = [2, 0, 1], [1, 2, 0]
-        # in memory (2, 3, m), as all who work on whole arrays want them
+        # in memory (2, 3, m), for operations over whole arrays
         g = np.stack([y[ahead] - y[before], x[before] - x[ahead]])
         g /= 2 * self.areas
         return g.transpose(2, 0, 1)
@@ -156,7 +156,7 @@ class CutMesh:
         for name in TOPOLOGICAL:
             if name in self.__dict__:
                 out.__dict__[name] = self.__dict__[name]
-            else:  # what an earlier solve left there would make results differ in their last bits
+            else:  # a cache of an earlier solve would change the last bits of the result
                 out.__dict__.pop(name, None)
         return out
 
@@ -169,7 +169,7 @@ class CutMesh:
         return vertices - (corner_edges - inner) + np.bincount(self.chart, minlength=n)
 
     def subset(self, charts: BoolArray) -> tuple[CutMesh, IntArray, IntArray]:
-        """The cut mesh of some charts; returns (cut mesh, vertices, faces): what each new one was before."""
+        """The cut mesh of some charts; returns (cut mesh, vertices, faces): the earlier number of each."""
         if charts.all():
             return self, np.arange(self.n_vertices), np.arange(len(self.faces))
         fid = np.flatnonzero(charts[self.chart])

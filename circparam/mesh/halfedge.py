@@ -25,7 +25,7 @@ REPAIRINGS = 3  # other pairs tried at edges that coincide, before such pairs ar
 
 
 class Pairs(NamedTuple):
-    """Half-edges that belong together: (e, 2), whether each pair lies inside a polygon, whether its faces are
+    """Pairs of half-edges: (e, 2), whether each pair lies inside a polygon, whether its faces are
     inconsistently oriented; and the first half-edge of every edge with more than two faces."""
 
     edges: IntArray

@@ -20,7 +20,7 @@ class Mesh:
     points: (n, 3) float64, in the units of the file. faces: (m, 3) int64 into points.
     polygons: (m,) int64, the polygon of the file each triangle belongs to (no seam runs inside a polygon);
     None where every polygon is a triangle. groups: (m,) int64, a label per material or group; None where
-    there is only one. counted_from: what the file calls its first vertex and face (1 in OBJ), for messages.
+    there is only one. counted_from: number of the first vertex and face in the file (1 in OBJ), for messages.
 
     Raises InputError where shapes or indices do not fit, or a used point is not finite.
     """
@@ -64,11 +64,11 @@ class Mesh:
         object.__setattr__(self, "faces", faces)
 
     def vertex_number(self, vertex: int) -> int:
-        """What the file calls a vertex."""
+        """The number of a vertex in the file."""
         return int(vertex) + self.counted_from
 
     def face_number(self, face: int) -> int:
-        """What the file calls the face (its polygon, where it has polygons) that a triangle lies in."""
+        """The number in the file of the face (or polygon) that contains a triangle."""
         own = face if self.polygons is None else self.polygons[face]
         return int(own) + self.counted_from
 

@@ -27,7 +27,7 @@ _Values = TypeVar("_Values", IntArray, FloatArray)
 
 @dataclass(frozen=True)
 class RepairOptions:
-    """What repair may do.
+    """Permitted repairs.
 
     weld_eps: distance in units of the mesh up to which vertices count as one (0: exactly the same position
     only). allow: False raises TopologyError where anything would have to be repaired. by_position: faces and
@@ -94,7 +94,7 @@ class RepairReport:
 def repair(
     mesh: Mesh, options: RepairOptions = RepairOptions(), uvmap: UVMap | None = None
 ) -> tuple[Surface, RepairReport]:
-    """The oriented manifold of a mesh, and what had to be done for it.
+    """The oriented manifold of a mesh, and the repairs that make it.
 
     uvmap: a layout to be judged or packed. Faces at an edge of more than two hang together as it shows them,
     so that its charts are counted as whoever made it counted them. Of the faces with the same three points,
@@ -260,7 +260,7 @@ def _part_of_another_polygon(
 
 
 def _refuse_closed(mesh: Mesh, polygons: IntArray, pairs: Pairs, kept: IntArray) -> None:
-    """Refuse a polygon that passes its corners again until it closes round nothing: no seam may open it.
+    """Refuse a polygon that repeats its corners and encloses nothing: no seam may open it.
 
     polygons: (k,) of the faces ``kept``.
     """
@@ -313,7 +313,7 @@ def _messages_aside(mesh: Mesh, near: int, aside: _Aside) -> list[str]:
 
 
 def _messages_split(mesh: Mesh, surface: Surface, pairs: Pairs, fans: IntArray) -> list[str]:
-    """One line for each kind of what was split to be manifold."""
+    """One line for each kind of non-manifold element that was split."""
     out = []
     if n := len(pairs.crowded):
         first = mesh.face_number(surface.source[pairs.crowded // 3].min())

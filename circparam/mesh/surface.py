@@ -25,7 +25,7 @@ class Surface:
     ascending order of i. A half-edge in no pair is on a boundary: a non-manifold edge keeps pairs of faces,
     every face at most once. Half-edge 3f + k runs from corner k to corner k + 1.
     locked: (e,) bool, edges that no seam may follow (inside a polygon, or forbidden by the user).
-    price: (e,) what a seam along an edge costs, in lengths of the edge; None where all edges are alike.
+    price: (e,) cost of a seam along an edge, in lengths of the edge; None if all edges are equal.
     weighted: the prices hold weights of the user: they count wherever seams are chosen, not only moved.
     first: (m,) int64, the corner of the file's face that corner 0 is; None where it is that face's own first.
     torn: (t, 2) int64, pairs of half-edges that repair let go because the component has one side only. Both run
@@ -121,7 +121,7 @@ class Surface:
         return self.lengths(self.edges[:, 0])
 
     def forget(self) -> None:
-        """Let go of what was worked out of the shapes of the faces; worked out again where asked for."""
+        """Drop cached shapes of the faces; they are computed again when needed."""
         for name in ("rest_triangles", "areas", "normals", "edge_lengths", "priced_lengths"):
             self.__dict__.pop(name, None)
 
@@ -142,7 +142,7 @@ class Surface:
 
     @cached_property
     def priced_lengths(self) -> FloatArray:
-        """(e,) what a seam along each edge costs: its length, times its price where there is one."""
+        """(e,) cost of a seam along each edge: its length times its price, if any."""
         return self.edge_lengths if self.price is None else self.edge_lengths * self.price
 
     @cached_property
@@ -162,7 +162,7 @@ class Surface:
 
     def charts(self, cut: BoolArray) -> tuple[int, IntArray]:
         """Components of the faces across the edges that are not cut: (number, (m,) label)."""
-        # asked for again and again between two changes of the seams
+        # used many times between two changes of the seams
         kept: tuple[BoolArray, int, IntArray] | None = self.__dict__.get("_charts")
         if kept is None or not np.array_equal(kept[0], cut):
             e = self.edges[~cut]

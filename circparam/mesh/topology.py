@@ -1,4 +1,4 @@
-"""The topology of a mesh as it stands in the file: what it is, before anything is repaired."""
+"""The topology of a mesh as it is in the file, before any repair."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _component_list(
     point_component = np.full(len(points), -1)
     point_component[faces.ravel()] = corner
     pinched = group_count(point_component[_fans_at(faces, fan, edges, len(points)) > 1], n)
-    # an edge of more than two faces comes apart into one edge for each face
+    # an edge of more than two faces splits into one edge for each face
     loose = np.repeat(edges.solid, 3)
     loose[edges.pairs[:, 1]] = False
     euler = vertices - group_count(corner[loose], n) + group_count(component[edges.solid], n)

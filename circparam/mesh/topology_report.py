@@ -1,4 +1,4 @@
-"""What ``check`` tells of a mesh: its components, whether each is a disk, and what is wrong with it."""
+"""The report of ``check``: the components of a mesh, whether each is a disk, and its defects."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Component:
 
     @property
     def verdict(self) -> str:
-        """What it is, in a few words: 'disk', 'sphere', 'genus 2 with 3 boundaries', 'non-manifold' ..."""
+        """The component in a few words: 'disk', 'sphere', 'genus 2 with 3 boundaries', 'non-manifold' ..."""
         if self.nonmanifold_edges:
             return "non-manifold"
         if not self.orientable:

@@ -49,7 +49,7 @@ def weld_map(mesh: Mesh, eps: float = 0.0) -> IntArray:
 def degenerate_faces(points: FloatArray, faces: IntArray) -> BoolArray:
     """(m,) bool: a repeated point, or an area <= 1e-12 x longest edge².
 
-    Also faces 1e50 times smaller than the largest, whose squares float64 cannot hold.
+    Also faces 1e50 times smaller than the largest, whose squares underflow in float64.
     """
     p = points[faces]
     e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]

@@ -94,7 +94,7 @@ class _HoleBoundaries:
         turn = np.pi - vertex_angle_sums(self.cut_mesh, alpha)
         first = np.cumsum(self.size) - self.size
         step = (1j * turn - wheel)[self.vertices]
-        # what the hole still lacks is shared out, so that the first step begins near a closed walk
+        # the remaining defect of the hole is distributed, so that the first step starts near a closed walk
         lack = -2j * np.pi - np.add.reduceat(step, first)
         run = np.cumsum(step + np.repeat(lack / self.size, self.size))
         edge = np.exp(run - np.repeat(run[first], self.size))
@@ -110,7 +110,7 @@ class _HoleBoundaries:
         return np.concatenate([gap.real, gap.imag])
 
     def jacobian(self, alpha: FloatArray) -> sps.csr_matrix:
-        """(2h, 3m) derivatives of the gaps: what turns or grows at a vertex moves all that follows."""
+        """(2h, 3m) derivatives of the gaps: a change at a vertex moves all later vertices."""
         f = self.cut_mesh.faces
         h, m = len(self.size), len(f)
         if h == 0:

@@ -29,7 +29,7 @@ TOLERANCE = 1e-9
 def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
     """Start from the convex map of the options and minimise the as-rigid-as-possible energy, charts together.
 
-    Pins hold their places. Raises OptionError for bad pins.
+    Pins stay at their places. Raises OptionError for bad pins.
     """
     require_boundary(cut_mesh)
     hold = np.zeros(cut_mesh.n_vertices, bool)
@@ -69,7 +69,7 @@ def arap(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
 def rigid_energy(
     cut_mesh: CutMesh, uv: FloatArray, hold: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """((n_charts,) ½ Σ A ‖J − R‖², its gradient (n_vertices, 2), zero where held).
+    """((n_charts,) ½ Σ A ‖J − R‖², its gradient (n_vertices, 2), zero at fixed vertices).
 
     R is the rotation nearest to J, from the signed singular values: the angle of (a + d, c − b). It does not
     move to first order, so the gradient is that of a linear elastic energy.

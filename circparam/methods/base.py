@@ -1,4 +1,4 @@
-"""What every method takes and returns."""
+"""Input and output of every method."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class MethodOptions:
 @dataclass(frozen=True, eq=False)
 class Layout:
     """uv (n_vertices, 2) in units of the mesh, charts not packed. iterations (n_charts,). stopped: why each
-    chart's iteration ended. notes: what the user should know, one line each.
+    chart's iteration ended. notes: messages for the user, one line each.
     """
 
     uv: FloatArray
@@ -77,7 +77,7 @@ class Layout:
 Method: TypeAlias = Callable[[CutMesh, MethodOptions, Monitor], Layout]
 MethodRow: TypeAlias = Row[Method]
 
-# what the rows of several methods with a free boundary have in common
+# shared by the rows of several methods with a free boundary
 FREE = frozenset({"free-boundary", "reproduces-plane"})
 CHECKED = "flips are possible; the result is checked, and mended by the foldover-free energy"
 

@@ -163,7 +163,7 @@ class _Flattening:
         return uv
 
     def disk(self) -> FloatArray:
-        """The flattening onto a disk: boundary curvature in proportion to the lengths that come out."""
+        """The flattening onto a disk: boundary curvature in proportion to the resulting lengths."""
         boundary = self.boundary
         pinned, keep = self._pinned()
         b = np.zeros(self.cut_mesh.n_vertices)
@@ -196,7 +196,7 @@ class _Flattening:
         return uv
 
     def _pinned(self) -> tuple[Factor, BoolArray]:
-        """Factor of the Laplacian with the first boundary vertex of every chart held at 0."""
+        """Factor of the Laplacian with the first boundary vertex of every chart fixed at 0."""
         keep = np.ones(self.cut_mesh.n_vertices, bool)
         keep[self.on_outer[self.boundary.outer.start]] = False
         return Factor(sps.csc_matrix(self.L[keep][:, keep])), keep

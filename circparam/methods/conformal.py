@@ -1,4 +1,4 @@
-"""What the conformal methods share: the matrix of Mullen et al. (2008) and its lowest modes."""
+"""Shared by the conformal methods: the matrix of Mullen et al. (2008) and its lowest modes."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _rayleigh_ritz(
     bx = on_boundary[:, None] * x
     gram = _chart_sums(x.conj()[:, :, None] * bx[:, None, :], chart, n)
     weight, basis = np.linalg.eigh(gram)
-    # directions that the vectors do not span come back as zero vectors with a huge value
+    # directions outside the span become zero vectors with a huge value
     keep = weight > 1e-12 * weight[:, -1:]
     basis = np.where(keep, 1 / np.sqrt(np.where(keep, weight, 1.0)), 0.0)[:, None, :] * basis
     x = np.einsum("vk,vkl->vl", x, basis[chart])

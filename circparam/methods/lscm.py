@@ -56,9 +56,9 @@ def lscm(cut_mesh: CutMesh, options: MethodOptions, monitor: Monitor) -> Layout:
 
 
 def conformal_pinned(cut_mesh: CutMesh, pins: Pins | None) -> tuple[ComplexArray, BoolArray]:
-    """Minimise ½ z* L_C z with two or more vertices of every chart held.
+    """Minimise ½ z* L_C z with at least two fixed vertices in every chart.
 
-    Returns (z (n,), (n_charts,) charts held by pins of the user). Raises OptionError for bad pins.
+    Returns (z (n,), (n_charts,) charts fixed by pins of the user). Raises OptionError for bad pins.
     """
     held = np.zeros(cut_mesh.n_charts, bool)
     vertices = np.zeros(0, np.int64)

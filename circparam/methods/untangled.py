@@ -1,4 +1,4 @@
-"""Untangle the result of a method that gives no guarantee; a note always says what was done."""
+"""Untangle the result of a method without a guarantee; a note always reports the repair."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def untangle_layout(
     hold: BoolArray | None = None,
     conformal: bool = True,
 ) -> tuple[FloatArray, list[str]]:
-    """Untangle what a method without a guarantee has flipped, and say so in one line.
+    """Untangle the faces that a method without a guarantee has flipped; one line reports the repair.
 
     hold: (n_vertices,) vertices that keep their places. conformal: the map keeps angles. A chart that does
-    not untangle becomes the isometric map from its convex start, where no vertex of it is held. With
+    not untangle becomes the isometric map from its convex start, unless one of its vertices is fixed. With
     ``options.repair`` off the flips stay, and a note says so. Returns (uv, notes).
     """
     bad = flipped(cut_mesh.faces, uv)

@@ -1,4 +1,4 @@
-"""The layout with given Jacobians, from one that is right but for a few cells of a coarser surface.
+"""The layout with given Jacobians, from a start that is right except near a few cells of a coarse surface.
 
 Conjugate gradients, preconditioned by the diagonal and by the system of one number for each cell, of which
 there are a twelfth as many as vertices: linear in the faces, and no factor of the mesh has to be held.
@@ -44,7 +44,7 @@ class CellPoisson:
         self.coarse = Factor(sps.csc_matrix(coarse))
 
     def precondition(self, r: FloatArray) -> FloatArray:
-        """(nv,) about the inverse of the Laplacian times the residual (nv,)."""
+        """(nv,) approximation of the inverse Laplacian times the residual (nv,)."""
         return self.inverse * r + self.coarse.solve(group_sum(r, self.cell, self.cells))[self.cell]
 
     def towards(self, targets: FloatArray, start: FloatArray, limit: int = LIMIT) -> FloatArray:

@@ -17,10 +17,10 @@ from circparam.solvers.lbfgs import DescentOptions, Groups, descend
 from circparam.solvers.region import Region
 
 OUTER = 25  # rounds, each with an ε of its own
-# rounds that bring neither fewer flips nor a better worst determinant, times BETTER at most
+# rounds without fewer flips or a worst determinant better by BETTER
 BARREN, BETTER = 5, 0.9
 DESCENT = DescentOptions(tolerance=1e-4, limit=60)
-FAR = 1e4  # times the root of its area: a group that spreads so wide is not followed further
+FAR = 1e4  # times the root of its area: a group of this width is given up
 AREA = 1.0  # λ, weight of the area term against the shape term
 POSITIVE = 1e-9  # determinant above which a face counts as upright
 
@@ -102,11 +102,11 @@ class FoldoverEnergy:
 def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
     """(n, 2) the layout x of a region, lowered with an ε that follows the worst determinant of each group.
 
-    A group is done when all its faces are upright, ε² = 10⁻¹² + 0.04 min(D, 0)² until then (Garanzha et al.
-    2021); one that has flown apart, and one that gets no better, is left.
+    A group is done when all its faces are upright; until then ε² = 10⁻¹² + 0.04 min(D, 0)² (Garanzha et al.
+    2021). A group that diverges or stops improving is given up.
     """
     out = x.copy()
-    source = np.arange(len(x))  # vertices of the region that the remaining groups hold
+    source = np.arange(len(x))  # vertices of the remaining groups
     moving = np.ones(region.n_groups, bool)
     # flips, and how far the worst face is from upright
     best = np.full((2, region.n_groups), np.inf)
@@ -118,9 +118,9 @@ def lower(region: Region, x: FloatArray, monitor: Monitor | None) -> FloatArray:
         now = np.stack([flips, -worst])
         barren = np.where((now < BETTER * best).any(0), 0, barren + 1)
         best = np.minimum(best, now)
-        # a group that has flown apart is given up, before its numbers overflow
+        # a diverging group is given up before its numbers overflow
         left = (worst <= POSITIVE) & ~_flown_apart(region, x)
-        # one that has found no lower step would find none again
+        # without a lower step now, the next round has none either
         left &= moving & (barren < BARREN)
         if not left.any() or (monitor is not None and monitor.expired):
             break
@@ -152,7 +152,7 @@ def _descended(region: Region, x: FloatArray, epsilon: FloatArray) -> tuple[Floa
 
 
 def _flown_apart(region: Region, x: FloatArray) -> BoolArray:
-    """(n_groups,) the layout of the group is far wider or higher than its area tells."""
+    """(n_groups,) bool: the group is far wider or higher than its area implies."""
     group, n = region.cut_mesh.vertex_chart, region.n_groups
     spread = [group_max(x[:, d], group, n) - group_min(x[:, d], group, n) for d in range(2)]
     near = np.maximum(spread[0], spread[1]) <= FAR * np.sqrt(region.cut_mesh.chart_areas)

@@ -39,7 +39,7 @@ def open_holes(cut_mesh: CutMesh) -> Opened:
 
     The paths are those of the shortest tree whose edges each run from loop to loop along shortest paths
     (Mehlhorn 1988: found among the edges between the regions nearest to each loop). Cuts never split a chart;
-    half-edges keep their numbers. CutMesh without holes come back as they are.
+    half-edges keep their numbers. A cut mesh without holes is returned unchanged.
     """
     cut = _joining_paths(cut_mesh)
     if not cut.any():

@@ -13,11 +13,11 @@ from circparam.core.monitor import Monitor
 
 Energy: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 Precondition: TypeAlias = Callable[[FloatArray], FloatArray]
-ARMIJO = 1e-4  # share of the decrease that the slope promises which a step must win
+ARMIJO = 1e-4  # least decrease, as a share of what the slope predicts
 HALVINGS = 40  # of a step: to 1e-12 of it
-MEMORY = 8  # pairs that are remembered; Nocedal and Wright (2006, section 7.2) advise 3 to 20
-CURVED = 1e-12  # sᵀy / ‖s‖‖y‖ from which a pair tells a curvature above rounding
-IDLE = 2  # steps on end below the tolerance after which a group stops
+MEMORY = 8  # pairs in memory; Nocedal and Wright (2006, section 7.2) advise 3 to 20
+CURVED = 1e-12  # sᵀy / ‖s‖‖y‖ from which the curvature of a pair exceeds rounding
+IDLE = 2  # consecutive steps below the tolerance after which a group stops
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def descend(
 ) -> Descent:
     """Minimise the energy of every group of vertices (Nocedal, Wright 2006, algorithm 7.5).
 
-    energy: x (v, 2) → (energies (count,), gradient (v, 2), zero where a vertex is held). precondition: an
+    energy: x (v, 2) → (energies (count,), gradient (v, 2), zero at fixed vertices). precondition: an
     approximate inverse Hessian, block diagonal over the groups.
     """
     at = _evaluated(energy, x)
@@ -122,7 +122,7 @@ def descend(
 
 
 def _pair(before: _Point, after: _Point, groups: Groups, precondition: Precondition) -> _Pair:
-    """What a step tells of the curvature; nothing in a group where it is negative, or that has not moved."""
+    """The pair of a step; zero in groups with negative curvature and in groups that have not moved."""
     s, y = after.x - before.x, after.gradient - before.gradient
     curvature = groups.dot(s, y)
     norm = np.sqrt(groups.dot(s, s) * groups.dot(y, y))

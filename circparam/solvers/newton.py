@@ -17,30 +17,30 @@ from circparam.core.monitor import Monitor
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.solvers.objective import Objective, in_units_of_faces
 
-ARMIJO = 1e-4  # share of the decrease that the slope promises which a step must win (Nocedal, Wright 2006, 3.4)
+ARMIJO = 1e-4  # least decrease, as a share of what the slope predicts (Nocedal, Wright 2006, 3.4)
 HALVINGS = 40  # of a step: to 1e-12 of it
-SHORTEST_STEP = 1e-10  # share of the Newton step below which a chart is said to find no descent
+SHORTEST_STEP = 1e-10  # share of the Newton step below which a chart has no descent
 SAFETY = 0.9  # share of the way to the first collapse that a step may go
-BAD_START = 20.0  # energy above which the SLIM proxy leads better than the Hessian
+BAD_START = 20.0  # energy above which the SLIM proxy converges better than the Hessian
 PROXY_STEPS = 4
-HOPE = 1.2  # a chart is not expected to win more than this many times its last full step again
-STRIDE = 1.15  # a full step that wins so many times what the model said is followed by longer ones
+HOPE = 1.2  # a chart is expected to gain at most this many times its last full step
+STRIDE = 1.15  # a full step that gains this many times the prediction is followed by longer ones
 STRIDES = (2.0, 4.0, 8.0)
-SMALLER = 0.8  # the system is made anew when the faces of charts that still move are below this share of it
+SMALLER = 0.8  # the system is rebuilt when the charts that still move have less than this share of its faces
 
 
 @dataclass(frozen=True)
 class RelaxOptions:
-    """When to stop.
+    """When to stop, and what may move.
 
     tolerance: a chart has converged when the decrease that Newton's model predicts is below this share of its
     energy. max_iterations: bound on the steps. bound: charts whose energy falls to it stop there (None: none
-    do). give_up: charts that Newton's model sees staying above this energy stop (None: none do), from the
-    second step on; early: from the first one on.
+    do). give_up: charts that the model predicts to stay above this energy stop (None: none do), from the
+    second step on; early: from the first step on.
     fixed: (nv,) bool, vertices that stay where they are. blend: share of the conformal energy. weight: (m,)
     positive factor of the area of each face in the energy (None: 1); energies are those with the weights then.
-    local: the start is right but for what is near; steps are so many iterations that pass changes on from
-    vertex to vertex, without a coarse space (None: charts move as a whole).
+    local: the start has only local errors; a step is this many iterations of conjugate gradients without a
+    coarse space (None: charts move as a whole).
     """
 
     tolerance: float = 1e-6
@@ -58,7 +58,7 @@ class RelaxOptions:
 class Relaxed:
     """uv (nv, 2); energy, iterations (n_charts,); stopped: why each chart stopped.
 
-    floor: (n_charts,) what the energy will hardly fall below, as far as the last steps tell.
+    floor: (n_charts,) estimate of the final energy from below, by the last steps.
     """
 
     uv: FloatArray
@@ -92,8 +92,8 @@ def relax(
 ) -> Relaxed:
     """Minimise the symmetric Dirichlet energy of every chart from a layout without flipped faces.
 
-    uv: (nv, 2) in the units of the mesh. Charts that start with a flipped or collapsed face are left as they
-    are and their energy is infinite. Source of the steps: Smith and Schaefer (2015); of the eigensystem: Smith,
+    uv: (nv, 2) in the units of the mesh. Charts that start with a flipped or collapsed face do not change,
+    and their energy is infinite. Source of the steps: Smith and Schaefer (2015); of the eigensystem: Smith,
     Goes and Kim (2019); of the proxy for bad starts: Rabinovich et al. (2017).
     """
     work, start, scale = in_units_of_faces(cut_mesh, uv)
@@ -117,7 +117,7 @@ def relax(
 
 
 class _Relaxation:
-    """The charts on their way to the minimum: layout, energy, floor and reason to stop of each.
+    """The charts during relaxation: layout, energy, floor and reason to stop of each.
 
     objective, jacobian: of those that still move; charts, vertices: their numbers in the whole.
     """
@@ -139,13 +139,13 @@ class _Relaxation:
         self.charts, self.vertices = np.arange(n), np.arange(cut_mesh.n_vertices)
 
     def _objective(self, cut_mesh: CutMesh, fixed: BoolArray | None) -> Objective:
-        """What those charts minimise; fixed: (nv,) bool of them."""
+        """The objective of the active charts; fixed: (nv,) bool of their vertices."""
         objective = Objective(cut_mesh, fixed, self.options.blend, self.weight)
         objective.local = self.options.local
         return objective
 
     def step(self, number: int) -> None:
-        """One step of every active chart; those that are done then stop."""
+        """One step of every active chart; charts that have converged stop."""
         self._narrow()
         inside = self.active[self.charts]
         energy = self.energy[self.charts]
@@ -160,7 +160,7 @@ class _Relaxation:
         self._stop(step, inside, proxy, first=number == 0)
 
     def _narrow(self) -> None:
-        """Leave out the charts that have stopped, where that makes the system clearly smaller."""
+        """Leave out stopped charts if that makes the system clearly smaller."""
         part = self.objective.cut_mesh
         inside = self.active[self.charts]
         if np.count_nonzero(inside[part.chart]) >= SMALLER * len(part.faces):
@@ -173,7 +173,7 @@ class _Relaxation:
         self.energy[self.charts], self.jacobian = self.objective.energies(self.uv[self.vertices])
 
     def _raise_floor(self, before: FloatArray, step: NewtonStep, inside: BoolArray) -> None:
-        """What each chart will hardly fall below, as its last full step says; other steps tell nothing."""
+        """Update the floor of each chart from its last full step; damped steps give no estimate."""
         after = step.to.energy
         gain = np.where(inside, before, 0.0) - np.where(inside, after, 0.0)
         expected = np.where(step.length > 0.5, after - HOPE * gain, 1.0)
@@ -181,7 +181,7 @@ class _Relaxation:
         self.floor[self.charts] = np.where(inside, np.maximum(floor, expected), floor)
 
     def _stop(self, step: NewtonStep, inside: BoolArray, proxy: bool, first: bool) -> None:
-        """Stop the charts that have converged, are stuck, are hopeless or have reached the bound; say which."""
+        """Stop the charts that have converged, are stuck, are hopeless or have reached the bound; note why."""
         options, energy = self.options, step.to.energy
         going = inside.copy()
 
@@ -236,10 +236,10 @@ def newton_step(
 def _stride(
     objective: Objective, before: Iterate, d: FloatArray, step: NewtonStep, reach: FloatArray
 ) -> NewtonStep:
-    """Longer steps for charts whose full step won more than the model said.
+    """Longer steps for charts whose full step gains more than the model predicts.
 
-    A face that is nearly collapsed, at width x, has the energy 1/x², of which a Newton step wins 7/16 where
-    its model promises 1/3: it only grows x by a third, and a start with such faces needs dozens of full steps.
+    A nearly collapsed face of width x has the energy 1/x². A Newton step reduces it by 7/16, where the model
+    predicts 1/3, and widens the face by a third only: such a start would need dozens of full steps.
     """
     part = objective.cut_mesh
     uv, energy, jacobian, t = step.to.uv, step.to.energy, step.to.jacobian, step.length

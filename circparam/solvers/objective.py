@@ -1,4 +1,4 @@
-"""What Newton's method minimises: the symmetric Dirichlet energies of many charts at once."""
+"""The objective of Newton's method: the symmetric Dirichlet energies of many charts at once."""
 
 from __future__ import annotations
 
@@ -101,10 +101,10 @@ class Objective:
         return np.stack([group_sum(corner[d].ravel(), flat, n) for d in range(2)], 1)
 
     def stiffened(self, matrix: SparseMatrix, uv: FloatArray) -> SparseMatrix:
-        """The Hessian at ``uv`` with whatever else resists the motion; here nothing does."""
+        """The Hessian at ``uv`` with additional stiffness; none here."""
         return matrix
 
-    # iterations without a coarse space, for starts that are right but for what is near; None: to the end
+    # iterations without a coarse space, for starts with local errors; None: to convergence
     local: int | None = None
 
     # whether the rows of a matrix that is factored may have an order of their own
@@ -164,9 +164,9 @@ class Objective:
         return matrix if self.fixed is None else _hold(matrix, self.fixed)
 
     def _by_size(self, matrix: SparseMatrix, g: FloatArray, uv: FloatArray) -> FloatArray:
-        """About matrix⁻¹ g: small charts are factored, large ones iterated.
+        """Approximate matrix⁻¹ g: small charts are factored, large ones use conjugate gradients.
 
-        With one tolerance for all, the charts that are worst off would decide how well the small are solved.
+        Under one tolerance the worst charts would decide the accuracy of the small ones.
         """
         if self.local is not None:
             step = conjugate_gradients(matrix, g.ravel(), BlockJacobi(matrix), 0.0, self.local)
@@ -179,7 +179,7 @@ class Objective:
         small = np.repeat(~large, 2)
         rows = sps.csr_matrix(matrix)
         if self.fixed is not None:
-            rows.eliminate_zeros()  # held rows would fill the factor
+            rows.eliminate_zeros()  # rows of fixed vertices would fill the factor
         step[~large] = solve_direct(rows[small][:, small], g[~large])
         if large.any():
             step[large] = self._iterated(rows[~small][:, ~small], g[large], uv, large)
@@ -188,7 +188,7 @@ class Objective:
     def _iterated(
         self, matrix: SparseMatrix, g: FloatArray, uv: FloatArray, large: BoolArray
     ) -> FloatArray:
-        """About matrix⁻¹ g by conjugate gradients, for the vertices of large charts ((n,) bool)."""
+        """Approximate matrix⁻¹ g by conjugate gradients, for the vertices of large charts ((n,) bool)."""
         if self._aggregates is None:
             # _hessian, which gave the matrix, made the pattern
             pattern = self._pattern or BlockPattern(self.cut_mesh)

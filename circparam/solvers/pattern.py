@@ -29,7 +29,7 @@ TRANSPOSED = np.array(
 
 
 def pattern_of(cut_mesh: CutMesh) -> VertexPattern:
-    """The pattern of a cut mesh in the order of elimination that is known of it; kept with it."""
+    """The pattern of a cut mesh in its known order of elimination; cached with the cut mesh."""
     kept: VertexPattern | None = cut_mesh.__dict__.get("_pattern")
     if kept is None or (cut_mesh.elimination is not None and not kept.ordered):
         kept = cut_mesh.__dict__["_pattern"] = VertexPattern(cut_mesh, cut_mesh.elimination)
@@ -53,7 +53,7 @@ def elimination_ranks(surface: Surface) -> IntArray:
 
 
 def eliminate_as(cut_mesh: CutMesh, ranks: IntArray, vertices: IntArray) -> None:
-    """Give a cut mesh the order of elimination of its surface. vertices: (m, 3) those of the surface."""
+    """Give a cut mesh the order of elimination of its surface. vertices: (m, 3) of the surface."""
     rank = np.zeros(cut_mesh.n_vertices, np.int64)
     rank[cut_mesh.faces.ravel()] = ranks[vertices.ravel()]
     cut_mesh.eliminated_in(stable_order(rank))
@@ -116,7 +116,7 @@ class VertexPattern:
     def blocks(self, blocks: FloatArray) -> sps.csc_matrix:
         """(2n, 2n) matrix of half-edge blocks (2, 2, 3, m) as made by ``dirichlet.edge_blocks``.
 
-        The rows of the blocks sum to zero, but for a touch of ridge. The next call fills the same matrix anew.
+        The rows of the blocks sum to zero, except for a small ridge. The next call overwrites the same matrix.
         """
         flat = blocks.reshape(4, -1)
         edge = np.concatenate(

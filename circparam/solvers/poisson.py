@@ -56,12 +56,12 @@ def from_jacobians(
     """The layout u that minimises Σ area |J(u) − target|², and which charts are free of flips.
 
     targets: (2, 2, m). untangle: while a chart has flipped faces, clamp the singular values of its Jacobians
-    to [low, 1/low], read as a rotation times a stretch, and solve again with the same factor, at most so many
-    times (the local/global idea of Liu and others 2008). held: vertices (k,) of every chart and their places
+    to [low, 1/low], as a rotation times a stretch, and solve again with the same factor, at most this many
+    times (the local/global method of Liu and others 2008). held: vertices (k,) of every chart and their places
     (k, 2); None: the first vertex of every chart lies at the origin.
-    hopeless: charts whose mean of |J(u) − target|² over their area is larger, or which have more flipped
-    faces than that (of each chart, or of all), are not untangled.
-    system: that of the cut mesh and what is held, where it is at hand.
+    hopeless: charts with a larger mean of |J(u) − target|² over their area, or with more flipped faces than
+    that (in each chart, or in all), are not untangled.
+    system: the factored system of the cut mesh and ``held``, if it exists already.
     Returns (uv (nv, 2), (n_charts,) bool: no face flipped).
     """
     solver = Poisson(cut_mesh, held) if system is None else system
@@ -147,7 +147,7 @@ class Poisson:
         g = self.gradients
         weight = -(g * g[:, [1, 2, 0]]).sum(0) * cut_mesh.areas
         self.pattern = pattern_of(cut_mesh)
-        # no energy sees a chart move as a whole: holding one vertex with a spring holds it where it is put
+        # the energy is invariant under motions of a chart: a spring at one vertex fixes its position
         pins = np.zeros(n)
         self.pins = first_vertices(cut_mesh)
         ahead = [1, 2, 0]

@@ -65,7 +65,7 @@ class BlockPattern:
                 data[ahead, a, b] = edge
                 data[back, b, a] = edge
         diagonal = -np.add.reduceat(data, self.indptr[:-1], axis=0)
-        # a touch of ridge: the energy does not see rigid motions of a chart
+        # a small ridge: the energy is invariant under rigid motions of a chart
         trace = diagonal[:, 0, 0] + diagonal[:, 1, 1]
         mean = group_sum(trace, self.chart, len(self.count)) / self.count
         ridge = 1e-9 * trace + 1e-13 * mean[self.chart]
@@ -117,7 +117,7 @@ def _diagonal_blocks(matrix: SparseMatrix) -> FloatArray:
 
 
 class BlockJacobi:
-    """The inverse of the 2 × 2 blocks on the diagonal: a preconditioner that passes changes on by one edge."""
+    """The inverse of the 2 × 2 diagonal blocks, as a preconditioner."""
 
     def __init__(self, matrix: SparseMatrix) -> None:
         self.inverse = np.linalg.inv(_diagonal_blocks(matrix))
@@ -131,8 +131,8 @@ class BlockJacobi:
 class TwoLevel:
     """Block Jacobi with a Galerkin coarse space of affine motions of each aggregate: a preconditioner.
 
-    The six modes of an aggregate (constants and linear functions for both coordinates) hold what block Jacobi
-    damps slowly; smoothed on both sides it is symmetric, as conjugate gradients need.
+    The six modes of an aggregate (constants and linear functions for both coordinates) span the errors that
+    block Jacobi damps slowly. Smoothing on both sides keeps it symmetric, as conjugate gradients need.
     """
 
     def __init__(self, matrix: SparseMatrix, agg: IntArray, uv: FloatArray) -> None:
@@ -143,7 +143,7 @@ class TwoLevel:
         offset = uv - centre[agg]
         radius = np.sqrt(np.bincount(agg, (offset**2).sum(1), na) / size) + 1e-300
         modes = np.c_[np.ones(n), offset / radius[agg][:, None]]
-        modes[size[agg] < 4, 1:] = 0.0  # too few vertices to tell the linear modes apart
+        modes[size[agg] < 4, 1:] = 0.0  # too few vertices to separate the linear modes
         data = np.repeat(modes[:, None, :], 2, axis=1).ravel()
         column = 6 * agg[:, None, None] + np.array([[0, 1, 2], [3, 4, 5]])[None]
         # products with vectors take a third less by rows than by blocks, those with the modes by blocks half

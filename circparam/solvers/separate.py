@@ -37,22 +37,22 @@ from circparam.solvers.region import cut_out
 ROUNDS = 6
 STEPS = 2  # Newton steps between two looks at the boundaries
 LOCAL = 0.05  # share of the root of a chart's area that moves round a spring at first; twice that each round
-# Faces of a chart, of which no more move. Of pushes that 40,000 to 270,000 faces of a chart would have had to
-# make room for none came to anything, and they were most of what pushing took.
+# Faces of a chart that may move. Pushes of 40,000 to 270,000 faces never succeed and take most of the time
+# (docs/experiments/merging.md).
 WIDE = 30_000
 REACH = 0.02  # share of the root of a chart's area: parts deeper in each other are not pushed apart
 FACING = -0.2  # cosine between outward normals below which two segments face each other
 WEIGHT = 1e-5  # of a spring at first; the energy of a chart is about 1
 STIFFER = 8.0  # times a round
-ASIDE = 1e-6  # share of the root of a chart's area; a point so far outside its boundary tells what covers it
+ASIDE = 1e-6  # share of the root of a chart's area: distance of the test point outside a boundary
 AFFORDED = 1.5  # times the bound's excess over 1: charts above it are not pushed
 ALL_BOUNDARY = 0.5  # charts whose boundary is over this over the margin, in roots of area, are left
 PATIENCE = 3  # rounds in which the conflicts of a chart must fall by this factor, else it is left
 HEADWAY = 0.9
-# Share of the boundary in conflict from which a chart is left: of 113 charts of 9 meshes that came apart, the
-# worst had 0.114 of it in conflict.
+# Share of the boundary in conflict above which a chart is not pushed: of 113 charts that separate the worst
+# has 0.114 (docs/experiments/merging.md).
 HOPELESS = 0.13
-PULL = 1.5  # times the margin: the distance the springs pull for, so that the margin is reached
+PULL = 1.5  # times the margin: rest length of the springs, so that the margin is reached
 LEAST_PULL = 1e-3  # share of the root of a chart's area: the same where there is no margin
 
 
@@ -138,7 +138,7 @@ def push_apart(
     monitor: Monitor | None = None,
     chamfers: bool = False,
 ) -> tuple[FloatArray, BoolArray]:
-    """Layouts without parts of one chart on each other, where they can be had under the bound.
+    """Separate the overlapping parts of charts where the bound permits.
 
     uv: (nv, 2) without flips, about isometric. margin: share of the root of a chart's area that parts of its
     boundary should keep apart. Returns (uv, (n_charts,) bool: nothing meets or comes nearer than the margin and
@@ -149,7 +149,7 @@ def push_apart(
     weight = np.full(n, WEIGHT)
     objective = Objective(work, None, 0.0)
     fine = np.zeros(n, bool)
-    # what costs more than the bound allows is not worth a round, nor what is hardly more than its boundary
+    # charts above the bound are not worth a round, nor charts that are hardly more than their boundary
     limit = 1 + AFFORDED * (bound - 1)
     around = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, n)
     todo = around * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
@@ -181,7 +181,7 @@ def push_apart(
         u, wide = _moved(work, u, springs, LOCAL * 2.0**turn * boundary.size)
         todo &= ~wide
         weight[todo] *= STIFFER
-    # what is folded out of a hole, or wound twice, has no boundaries that meet
+    # parts folded out of a hole, or wound twice, have no boundaries that meet
     fine &= ~self_overlapping(work, u)
     return u * scale, fine
 
@@ -191,7 +191,7 @@ def _moved(
 ) -> tuple[FloatArray, BoolArray]:
     """The layout after a few Newton steps of the faces within reach ((n_charts,)) of a spring.
 
-    And the charts ((n_charts,) bool) that stay as they are, since too many of their faces would have to move.
+    Also returns the charts ((n_charts,) bool) that stay, because too many of their faces would have to move.
     """
     chart = cut_mesh.chart
     region = within(
@@ -209,7 +209,7 @@ def _moved(
     for _ in range(STEPS):
         at = newton_step(objective, at, active, proxy=False).to
     out = uv.copy()
-    out[source] = at.uv  # those that are held have not moved
+    out[source] = at.uv  # fixed vertices have not moved
     return out, wide
 
 

@@ -1,7 +1,7 @@
 """Turn flipped faces back: the foldover-free energy on small regions round them.
 
-All regions of all charts are one problem. A region grows, up to its whole chart, until it comes out free of
-flips; vertices on its boundary keep their places, so that the rest of the map stays as it was.
+All regions of all charts form one problem. A region grows, up to its whole chart, until it is free of flips.
+Vertices on its boundary stay fixed, so the rest of the map does not change.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from circparam.solvers.region import WHOLE, grow, moving_region
 # varies much, as conformal ones do, is kept best by a narrow one.
 RINGS = (8, 3, 20, WHOLE)
 NARROW_RINGS = (2, 5, 12, 30, WHOLE)
-NEAR_RINGS = (3, 8, 20, WHOLE)  # where nothing but a few faces is wrong
+NEAR_RINGS = (3, 8, 20, WHOLE)  # if only a few faces are wrong
 HARDLY = 1.05  # times the faces of the region tried before, up to which a region is the same one
 POLISH = 10  # Newton steps on what was untangled, for its shape
 
@@ -52,11 +52,11 @@ def untangle(
     conformal: bool = False,
     near: bool = False,
 ) -> tuple[FloatArray, UntangleReport]:
-    """A layout near ``uv`` without flipped faces, where the energy finds one.
+    """A layout near ``uv`` without flipped faces, if the energy finds one.
 
     uv: (n_vertices, 2). hold: (n_vertices,) vertices that keep their places (none by default). Charts without
-    flips are returned as they are. conformal: the map keeps angles rather than areas. near: hardly anything but
-    the flips is wrong, so that narrow regions come first. Returns (uv, report); the input is not changed.
+    flips are returned as they are. conformal: the map keeps angles rather than areas. near: only the
+    flips are wrong, so narrow regions come first. Returns (uv, report); the input is not changed.
     """
     hold = np.zeros(cut_mesh.n_vertices, bool) if hold is None else hold
     n = cut_mesh.n_charts
@@ -70,7 +70,7 @@ def untangle(
         widest = rings
         region = grow(cut_mesh, bad, rings)
         if np.array_equal(bad, last) and region.sum() <= HARDLY * tried:
-            continue  # what such a region could not do, this one cannot either
+            continue  # a larger region of equal faces would fail again
         last, tried = bad, int(region.sum())
         touched |= region
         part = moving_region(cut_mesh, region, hold, uv)
@@ -91,8 +91,8 @@ def untangle(
 def _polished(
     cut_mesh: CutMesh, uv: FloatArray, touched: BoolArray, hold: BoolArray, blend: float
 ) -> FloatArray:
-    """A few Newton steps where faces were moved: untangling leaves them upright, and this gives them back their
-    shape. Groups that still hold a flipped face are left alone."""
+    """A few Newton steps where faces have moved: untangling leaves them upright, and the steps restore their
+    shape. Groups with a flipped face do not change."""
     part = moving_region(cut_mesh, touched, hold, uv)
     options = RelaxOptions(tolerance=1e-3, max_iterations=POLISH, fixed=part.fixed, blend=blend)
     x = relax(part.cut_mesh, uv[part.source], options).uv

@@ -1,4 +1,4 @@
-"""BOUNDARIES: where the outer boundary of every chart lies before the inside is solved.
+"""BOUNDARIES: positions of the outer boundary of every chart, before the inside is solved.
 
 A boundary is one function of the cut mesh and the options. It returns the cut mesh to solve, the vertices it
 fixes and their places, all charts at once; every chart's boundary is centred on the origin (charts overlap:
@@ -52,7 +52,7 @@ def behind_virtual_faces(cut_mesh: CutMesh, options: TutteOptions) -> FixedBound
 def _with_virtual_faces(cut_mesh: CutMesh, outer: OuterBoundary) -> tuple[CutMesh, IntArray]:
     """(cut mesh with two virtual faces outside every boundary edge, after the real ones; (b,) outer vertices).
 
-    Each edge carries an isosceles trapezoid, as if the boundary were a circle and the ring lay flat round it.
+    Each edge carries an isosceles trapezoid, as if the boundary were a circle with the flat ring around it.
     """
     b = len(outer.vertices)
     index, follower, preceding = outer.index, outer.neighbour(1), outer.neighbour(-1)

@@ -1,7 +1,7 @@
 """Convex combination maps: every inner vertex is a weighted mean of its neighbours, the boundary is convex.
 
 One algorithm for all weight schemes. With positive weights nothing flips in exact arithmetic (Tutte 1963,
-Floater 1997); ``embed`` mends what double precision spoils.
+Floater 1997); ``embed`` repairs flips from double precision.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from circparam.solvers.tutte.weights import WEIGHTS, clamp_negative, half_edge_w
 @dataclass(frozen=True, eq=False)
 class TutteReport:
     """negative (n_charts,): half-edges that leave a free vertex with a negative weight, before
-    clamping. clamped: whether they were lifted. system: what was solved, to solve it again.
+    clamping. clamped: whether they were raised. system: the system, to be solved again.
     """
 
     negative: IntArray

@@ -1,9 +1,9 @@
 """A convex map that also survives long thin protrusions, in double precision.
 
-A tube of length L and circumference C shrinks under a convex map by exp(−2πL/C) towards its tip, below what
-numbers near 1 can tell apart; faces then come out flipped although Tutte's theorem holds. Any positive weights
-are as good for the theorem, so the charts that fail are solved again with weights that tie each vertex more to
-its neighbours nearer to the boundary: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the boundary.
+A tube of length L and circumference C shrinks under a convex map by exp(−2πL/C) towards its tip, below the
+resolution of numbers near 1; faces then flip although Tutte's theorem holds. The theorem admits any positive
+weights, so such charts are solved again with weights that bind each vertex more to its neighbours nearer to the
+boundary: ``w_ij · exp(b (d_i − d_j))``, d the number of edges from the boundary.
 The tube then shrinks by about exp(−(2π)² L h / (2 b C²)) only, h the length of an edge.
 """
 
@@ -31,8 +31,8 @@ def embed(
 ) -> tuple[FloatArray, list[str]]:
     """The convex map of a weight scheme with 0 flips wherever double precision allows; all charts together.
 
-    cut_mesh: disks, holes allowed. weights: row of WEIGHTS. Returns (uv (n_vertices, 2), notes). Charts that
-    come out whole at once are exactly the map of the scheme; what was done to others is in the notes.
+    cut_mesh: disks, holes allowed. weights: row of WEIGHTS. Returns (uv (n_vertices, 2), notes). Charts
+    without flips are exactly the map of the scheme; notes name the others.
     """
     uv, report = tutte_embedding(cut_mesh, weights, options, monitor)
     notes = _negative_note(weights, options, report)
@@ -56,7 +56,7 @@ def embed(
 def embed_start(
     cut_mesh: CutMesh, weights: str, options: TutteOptions, monitor: Monitor
 ) -> tuple[FloatArray, list[str]]:
-    """``embed`` as a start for relaxation: charts that it crushes take the graded weights that distort least.
+    """``embed`` as a start for relaxation: collapsed charts take the graded weights of least distortion.
 
     A tube with L/C = 6 starts at a symmetric Dirichlet energy of 77 instead of 3e15, and converges in 14 steps
     instead of 52. Returns (uv, notes), every chart at its own best scale.
@@ -94,7 +94,7 @@ def _graded(
     uv: FloatArray,
     bad: BoolArray,
 ) -> tuple[FloatArray, list[str]]:
-    """Solve these charts ((n_charts,) bool) again, weights graded more and more until nothing is flipped."""
+    """Solve these charts ((n_charts,) bool) again with increasing grades until no face is flipped."""
     uv = uv.copy()
     first = bad
     for strength in GRADES:

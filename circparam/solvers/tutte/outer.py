@@ -20,11 +20,11 @@ SHORTEST = 1e-3
 
 @dataclass(frozen=True)
 class TutteOptions:
-    """How a chart is embedded: its boundary, and what is done where weights or numbers fail.
+    """How a chart is embedded: its boundary, and the treatment of negative weights and flips.
 
     boundary: row of BOUNDARIES. spacing: ``arc-length`` (as far apart as on the surface) or ``uniform``.
-    polygon: (k, 2) corners of a convex polygon, either way round, for the boundary ``polygon``. clamp: lift
-    negative weights to small positive ones. repair: untangle what double precision flips (see ``embed``).
+    polygon: (k, 2) corners of a convex polygon, in either orientation, for the boundary ``polygon``. clamp:
+    raise negative weights to small positive ones. repair: untangle what double precision flips (see ``embed``).
     """
 
     boundary: str = "circle"

@@ -1,4 +1,4 @@
-"""Convex-combination weights: what each inner vertex takes of each of its neighbours.
+"""Convex-combination weights of every inner vertex and its neighbours.
 
 A scheme is one function of the cut mesh. It returns a pair (forward, backward) of (m, 3) arrays: what the face
 adds to the weight w_ij of its half-edge i → j, and to w_ji of the same edge read backwards. The function
@@ -59,7 +59,7 @@ def authalic(cut_mesh: CutMesh) -> WeightPair:
 
 def floater(cut_mesh: CutMesh) -> WeightPair:
     """Mean over l of the barycentric coordinates of i in the ring triangle hit by the ray opposite to
-    neighbour l, the ring laid flat by eq. 3 (Floater 1997, shape preserving). Zero on boundary vertices.
+    neighbour l, the ring flattened by eq. 3 (Floater 1997, shape preserving). Zero on boundary vertices.
     """
     ring, h, angle = flat_rings(cut_mesh)
     r = cut_mesh.edge_lengths.ravel()[h]
@@ -92,11 +92,11 @@ def _barycentric(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def flat_rings(cut_mesh: CutMesh) -> tuple[IntArray, IntArray, FloatArray]:
-    """The rings of all inner vertices, each counter-clockwise from angle 0, laid flat by Floater's eq. 3.
+    """The rings of all inner vertices, each counter-clockwise from angle 0, flattened by Floater's eq. 3.
 
     Returns (ring (k,) 0.. in ascending order of vertex, half-edge (k,) that leaves the centre, angle (k,) in
-    [0, 2π)). A corner that would take π or more of the plane is held below π, else the centre would lie
-    outside its own ring and the weights would lose their sign; on a plane this never happens.
+    [0, 2π)). A corner that would take π or more is limited to less than π. Otherwise the centre would lie
+    outside its own ring and weights would be negative. On a plane this never happens.
     """
     twin = opposite_half_edges(len(cut_mesh.faces), cut_mesh.edges)
     flat = cut_mesh.faces.ravel()
@@ -158,7 +158,7 @@ def half_edge_weights(cut_mesh: CutMesh, scheme: WeightFunction) -> FloatArray:
 
 
 def clamp_negative(cut_mesh: CutMesh, weights: FloatArray) -> FloatArray:
-    """Weights with everything below a thousandth of its row's mean size lifted to that: all positive.
+    """Weights, each raised to at least a thousandth of the mean size of its row, so all are positive.
 
     weights: (3m,) as from ``half_edge_weights``. A zero would be enough for the sign, but could cut a vertex
     off from one side of its ring, which Tutte's theorem does not allow.
