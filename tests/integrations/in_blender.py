@@ -165,6 +165,20 @@ def marked(seams):
     return {"answer": answer, "after": state(ob)}
 
 
+def painted():
+    """Tubes with a vertex group that leaves one line along them free; and a group that nobody has."""
+    cuts = []
+    for free in (4, 14):
+        bpy.ops.mesh.primitive_cylinder_add(vertices=12, end_fill_type="NOTHING")
+        ob = bpy.context.object
+        others = [v.index for v in ob.data.vertices if v.index not in (free, free + 1)]
+        ob.vertex_groups.new(name="face").add(others, 0.9, "REPLACE")
+        select(ob)
+        answer = attempt(seam_group="face")
+        cuts.append({"answer": answer, "free": [free, free + 1], "after": state(ob)})
+    return {"cuts": cuts, "unknown": attempt(seam_group="fase")}
+
+
 def pinned():
     """Islands with a pin stay, to the bit; the others go round them."""
     ob = cube(cuts=2)
@@ -348,8 +362,8 @@ def main(zip_file, program, *names):
     scenarios = {
         f.__name__: f
         for f in (
-            everything_stays, refused, selected_faces, no_room, nothing_selected, islands, pinned, points,
-            together, pack, density, bad_objects, deleted, edited, page, cancelled, seconds,
+            everything_stays, refused, selected_faces, no_room, nothing_selected, islands, painted, pinned,
+            points, together, pack, density, bad_objects, deleted, edited, page, cancelled, seconds,
         )
     } | {seams: lambda seams=seams: marked(seams) for seams in ("MUST", "HINT", "IGNORE")}  # fmt: skip
     if not names:

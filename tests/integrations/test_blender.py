@@ -250,6 +250,15 @@ def test_marked_seams_are_cut_or_a_hint_or_nothing(answer: dict[str, Any]) -> No
     assert len(marked_edges(answer["IGNORE"]["after"])) == 4  # the artist's marks stay
 
 
+def test_seams_stay_out_of_what_is_painted(answer: dict[str, Any]) -> None:
+    case = answer["painted"]
+    for tube in case["cuts"]:
+        assert cut_edges(tube["after"]) == {tuple(tube["free"])}, tube["answer"]
+    (said,) = case["unknown"]
+    assert "no vertex group is called fase" in said
+    assert "Traceback" not in said
+
+
 def test_islands_with_a_pin_stay(answer: dict[str, Any]) -> None:
     case = answer["pinned"]
     same = {

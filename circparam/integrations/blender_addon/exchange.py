@@ -71,6 +71,16 @@ class Part:
         """(e,) edges that are marked as seams."""
         return numbers(self.mesh.edges, "use_seam", 1, bool)
 
+    def painted(self, group):
+        """(n,) weight of every vertex in a vertex group, 0 outside; None where the object lacks the group."""
+        known = self.objects[0].vertex_groups.get(group)
+        if known is None:
+            return None
+        out = np.zeros(len(self.points))
+        for vertex in self.mesh.vertices:  # Blender lists the groups of each vertex
+            out[vertex.index] = next((g.weight for g in vertex.groups if g.group == known.index), 0)
+        return out
+
     def islands(self, uv):
         """(l,) island of every corner: polygons hang together where uv (l, 2) agree across an edge."""
         first, second = self._sides(np.ones(len(self.mesh.edges), bool))

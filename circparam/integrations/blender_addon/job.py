@@ -48,6 +48,9 @@ class Job:
         if asked.seams == "MUST":
             pairs = [_marked_pairs(p, n) for p, n in zip(self.parts, first, strict=True)]
             words += _file("--seams", stem + ".seams", np.concatenate(pairs), "%d %d")
+        if asked.seam_group:
+            rows = _weight_rows(self.parts, first, asked.seam_group)
+            words += _file("--seam-weights", stem + ".weights", rows, "%d %.9g")
         if self.held:
             rows = [_pin_rows(p, n) for p, n in zip(self.parts, first, strict=True)]
             words += _file("--pin", stem + ".pins", np.concatenate(rows), "%d %.9g %.9g")
@@ -152,6 +155,19 @@ def _pin_rows(part, first):
     at = np.flatnonzero(part.pinned & part.corners)
     vertex, one = np.unique(part.vertex[at], return_index=True)
     return np.c_[vertex + first, part.uv[at[one]]]
+
+
+def _weight_rows(parts, first, group):
+    """(k, 2) vertex in the file and what a seam near it costs: 1 / (1 − p) where p is painted."""
+    painted = [p.painted(group) for p in parts]
+    if all(weight is None for weight in painted):
+        raise Failure(f"no vertex group is called {group}: correct the name under Keep seams away")
+    rows = []
+    for weight, n in zip(painted, first, strict=True):
+        if weight is not None and (at := np.flatnonzero(weight > 0)).size:
+            with np.errstate(divide="ignore"):
+                rows.append(np.c_[at + n, 1 / (1 - np.minimum(weight[at], 1))])
+    return np.concatenate(rows) if rows else np.zeros((0, 2))
 
 
 def _lost(part):

@@ -48,6 +48,8 @@ class OBJECT_OT_circparam(bpy.types.Operator):
         description="Always cut edges at least so sharp; 0: nowhere")
     hide_seams: bpy.props.FloatProperty(name="Hide seams", default=0.5, min=0.0, max=1.0,
         description="Put seams where they are hardly seen: 0 not, 1 at any length")
+    seam_group: bpy.props.StringProperty(name="Keep seams away", default="",
+        description="A vertex group: no seam goes where its weight is 1; at 0.5 one costs twice as much")
     symmetry: bpy.props.EnumProperty(name="Symmetry", default="NONE", items=[
         ("NONE", "None", "Seams go where they cost least"), ("AUTO", "First that fits", "Mirror the seams"),
         ("X", "X", "Mirror the seams"), ("Y", "Y", "Mirror the seams"), ("Z", "Z", "Mirror the seams")])
