@@ -148,6 +148,19 @@ def test_options_in_prose_exist() -> None:
         assert not named - known, (name, named - known)
 
 
+def test_the_code_that_the_design_names_exists() -> None:
+    text = (ROOT / "docs" / "design.md").read_text("utf-8")
+    package = {
+        p.relative_to(ROOT / "circparam").as_posix() for p in (ROOT / "circparam").rglob("*")
+    }
+    modules = re.findall(r"`([\w/]+\.py)`", text)
+    paths = [f"{name}.py" for name in re.findall(r"`((?:\w+/)+\w+)`", text)]
+    assert len(modules) > 10
+    named = [name for name in (*modules, *paths) if not name.startswith("tests/")]
+    missing = [n for n in named if not any(f"/{p}".endswith(f"/{n}") for p in package)]
+    assert not missing, missing
+
+
 @pytest.mark.parametrize("name", ["", *COMMANDS])
 def test_help_fits_into_80_columns(name: str) -> None:
     text = CliRunner().invoke(cli, [*name.split(), "--help"]).output
