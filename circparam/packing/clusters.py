@@ -7,17 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from circparam.core.arrays import FloatArray, IntArray, cross2, group_sum
-from circparam.core.limits import RESOLUTION
 from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.packing.options import Packed, PackOptions
-from circparam.packing.pack import pack
+from circparam.packing.outlines import shapes_of
+from circparam.packing.pack import check_fixed_room, does_not_fit, finish, pack
+from circparam.packing.shelf import shelf_placement
+from circparam.packing.skyline import skyline_placement
 
 COVERED = 0.5  # share of the pages that charts in boxes cover at first guess
-TIGHT = 0.8  # share of its own page that a group covers at first guess
+TIGHT = 0.65  # share of its own page that a group covers at first guess
 WIDER = 1.06  # times the side of a page on which a group finds no room
-ROUNDS = 6  # sizes that are tried
+SHARE = 0.25  # of the usual work of packing, for each of the layouts that are tried
+ROUNDS = 4  # sizes that are tried
 CLOSE = 1.03  # room for more texels that is not worth another round
+JUST = 0.995  # of the scale for which there is room, as the next one may pack a little worse
+SMALLER = 0.7  # of a scale at which a group is larger than a page
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,81 +44,105 @@ def pack_clusters(
     """Place charts so that those of a group lie in a box that no other group reaches into.
 
     faces (m, 3) into uv (nv, 2), chart (m,), group (n_charts,) labels 0..k-1. All charts have one scale. Boxes
-    are turned by quarters where charts may be turned. Raises OptionError where a fixed scale leaves no room.
+    are as square as can be, or as wide as a page, whichever leaves charts larger; square ones are turned by
+    quarters where charts may be turned. Raises OptionError where a fixed scale leaves no room.
     """
-    doubled = np.abs(cross2(uv[faces[:, 1]] - uv[faces[:, 0]], uv[faces[:, 2]] - uv[faces[:, 0]]))
-    fixed = options.fixed_scale
-    scale = fixed or options.resolution * float(
-        np.sqrt(2 * COVERED * options.pages / doubled.sum())
-    )
-    best: tuple[float, FloatArray, IntArray] | None = None
-    for _ in range(ROUNDS):
-        boxes = _boxes(
-            faces, uv, chart, group, replace(options, texel_density=scale, scale=True), monitor
-        )
-        try:
-            placed = _placed(boxes, options, monitor)
-        except OptionError:  # a box is larger than a page
-            if fixed is not None:
-                raise
-            scale /= 2
-            continue
-        more = placed.scale * options.resolution  # times as large as they are packed
-        if more >= 1 - 1e-9 and (best is None or scale * more > best[0]):
-            best = (scale * more, *_moved(boxes, faces, chart, group, placed))
-        if fixed is not None or 1 <= more <= CLOSE:
-            break
-        scale *= more * 0.995
+    charts = _Charts(faces, uv, chart, group)
+    options = replace(options, effort=SHARE * options.effort)
+    found = [_clustered(charts, strips, options, monitor) for strips in (False, True)]
+    best = max(found, key=lambda one: -1.0 if one is None else one.scale)
     if best is None:
         raise OptionError(
             "groups that lie together do not fit on the pages: raise --pages or --resolution, or lower "
             "the density"
         )
-    size, places, page = best
-    scale = size / options.resolution
-    share = group_sum(doubled * scale**2 / 2, page[chart], int(page.max()) + 1)
-    return Packed(places, page, scale, share)
+    return best
 
 
-def _boxes(
-    faces: IntArray,
-    uv: FloatArray,
-    chart: IntArray,
-    group: IntArray,
-    options: PackOptions,
-    monitor: Monitor,
-) -> _Boxes:
-    """Each group packed at the density of ``options`` on the smallest page of those tried that holds it."""
-    out = np.zeros_like(uv)
-    size = np.zeros((int(group.max()) + 1, 2))
+@dataclass(frozen=True, eq=False)
+class _Charts:
+    """faces (m, 3) into uv (nv, 2); chart (m,); group (n_charts,)."""
+
+    faces: IntArray
+    uv: FloatArray
+    chart: IntArray
+    group: IntArray
+
+    @property
+    def areas(self) -> FloatArray:
+        """(m,) area of each face in the plane."""
+        a, b = (self.uv[self.faces[:, k]] - self.uv[self.faces[:, 0]] for k in (1, 2))
+        result: FloatArray = np.abs(cross2(a, b)) / 2
+        return result
+
+
+def _clustered(
+    charts: _Charts, strips: bool, options: PackOptions, monitor: Monitor
+) -> Packed | None:
+    """Charts in boxes, at the largest of the scales that are tried; None where none leaves room."""
+    fixed = options.fixed_scale
+    room = options.resolution * np.sqrt(COVERED * options.pages / charts.areas.sum())
+    scale, best = float(fixed or room), None
+    for _ in range(ROUNDS):
+        asked = replace(options, texel_density=scale, scale=True)
+        try:
+            boxes = _boxes(charts, strips, asked, monitor)
+            placed = _placed(boxes, options, monitor)
+        except OptionError:  # a group is larger than a page
+            if fixed is not None:
+                return None
+            scale *= SMALLER
+            continue
+        more = placed.scale * options.resolution  # times as large as they are packed
+        if more >= 1 - 1e-9 and (best is None or scale * more > best.scale * options.resolution):
+            best = _moved(charts, boxes, placed, scale * more / options.resolution)
+        # strips fill the width of a page at any scale, so what is left of its height tells
+        height = (boxes.size[:, 1] + options.gap).sum() / (options.pages * options.resolution)
+        larger = float(np.sqrt(1 / height)) if strips and more >= 1 else more
+        if fixed is not None or (more >= 1 and larger <= CLOSE):
+            break
+        scale *= larger * JUST
+    return best
+
+
+def _boxes(charts: _Charts, strips: bool, options: PackOptions, monitor: Monitor) -> _Boxes:
+    """Each group packed at the density of ``options``, on the smallest page that holds it or in a strip."""
+    out = np.zeros_like(charts.uv)
+    size = np.zeros((int(charts.group.max()) + 1, 2))
     for k in range(len(size)):
-        mine = np.flatnonzero(group[chart] == k)
-        vertices, local = np.unique(faces[mine], return_inverse=True)
-        own = local.reshape(-1, 3)
-        charts = np.unique(chart[mine], return_inverse=True)[1].reshape(-1)
-        place = _alone(own, uv[vertices], charts, options, monitor)
+        mine = np.flatnonzero(charts.group[charts.chart] == k)
+        vertices, local = np.unique(charts.faces[mine], return_inverse=True)
+        number = np.unique(charts.chart[mine], return_inverse=True)[1].reshape(-1)
+        own = _Charts(local.reshape(-1, 3), charts.uv[vertices], number, charts.group)
+        place = _alone(own, strips, options, monitor)
         low = place.min(0)
         out[vertices], size[k] = place - low, place.max(0) - low
     return _Boxes(out, size)
 
 
-def _alone(
-    faces: IntArray, uv: FloatArray, chart: IntArray, options: PackOptions, monitor: Monitor
-) -> FloatArray:
+def _alone(charts: _Charts, strip: bool, options: PackOptions, monitor: Monitor) -> FloatArray:
     """(nv, 2) places in texels of the charts of one group."""
     scale = float(options.texel_density or 1.0)
-    a, b = (uv[faces[:, k]] - uv[faces[:, 0]] for k in (1, 2))
-    area = group_sum(np.abs(cross2(a, b)) / 2, np.zeros(len(faces), np.int64), 1)[0]
-    side = float(np.sqrt(area / TIGHT)) * scale + 2 * options.border + options.gap
-    while True:
-        page = int(np.clip(np.ceil(side), 2 * options.padding + 4, RESOLUTION.high))
+    side = float(np.sqrt(charts.areas.sum() / TIGHT)) * scale + 2 * options.border + options.gap
+    last = options.resolution
+    while not strip:
+        page = int(np.clip(np.ceil(side), 2 * options.padding + 4, last))
         try:
             alone = replace(options, resolution=page, pages=1)
-            return pack(faces, uv, chart, alone, monitor).uv * page
+            return pack(charts.faces, charts.uv, charts.chart, alone, monitor).uv * page
         except OptionError:
-            if page == RESOLUTION.high:
+            if page == last:
                 raise
         side *= WIDER
+    # the skyline fills a page from below, so on a whole one charts make a strip
+    shapes, whole = shapes_of(charts.faces, charts.uv, charts.chart), replace(options, pages=1)
+    check_fixed_room(shapes, whole)
+    for placement in (skyline_placement(shapes, whole, monitor), shelf_placement(shapes, whole)):
+        if placement is not None:
+            packed, wrong = finish(shapes, placement, whole)
+            if wrong is None:
+                return packed.uv * last
+    raise OptionError(does_not_fit(shapes, whole))
 
 
 def _placed(boxes: _Boxes, options: PackOptions, monitor: Monitor) -> Packed:
@@ -130,18 +159,15 @@ def _placed(boxes: _Boxes, options: PackOptions, monitor: Monitor) -> Packed:
     return replace(placed, scale=placed.scale / unit)
 
 
-def _moved(
-    boxes: _Boxes,
-    faces: IntArray,
-    chart: IntArray,
-    group: IntArray,
-    placed: Packed,
-) -> tuple[FloatArray, IntArray]:
-    """(uv (nv, 2) of the charts in their boxes as these are placed, page of each chart)."""
+def _moved(charts: _Charts, boxes: _Boxes, placed: Packed, scale: float) -> Packed:
+    """The charts in their boxes as these are placed. scale: from the uv given to those of a page."""
     corner = placed.uv.reshape(-1, 4, 2)
     across = (corner[:, 1] - corner[:, 0]) / np.maximum(boxes.size[:, :1], 1e-300)
     up = (corner[:, 3] - corner[:, 0]) / np.maximum(boxes.size[:, 1:], 1e-300)
     of = np.zeros(len(boxes.uv), np.int64)
-    of[faces.ravel()] = np.repeat(group[chart], 3)
+    of[charts.faces.ravel()] = np.repeat(charts.group[charts.chart], 3)
     x, y = boxes.uv[:, :1], boxes.uv[:, 1:]
-    return corner[of, 0] + x * across[of] + y * up[of], placed.page[group]
+    uv = corner[of, 0] + x * across[of] + y * up[of]
+    page = placed.page[charts.group]
+    share = group_sum(charts.areas * scale**2, page[charts.chart], int(page.max()) + 1)
+    return Packed(uv, page, scale, share)

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 import circparam
+from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
 from circparam.mesh.mesh import UVMap
+from circparam.pipeline.job import prepare
 from circparam.pipeline.result import verify_layout
 from circparam.pipeline.summary import summarise
+from circparam.seams.constraints import dihedral_angles
 from tests.support import shapes
 from tests.support.assembly import assemble, bolt, kinds, other_triangles
 
@@ -151,3 +154,19 @@ def test_parts_with_weights_of_their_own_are_not_stacked() -> None:
 def test_seams_of_every_part_and_one_for_all_exclude_each_other() -> None:
     with pytest.raises(OptionError, match="keep"):
         circparam.Options(stack="identical", keep_uv_seams=True)
+
+
+def test_no_seam_may_run_inside_a_flat_that_copies_draw_otherwise() -> None:
+    p, f = kinds(4)[3]
+    a = assemble([(p, f), (p, other_triangles(p, f))], 2)
+    same = assemble([(p, f)], 2)
+    locked = []
+    for shape in (a, same):
+        document = from_arrays(shape.points, shape.faces)
+        surface = prepare(document, None, circparam.Options(stack="identical"), Monitor()).surface
+        assert len(surface.faces) == len(f)
+        level = dihedral_angles(surface) < 1e-6
+        assert not surface.locked[~level].any()
+        locked.append(int(surface.locked.sum()))
+        assert locked[-1] in (0, level.sum())
+    assert locked[0] > 0 == locked[1]
