@@ -9,6 +9,7 @@ from typing import ParamSpec, TypeVar
 
 from circparam.formats import io
 from circparam.integrations.words import python_words
+from circparam.maps import lods
 from circparam.maps import map_surfaces as mapping
 from circparam.pipeline import inspect as looking
 from circparam.pipeline import save as saving
@@ -52,3 +53,4 @@ write = python_words(io.write)
 save = python_words(saving.save)
 Result._repr_html_ = _notebook  # type: ignore[attr-defined]  # drawn by a room above its own
 map_surfaces = python_words(mapping.map_surfaces)
+transfer = python_words(lods.transfer)

@@ -15,6 +15,7 @@ import numpy as np
 import circparam
 from tests.bench import common
 from tests.bench.common import Line, say
+from tests.bench.hand_page import lods, page, straighten
 from tests.support.assembly import assemble, bolt, kinds
 
 
@@ -51,7 +52,12 @@ def stacks() -> list[Line]:
     ]
 
 
-CASES: dict[str, Callable[[], list[Line]]] = {"stacks": stacks}
+CASES: dict[str, Callable[[], list[Line]]] = {
+    "stacks": stacks,
+    "straight borders": straighten,
+    "a page in use": page,
+    "levels of detail": lods,
+}
 
 
 def main() -> None:

@@ -95,6 +95,9 @@ COMMANDS: dict[str, Words] = {
         for kind, way in (("png", "nearest"), ("glb", "nearest"), ("png", "map"))
     },
     "map": lambda m, at: ["map", m["done"], m["plain"], "-o", str(at / "new.npz")],
+    "transfer": lambda m, at: [
+        "transfer", m["done"], m["plain"], "--out-dir", str(at),
+    ],
     "morph": lambda m, at: [
         *("morph", m["done"], m["plain"], "--map", m["map"], "-o", str(at / "new.glb")),
     ],

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import circparam
 from circparam.cli import cli
 from circparam.errors import InputError, NoResultError
 from circparam.formats.io import read
@@ -16,8 +17,10 @@ from circparam.formats.memory import from_arrays
 from circparam.maps.lods import Transferred, transfer
 from circparam.mesh.mesh import UVMap
 from circparam.pipeline.verify import corners_of
+from circparam.render.scene import make_scene
 from tests.support import shapes
 from tests.support.baking import write_obj
+from tests.support.looked import alike
 
 
 def hill(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -71,6 +74,18 @@ def test_charts_and_their_seam_follow(n: int, tmp_path: Path):
     # both surfaces are chords of the hill: places differ by what lies between them, and by nothing else
     assert np.abs(uv - expected).max() < 0.2 / n**2 + 1e-6
     assert one.drift < 0.01
+
+
+def test_the_texture_of_the_first_looks_alike_on_the_second(tmp_path: Path):
+    fine, coarse = hill(40), hill(28)
+    layout = two_charts(*fine)
+    source = written(tmp_path / "lod0.obj", fine, layout)
+    (one,) = circparam.transfer(source, [from_arrays(*coarse)])
+    first = make_scene(*fine, layout.uv, layout.uv_faces)
+    second = make_scene(*coarse, one.result.uv, one.result.uv_faces)
+    assert alike(first, second, 160) >= 32
+    moved = make_scene(*coarse, one.result.uv + 0.02, one.result.uv_faces)
+    assert alike(first, moved, 160) < 32
 
 
 def test_both_sides_of_a_slit_in_one_chart(tmp_path: Path):
