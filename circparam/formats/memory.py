@@ -97,7 +97,7 @@ def whole_numbers(indices: npt.ArrayLike, what: str) -> IntArray:
             f"{what} have shape {given.shape}: these are quads; split each into two triangles"
         )
     if given.dtype.kind == "u" and given.size and given.max() > np.iinfo(np.int64).max:
-        raise InputError(f"{what} name vertex {given.max()}: there are not so many")
+        raise InputError(f"{what} name vertex {given.max()}: there are fewer vertices")
     return given.astype(np.int64)
 
 

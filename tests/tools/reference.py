@@ -22,7 +22,7 @@ def page() -> str:
     parts = [
         "# Command line",
         "",
-        "Made from the help texts by `make docs`; `make test` fails where the two differ.",
+        "Generated from the help texts by `make docs`; `make test` fails if the page is out of date.",
         "",
         "```",
         _help(),

@@ -259,7 +259,7 @@ def component(entry: Json) -> np.dtype[Any]:
     """The numbers that an accessor, or a list of sparse indices, is made of; ValueError for unknown ones."""
     kind = entry["componentType"]
     if kind not in COMPONENTS:
-        raise ValueError(f"component type {str(kind)[:20]} is none that glTF has")
+        raise ValueError(f"component type {str(kind)[:20]} is not one of glTF")
     return np.dtype(COMPONENTS[kind])
 
 

@@ -28,12 +28,12 @@ class OBJECT_OT_circparam(bpy.types.Operator):
         ("ISLANDS", "Unwrap islands", "New charts for the islands to which the selected faces belong"),
         ("PACK", "Pack only", "Charts keep their shape and find new places")])
     effort: bpy.props.EnumProperty(name="Effort", default="NORMAL", items=[
-        ("DRAFT", "Draft", "A layout in a moment"), ("NORMAL", "Normal", "The usual search"),
+        ("DRAFT", "Draft", "A quick layout"), ("NORMAL", "Normal", "The usual search"),
         ("HIGH", "High", "Several searches, of which the best layout is kept")])
     together: bpy.props.BoolProperty(name="One page for all", default=False,
         description="All objects share one page, at one density; otherwise each has a page of its own")
     seams: bpy.props.EnumProperty(name="Marked seams", default="MUST", items=[
-        ("MUST", "Cut them", "Every marked edge is cut, and others where that is needed"),
+        ("MUST", "Cut them", "Cut every marked edge, and others where needed"),
         ("HINT", "Start from them", "Charts start from the regions between marks; others are dropped"),
         ("IGNORE", "Ignore them", "Marks have no effect")])
     pins: bpy.props.EnumProperty(name="Pins", default="ISLANDS", items=[
@@ -41,13 +41,13 @@ class OBJECT_OT_circparam(bpy.types.Operator):
         ("POINTS", "Hold points", "Pinned vertices stay, the rest of their charts is unwrapped"),
         ("IGNORE", "Ignore them", "Pins have no effect")])
     max_distortion: bpy.props.FloatProperty(name="Max distortion", default=1.05, min=1.0001, soft_max=1.5,
-        precision=3, description="Bound that no chart exceeds; 1 is perfect")
+        precision=3, description="Upper bound on the distortion of every chart; 1 is perfect")
     max_charts: bpy.props.IntProperty(name="Max charts", default=0, min=0,
-        description="At most so many charts; 0: as needed")
+        description="At most this many charts; 0: as many as needed")
     sharp: bpy.props.FloatProperty(name="Sharp edges", default=0.0, min=0.0, max=np.pi, subtype="ANGLE",
-        description="Always cut edges at least so sharp; 0: nowhere")
+        description="Cut all edges at least this sharp; 0: none")
     hide_seams: bpy.props.FloatProperty(name="Hide seams", default=0.5, min=0.0, max=1.0,
-        description="Put seams where they are hardly seen: 0 not, 1 at any length")
+        description="Prefer hidden places: 0 ignores visibility, 1 accepts seams of any length")
     seam_group: bpy.props.StringProperty(name="Keep seams away", default="",
         description="A vertex group: no seam goes where its weight is 1; at 0.5 one costs twice as much")
     symmetry: bpy.props.EnumProperty(name="Symmetry", default="NONE", items=[
@@ -58,13 +58,13 @@ class OBJECT_OT_circparam(bpy.types.Operator):
     padding: bpy.props.IntProperty(name="Padding", default=4, min=0, max=4096,
         description="Empty texels between charts and at the border")
     density: bpy.props.FloatProperty(name="Texel density", default=0.0, min=0.0,
-        description="Texels a unit of length; 0: fill the page")
+        description="Texels per unit of length; 0: fill the page")
     replace: bpy.props.BoolProperty(name="Replace the active uv map", default=False,
         description="Otherwise the layout becomes a uv map of its own, called circparam")
     mark_seams: bpy.props.BoolProperty(name="Mark new seams", default=False,
-        description="Mark the edges that were cut as seams, and take the mark from all others")
+        description="Mark the cut edges as seams, and clear all other marks")
     look: bpy.props.BoolProperty(name="Look at it", default=False,
-        description="Open a page with the surface, the layout and its figures when all is done")
+        description="Open a page with the surface, the layout and its figures at the end")
     # fmt: on
 
     @classmethod

@@ -22,7 +22,7 @@ class CircparamPreferences(bpy.types.AddonPreferences):
 
     path: bpy.props.StringProperty(
         name="Program",
-        description="The circparam program; left empty, it is looked for",
+        description="The circparam program; if empty, the add-on searches for it",
         subtype="FILE_PATH",
     )
 
