@@ -109,26 +109,15 @@ def _patched(
     return PatchedMesh(patch, places, cover, first, whole_development(development, side.closed))
 
 
-def located(one: PatchedMesh, two: PatchedMesh) -> CoverPoints:
-    """All vertices of one mesh on the other, each looked for in its patch."""
-    patch, place = one.patch[one.first // 3], one.places.reshape(-1, 3)[one.first]
-    tree = cKDTree(np.column_stack([PATCH_DISTANCE * two.patch, two.places.mean(1)]))
-    near = tree.query(np.column_stack([PATCH_DISTANCE * patch, place]))[1]
-    return two.cover.find(one.cover.vectors, np.asarray(near, np.int64))
-
-
 def composed(
     a: MapInput, b: MapInput, marks: Landmarks, one: PatchedMesh, two: PatchedMesh
 ) -> CoverPoints:
-    """All vertices of the mesh of A on the mesh of B, patch by patch, landmarks on landmarks."""
-    found = located(one, two).put(*along_boundaries(a, b, marks, two.cover.mesh))
-    patch = one.patch[one.first // 3]
-    for u, v in zip(marks.a, marks.b, strict=True):
-        same = np.repeat(two.patch == patch[u], 3)
-        corner = np.flatnonzero((two.cover.mesh.faces == v).ravel() & same)[:1]
-        there = CoverPoints(corner // 3, np.eye(3)[corner % 3], np.eye(3)[None])
-        found = found.put(np.array([u]), there)
-    return found
+    """All vertices of the mesh of A on the mesh of B, each looked for in its patch, boundaries by length."""
+    patch, place = one.patch[one.first // 3], one.places.reshape(-1, 3)[one.first]
+    tree = cKDTree(np.column_stack([PATCH_DISTANCE * two.patch, two.places.mean(1)]))
+    near = tree.query(np.column_stack([PATCH_DISTANCE * patch, place]))[1]
+    found = two.cover.find(one.cover.vectors, np.asarray(near, np.int64))
+    return found.put(*along_boundaries(a, b, marks, two.cover.mesh))
 
 
 def add_helpers(layout: Layout, marks: Landmarks, a: MapInput, b: MapInput, method: str) -> bool:

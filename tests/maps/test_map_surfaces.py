@@ -66,7 +66,7 @@ def test_a_map_keeps_its_promises(kind: str, relax: bool) -> None:
         assert np.isclose(found.start.mean, mapped(kind, False).a_to_b.mean)
 
 
-@pytest.mark.parametrize("kind", ["sphere", "torus", "ring"])
+@pytest.mark.parametrize("kind", ["sphere", "torus"])
 def test_the_same_bytes_again_and_from_the_other_side(kind: str) -> None:
     """A second call gives the same bytes; the map of B to A keeps its promises as well."""
     case, found = pair(kind), mapped(kind).map
@@ -226,7 +226,7 @@ def test_a_poor_map_says_where_to_add_landmarks() -> None:
     far = np.linalg.norm(long - long[tip], axis=1)
     long[:, 2] += 6 * np.maximum(0, 1 - far / 0.35)
     marks = pairs.marks(a, a)[[0, 1, 2, 3, 5]]
-    found = circparam.map_surfaces(a, Mesh(long, a.faces), landmarks=marks)
+    found = circparam.map_surfaces(a, Mesh(long, a.faces), landmarks=marks, relax=False)
     (line,) = [x for x in found.notes if "add a landmark" in x]
     vertex = int(line.split("vertex ")[1].split()[0])
     assert np.linalg.norm(a.points[vertex] - a.points[tip]) < 0.6
@@ -244,7 +244,7 @@ def loops(marks: np.ndarray) -> list[list[int]]:
 
 def test_paths_decide_the_way_round(tmp_path) -> None:
     """Along the torus B is cut along a way that winds once round the tube: the map winds as well."""
-    nu, nv = 24, 12
+    nu, nv = 18, 9
     a = tori.torus(nu, nv)
     marks = tori.marks(a, a)
     plain = circparam.map_surfaces(a, a, landmarks=marks, paths=loops(marks))
@@ -256,7 +256,7 @@ def test_paths_decide_the_way_round(tmp_path) -> None:
     rows = [f"{u} {v}" for u, v in wound]
     rows += ["path " + " ".join(map(str, path)) for path in loops(marks)]
     (tmp_path / "marks.txt").write_text("\n".join(rows) + "\n")
-    found = circparam.map_surfaces(a, a, landmarks=tmp_path / "marks.txt")
+    found = circparam.map_surfaces(a, a, landmarks=tmp_path / "marks.txt", relax=False)
     assert found.inversions == (0, 0)
     meets_landmarks(Pair(a, a, wound), found)
     for result, times in ((plain, 0), (found, 1)):
