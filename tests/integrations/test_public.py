@@ -57,9 +57,9 @@ def test_a_result_is_one_line_and_a_picture_in_a_notebook(tmp_path: Path) -> Non
     assert circparam.view(result, tmp_path / "v.svg").stat().st_size > 0
     written = circparam.unwrap(shapes.cube(1), tmp_path / "o.obj", **QUICK)
     assert str(written).startswith(str(tmp_path / "o.obj"))
-    assert circparam.view(written, tmp_path / "w.png", up="z").stat().st_size > 0
+    assert circparam.view(written, tmp_path / "w.svg", up="z").stat().st_size > 0
     with pytest.raises(circparam.OptionError, match="exists"):
-        circparam.view(written, tmp_path / "w.png")
+        circparam.view(written, tmp_path / "w.svg")
 
 
 def test_a_scene_keeps_its_nodes_and_instances(tmp_path: Path) -> None:

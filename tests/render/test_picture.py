@@ -22,20 +22,19 @@ def test_preview_of_every_kind(tmp_path: Path):
     points, faces, uv, uv_faces = cube()
     mesh, uvmap = Mesh(points, faces), UVMap(uv, uv_faces)
     measures = {"flips": 0, "distortion": 1.0432198, "charts": 6, "pack": 0.64, "gap_texels": None}
+    look = PictureOptions(title="cube", samples=1)
     for name in ("a.png", "a.svg", "a.html"):
-        save_preview(tmp_path / name, mesh, uvmap, measures, PictureOptions(title="cube"))
-        save_preview(
-            tmp_path / f"again-{name}", mesh, uvmap, measures, PictureOptions(title="cube")
-        )
+        save_preview(tmp_path / name, mesh, uvmap, measures, look)
+        save_preview(tmp_path / f"again-{name}", mesh, uvmap, measures, look)
         first, second = ((tmp_path / n).read_bytes() for n in (name, f"again-{name}"))
         assert first == second  # the same bytes every time
     image = np.asarray(Image.open(tmp_path / "a.png"))
     assert image.shape == (1010, 1600, 3)
     assert len(np.unique(image.astype(int) @ [1, 256, 65536])) > 100
     with pytest.raises(OutputError, match="png"):
-        save_preview(tmp_path / "a.bmp", mesh, uvmap)
+        save_preview(tmp_path / "a.bmp", mesh, uvmap, measures)
     with pytest.raises(OutputError, match="does not exist"):
-        save_preview(tmp_path / "no" / "a.svg", mesh, uvmap)
+        save_preview(tmp_path / "no" / "a.svg", mesh, uvmap, measures)
     assert sorted(p.name for p in tmp_path.iterdir() if p.name.startswith(".")) == []
 
 
@@ -63,7 +62,7 @@ def test_a_full_disk_leaves_nothing(
     fill_up(monkeypatch, step)
     for path in (tmp_path / f"new.{kind}", old):
         with pytest.raises(OutputError, match=rf"{path.name}.*No space left"):
-            save_preview(path, mesh, uvmap, options=PictureOptions(samples=1))
+            save_preview(path, mesh, uvmap, {"charts": 6}, PictureOptions(samples=1))
     assert [p.name for p in tmp_path.iterdir()] == [old.name]
     assert old.read_text() == "as it was"
     assert TEMPORARIES == []
