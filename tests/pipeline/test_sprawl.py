@@ -138,17 +138,17 @@ def test_the_page_as_it_is_packed_decides(
     share: float, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Boxes only tell what is packed: where that is no fuller than without cuts, there are none."""
-    pack = fuller_page.pack
+    n, pack = 10, fuller_page.pack
 
     def packed(faces: Any, uv: Any, chart: Any, *rest: Any) -> Any:
-        full = np.array([0.5 if chart.max() < 30 else share])
+        full = np.array([0.5 if chart.max() < n else share])
         return fuller_page.replace(pack(faces, uv, chart, *rest), share=full)
 
     monkeypatch.setattr(fuller_page, "pack", packed)
     monkeypatch.setattr(fuller_page, "CERTAIN", np.inf)
-    cascade = Cascade(flat_atlas(letters(30)), CascadeRules(bound=1.05))
-    after = fuller_page.fill_page(cascade, Options(pack_splits=30, resolution=512), Monitor())
-    assert (after.atlas.charts()[0] > 30) == kept
+    cascade = Cascade(flat_atlas(letters(n)), CascadeRules(bound=1.05))
+    after = fuller_page.fill_page(cascade, Options(pack_splits=n, resolution=512), Monitor())
+    assert (after.atlas.charts()[0] > n) == kept
     assert (after.atlas is cascade.atlas) != kept
 
 
