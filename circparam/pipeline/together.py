@@ -31,6 +31,7 @@ from circparam.mesh.mesh import UVMap
 from circparam.pipeline.configure import open_source, write_options
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.keywords import Keywords
+from circparam.pipeline.named_numbers import EVEN, SOURCE
 from circparam.pipeline.options import Options, from_keywords
 from circparam.pipeline.result import Result, verdict, verify_layout
 from circparam.pipeline.save import check_loadable, in_input_order, same_corners
@@ -44,6 +45,10 @@ OF_ONE_FILE = {
     "seams": "vertices of one file: unwrap it alone",
     "no_seams": "vertices of one file: unwrap it alone",
     "symmetry": "an axis of one file: unwrap it alone",
+    "only": "faces of one file: unwrap it alone",
+    "lock": "faces of one file: pack it alone",
+    "keep_page": "the page of one file: unwrap it alone",
+    "pages_by": "materials, nodes or groups of one file: unwrap it alone",
     "checkpoint": "the seams of one file: leave it out",
 }
 
@@ -161,8 +166,10 @@ def check_together(
         raise OptionError("--seam-weights FILE names vertices of one file: unwrap it alone")
     if not options.packed or options.scale is False:
         raise OptionError("one atlas is packed: leave --no-normalize and --no-scale out")
-    if options.grouped:
-        raise OptionError("--group-by makes several atlases: leave it out")
+    if options.group_by not in (None, "scene"):
+        raise OptionError("--group-by speaks of one file: leave it out")
+    if options.density is not None and str(options.density) not in (EVEN, SOURCE):
+        raise OptionError("--density names parts of one file: give even, or source with --rebake")
     if options.format is not None:
         raise OptionError("--format has no effect on outputs that have names: leave it out")
     if options.unshare and not any(takes_unshare(d.format) for d in documents):
