@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -251,7 +252,7 @@ def main() -> None:
     parser.add_argument("--no-report", action="store_true")
     parser.add_argument("--pixels", type=int, default=512)
     parser.add_argument("--only", nargs="*", default=list(MODELS))
-    parser.add_argument("--keep", type=Path)
+    parser.add_argument("--keep", type=Path, help="models measured here before are not again")
     parser.add_argument("--options", default="", help="further options of unwrap")
     given = parser.parse_args()
     rows, lines = [], []
@@ -261,9 +262,13 @@ def main() -> None:
             say(line)
         for name in given.only:
             folder = (given.keep or Path(place)) / Path(name).stem
-            shutil.rmtree(folder, ignore_errors=True)
-            folder.mkdir(parents=True)
-            row = measure(name, folder, given.pixels, given.options.split())
+            known = folder / "row.pickle"
+            if not known.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir(parents=True)
+                row = measure(name, folder, given.pixels, given.options.split())
+                known.write_bytes(pickle.dumps(row))
+            row = pickle.loads(known.read_bytes())
             rows.append(row)
             wanted = [
                 Line(f"{name}, mean of {VIEWS} views", row.views.mean(), "dB", ">= 38"),

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from circparam.core.arrays import BoolArray
 from circparam.formats.gltf.model import Json
 from circparam.formats.gltf.rows import row_span
 
@@ -122,24 +123,27 @@ def cut(tree: Json, body: bytes, unused: Unused, fresh: Iterable[Json]) -> bytes
         if any(id(views[x["bufferView"]]) in shared for x in _parts(a))
     ]  # fmt: skip
     live += [span for a in inside for span in accessor_spans(tree, a)]
-    words = -(-len(body) // 4)
-    covered, dead = _covered(live, words), _covered(unused.spans, words)
-    drop = (dead.reshape(-1, 4) | (np.arange(words * 4) >= len(body)).reshape(-1, 4)).all(1)
-    drop &= ~covered.reshape(-1, 4).any(1)
-    keep = np.repeat(~drop, 4)[: len(body)]
-    shift = np.concatenate([[0], np.cumsum(~keep)])
+    drop = _words(unused.spans, len(body), whole=True) & ~_words(live, len(body), whole=False)
+    gone = np.concatenate([[0], 4 * np.cumsum(drop)])
+
+    def before(place: int) -> int:
+        """How many bytes go that lie before a place."""
+        word, rest = divmod(place, 4)
+        return int(gone[word]) + (rest if rest and drop[word] else 0)
+
     for a in inside:
         view = views[a["bufferView"]] if "bufferView" in a else None
         if view is not None and a.get("byteOffset", 0):
             start = view.get("byteOffset", 0)
-            at = start + a["byteOffset"]
-            a["byteOffset"] = int(a["byteOffset"] - (shift[at] - shift[start]))
+            a["byteOffset"] -= before(start + a["byteOffset"]) - before(start)
     for v in old:
         start, size = v.get("byteOffset", 0), v["byteLength"]
-        if shift[start]:
-            v["byteOffset"] = int(start - shift[start])
-        v["byteLength"] = int(size - (shift[start + size] - shift[start]))
-    return np.frombuffer(body, np.uint8)[keep].tobytes()
+        if before(start):
+            v["byteOffset"] = start - before(start)
+        v["byteLength"] = size - (before(start + size) - before(start))
+    spare = -len(body) % 4
+    kept = np.frombuffer(body + bytes(spare), np.uint32)[~drop].tobytes()
+    return kept[: len(kept) - spare] if spare and not drop[-1] else kept
 
 
 def extensions_hold_data(tree: Any) -> bool:
@@ -173,14 +177,27 @@ def view_span(view: Json) -> Span:
     return Span(int(view["buffer"]), start, start + int(view["byteLength"]))
 
 
-def _covered(spans: Iterable[Span], words: int) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """(4 words,) which bytes of buffer 0 the spans cover."""
-    change = np.zeros(4 * words + 1, np.int64)
-    for s in spans:
-        if s.buffer == 0:
-            change[min(s.start, 4 * words)] += 1
-            change[min(s.end, 4 * words)] -= 1
-    out: np.ndarray[Any, np.dtype[np.bool_]] = np.cumsum(change)[:-1] > 0
+def _words(spans: Iterable[Span], size: int, whole: bool) -> BoolArray:
+    """(⌈size / 4⌉,) which words of buffer 0, of so many bytes, the spans touch, or (whole) cover."""
+    words = -(-size // 4)
+    change = np.zeros(words + 1, np.int64)
+    end = -1
+    merged: list[list[int]] = []
+    for s in sorted((s.start, s.end) for s in spans if s.buffer == 0 and s.end > s.start):
+        if merged and s[0] <= end:
+            merged[-1][1] = end = max(end, s[1])
+        else:
+            merged.append([*s])
+            end = s[1]
+    for start, stop in merged:
+        if whole:
+            first, last = -(-start // 4), stop // 4 if stop < size else words
+        else:
+            first, last = start // 4, -(-stop // 4)
+        if first < last:
+            change[min(first, words)] += 1
+            change[min(last, words)] -= 1
+    out: BoolArray = np.cumsum(change)[:-1] > 0
     return out
 
 
