@@ -220,7 +220,7 @@ def test_a_chart_longer_than_the_page_is_told_at_once():
     faces, uv, chart = _squares(1)
     long = uv * [40.0, 0.1]
     with pytest.raises(
-        OptionError, match=r"longest chart is .* raise --resolution to (\d+)"
+        OptionError, match=r"longest chart has .* raise --resolution to (\d+)"
     ) as told:
         pack(faces, long, chart, PackOptions(256, 4, texel_density=10.0))
     side = int(str(told.value).rsplit(" ", 1)[1])

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import circparam
+from circparam.cli import cli
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.io import read
 from circparam.formats.memory import from_arrays
@@ -199,3 +202,26 @@ def test_a_layout_that_overlaps_new_charts_would_be_found(cube: Path) -> None:
     own = UVMap(uv.reshape(-1, 2), np.arange(uv.size // 2).reshape(-1, 3))
     found = verify_layout(result.surface, own, result.options, kept=result.kept)
     assert found.overlap > 0
+
+
+def test_the_command_line_reads_faces_from_a_file_and_ends_with_the_documented_codes(
+    cube: Path, tmp_path: Path
+) -> None:
+    out, faces = tmp_path / "o.obj", tmp_path / "faces.txt"
+    faces.write_text("# a patch\n0 1, 2\n3\n")
+    words = ["unwrap", str(cube / "a.obj"), "-o", str(out), "--resolution", "512", "--effort", "0"]
+
+    def run(*more: str):
+        return CliRunner().invoke(cli, [*words, "--json", *more])
+
+    done = run("--only", str(faces))
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["kept"]["faces"] == 4
+    faces.write_text("0 one 2\n")
+    wrong = run("--only", str(faces), "--overwrite")
+    assert (wrong.exit_code, "line 1" in wrong.stderr) == (3, True)
+    assert run("--only", "materail=face", "--overwrite").exit_code == 2
+    faces.write_text(" ".join(map(str, range(96))))
+    full = run("--only", str(faces), "--overwrite", "--texel-density", "300")
+    assert (full.exit_code, "are missing" in full.stderr) == (5, True)
+    assert len(full.stderr.strip().splitlines()) == 1
