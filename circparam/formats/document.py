@@ -34,7 +34,8 @@ class WriteOptions:
     store uv as doubles where the format can (PLY); others write what they always do. set_flag: the option that
     chose the set, for messages. group_by: what shares an atlas, as ``Document.group_by`` tells it; None is the
     whole file. colours: images and vertex colours go along into a new glTF. up: the axis that points up, y or
-    z, of a mesh that becomes a new glTF; None takes what its format means.
+    z, of a mesh that becomes a new glTF; None takes what its format means. pages: names of the pages 1001, 1002
+    and so on, for formats that have a place for them.
     """
 
     uv_set: int | None = None
@@ -46,6 +47,7 @@ class WriteOptions:
     group_by: str | None = None
     colours: bool = True
     up: str | None = None
+    pages: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -162,6 +162,8 @@ def with_orient(o: Any, name: str) -> str | None:
     """Only where packing does not turn charts by any angle."""
     if o.orient == "up" and o.rotate == "free":
         return "--rotate free turns charts by any angle"
+    if o.orient == "up" and o.straighten == "all":
+        return "--straighten all turns charts by their borders"
     return with_packing(o, name)
 
 

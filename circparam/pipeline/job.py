@@ -97,7 +97,7 @@ class Job:
                 f"{self.groups.kind}s, the first is chart {int(mixed[0])}: cut between them with "
                 "circparam unwrap"
             )
-        return Sorting(np.unique(most, return_inverse=True)[1].reshape(-1), self.groups.pages)
+        return Sorting(most.astype(np.int64), self.groups.pages)
 
     def completed(self, cut_mesh: CutMesh, uv: FloatArray, double: bool = False) -> UVMap:
         """uv (nv, 2) of the cut mesh for every face of the file, those that repair set aside too.

@@ -63,7 +63,8 @@ def place(
 
 @dataclass(frozen=True, eq=False)
 class Sorting:
-    """label: (n_charts,) 0..n-1, what each chart belongs to. pages: whether each has a page, else a box."""
+    """label: (n_charts,) from 0 on, what each chart belongs to. pages: whether each has the page of that
+    number, else a box."""
 
     label: IntArray
     pages: bool
@@ -77,14 +78,15 @@ def pack_sorted(
     if not sorting.pages:
         from circparam.packing.clusters import pack_clusters
 
-        packed = pack_clusters(cut_mesh.faces, uv, cut_mesh.chart, sorting.label, asked, monitor)
+        box = np.unique(sorting.label, return_inverse=True)[1].reshape(-1)
+        packed = pack_clusters(cut_mesh.faces, uv, cut_mesh.chart, box, asked, monitor)
         return Placed(packed.uv, packed.notes)
     asked, uv = replace(asked, pages=1), uv.copy()
-    parts = [cut_mesh.subset(sorting.label == k)[:2] for k in range(int(sorting.label.max()) + 1)]
-    start = uv.copy()
+    start, pages = uv.copy(), np.unique(sorting.label)
+    parts = {k: cut_mesh.subset(sorting.label == k)[:2] for k in pages.tolist()}
 
     def packed_alone(options: PackOptions, which: IntArray) -> FloatArray:
-        """(k,) scales of the parts ``which`` (k,), packed each on its page."""
+        """(k,) scales of the parts on the pages ``which`` (k,), packed each on its own."""
         scale = np.zeros(len(which))
         for at, k in enumerate(which.tolist()):
             part, vertices = parts[k]
@@ -92,11 +94,11 @@ def pack_sorted(
             uv[vertices], scale[at] = found.uv + np.array([k, 0.0]), found.scale
         return scale
 
-    scale = packed_alone(asked, np.arange(len(parts)))
+    scale = packed_alone(asked, pages)
     least = float(scale.min())
     if asked.fixed_scale is None and (scale > least * (1 + LEVEL)).any():
         level = replace(asked, texel_density=least * asked.resolution)
-        packed_alone(level, np.flatnonzero(scale > least * (1 + LEVEL)))
+        packed_alone(level, pages[scale > least * (1 + LEVEL)])
     return Placed(uv, [])
 
 

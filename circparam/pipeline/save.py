@@ -36,7 +36,9 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
             result.document,
             UVMap(result.uv, result.uv_faces),
             format=result.format if piped else o.format,
-            options=write_options(o, result.uv_double, result.group_by),
+            options=replace(
+                write_options(o, result.uv_double, result.group_by), pages=_page_names(result)
+            ),
             overwrite=o.overwrite,
         )
     result = replace(
@@ -51,6 +53,12 @@ def save(result: Result, output: str | os.PathLike[str], monitor: Monitor | None
     # a pipe or a device cannot be read back
     read_back = not piped and os.path.isfile(result.path or "")
     return _verified_file(result, written, monitor) if read_back else result
+
+
+def _page_names(result: Result) -> tuple[str, ...]:
+    """What the pages of --pages-by hold, in their order."""
+    groups = result.groups
+    return groups.names if groups is not None and groups.pages else ()
 
 
 def _verified_file(result: Result, written: Written, monitor: Monitor) -> Result:

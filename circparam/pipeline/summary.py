@@ -39,6 +39,9 @@ def summarise(result: Result) -> dict[str, Any]:
     at once. flips, overlap, mirrored, missing: 0 in a valid layout. effort: searches that were made, which one
     was kept, what each cost (``AtlasCost``), and how many more were asked for when time was up.
     dropped_components, dropped_faces: left out by --drop-floaters.
+    density: name, faces, asked, got and texels per unit of each part that --density names, null without it.
+    groups: name, faces, charts, pages (UDIM numbers) and box (u0, v0, u1, v1) of what --pages-by or --group-by
+    keeps together, null without them.
     stages: seconds.
     """
     numbers = _numbers(result.measures)

@@ -15,6 +15,7 @@ import numpy as np
 import circparam
 from tests.bench import common
 from tests.bench.common import Line, say
+from tests.bench.hand_named import densities, upright
 from tests.bench.hand_page import lods, page, straighten
 from tests.support.assembly import assemble, bolt, kinds
 
@@ -57,6 +58,8 @@ CASES: dict[str, Callable[[], list[Line]]] = {
     "straight borders": straighten,
     "a page in use": page,
     "levels of detail": lods,
+    "densities": densities,
+    "upright": upright,
 }
 
 

@@ -91,6 +91,7 @@ def test_a_chart_of_two_groups_cannot_be_sorted(tmp_path: Any) -> None:
         ({"pages_by": "colour"}, "choose one of"),
         ({"pages_by": "material", "normalize": False}, "coordinates of the solver"),
         ({"orient": "up", "rotate": "free"}, "by any angle"),
+        ({"orient": "up", "straighten": "all"}, "by their borders"),
         ({"orient": "down"}, "choose one of"),
     ],
 )
@@ -191,3 +192,17 @@ def test_several_files_on_one_page_keep_their_names() -> None:
     steel = sum(n for label, n in enumerate(counts.tolist()) if names.get(label) == "steel")
     assert steel == 2 * 1134
     assert (found.label == 0).sum() == len(read(samples.path("knot")).mesh.faces)
+
+
+@pytest.mark.parametrize("ending", ["glb", "gltf"])
+def test_gltf_names_its_pages(tmp_path: Any, ending: str) -> None:
+    path = tmp_path / f"bracket.{ending}"
+    circparam.unwrap(BRACKET, path, pages_by="material", **QUICK)
+
+    def said() -> Any:
+        extras = read(path).tree.json["asset"].get("extras", {})  # type: ignore[attr-defined]
+        return extras.get("circparam", {}).get("pages")
+
+    assert said() == {"0": {"1001": "steel", "1002": "paint"}}
+    repack(path, path, overwrite=True, resolution=256)
+    assert said() is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -120,3 +121,13 @@ def other_triangles(points: Floats, faces: Ints, seed: int = 0) -> Ints:
         if level and all(np.dot(t, up) > 1e-6 for t in turns):
             faces[f], faces[g] = [a, d, c], [d, b, c]
     return faces
+
+
+def write_parts(path: Path, a: Assembly) -> None:
+    """An assembly as an OBJ in which every third kind is of the materials body, trim and bolts."""
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in a.points.tolist()]
+    material = (a.kind % 3)[a.part]
+    for k, name in enumerate(("body", "trim", "bolts")):
+        lines.append(f"usemtl {name}")
+        lines += [f"f {i} {j} {k}" for i, j, k in (a.faces[material == k] + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")

@@ -14,7 +14,7 @@ from circparam.formats.io import read
 from circparam.mesh.mesh import UVMap
 from circparam.render.compare_page import compare_plot
 from circparam.render.side_by_side import MethodLayout, SideBySide
-from tests.support.assembly import assemble, kinds
+from tests.support.assembly import assemble, kinds, write_parts
 from tests.tools.figures import save
 
 BRACKET, PARTS = "bracket.obj", "parts.obj"
@@ -39,17 +39,6 @@ ROWS: dict[str, tuple[str, dict[str, dict[str, Any]]]] = {
 }
 
 
-def parts(path: Path) -> None:
-    """24 parts of three materials, as an OBJ."""
-    a = assemble(kinds(12), 24, seed=3, gap=2.6)
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in a.points.tolist()]
-    material = (a.kind % 3)[a.part]
-    for k, name in enumerate(("body", "trim", "bolts")):
-        lines.append(f"usemtl {name}")
-        lines += [f"f {i} {j} {k}" for i, j, k in (a.faces[material == k] + 1).tolist()]
-    path.write_text("\n".join(lines) + "\n")
-
-
 def row(path: Path, title: str, words: dict[str, Any]) -> MethodLayout:
     """A layout with some options, and what it covers."""
     result = unwrap(path, **words)
@@ -61,7 +50,7 @@ def row(path: Path, title: str, words: dict[str, Any]) -> MethodLayout:
 def main() -> None:
     """All of them."""
     with tempfile.TemporaryDirectory() as folder:
-        parts(Path(folder) / PARTS)
+        write_parts(Path(folder) / PARTS, assemble(kinds(12), 24, seed=3, gap=2.6))
         (Path(folder) / BRACKET).write_bytes(Path(samples.path("bracket")).read_bytes())
         for name, (file, rows) in ROWS.items():
             path = Path(folder) / file

@@ -18,7 +18,7 @@ from circparam.formats.document import (
 )
 from circparam.formats.gltf import materials
 from circparam.formats.gltf.editing import TreeEdit, write_uv
-from circparam.formats.gltf.groups import store_grouping, stored_grouping
+from circparam.formats.gltf.groups import store_grouping, store_pages, stored_grouping
 from circparam.formats.gltf.looks import read_looks
 from circparam.formats.gltf.model import Json, Pool, Primitive
 from circparam.formats.gltf.names import entry_names, material_of, node_names
@@ -201,6 +201,7 @@ class GltfDocument(Document):
             if self.carried is not None:
                 edit.dress(self.primitives, self.carried)
             store_grouping(edit.json, replaced.number, options.group_by)
+            store_pages(edit.json, replaced.number, options.pages)
             out = write_uv(
                 edit, self.primitives, self.pools, uvmap, replaced.number, format=format, stem=stem
             )

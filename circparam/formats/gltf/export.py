@@ -23,7 +23,7 @@ from circparam.formats.gltf.appearance import Appearance, appearance_of
 from circparam.formats.gltf.buffers import glb_bytes
 from circparam.formats.gltf.document import read_gltf
 from circparam.formats.gltf.editing import file_uv, stored_uv
-from circparam.formats.gltf.groups import store_grouping
+from circparam.formats.gltf.groups import store_grouping, store_pages
 from circparam.formats.gltf.model import ARRAY_BUFFER, COMPONENTS, ELEMENT_BUFFER, Json, index_type
 from circparam.formats.gltf.normals import unit_rows
 from circparam.formats.source import Source
@@ -56,6 +56,7 @@ def to_glb(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
             material["pbrMetallicRoughness"].get("baseColorTexture", {})["texCoord"] = 1
     tree = _new_tree(document, shown.materials)
     store_grouping(tree, 0, exported_grouping(document, options.group_by))
+    store_pages(tree, 0, options.pages)
     if placed.at.any():
         tree["nodes"][0]["translation"] = placed.at.tolist()
     writer = _Writer(tree)
@@ -125,7 +126,8 @@ def to_gltf(document: Document, uvmap: UVMap, options: WriteOptions, stem: str =
     whole = again.uv()
     if whole is None:
         raise NoResultError("the new glTF has no uv")
-    out = again.rewrite(whole, WriteOptions(group_by=again.group_by()), "gltf", stem)
+    same = WriteOptions(group_by=again.group_by(), pages=options.pages)
+    out = again.rewrite(whole, same, "gltf", stem)
     if out is None:
         raise NoResultError("the new glTF cannot be written")
     return replace(encoded, data=out.data, extra=out.extra, format="gltf")

@@ -6,6 +6,9 @@ not named is one atlas.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from circparam.formats.document import GROUPINGS
 from circparam.formats.gltf.model import Json
 
@@ -20,20 +23,26 @@ def stored_grouping(tree: Json, uv_set: int) -> str | None:
 
 def store_grouping(tree: Json, uv_set: int, kind: str | None) -> None:
     """Say in a tree, in place, what shares an atlas in a uv set; None is one atlas, which needs no word."""
-    if stored_grouping(tree, uv_set) is not None:
-        said = tree["asset"]["extras"]
-        del said["circparam"]["group_by"][str(uv_set)]
-        if not said["circparam"]["group_by"]:
-            del said["circparam"]["group_by"]
-        if not said["circparam"]:
-            del said["circparam"]
-        if not said:
-            del tree["asset"]["extras"]
-    if kind not in GROUPINGS:
-        return
-    value = tree["asset"]
-    for key in ("extras", "circparam", "group_by"):
-        value = value.setdefault(key, {})
-        if not isinstance(value, dict):  # somebody else's, which stays
+    _store(tree, "group_by", uv_set, kind if kind in GROUPINGS else None)
+
+
+def store_pages(tree: Json, uv_set: int, names: Sequence[str]) -> None:
+    """Say in a tree, in place, what the pages of a uv set hold, as {"1001": "steel", "1002": "paint"}."""
+    _store(tree, "pages", uv_set, {str(1001 + k): name for k, name in enumerate(names)} or None)
+
+
+def _store(tree: Json, key: str, uv_set: int, value: Any) -> None:
+    """Put a value for a uv set under a key of the extras; None takes away the one that is there."""
+    above, entry = [tree["asset"]], tree["asset"]
+    for name in ("extras", "circparam", key):
+        entry = entry.setdefault(name, {}) if value is not None else entry.get(name)
+        if not isinstance(entry, dict):  # somebody else's, which stays, or nothing there
             return
-    value[str(uv_set)] = kind
+        above.append(entry)
+    if value is not None:
+        entry[str(uv_set)] = value
+        return
+    entry.pop(str(uv_set), None)
+    for holder, name in zip(above[2::-1], (key, "circparam", "extras"), strict=True):
+        if not holder[name]:
+            del holder[name]
