@@ -171,7 +171,7 @@ def _deflated(parts: list[tuple[str, Any, str]]) -> tuple[list[dict[str, Any]], 
     """Tables column by column, byte plane by byte plane: (sections, deflated bytes)."""
     sections, data = [], []
     for name, array, coding in parts:
-        table = array.reshape(len(array), -1)
+        table = array if array.ndim == 2 else array[:, None]
         width = table.dtype.itemsize
         little = np.ascontiguousarray(table.astype(table.dtype.newbyteorder("<")))
         planes = little.view(np.uint8).reshape(len(table), table.shape[1], width)
