@@ -36,7 +36,7 @@ def densities() -> list[Line]:
         worst = max(abs(row["got"] / row["asked"] - 1) for row in rows)
         lines += [
             Line(f"{name}: density got over that asked, farthest from 1", 100 * worst, "%", "<= 2"),
-            Line(f"{name}: covered", 100 * float(result.measures["pack"] or 0), "%", ""),
+            Line(f"{name}: covered", 100 * float(result.measures["pack"] or 0), "%"),
         ]
     return lines
 
@@ -51,5 +51,5 @@ def upright() -> list[Line]:
             up = circparam.unwrap(path, jobs=1, **words)
             ratio = float(up.measures["pack"] or 0) / float(free.measures["pack"] or 1)
             said = " ".join(f"--{k} {v}" for k, v in words.items())
-            lines.append(Line(f"{name}, {said}: cover over that of free rotation", ratio, "", ""))
+            lines.append(Line(f"{name}, {said}: cover over that of free rotation", ratio))
     return lines
