@@ -108,6 +108,18 @@ def test_random_landmarks_are_met(seed: int) -> None:
     meets_landmarks(Pair(a, b, marks), found)
 
 
+@pytest.mark.parametrize("seed", [1, 8])
+def test_landmarks_of_a_torus_in_other_places(seed: int) -> None:
+    """Three or four landmarks change places: arcs between them may open a handle on one surface alone."""
+    a, b = tori.torus(16, 8), tori.torus(18, 9, 0.2)
+    marks = tori.marks(a, b)
+    chosen = np.random.default_rng(seed).permutation(len(marks))[: 2 + seed % 3]
+    marks[chosen, 1] = np.roll(marks[chosen, 1], 1)
+    found = circparam.map_surfaces(a, b, landmarks=marks, relax=False)
+    assert found.inversions == (0, 0)
+    meets_landmarks(Pair(a, b, marks), found)
+
+
 # known answers ---------------------------------------------------------------------------------------------
 
 
