@@ -149,7 +149,8 @@ def look_up(
     )
     uv = uv + moved.get("offset", [0, 0])
     h, w = image.shape[:2]
-    mode = MODES[tree.json["samplers"][texture["sampler"]].get("wrapS", 10497)]
+    sampler = tree.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
+    mode = MODES[sampler.get("wrapS", 10497)]
     at = [uv[:, 1] * h - 0.5, uv[:, 0] * w - 0.5]
     return np.stack([map_coordinates(image[..., k], at, order=1, mode=mode) for k in range(4)], 1)
 
