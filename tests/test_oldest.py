@@ -27,7 +27,7 @@ def test_packages_without_a_floor_are_found() -> None:
     for bad in ('"numpy"', '"numpy<3"', '"numpy==1.26"'):
         project = f"[project]\ndependencies = [{bad}]\n[project.optional-dependencies]\n"
         with pytest.raises(ValueError, match="numpy"):
-            constraints(project + "baseline = []\nbatch = []\nformats = []\n")
+            constraints(project + "baseline = []\nbatch = []\nformats = []\nusd = []\n")
 
 
 @pytest.mark.slow
